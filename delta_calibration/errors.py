@@ -1,0 +1,37 @@
+"""What can go wrong, and which exit code each kind of failure carries.
+
+Everything that a user can cause derives from `CalibrationError`. The message names what was found, where,
+and what is allowed; the command line prints it as one line and leaves with `exit_code`.
+"""
+
+
+class CalibrationError(Exception):
+    """Root of all failures this package raises on purpose."""
+
+    exit_code = 1
+
+
+class InputError(CalibrationError):
+    """Wrong use or bad input: a file, field or value that has to be changed by the user."""
+
+    exit_code = 2
+
+
+class ConfigError(InputError):
+    """A robot or calibration file with a missing, unknown or impossible entry."""
+
+
+class RecordingError(InputError):
+    """A session that cannot be read, or lacks what was asked of it."""
+
+
+class DataError(CalibrationError):
+    """Sound input that does not hold the answer: too few poses, nothing still, no overlap in time."""
+
+
+class ReachError(DataError):
+    """A pose or joint command that the mechanism cannot take."""
+
+
+class SingularityError(DataError):
+    """A pose at which the mechanism loses stiffness or mobility, so that no derivative exists."""

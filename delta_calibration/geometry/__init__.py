@@ -1,0 +1,5 @@
+"""Rotations, rigid frames and their alignment."""
+
+from delta_calibration.geometry.frames import Frame, align
+
+__all__ = ["Frame", "align"]

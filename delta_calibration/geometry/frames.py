@@ -1,0 +1,77 @@
+"""Rigid frames and the best rigid motion between two sets of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import DataError
+from delta_calibration.geometry import rotations
+
+Array = NDArray[np.float64]
+
+_THIN = 1e-6  # ratio of second to largest spread under which points count as lying on one line
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rigid motion `T_a_b`: takes coordinates in b to coordinates in a, p_a = R p_b + t."""
+
+    rotation: Array  # (3, 3)
+    translation: Array  # (3,) [m]
+
+    @classmethod
+    def identity(cls) -> Frame:
+        """The motion that does nothing."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_vector(cls, vector: Array) -> Frame:
+        """From (6,): rotation vector [rad], translation [m]."""
+        return cls(rotations.exp(vector[:3]), np.array(vector[3:6], dtype=float))
+
+    def vector(self) -> Array:
+        """As (6,): rotation vector [rad], translation [m]."""
+        return np.concatenate([rotations.log(self.rotation), self.translation])
+
+    def apply(self, points: Array) -> Array:
+        """Points of frame b, (..., 3), in frame a."""
+        return points @ self.rotation.T + self.translation
+
+    def inverse(self) -> Frame:
+        """`T_b_a`."""
+        return Frame(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def __matmul__(self, other: Frame) -> Frame:
+        """`T_a_b @ T_b_c = T_a_c`."""
+        return Frame(self.rotation @ other.rotation, self.apply(other.translation))
+
+
+def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
+    """Rigid motion that takes `source` to `target` with least weighted squared distance.
+
+    Singular value decomposition of the cross covariance with the reflection excluded (Arun 1987, Umeyama 1991).
+
+    Args:
+        source: points, (n, 3) [m].
+        target: the same points in the other frame, (n, 3) [m].
+        weights: (n,), equal where not given.
+
+    Raises:
+        DataError: fewer than three points, or all on one line: the turn about it is free.
+    """
+    if len(source) < 3:
+        raise DataError(f"a frame needs 3 points or more, found {len(source)}")
+    w = np.ones(len(source)) if weights is None else weights
+    w = w[:, None] / w.sum()
+    centre_s, centre_t = (w * source).sum(axis=0), (w * target).sum(axis=0)
+    s, t = source - centre_s, target - centre_t
+    spread = np.linalg.svd(np.sqrt(w) * s, compute_uv=False)
+    if spread[1] <= _THIN * spread[0]:
+        raise DataError("a frame needs points off one line: the turn about that line is free")
+    u, _, vt = np.linalg.svd((w * t).T @ s)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = u @ flip @ vt
+    return Frame(rotation, centre_t - rotation @ centre_s)

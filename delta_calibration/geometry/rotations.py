@@ -1,0 +1,78 @@
+"""Rotation vectors and what follows from them, for many samples at once.
+
+A rotation vector w (..., 3) [rad] turns by |w| about its own direction; R(w) = exp([w]x). All functions here
+are made of analytic operations only, so that complex-step derivatives pass through them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+_SERIES_BELOW = 1e-4  # squared angle [rad^2] under which the three coefficients come from their series
+
+
+def skew(v: NDArray[Any]) -> NDArray[Any]:
+    """Matrix of the cross product: skew(v) @ u = v x u.  (..., 3) -> (..., 3, 3)."""
+    x, y, z = np.moveaxis(np.asarray(v), -1, 0)
+    zero = np.zeros_like(x)
+    rows = [np.stack(r, axis=-1) for r in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
+    return np.stack(rows, axis=-2)
+
+
+def _coefficients(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """sin(t)/t, (1 - cos t)/t^2 and (t - sin t)/t^3 with t = |w|, each (..., 1, 1)."""
+    t2 = np.sum(w * w, axis=-1)[..., None, None]
+    small = np.abs(t2) < _SERIES_BELOW
+    safe = np.where(small, 1.0, t2)
+    t = np.sqrt(safe)
+    a = np.where(small, 1 - t2 / 6 + t2**2 / 120 - t2**3 / 5040, np.sin(t) / t)
+    b = np.where(small, 0.5 - t2 / 24 + t2**2 / 720 - t2**3 / 40320, (1 - np.cos(t)) / safe)
+    c = np.where(small, 1 / 6 - t2 / 120 + t2**2 / 5040, (t - np.sin(t)) / (safe * t))
+    return a, b, c
+
+
+def exp(w: NDArray[Any]) -> NDArray[Any]:
+    """Rotation matrix of a rotation vector (Rodrigues).  (..., 3) [rad] -> (..., 3, 3)."""
+    a, b, _ = _coefficients(w)
+    k = skew(w)
+    return np.eye(3) + a * k + b * (k @ k)
+
+
+def exp_times_derivative(w: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
+    """d(R(w) v)/dw = -R(w) [v]x J_r(w), J_r the right Jacobian.  (..., 3), (..., 3) -> (..., 3, 3)."""
+    a, b, c = _coefficients(w)
+    k = skew(w)
+    k2 = k @ k
+    rotation = np.eye(3) + a * k + b * k2
+    right = np.eye(3) - b * k + c * k2
+    return -rotation @ skew(v) @ right
+
+
+def log(rotation: Array) -> Array:
+    """Rotation vector of a rotation matrix, |w| <= pi.  (..., 3, 3) -> (..., 3) [rad]."""
+    flat = np.asarray(rotation, dtype=float).reshape(-1, 3, 3)
+    return np.asarray(Rotation.from_matrix(flat).as_rotvec()).reshape(rotation.shape[:-1])
+
+
+def to_quaternion(rotation: Array) -> Array:
+    """Unit quaternion x y z w (ROS order).  (..., 3, 3) -> (..., 4)."""
+    flat = np.asarray(rotation, dtype=float).reshape(-1, 3, 3)
+    return np.asarray(Rotation.from_matrix(flat).as_quat()).reshape((*rotation.shape[:-2], 4))
+
+
+def from_quaternion(quaternion: Array) -> Array:
+    """Rotation matrix of a quaternion x y z w of any length but zero.  (..., 4) -> (..., 3, 3)."""
+    flat = np.asarray(quaternion, dtype=float).reshape(-1, 4)
+    return np.asarray(Rotation.from_quat(flat).as_matrix()).reshape((*quaternion.shape[:-1], 3, 3))
+
+
+def about_z(angle: Array) -> Array:
+    """Rotation about z.  (...,) [rad] -> (..., 3, 3)."""
+    angle = np.asarray(angle, dtype=float)
+    return exp(np.stack([np.zeros_like(angle), np.zeros_like(angle), angle], axis=-1))

@@ -1,0 +1,181 @@
+"""A mechanism is its closure equation f(q, x, g) = 0; everything else follows from it.
+
+q: joint coordinates (n, m); x: pose (n, k); g: geometry, (p,) for all samples or (n, p) where it changes from
+sample to sample (temperature, load). A mechanism writes f and its three derivatives; this base class makes of
+them, for all samples at once, the direct and the inverse problem and, by the implicit function theorem,
+
+    dx/dq = -f_x^-1 f_q   (velocity Jacobian)        dx/dg = -f_x^-1 f_g   (identification Jacobian)
+
+in the least-squares sense where f has more rows than x has coordinates.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import ReachError, SingularityError
+from delta_calibration.geometry import rotations
+from delta_calibration.parameters import ParameterSet
+
+Array = NDArray[np.float64]
+
+_NEWTON_STEPS = 25
+_NEWTON_TOLERANCE = 1e-13  # largest last step, in coordinates of the order of one
+_STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
+
+
+class Mechanism(ABC):
+    """Base of all mechanisms. Poses start with the position of the platform's centre, (n, 3) [m]."""
+
+    name: ClassVar[str]
+    joints: ClassVar[int]  # m
+    pose_size: ClassVar[int]  # k: 3, or 6 with a rotation vector behind the position
+    task_size: ClassVar[int]  # the first so many pose coordinates are what the joints command
+
+    parameters: ParameterSet
+
+    # --- what a mechanism writes -------------------------------------------------------------------------
+
+    @abstractmethod
+    def closure(self, q: Array, x: Array, g: Array) -> Array:
+        """Closure f, (n, r); zero where joints, pose and geometry fit together."""
+
+    @abstractmethod
+    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
+        """df/dx, (n, r, k)."""
+
+    @abstractmethod
+    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
+        """df/dq, (n, r, m)."""
+
+    @abstractmethod
+    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
+        """df/dg, (n, r, p)."""
+
+    @abstractmethod
+    def start(self, q: Array, g: Array) -> Array:
+        """A pose near the wanted assembly mode, (n, k): where the direct problem starts."""
+
+    @abstractmethod
+    def start_joints(self, task: Array, g: Array) -> Array:
+        """Joints near the wanted working mode, (n, m): where the inverse problem starts."""
+
+    # --- what follows ------------------------------------------------------------------------------------
+
+    def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
+        """Pose of the platform at joints q, (n, k); a row of NaN where the mechanism cannot be assembled."""
+        x = self.start(q, g) if guess is None else np.array(guess, dtype=float)
+        for _ in range(_NEWTON_STEPS):
+            step = solve(self.closure_by_pose(q, x, g), self.closure(q, x, g)[..., None])[..., 0]
+            x = x - step
+            if _settled(step):
+                break
+        return _without_strays(x, self.closure(q, x, g))
+
+    def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
+        """Joints that bring the commanded coordinates to `task`, (n, m); NaN rows out of reach."""
+        q = self.start_joints(task, g) if guess is None else np.array(guess, dtype=float)
+        missed = np.zeros_like(task)
+        for _ in range(_NEWTON_STEPS):
+            x = self.forward(q, g)
+            missed = x[:, : self.task_size] - task
+            slope = self.velocity_jacobian(q, x, g)[:, : self.task_size]
+            step = solve(slope, missed[..., None])[..., 0]
+            q = q - step
+            if _settled(step):
+                break
+        return _without_strays(q, missed)
+
+    def velocity_jacobian(self, q: Array, x: Array, g: Array) -> Array:
+        """dx/dq, (n, k, m) [m/rad, rad/rad]."""
+        return -solve(self.closure_by_pose(q, x, g), self.closure_by_joints(q, x, g))
+
+    def identification_jacobian(self, q: Array, x: Array, g: Array) -> Array:
+        """dx/dg, (n, k, p), at constant joints."""
+        return -solve(self.closure_by_pose(q, x, g), self.closure_by_geometry(q, x, g))
+
+    def condition(self, q: Array, x: Array, g: Array) -> Array:
+        """Condition number of the commanded part of the velocity Jacobian, (n,).
+
+        Grows without bound at singularities of both kinds: where the platform gains a freedom (f_x singular)
+        and where it loses one (f_q singular). Comparable between robots as long as joints are of one kind
+        and the commanded coordinates too. Infinite where no Jacobian exists.
+        """
+        slope = self.velocity_jacobian(q, x, g)[:, : self.task_size]
+        finite = np.isfinite(slope).all(axis=(1, 2))
+        value = np.full(len(slope), np.inf)
+        value[finite] = np.linalg.cond(slope[finite])
+        return value
+
+    def position(self, x: Array) -> Array:
+        """Platform's centre in the base, (n, 3) [m]."""
+        return x[:, :3]
+
+    def rotation(self, x: Array) -> Array:
+        """Platform's orientation in the base, (n, 3, 3)."""
+        if self.pose_size == 3:
+            return np.broadcast_to(np.eye(3), (len(x), 3, 3))
+        return rotations.exp(x[:, 3:6])
+
+    def require_reach(self, solution: Array, wanted: Array, what: str) -> None:
+        """Refuse a batch that holds a row out of reach.
+
+        Raises:
+            ReachError: names the first such row and its value.
+        """
+        bad = np.flatnonzero(~np.isfinite(solution).all(axis=1))
+        if bad.size:
+            value = ", ".join(f"{v:.6g}" for v in wanted[bad[0]])
+            more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
+            raise ReachError(f"{what} {bad[0] + 1} ({value}) is out of the robot's reach{more}")
+
+    def require_regular(self, q: Array, x: Array, g: Array, limit: float) -> None:
+        """Refuse a batch that holds a pose too near a singularity.
+
+        Raises:
+            SingularityError: names the first pose whose condition number exceeds `limit`.
+        """
+        condition = self.condition(q, x, g)
+        bad = np.flatnonzero(~(condition <= limit))
+        if bad.size:
+            value = condition[bad[0]]
+            raise SingularityError(
+                f"pose {bad[0] + 1} is near a singularity: condition {value:.3g}, allowed {limit:g}"
+            )
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """Solve matrix @ y = right for each sample, least squares where there are more rows than columns.
+
+    Singular samples give NaN instead of an exception, so that one bad pose does not stop a batch.
+    (n, r, k), (n, r, c) -> (n, k, c).
+    """
+    if matrix.shape[-2] != matrix.shape[-1]:
+        transposed = np.swapaxes(matrix, -1, -2)
+        matrix, right = transposed @ matrix, transposed @ right
+    finite = np.isfinite(matrix).all(axis=(-1, -2)) & np.isfinite(right).all(axis=(-1, -2))
+    size = matrix.shape[-1]
+    usable = np.where(finite[..., None, None], matrix, np.eye(size))
+    try:
+        result = np.linalg.solve(usable, np.where(finite[..., None, None], right, 0.0))
+    except np.linalg.LinAlgError:
+        regular = np.linalg.matrix_rank(usable) == size
+        finite = finite & regular
+        usable = np.where(regular[..., None, None], usable, np.eye(size))
+        result = np.linalg.solve(usable, np.where(finite[..., None, None], right, 0.0))
+    return np.where(finite[..., None, None], result, np.nan)
+
+
+def _settled(step: Array) -> bool:
+    """Whether no sample moves any more; samples that cannot be solved (NaN) do not hold up the others."""
+    return bool(np.max(np.nan_to_num(np.abs(step)), initial=0.0) <= _NEWTON_TOLERANCE)
+
+
+def _without_strays(solution: Array, missed: Array) -> Array:
+    """The solution with NaN in the rows where the equation is not met."""
+    good = np.isfinite(solution).all(axis=1) & (np.abs(missed).max(axis=1) < _STRAY)
+    return np.where(good[:, None], solution, np.nan)

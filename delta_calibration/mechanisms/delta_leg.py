@@ -1,0 +1,69 @@
+"""What the two models of a rotary Delta share: the legs' places, the hinge, the arm, the drawing.
+
+Leg i stands at angle eta_i = 2 pi (i - 1) / 3 about z. Its hinge frame has x radially outward, y along the
+motor's axis and z up; a positive joint angle lowers the arm: u(q) = (cos q, 0, -sin q). Paper 000 section 2
+has z down and the same positive sense.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.geometry import rotations
+
+Array = NDArray[np.float64]
+
+LEGS = 3
+LEG_FRAMES: Array = rotations.about_z(2 * np.pi / 3 * np.arange(LEGS))  # (3, 3, 3)
+
+
+@dataclass(frozen=True)
+class DeltaDimensions:
+    """The drawing of a rotary Delta, all [m]; paper 000 table 1 and the ball joints' half distance."""
+
+    base_radius: float  # R: motor axis from the base's centre
+    platform_radius: float  # r: middle of the ball joints from the platform's centre
+    arm: float  # L
+    rod: float  # l
+    half_width: float  # e: ball joint from the middle of its pair
+
+
+@dataclass(frozen=True)
+class DeltaTolerances:
+    """Standard deviations of a machine's parts about the drawing."""
+
+    joint_position: float  # [m] hinge and platform joint, each coordinate
+    arm: float  # [m]
+    rod: float  # [m]
+    zero: float  # [rad] encoder zero
+    hinge_tilt: float  # [rad] motor axis
+    half_width: float  # [m] ball joint along its line
+    line_tilt: float  # [rad] line through a pair of ball joints
+
+
+def tilt_vector(about_x: Array, about_z: Array) -> Array:
+    """Rotation vector of a tilt that leaves out the turn about y.  (...), (...) -> (..., 3)."""
+    return np.stack([about_x, np.zeros_like(about_x), about_z], axis=-1)
+
+
+def arm_direction(angle: Array) -> Array:
+    """u = (cos, 0, -sin): unit vector of the arm in its hinge frame.  (...,) -> (..., 3)."""
+    return np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=-1)
+
+
+def arm_turn(angle: Array) -> Array:
+    """du/dq.  (...,) -> (..., 3)."""
+    return np.stack([-np.sin(angle), np.zeros_like(angle), -np.cos(angle)], axis=-1)
+
+
+def to_base(vectors: Array) -> Array:
+    """Vectors of the three hinge frames turned into the base.  (n, 3, ..., 3) -> the same shape."""
+    return np.einsum("cij,nc...j->nc...i", LEG_FRAMES, vectors)
+
+
+def to_legs(vectors: Array) -> Array:
+    """The same vectors of the base seen from each leg's place.  (n, 3) -> (n, 3 legs, 3)."""
+    return np.einsum("cji,nj->nci", LEG_FRAMES, vectors)

@@ -1,0 +1,69 @@
+"""What a session holds before anything is made of it: time-stamped streams, one per topic.
+
+Stamps are the message headers' stamps (when the thing was true), not the times of arrival.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class JointStream:
+    """Joint angles over time, commanded or measured by the encoders."""
+
+    stamp_ns: Stamps  # (n,) [ns]
+    names: tuple[str, ...]  # (m,)
+    position: Array  # (n, m) [rad]
+
+
+@dataclass(frozen=True)
+class TrackerStream:
+    """Readings of the laser tracker in its own frame."""
+
+    stamp_ns: Stamps  # (n,) [ns]
+    position: Array  # (n, 3) [m]
+    quaternion: Array | None = None  # (n, 4) x y z w; None where only a point was measured
+
+
+@dataclass(frozen=True)
+class TemperatureStream:
+    """One sensor's temperature; `part` says what it is fixed to (`arm`, `base`, ...)."""
+
+    part: str
+    stamp_ns: Stamps  # (n,) [ns]
+    celsius: Array  # (n,) [deg C]
+
+
+@dataclass(frozen=True)
+class PayloadStream:
+    """What the platform carries; a value holds until the next one."""
+
+    stamp_ns: Stamps  # (n,) [ns]
+    mass: Array  # (n,) [kg]
+    centre: Array  # (n, 3) [m], centre of mass in the platform's frame
+
+
+@dataclass(frozen=True)
+class Session:
+    """One recorded session of a cell, as its streams.
+
+    `notes` are sentences for the user about what was lost or ignored in reading;
+    `metadata` is the provenance that the recording carries (robot hash, seed, plan, ...).
+    """
+
+    source: str
+    command: JointStream | None = None
+    states: JointStream | None = None
+    tracker: TrackerStream | None = None
+    temperature: tuple[TemperatureStream, ...] = ()
+    payload: PayloadStream | None = None
+    notes: tuple[str, ...] = ()
+    metadata: Mapping[str, str] = field(default_factory=dict)

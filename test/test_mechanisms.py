@@ -1,0 +1,201 @@
+"""Every registered mechanism: closure, derivatives, inverse problems, reach, singularities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from delta_calibration.errors import ReachError, SingularityError
+from delta_calibration.mechanisms import MECHANISMS, RotaryDelta, SixRodDelta
+from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
+
+SRBD = DeltaDimensions(0.2, 0.055, 0.32, 0.85, 0.04)
+TOLERANCES = DeltaTolerances(0.25e-3, 0.15e-3, 0.2e-3, 0.8e-3, 0.5e-3, 0.05e-3, 1e-3)
+STEP = 1e-30  # complex step: no cancellation, so the derivative is exact to rounding
+
+
+@pytest.fixture(params=sorted(MECHANISMS))
+def mechanism(request):
+    return MECHANISMS[request.param](SRBD, TOLERANCES)
+
+
+def machine(mechanism, rng, scale=5.0):
+    """A machine with `scale` times the manufacturing errors one expects."""
+    parameters = mechanism.parameters
+    return parameters.nominal + scale * parameters.prior * rng.standard_normal(len(parameters))
+
+
+def joints_in_workspace(rng, n):
+    return rng.uniform(-0.3, 1.2, (n, 3))
+
+
+def complex_step(function, x):
+    """Derivative of function(x) by the components of x, appended as last axis."""
+    columns = []
+    for k in range(x.shape[-1]):
+        moved = x.astype(complex)
+        moved[..., k] += 1j * STEP
+        columns.append(np.imag(function(moved)) / STEP)
+    return np.stack(columns, axis=-1)
+
+
+def test_forward_meets_the_closure(mechanism):
+    rng = np.random.default_rng(1)
+    g, q = machine(mechanism, rng), joints_in_workspace(rng, 50)
+    x = mechanism.forward(q, g)
+    assert np.abs(mechanism.closure(q, x, g)).max() < 1e-14
+    assert (x[:, 2] < -0.2).all()  # the platform hangs under the base
+
+
+def test_inverse_undoes_forward(mechanism):
+    rng = np.random.default_rng(2)
+    g, q = machine(mechanism, rng), joints_in_workspace(rng, 50)
+    x = mechanism.forward(q, g)
+    assert np.abs(mechanism.inverse(x[:, :3], g) - q).max() < 1e-11
+
+
+def test_closure_derivatives_against_complex_step(mechanism):
+    rng = np.random.default_rng(3)
+    g, q = machine(mechanism, rng), joints_in_workspace(rng, 7)
+    x = mechanism.forward(q, g) + 0.01 * rng.standard_normal((7, mechanism.pose_size))
+    pairs = [
+        (mechanism.closure_by_pose(q, x, g), complex_step(lambda v: mechanism.closure(q, v, g), x)),
+        (mechanism.closure_by_joints(q, x, g), complex_step(lambda v: mechanism.closure(v, x, g), q)),
+        (mechanism.closure_by_geometry(q, x, g), complex_step(lambda v: mechanism.closure(q, x, v), g)),
+    ]
+    for written, exact in pairs:
+        np.testing.assert_allclose(written, exact, atol=1e-13)
+
+
+def test_jacobians_are_slopes_of_the_direct_problem(mechanism):
+    rng = np.random.default_rng(4)
+    g, q = machine(mechanism, rng), joints_in_workspace(rng, 5)
+    x, h = mechanism.forward(q, g), 1e-6
+    by_joints = mechanism.velocity_jacobian(q, x, g)
+    for k in range(mechanism.joints):
+        d = h * np.eye(mechanism.joints)[k]
+        slope = (mechanism.forward(q + d, g) - mechanism.forward(q - d, g)) / (2 * h)
+        np.testing.assert_allclose(by_joints[..., k], slope, atol=1e-8)
+    by_geometry = mechanism.identification_jacobian(q, x, g)
+    for k in range(len(g)):
+        d = h * np.eye(len(g))[k]
+        slope = (mechanism.forward(q, g + d) - mechanism.forward(q, g - d)) / (2 * h)
+        np.testing.assert_allclose(by_geometry[..., k], slope, atol=2e-7)
+
+
+def test_geometry_may_change_from_sample_to_sample(mechanism):
+    rng = np.random.default_rng(5)
+    q = joints_in_workspace(rng, 4)
+    each = np.stack([machine(mechanism, rng) for _ in q])
+    together = mechanism.forward(q, each)
+    jacobians = mechanism.identification_jacobian(q, together, each)
+    joints = mechanism.inverse(together[:, :3], each)
+    for k in range(len(q)):
+        alone = mechanism.forward(q[k : k + 1], each[k])
+        np.testing.assert_allclose(together[k : k + 1], alone, atol=1e-14)
+        own = mechanism.identification_jacobian(q[k : k + 1], alone, each[k])
+        np.testing.assert_allclose(jacobians[k : k + 1], own, atol=1e-10)
+        np.testing.assert_allclose(joints[k], q[k], atol=1e-11)
+
+
+def test_out_of_reach_is_nan_alone_and_refused_by_name(mechanism):
+    g = mechanism.parameters.nominal
+    targets = np.array([[0.0, 0.0, -0.711], [2.0, 0.0, -0.711], [0.1, 0.1, -0.8]])
+    q = mechanism.inverse(targets, g)
+    assert np.isfinite(q[[0, 2]]).all()
+    assert np.isnan(q[1]).all()
+    with pytest.raises(ReachError, match=r"target 2 \(2, 0, -0.711\) is out of the robot's reach"):
+        mechanism.require_reach(q, targets, "target")
+
+
+def test_condition_grows_at_a_singularity(mechanism):
+    """Going down from home, the legs stretch out until no joint can lower the platform any further."""
+    g = mechanism.parameters.nominal
+    deepest = -np.sqrt((0.32 + 0.85) ** 2 - 0.145**2)  # arm and forearm in line
+    targets = np.array([[0.0, 0.0, -0.711], [0.0, 0.0, deepest + 1e-7], [0.0, 0.0, deepest - 1e-6]])
+    q = mechanism.inverse(targets[:2], g)
+    assert np.isnan(mechanism.inverse(targets[2:], g)).all()
+    condition = mechanism.condition(q, mechanism.forward(q, g), g)
+    assert condition[0] < 3
+    assert condition[1] > 1e3
+    with pytest.raises(SingularityError, match=r"pose 2 is near a singularity: .* allowed 50"):
+        mechanism.require_regular(q, mechanism.forward(q, g), g, 50.0)
+
+
+def test_home_and_line_of_the_paper_on_the_drawing():
+    """Arms level at z = -711 mm; the line x = -y, |x| <= 450 mm reached with joints from -24 to +94 degrees."""
+    delta = RotaryDelta(SRBD, TOLERANCES)
+    g = delta.parameters.nominal
+    home = delta.forward(np.zeros((1, 3)), g)
+    np.testing.assert_allclose(home, [[0, 0, -np.sqrt(0.85**2 - 0.465**2)]], atol=1e-12)
+    assert abs(home[0, 2] + 0.711) < 1e-3  # the paper rounds to whole millimetres
+    x = np.linspace(-0.45, 0.45, 181)
+    line = np.stack([x, -x, np.full_like(x, -0.711)], axis=1)
+    q = np.degrees(delta.inverse(line, g))
+    assert np.isfinite(q).all()
+    assert round(q.min()) == -24
+    assert round(q.max()) == 94
+
+
+def test_arms_point_outward_in_every_quadrant():
+    """The elbow is farther out than the line from hinge to platform joint, all around the disc."""
+    delta = RotaryDelta(SRBD, TOLERANCES)
+    g = delta.parameters.nominal
+    turn = np.linspace(0, 2 * np.pi, 73)
+    targets = np.stack([0.4 * np.cos(turn), 0.4 * np.sin(turn), np.full_like(turn, -0.75)], axis=1)
+    q = delta.inverse(targets, g)
+    for leg in range(3):
+        eta = 2 * np.pi * leg / 3
+        out = np.array([np.cos(eta), np.sin(eta), 0])
+        radial, depth = targets @ out - 0.145, -targets[:, 2]  # platform joint from the hinge
+        across = np.sin(q[:, leg]) * radial - np.cos(q[:, leg]) * depth
+        assert (across < 0).all()  # elbow outside and above the chord
+
+
+def test_six_equal_rods_are_three_spheres():
+    rng = np.random.default_rng(6)
+    six, three = SixRodDelta(SRBD, TOLERANCES), RotaryDelta(SRBD, TOLERANCES)
+    q = joints_in_workspace(rng, 20)
+    x = six.forward(q, six.parameters.nominal)
+    np.testing.assert_allclose(x[:, :3], three.forward(q, three.parameters.nominal), atol=1e-13)
+    np.testing.assert_allclose(x[:, 3:], 0, atol=1e-12)
+
+
+def test_unequal_rods_tilt_by_mismatch_over_width():
+    """A pair differing by m over a width b turns the platform by about m / b (effects.md: 0.1 mm -> 1 mrad)."""
+    six = SixRodDelta(SRBD, TOLERANCES)
+    g = six.parameters.vector([("rod_1a", 0.85 - 0.05e-3), ("rod_1b", 0.85 + 0.05e-3)])
+    x = six.forward(np.zeros((1, 3)), g)
+    tilt = np.linalg.norm(x[0, 3:])
+    assert 0.5e-3 < tilt < 2.5e-3
+
+
+def rank(jacobian):
+    matrix = jacobian.reshape(-1, jacobian.shape[-1])
+    norms = np.linalg.norm(matrix, axis=0)
+    values = np.linalg.svd(matrix / np.where(norms > 0, norms, 1), compute_uv=False)
+    assert not ((values > 1e-11 * values[0]) & (values < 1e-6 * values[0])).any()  # the gap is clear
+    return int((values > 1e-9 * values[0]).sum())
+
+
+def rigid_motion(points):
+    """Derivative of T p by the six coordinates of T at identity, (n, 3, 6)."""
+    columns = [np.cross(np.eye(3)[k], points) for k in range(3)]
+    return np.concatenate([np.stack(columns, -1), np.broadcast_to(np.eye(3), (len(points), 3, 3))], -1)
+
+
+def test_identifiable_combinations():
+    """24 for three spheres (18 beside a free frame); 36 for six rods in the pose, 33 in the positions."""
+    rng = np.random.default_rng(7)
+    q = joints_in_workspace(rng, 120)
+    three, six = RotaryDelta(SRBD, TOLERANCES), SixRodDelta(SRBD, TOLERANCES)
+    g3, g6 = three.parameters.nominal, six.parameters.nominal
+    x3, x6 = three.forward(q, g3), six.forward(q, g6)
+    j3, j6 = three.identification_jacobian(q, x3, g3), six.identification_jacobian(q, x6, g6)
+    assert rank(j3) == 24
+    frame = rigid_motion(x3)
+    assert rank(np.concatenate([j3, frame], -1)) == 24  # the frame is in their span
+    assert rank(np.concatenate([j3, frame], -1)) - rank(frame) == 18
+    assert len(g6) == 60
+    assert rank(j6) == 36
+    assert rank(j6[:, :3]) == 33
