@@ -64,6 +64,11 @@ class Mechanism(ABC):
     def start_joints(self, task: Array, g: Array) -> Array:
         """Joints near the wanted working mode, (n, m): where the inverse problem starts."""
 
+    @property
+    def home(self) -> Array:
+        """Joints of a pose in the middle of the workspace, (m,)."""
+        return np.zeros(self.joints)
+
     # --- what follows ------------------------------------------------------------------------------------
 
     def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
@@ -99,17 +104,29 @@ class Mechanism(ABC):
         return -solve(self.closure_by_pose(q, x, g), self.closure_by_geometry(q, x, g))
 
     def condition(self, q: Array, x: Array, g: Array) -> Array:
-        """Condition number of the commanded part of the velocity Jacobian, (n,).
+        """How far a pose is from being regular, (n,): 1 is as good as home, infinite is singular.
 
-        Grows without bound at singularities of both kinds: where the platform gains a freedom (f_x singular)
-        and where it loses one (f_q singular). Comparable between robots as long as joints are of one kind
-        and the commanded coordinates too. Infinite where no Jacobian exists.
+        The largest singular value of the commanded part of the velocity Jacobian over the smallest, each
+        compared with the mean gain at home as well. So it grows where the platform gains a freedom (f_x
+        singular), where it loses one (f_q singular), and also where it loses all at once, which the
+        plain condition number does not see.
         """
-        slope = self.velocity_jacobian(q, x, g)[:, : self.task_size]
-        finite = np.isfinite(slope).all(axis=(1, 2))
-        value = np.full(len(slope), np.inf)
-        value[finite] = np.linalg.cond(slope[finite])
-        return value
+        home = self._gains(self.home[None], self.parameters.nominal)
+        typical = np.exp(np.log(home).mean())
+        gains = self._singular_values(self.velocity_jacobian(q, x, g))
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.fmax(gains[:, 0], typical) / np.fmin(gains[:, -1], typical))
+
+    def _gains(self, q: Array, g: Array) -> Array:
+        return self._singular_values(self.velocity_jacobian(q, self.forward(q, g), g))
+
+    def _singular_values(self, slope: Array) -> Array:
+        """Of the commanded part, (n, min(m, task)), largest first; 0 where no Jacobian exists."""
+        task = slope[:, : self.task_size]
+        finite = np.isfinite(task).all(axis=(1, 2))
+        values = np.zeros((len(task), min(task.shape[1:])))
+        values[finite] = np.linalg.svd(task[finite], compute_uv=False)
+        return values
 
     def position(self, x: Array) -> Array:
         """Platform's centre in the base, (n, 3) [m]."""

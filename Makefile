@@ -1,0 +1,64 @@
+# Everything is installed into .venv; `make` alone lists the targets.
+#   make install PYTHON=python3.12      another interpreter
+#   make install EXTRAS=test,dev        without the ROS wheels (other platforms; a cell that has ROS from apt)
+#   make test PYTEST_ARGS="-k delta"    a part of the tests
+
+SHELL := /bin/bash
+PYTHON ?= python3
+EXTRAS ?= ros,test,dev
+VENV := .venv
+PY := $(VENV)/bin/python
+STAMP := $(VENV)/.installed
+LOG := $(VENV)/install.log
+
+# .venv brings its own ROS. One sourced in this shell, or the library path that the wheels of another
+# environment left behind, must not be mixed into it.
+ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+unexport LD_LIBRARY_PATH
+endif
+unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test lint bench clean
+
+help: ## list the targets
+	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
+	    || sed -nE 's/^([a-z]+):.*## (.*)/  make \1  \2/p' $(MAKEFILE_LIST)
+
+install: $(STAMP) ## make .venv with the package, ROS, and all that tests and checks need
+
+$(STAMP): setup.cfg setup.py pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+	    || { echo "make: Python 3.10 or later is needed; name one with PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { \
+	    package="python$$($(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')-venv"; \
+	    if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	        echo "Installing $$package"; \
+	        apt-get -qq update >/dev/null \
+	            && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y "$$package" >/dev/null; \
+	    else \
+	        echo "make: $(PYTHON) cannot make environments; first: sudo apt install $$package" >&2; exit 1; \
+	    fi; }
+	@$(PY) -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@echo "Installing into $(VENV), a minute or two (log: $(LOG))"
+	@$(PY) -m pip install --disable-pip-version-check --no-input -e '.[$(EXTRAS)]' >$(LOG) 2>&1 \
+	    || { grep -v '^WARNING' $(LOG) | tail -n 20 >&2; exit 1; }
+	@touch $@
+
+demo: install ## run the simulated cell: measure, fit, compensate, measure again (out/demo)
+	@$(PY) -m delta_calibration.ros.demo --out out/demo
+
+test: install ## run the tests on two workers, real ROS nodes on loopback
+	@$(PY) -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
+
+lint: install ## ruff, mypy --strict on the package, codespell
+	@$(PY) -m ruff check .
+	@$(PY) -m mypy
+	@$(VENV)/bin/codespell
+
+bench: install ## time the kernels, fits and bag reading
+	@$(PY) benchmarks/run.py
+
+clean: ## remove what was built and written, but not .venv
+	@rm -rf build install log dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find . -path ./$(VENV) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
