@@ -1,0 +1,154 @@
+"""YAML documents of a user: read, checked against a schema, refused with the path of what is wrong."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError, best_match
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from delta_calibration.errors import ConfigError
+
+Document = Mapping[str, Any]
+
+
+def read_document(path: Path, schema: str) -> dict[str, Any]:
+    """A YAML file as plain data, valid under one of the package's schemas.
+
+    Args:
+        path: the file.
+        schema: name of the schema, without `.json`.
+
+    Raises:
+        ConfigError: no such file, not YAML, or an entry that is missing, unknown or out of range; the message
+            names the file, the entry's path, the value and what is allowed.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {_reason(error)}") from error
+    try:
+        data = YAML(typ="safe", pure=True).load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise ConfigError(f"{path}: not valid YAML: {where}{_line(str(error.problem))}") from error
+    except (YAMLError, ValueError) as error:
+        raise ConfigError(f"{path}: not valid YAML: {_line(str(error))}") from error
+    check_document(data, schema, str(path))
+    return dict(data)
+
+
+def check_document(data: Any, schema: str, source: str) -> None:
+    """Refuse data that do not follow the schema.
+
+    Raises:
+        ConfigError: names `source`, the entry's path, the value and what is allowed.
+    """
+    if not isinstance(data, Mapping):
+        found = "nothing" if data is None else type(data).__name__
+        raise ConfigError(f"{source}: a mapping of keys to values is expected, found {found}")
+    _require_finite(data, source, "")
+    error = best_match(Draft202012Validator(_schema(schema)).iter_errors(data))
+    if error is not None:
+        raise ConfigError(f"{source}: {_explain(error)}")
+
+
+def write_document(path: Path, data: Document) -> None:
+    """Write YAML whole or not at all: into a file beside, then in place of the old one.
+
+    Raises:
+        ConfigError: the folder cannot be written.
+    """
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = 110
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        with beside.open("w", encoding="utf-8") as file:
+            yaml.dump(dict(data), file)
+        beside.replace(path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {_reason(error)}") from error
+
+
+def content_hash(data: Document) -> str:
+    """SHA-256 of what a document says, whatever its comments, order and spelling of numbers."""
+    return hashlib.sha256(json.dumps(_plain(data), sort_keys=True).encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """Integers as floats, so that `1` and `1.0` are the same value."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _schema(name: str) -> Any:
+    text = resources.files("delta_calibration").joinpath("schemas", f"{name}.json").read_text("utf-8")
+    return json.loads(text)
+
+
+def _require_finite(value: Any, source: str, path: str) -> None:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            _require_finite(item, source, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        for row, item in enumerate(value):
+            _require_finite(item, source, f"{path}[{row}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{source}: {path}: {value} is not a finite number")
+
+
+def _explain(error: ValidationError) -> str:
+    """One line for one violation: path, value, what is allowed."""
+    path = error.json_path.removeprefix("$").removeprefix(".")
+    at = f"{path}: " if path else ""
+    rule, found = error.validator_value, error.instance
+    match error.validator:
+        case "additionalProperties":
+            known = ", ".join(error.schema["properties"])
+            unknown = ", ".join(sorted(map(str, set(found) - set(error.schema["properties"]))))
+            return f"{at}unknown key {unknown}; allowed: {known}"
+        case "required":
+            missing = ", ".join(key for key in rule if key not in found)
+            return f"{at}missing key {missing}"
+        case "enum":
+            return f"{at}{found!r} is not allowed; choose from: {', '.join(map(str, rule))}"
+        case "const":
+            return f"{at}{found!r} is not allowed; it must be {rule!r}"
+        case "type":
+            return f"{at}{found!r} is not allowed; a {rule} is expected"
+        case "minimum" | "exclusiveMinimum" | "maximum" | "exclusiveMaximum":
+            return f"{at}{found!r} is not allowed; {_BOUNDS[str(error.validator)]} {rule} is expected"
+        case "minItems" | "maxItems":
+            return f"{at}{len(found)} values found, {rule} are expected"
+        case _:
+            return f"{at}{error.message}"
+
+
+_BOUNDS = {
+    "minimum": "at least",
+    "exclusiveMinimum": "more than",
+    "maximum": "at most",
+    "exclusiveMaximum": "less than",
+}
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
