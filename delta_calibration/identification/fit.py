@@ -1,0 +1,201 @@
+"""Identify what a machine really is from measured poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Chain
+from delta_calibration.errors import DataError
+from delta_calibration.geometry import Frame, align
+from delta_calibration.identification.noise import Noise, estimate_noise, whitening
+from delta_calibration.identification.observability import Observability, observe, strong_correlations
+from delta_calibration.identification.problem import Problem, Solution, build_problem, solve
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.region import Region
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses, require_poses
+
+Array = NDArray[np.float64]
+
+_FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
+_FOLDS = 5
+_ANOTHER_ROBOT = 0.02  # [m] root mean square after the best frame that no manufacturing error explains
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Root mean square and largest 3-D distance between measured and predicted poses [m]."""
+
+    in_sample: float
+    held_out: float  # each place predicted by a fit that has not seen it
+    held_out_max: float
+    held_out_whitened: float  # in units of the noise of each coordinate; 1 is as good as can be
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A fitted chain with everything one needs to judge it."""
+
+    chain: Chain
+    theta: Array  # (P,)
+    covariance: Array  # (P, P)
+    noise: Noise
+    observability: Observability
+    correlations: tuple[tuple[str, str, float], ...]
+    frame_only: Residuals
+    full: Residuals
+    frame_only_theta: Array  # (P,) nominal geometry in the best frame
+    weight: Array  # (n,) of each pose under the robust loss
+    chi_square: float  # per degree of freedom, of the whitened residuals
+    region: Region
+    region_joints: tuple[Array, Array]  # lowest and highest joint angles measured, (m,) [rad]
+    seed: int
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Of the chain."""
+        return self.chain.parameters
+
+    @property
+    def std(self) -> Array:
+        """Standard errors, (P,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def frame(self) -> Frame:
+        """`T_tracker_base` as fitted with the geometry."""
+        return self.chain.split(self.theta)[2]
+
+
+def chain_of(robot: Robot, model: str | None = None) -> Chain:
+    """The chain of a robot's cell, with the mechanism of its file or another one."""
+    return Chain(robot.model(model), robot.tracker.reflector_offset, robot.tracker.reflector_offset_prior)
+
+
+def identify(poses: Poses, robot: Robot, model: str | None = None, seed: int = 0) -> Identification:
+    """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
+
+    Args:
+        poses: what was measured.
+        robot: drawing, priors, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+        seed: of the division into held-out parts.
+
+    Raises:
+        DataError: too few different poses, poses out of the nominal robot's reach, or residuals that no
+            manufacturing error explains (another robot).
+    """
+    require_poses(poses, _FEWEST)
+    chain = chain_of(robot, model)
+    start, noise, problem = prepare(poses, robot, chain)
+    frame_free = np.arange(len(start)) >= len(start) - 6
+    registered = solve(problem.only(frame_free), robust=False)
+    _refuse_another_robot(registered, poses, robot)
+    full = solve(problem)
+    folds = _folds(poses, np.random.default_rng(seed))
+    covariance, chi_square = _covariance(full)
+    drawing = chain.join(*_nominal_but_frame(chain, full.theta))
+    observability = observe(
+        problem.whiten @ chain.jacobian(poses.joint, chain.pose(poses.joint, drawing), drawing),
+        np.diag(problem.basis),
+        chain.parameters.names,
+    )
+    nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
+    return Identification(
+        chain=chain,
+        theta=full.theta,
+        covariance=covariance,
+        noise=noise,
+        observability=observability,
+        correlations=strong_correlations(covariance, chain.parameters.names),
+        frame_only=_residuals(registered, folds),
+        full=_residuals(full, folds),
+        frame_only_theta=registered.theta,
+        weight=full.weight,
+        chi_square=chi_square,
+        region=Region.of(chain.mechanism.position(nominal)),
+        region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
+        seed=seed,
+    )
+
+
+def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Problem]:
+    """Nominal chain in the best frame, the noise, and the whitened problem with all parameters free.
+
+    Raises:
+        DataError: a pose that the nominal robot cannot take, or poses on one line.
+    """
+    nominal = chain.mechanism.parameters.nominal
+    x = chain.mechanism.forward(poses.joint, nominal)
+    chain.mechanism.require_reach(x, poses.joint, "recorded joint command")
+    frame = align(chain.point(x, chain.offset), poses.point)
+    start = chain.join(nominal, chain.offset, frame)
+    slope = frame.rotation @ chain.point_by_joints(poses.joint, x, start)
+    noise = estimate_noise(poses, slope, robot)
+    whiten = whitening(noise.covariance(poses, slope, robot.tracker))
+    return start, noise, build_problem(chain, poses.joint, poses.point, whiten, start)
+
+
+def distances(solution: Solution) -> Array:
+    """3-D distance between measured and predicted, (n,) [m]."""
+    chain, problem = solution.problem.chain, solution.problem
+    return np.asarray(np.linalg.norm(problem.y - chain.reading(solution.pose, solution.theta), axis=1))
+
+
+def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]:
+    return chain.mechanism.parameters.nominal, chain.offset, chain.split(theta)[2]
+
+
+def _folds(poses: Poses, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Which part each pose is held out with, (n,): all poses of a place together."""
+    places = np.unique(poses.place)
+    part = rng.permutation(len(places)) % min(_FOLDS, len(places))
+    return np.asarray(part[np.searchsorted(places, poses.place)])
+
+
+def _residuals(solution: Solution, folds: NDArray[np.int64]) -> Residuals:
+    problem = solution.problem
+    missed = np.zeros_like(problem.y)
+    for part in np.unique(folds):
+        held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
+        fitted = solve(problem.take(seen), solution.z)
+        x = problem.chain.pose(problem.q[held], fitted.theta)
+        missed[held] = problem.y[held] - problem.chain.reading(x, fitted.theta)
+    whitened = (problem.whiten @ missed[..., None])[..., 0]
+    distance = np.linalg.norm(missed, axis=1)
+    return Residuals(
+        in_sample=float(np.sqrt(np.mean(distances(solution) ** 2))),
+        held_out=float(np.sqrt(np.mean(distance**2))),
+        held_out_max=float(distance.max()),
+        held_out_whitened=float(np.sqrt(np.mean(whitened**2))),
+    )
+
+
+def _covariance(solution: Solution) -> tuple[Array, float]:
+    """Covariance of theta given data and priors, (P, P), and chi square per degree of freedom.
+
+    Where the residuals are larger than the noise explains, the covariance is scaled up with them.
+    """
+    problem = solution.problem
+    root = np.sqrt(solution.weight)[:, None, None]
+    slope = (root * problem.slope(solution.theta, solution.pose)).reshape(-1, len(solution.z))
+    information = slope.T @ slope
+    inverse = np.linalg.inv(information + np.diag(problem.has_prior[problem.free].astype(float)))
+    used = float(np.trace(inverse @ information))  # parameters that the data, not the priors, decide
+    degrees = max(len(slope) - used, 1.0)
+    chi_square = float(np.sum(solution.weight[:, None] * solution.residual**2) / degrees)
+    sized = max(1.0, chi_square) * problem.basis @ inverse @ problem.basis.T
+    return sized, chi_square
+
+
+def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> None:
+    rms = float(np.sqrt(np.mean(distances(solution) ** 2)))
+    if rms > _ANOTHER_ROBOT:
+        raise DataError(
+            f"{poses.source}: {rms * 1e3:.1f} mm RMS remain between the robot {robot.name!r} in the best frame "
+            f"and the tracker; more than {_ANOTHER_ROBOT * 1e3:.0f} mm is no manufacturing error: a session of "
+            "another robot, or other units?"
+        )

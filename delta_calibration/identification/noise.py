@@ -1,0 +1,144 @@
+"""How far a measured pose may lie from the truth: the tracker's noise and the robot's repeatability.
+
+A pose is the mean of `count` readings, taken after one move. Its covariance in the tracker's frame is
+
+    C = (s_r^2 b b^T + s_t^2 (1 - b b^T)) / count + s_q^2 J J^T
+
+with b the beam, s_r and s_t one reading's noise along and across it, J = dy/dq and s_q where a joint comes to
+rest. Averaging takes the first part down, not the second: it is one draw a move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.stats import f as f_distribution
+
+from delta_calibration.robot import Robot, Tracker
+from delta_calibration.samples import Poses
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_ENOUGH = 20  # degrees of freedom from which a spread is measured rather than taken from the robot's file
+_DIFFERS = 0.05  # probability under which poses of one place differ by more than chance
+_LEAST, _MOST = 1e-7, 1e-3  # [rad] between which the repeatability is searched
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One reading's and one move's standard deviations, and where they come from."""
+
+    radial_scale: float  # measured noise along the beam over the robot file's
+    transverse_scale: float
+    repeatability: float  # [rad] of each joint
+    floor: float  # [m] root mean square 3-D distance of a measured pose from its place's mean
+    degrees: int  # of freedom in `floor`; 0 where it is computed, not measured
+    measured: bool  # whether repeats were enough to measure it
+
+    def reading(self, point: Array, tracker: Tracker) -> Array:
+        """Covariance of one reading at each point, (n, 3, 3) [m^2]."""
+        distance = np.linalg.norm(point, axis=1)
+        beam = point / distance[:, None]
+        along, across = tracker.sigmas(distance)
+        radial = (self.radial_scale * along) ** 2
+        transverse = (self.transverse_scale * across) ** 2
+        outer = beam[:, :, None] * beam[:, None, :]
+        return transverse[:, None, None] * np.eye(3) + (radial - transverse)[:, None, None] * outer
+
+    def covariance(self, poses: Poses, slope: Array, tracker: Tracker) -> Array:
+        """Covariance of each measured pose, (n, 3, 3) [m^2]; `slope` is dy/dq, (n, 3, m)."""
+        readings = self.reading(poses.point, tracker) / poses.count[:, None, None]
+        return readings + self.repeatability**2 * slope @ np.swapaxes(slope, 1, 2)
+
+
+def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
+    """Noise from the scatter within still moments and between repeats; the robot file's where they lack.
+
+    Args:
+        poses: the measured poses.
+        slope: dy/dq of the nominal robot at each pose, (n, 3, m) [m/rad], in the tracker's frame.
+        robot: the file's tracker noise and repeatability.
+    """
+    radial, transverse = _reading_scales(poses, robot.tracker)
+    filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
+    covariance = filed.covariance(poses, slope, robot.tracker)
+    label = _alike(poses, covariance)
+    deviation, degrees = _deviations(poses.point, label)
+    if 3 * degrees < _ENOUGH:
+        floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+        return replace(filed, floor=floor)
+    reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
+    repeatability = _repeatability(deviation, np.bincount(label)[label], reading, slope)
+    floor = float(np.sqrt(np.sum(deviation**2) / degrees))
+    return Noise(radial, transverse, repeatability, floor, degrees, True)
+
+
+def whitening(covariance: Array) -> Array:
+    """W with W C W^T = 1 for each pose, (n, 3, 3) [1/m]."""
+    return np.linalg.inv(np.linalg.cholesky(covariance))
+
+
+def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
+    """Measured over filed standard deviation of a reading, along and across the beam."""
+    several = poses.count > 1
+    degrees = (poses.count[several] - 1).astype(float)
+    if degrees.sum() < _ENOUGH:
+        return 1.0, 1.0
+    distance = np.linalg.norm(poses.point[several], axis=1)
+    beam = poses.point[several] / distance[:, None]
+    along, across = tracker.sigmas(distance)
+    scatter = poses.scatter[several]
+    radial = np.einsum("ni,nij,nj->n", beam, scatter, beam)
+    transverse = (np.trace(scatter, axis1=1, axis2=2) - radial) / 2
+    share = degrees / degrees.sum()
+    scales = np.sqrt(share @ (radial / along**2)), np.sqrt(share @ (transverse / across**2))
+    return max(float(scales[0]), 1e-3), max(float(scales[1]), 1e-3)
+
+
+def _alike(poses: Poses, covariance: Array) -> Index:
+    """Number of the group of poses that should agree, (n,).
+
+    Repeats agree by design: same command, same side, same payload. Poses of the same command only are taken
+    together as well, for a better estimate, unless an F test at 5 % says that side or payload matters.
+    """
+    whiten = whitening(covariance)
+    strict, strict_degrees = _deviations(poses.point, poses.repeat)
+    wide, wide_degrees = _deviations(poses.point, poses.place)
+    if strict_degrees == 0 or wide_degrees == strict_degrees:
+        return poses.repeat
+    within, total = (float(np.sum((whiten @ d[..., None]) ** 2)) for d in (strict, wide))
+    between_degrees = wide_degrees - strict_degrees
+    ratio = ((total - within) / between_degrees) / (within / strict_degrees)
+    differs = f_distribution.sf(ratio, 3 * between_degrees, 3 * strict_degrees) < _DIFFERS
+    return poses.repeat if differs else poses.place
+
+
+def _deviations(point: Array, label: Index) -> tuple[Array, int]:
+    """Each point less the mean of its group, (n, 3) [m], and the degrees of freedom (of 3-D distances)."""
+    size = np.bincount(label)
+    mean = np.zeros((len(size), 3))
+    np.add.at(mean, label, point)
+    deviation = point - (mean / np.maximum(size, 1)[:, None])[label]
+    return deviation, int((size[size > 0] - 1).sum())
+
+
+def _repeatability(deviation: Array, size: Index, reading: Array, slope: Array) -> float:
+    """Most likely s_q given the deviations within groups of `size` (Gaussian, one draw a move)."""
+    several = size > 1
+    share = (size[several] - 1) / size[several]  # of a degree of freedom that each pose brings
+    d, fixed = deviation[several], reading[several]
+    moving = (slope @ np.swapaxes(slope, 1, 2))[several]
+
+    def unlikeliness(log_sigma: float) -> float:
+        covariance = fixed + np.exp(2 * log_sigma) * moving
+        solved = np.linalg.solve(covariance, d[:, :, None])[:, :, 0]
+        return float(np.sum(share * np.linalg.slogdet(covariance)[1]) + np.sum(d * solved))
+
+    best = minimize_scalar(
+        unlikeliness, bounds=(np.log(_LEAST), np.log(_MOST)), method="bounded", options={"xatol": 1e-3}
+    )
+    return float(np.exp(best.x))

@@ -1,0 +1,115 @@
+"""What the data can set and what they cannot: rank, combinations that do not show, indices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_ZERO = 1e-8  # singular values under this share of the largest are none
+_DEPENDENT = 1e-6  # what of a column of length one is left by the ones before it, if it depends on them
+_PART = 1e-3  # parts of a combination smaller than this (in scaled units) are left out of its words
+_NAMED = 4  # as many parameters of a combination are named
+
+
+@dataclass(frozen=True)
+class Redundancy:
+    """One combination that the data cannot set: `parameter` does the same as a mixture of others."""
+
+    parameter: str
+    same_as: tuple[tuple[str, float], ...]  # name, coefficient in the parameters' own units; empty: no effect
+
+    def sentence(self) -> str:
+        """In words."""
+        if not self.same_as:
+            return f"{self.parameter} does not show"
+        parts = [f"{value:+.3g} {name}" for name, value in self.same_as[:_NAMED]]
+        more = len(self.same_as) - _NAMED
+        rest = f" and {more} more" if more > 0 else ""
+        return f"{self.parameter} does the same as {' '.join(parts)}{rest}"
+
+
+@dataclass(frozen=True)
+class Observability:
+    """Singular values of the whitened identification matrix with scaled columns, and what follows."""
+
+    rank: int
+    columns: int
+    redundancies: tuple[Redundancy, ...]
+    indices: dict[str, float]
+
+
+def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observability:
+    """Rank, redundant combinations and observability indices of a whitened Jacobian.
+
+    The indices are those in use since Borm and Menq (O1, geometric mean of the singular values over the root of
+    the number of poses), Driels and Pathre (O2, inverse condition number), Nahvi (O3, smallest singular value;
+    O4, noise amplification: smallest squared over largest), taken over the combinations that show.
+
+    Args:
+        jacobian: d(whitened reading)/d(theta), (n, 3, P).
+        scale: (P,), expected size of each parameter.
+        names: (P,).
+    """
+    matrix = jacobian.reshape(-1, jacobian.shape[-1]) * scale
+    norms = np.linalg.norm(matrix, axis=0)
+    unit = matrix / np.where(norms > 0, norms, 1.0)
+    values = np.linalg.svd(unit, compute_uv=False)
+    rank = int(np.sum(values > _ZERO * values[0]))
+    shown = np.linalg.svd(matrix, compute_uv=False)[:rank]
+    indices = {
+        "O1": float(np.exp(np.log(shown).mean()) / np.sqrt(len(jacobian))),
+        "O2": float(shown[-1] / shown[0]),
+        "O3": float(shown[-1]),
+        "O4": float(shown[-1] ** 2 / shown[0]),
+    }
+    redundancies = _redundancies(unit, norms, scale, names)
+    return Observability(rank, matrix.shape[1], redundancies, indices)
+
+
+def _redundancies(unit: Array, norms: Array, scale: Array, names: Sequence[str]) -> tuple[Redundancy, ...]:
+    """Each column that depends on the ones before it, as a mixture of those.
+
+    Taken in the order of the parameters, so that the words are about neighbours: a platform joint against its
+    base joint, the frame against the base joints.
+    """
+    chosen: list[int] = []
+    basis = np.zeros((len(unit), 0))
+    found = []
+    for column, name in enumerate(names):
+        vector = unit[:, column]
+        if norms[column] <= _ZERO * norms.max():
+            found.append(Redundancy(name, ()))
+            continue
+        left = vector - basis @ (basis.T @ vector)
+        left = left - basis @ (basis.T @ left)  # twice is enough (Kahan, Parlett)
+        if np.linalg.norm(left) > _DEPENDENT:
+            basis = np.column_stack([basis, left / np.linalg.norm(left)])
+            chosen.append(column)
+            continue
+        mixture = np.linalg.lstsq(unit[:, chosen], vector, rcond=None)[0]
+        own = norms[column] / scale[column]
+        parts = [
+            (abs(share), names[other], float(share * own * scale[other] / norms[other]))
+            for share, other in zip(mixture, chosen, strict=True)
+            if abs(share) > _PART
+        ]
+        found.append(Redundancy(name, tuple((n, v) for _, n, v in sorted(parts, reverse=True))))
+    return tuple(found)
+
+
+def strong_correlations(
+    covariance: Array, names: Sequence[str], limit: float = 0.95
+) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of parameters whose estimates lean on each other by more than `limit`, strongest first."""
+    sigma = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(sigma, sigma)
+    rows, columns = np.nonzero(np.triu(np.abs(correlation) > limit, k=1))
+    pairs = [
+        (names[a], names[b], float(correlation[a, b])) for a, b in zip(rows, columns, strict=True)
+    ]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

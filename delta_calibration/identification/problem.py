@@ -1,0 +1,203 @@
+"""The least-squares problem: whitened residuals of the chain, priors as further rows, a robust loss.
+
+The unknowns are scaled, theta = theta_0 + S z, with the priors' standard deviations (a typical size where
+there is no prior) on the diagonal of S, so that z is of the order of one and the prior's rows are z itself. S
+also moves the tracker's frame against the reflector's offset: on a platform that hardly tilts an offset is a
+translation, and without this the search would creep along that valley.
+
+    minimise  sum_i rho(|W_i (y_i - chain(q_i, theta))|^2) + sum_prior z_k^2
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Chain
+from delta_calibration.errors import DataError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_FRAME_STEP = 1e-3  # typical size of a parameter without prior [m, rad]
+_STEPS = 60
+_SETTLING = 3
+_SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stands still
+_GIVE_UP = 1e9  # damping
+_DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
+_HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
+_CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Poses to be explained by a chain."""
+
+    chain: Chain
+    q: Array  # (n, m) [rad]
+    y: Array  # (n, 3) [m] in the tracker's frame
+    whiten: Array  # (n, 3, 3) [1/m]
+    theta0: Array  # (P,) prior mean and start
+    basis: Array  # (P, P), S
+    has_prior: Mask  # (P,)
+    free: Mask  # (P,) what is fitted; the rest keeps its theta0
+
+    def take(self, rows: NDArray[np.intp]) -> Problem:
+        """The same problem on some of the poses."""
+        return Problem(
+            self.chain, self.q[rows], self.y[rows], self.whiten[rows],
+            self.theta0, self.basis, self.has_prior, self.free,
+        )  # fmt: skip
+
+    def only(self, free: Mask) -> Problem:
+        """The same problem with other parameters free."""
+        return Problem(
+            self.chain, self.q, self.y, self.whiten, self.theta0, self.basis, self.has_prior, free
+        )
+
+    def theta(self, z: Array) -> Array:
+        """Parameters of the scaled free unknowns."""
+        return self.theta0 + self.basis[:, self.free] @ z
+
+    def unknowns(self, theta: Array) -> Array:
+        """The scaled free unknowns of parameters; the inverse of `theta`."""
+        return np.asarray(np.linalg.solve(self.basis, theta - self.theta0)[self.free])
+
+    def residual(self, theta: Array, x: Array) -> Array:
+        """Whitened measured less predicted, (n, 3)."""
+        missed = self.y - self.chain.reading(x, theta)
+        return (self.whiten @ missed[..., None])[..., 0]
+
+    def slope(self, theta: Array, x: Array) -> Array:
+        """d(whitened prediction)/dz, (n, 3, F)."""
+        return self.whiten @ (self.chain.jacobian(self.q, x, theta) @ self.basis[:, self.free])
+
+    def offset_rows(self) -> Mask:
+        """Which of the free unknowns are the reflector's offset, (F,)."""
+        rows = np.zeros(len(self.free), dtype=bool)
+        rows[self.chain.geometry_size : self.chain.geometry_size + 3] = True
+        return np.asarray(rows[self.free])
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the search came to rest."""
+
+    problem: Problem
+    theta: Array  # (P,)
+    z: Array  # (F,)
+    pose: Array  # (n, k) of the platform at theta
+    residual: Array  # (n, 3) whitened
+    weight: Array  # (n,) of each pose under the robust loss, 1 where fully believed
+    cost: float
+    steps: int
+
+
+def build_problem(chain: Chain, q: Array, y: Array, whiten: Array, start: Array) -> Problem:
+    """A problem with every parameter free, scales and priors from the chain's parameters."""
+    prior = chain.parameters.prior
+    finite = np.isfinite(prior)
+    basis = np.diag(np.where(finite, prior, _FRAME_STEP))
+    offset = slice(chain.geometry_size, chain.geometry_size + 3)
+    basis[-3:, offset] = -chain.split(start)[2].rotation * chain.offset_prior
+    return Problem(chain, q, y, whiten, start, basis, finite, np.ones(len(prior), dtype=bool))
+
+
+def solve(problem: Problem, start: Array | None = None, robust: bool = True) -> Solution:
+    """Minimise by Levenberg-Marquardt, first plainly, then with Huber's loss on each pose's distance.
+
+    The loss begins to be linear at 4 robust standard deviations of the plain fit's own residuals, and never
+    under 4 of the stated noise.
+
+    Raises:
+        DataError: the start, or the fit, leaves poses that the model cannot reach.
+    """
+    first = _search(problem, np.inf, start)
+    if not robust:
+        return first
+    typical = np.median(np.linalg.norm(first.residual, axis=1)) / _CHI3_MEDIAN
+    threshold = _HUBER * max(1.0, float(typical))
+    if (np.linalg.norm(first.residual, axis=1) <= threshold).all():
+        return first
+    return _search(problem, threshold, first.z)
+
+
+def _search(problem: Problem, threshold: float, start: Array | None) -> Solution:
+    """Levenberg-Marquardt whose every step is followed by a settling of all but the reflector's offset.
+
+    The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that plain steps
+    creep along. With the rest settled again at the new offset (variable projection) a handful of steps do.
+    """
+    z = np.zeros(int(problem.free.sum())) if start is None else start
+    now = _state(problem, z, threshold, None)
+    if not np.isfinite(now.cost):
+        bad = int(np.flatnonzero(~np.isfinite(now.pose).all(axis=1))[0])
+        raise DataError(
+            f"pose {bad + 1} of {len(problem.q)} cannot be reached by the nominal robot: joints "
+            f"{', '.join(f'{v:.4f}' for v in problem.q[bad])} rad; another robot, or joints of another zero?"
+        )
+    every = np.ones(len(z), dtype=bool)
+    rest = ~problem.offset_rows()
+    now = _settle(problem, now, rest, threshold)
+    damping, steps = _DAMPING, 0
+    while steps < _STEPS and damping < _GIVE_UP:
+        steps += 1
+        tried = _settle(problem, _step(problem, now, every, threshold, damping), rest, threshold)
+        gain = now.cost - tried.cost
+        if gain >= 0:
+            now, damping = tried, max(damping / 10, _DAMPING)
+            if gain <= _SETTLED:
+                break
+        else:
+            damping *= 10
+    return Solution(problem, now.theta, now.z, now.pose, now.residual, now.weight, now.cost, steps)
+
+
+def _settle(problem: Problem, now: _State, moving: Mask, threshold: float) -> _State:
+    """A few Gauss-Newton steps in some of the unknowns, each kept only if it lowers the cost."""
+    for _ in range(_SETTLING):
+        tried = _step(problem, now, moving, threshold, 0.0)
+        gain = now.cost - tried.cost
+        if not gain >= 0:
+            break
+        now = tried
+        if gain <= _SETTLED:
+            break
+    return now
+
+
+def _step(problem: Problem, now: _State, moving: Mask, threshold: float, damping: float) -> _State:
+    slope = problem.slope(now.theta, now.pose)[..., moving]
+    root = np.sqrt(now.weight)[:, None, None]
+    prior = problem.has_prior[problem.free]
+    rows = (root * slope).reshape(-1, slope.shape[-1])
+    normal = rows.T @ rows + np.diag(prior[moving] + damping)
+    gradient = rows.T @ (root[..., 0] * now.residual).reshape(-1) - (prior * now.z)[moving]
+    z = now.z.copy()
+    z[moving] += np.linalg.solve(normal, gradient)
+    return _state(problem, z, threshold, now.pose)
+
+
+@dataclass(frozen=True)
+class _State:
+    z: Array
+    theta: Array
+    pose: Array
+    residual: Array
+    weight: Array
+    cost: float
+
+
+def _state(problem: Problem, z: Array, threshold: float, guess: Array | None) -> _State:
+    theta = problem.theta(z)
+    pose = problem.chain.pose(problem.q, theta, guess)
+    residual = problem.residual(theta, pose)
+    distance = np.linalg.norm(residual, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = distance > threshold
+        weight = np.where(far, threshold / distance, 1.0)
+        loss = np.where(far, 2 * threshold * distance - threshold**2, distance**2)
+    cost = float(np.sum(loss) + np.sum(z[problem.has_prior[problem.free]] ** 2))
+    return _State(z, theta, pose, residual, weight, cost if np.isfinite(cost) else np.inf)
