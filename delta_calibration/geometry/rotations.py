@@ -19,10 +19,10 @@ _SERIES_BELOW = 1e-4  # squared angle [rad^2] under which the three coefficients
 
 def skew(v: NDArray[Any]) -> NDArray[Any]:
     """Matrix of the cross product: skew(v) @ u = v x u.  (..., 3) -> (..., 3, 3)."""
-    x, y, z = np.moveaxis(np.asarray(v), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [np.stack(r, axis=-1) for r in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
+    v = np.asarray(v)
+    matrix = np.zeros((*v.shape, 3), dtype=v.dtype)
+    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
+    return matrix - np.swapaxes(matrix, -1, -2)
 
 
 def _coefficients(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 _FRAME_STEP = 1e-3  # typical size of a parameter without prior [m, rad]
 _STEPS = 60
 _SETTLING = 3
-_SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stands still
+SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stands still
 _GIVE_UP = 1e9  # damping
 _DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
 _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
@@ -105,7 +105,9 @@ def build_problem(chain: Chain, q: Array, y: Array, whiten: Array, start: Array)
     return Problem(chain, q, y, whiten, start, basis, finite, np.ones(len(prior), dtype=bool))
 
 
-def solve(problem: Problem, start: Array | None = None, robust: bool = True) -> Solution:
+def solve(
+    problem: Problem, start: Array | None = None, robust: bool = True, settled: float = SETTLED
+) -> Solution:
     """Minimise by Levenberg-Marquardt, first plainly, then with Huber's loss on each pose's distance.
 
     The loss begins to be linear at 4 robust standard deviations of the plain fit's own residuals, and never
@@ -114,17 +116,17 @@ def solve(problem: Problem, start: Array | None = None, robust: bool = True) -> 
     Raises:
         DataError: the start, or the fit, leaves poses that the model cannot reach.
     """
-    first = _search(problem, np.inf, start)
+    first = _search(problem, np.inf, start, settled)
     if not robust:
         return first
     typical = np.median(np.linalg.norm(first.residual, axis=1)) / _CHI3_MEDIAN
     threshold = _HUBER * max(1.0, float(typical))
     if (np.linalg.norm(first.residual, axis=1) <= threshold).all():
         return first
-    return _search(problem, threshold, first.z)
+    return _search(problem, threshold, first.z, settled)
 
 
-def _search(problem: Problem, threshold: float, start: Array | None) -> Solution:
+def _search(problem: Problem, threshold: float, start: Array | None, settled: float) -> Solution:
     """Levenberg-Marquardt whose every step is followed by a settling of all but the reflector's offset.
 
     The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that plain steps
@@ -140,22 +142,25 @@ def _search(problem: Problem, threshold: float, start: Array | None) -> Solution
         )
     every = np.ones(len(z), dtype=bool)
     rest = ~problem.offset_rows()
-    now = _settle(problem, now, rest, threshold)
+    now = _settle(problem, now, rest, threshold, settled)
     damping, steps = _DAMPING, 0
     while steps < _STEPS and damping < _GIVE_UP:
         steps += 1
-        tried = _settle(problem, _step(problem, now, every, threshold, damping), rest, threshold)
+        step = _step(problem, now, every, threshold, damping)
+        tried = _settle(problem, step, rest, threshold, settled)
         gain = now.cost - tried.cost
         if gain >= 0:
             now, damping = tried, max(damping / 10, _DAMPING)
-            if gain <= _SETTLED:
+            if gain <= settled:
                 break
         else:
             damping *= 10
     return Solution(problem, now.theta, now.z, now.pose, now.residual, now.weight, now.cost, steps)
 
 
-def _settle(problem: Problem, now: _State, moving: Mask, threshold: float) -> _State:
+def _settle(
+    problem: Problem, now: _State, moving: Mask, threshold: float, settled: float
+) -> _State:
     """A few Gauss-Newton steps in some of the unknowns, each kept only if it lowers the cost."""
     for _ in range(_SETTLING):
         tried = _step(problem, now, moving, threshold, 0.0)
@@ -163,7 +168,7 @@ def _settle(problem: Problem, now: _State, moving: Mask, threshold: float) -> _S
         if not gain >= 0:
             break
         now = tried
-        if gain <= _SETTLED:
+        if gain <= settled:
             break
     return now
 

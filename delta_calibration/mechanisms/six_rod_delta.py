@@ -93,8 +93,8 @@ class SixRodDelta(Mechanism):
         in_leg = s @ LEG_FRAMES  # v @ R is R^T v: the same vector seen from the turned frame
         in_hinge = in_leg @ rotations.exp(_hinge_tilt(leg))
         in_platform = s @ rotations.exp(x[:, None, 3:]) @ LEG_FRAMES
-        line, line_turn = _line(_elbow_tilt(leg))
-        crooked, crooked_turn = _line(_line_tilt(leg))
+        line, crooked = _line(_elbow_tilt(leg)), _line(_line_tilt(leg))
+        line_turn, crooked_turn = _line_turn(_elbow_tilt(leg)), _line_turn(_line_tilt(leg))
         width, spread = (SIDE * leg[..., ELBOW])[..., None], (SIDE * leg[..., JOINT])[..., None]
         ball = leg[..., None, ARM, None] * arm_direction(angle)[..., None, :] + width * line
         tilt = rotations.exp_times_derivative(_hinge_tilt(leg)[..., None, :], ball)
@@ -134,14 +134,14 @@ class SixRodDelta(Mechanism):
         """(n, 3 legs, 2 sides, 3) [m] in the base."""
         arm = leg[..., ARM, None] * arm_direction(q + leg[..., ZERO])
         width = (SIDE * leg[..., ELBOW])[..., None]
-        balls = arm[..., None, :] + width * _line(_elbow_tilt(leg))[0]
+        balls = arm[..., None, :] + width * _line(_elbow_tilt(leg))
         turned = balls @ _transposed(rotations.exp(_hinge_tilt(leg)))
         return to_base(leg[..., None, BASE] + turned)
 
     def _platform_balls(self, leg: Array) -> Array:
         """(3 legs, 2 sides, 3) or (n, 3, 2, 3) [m] in the platform."""
         spread = (SIDE * leg[..., JOINT])[..., None]
-        balls = leg[..., None, PLATFORM] + spread * _line(_line_tilt(leg))[0]
+        balls = leg[..., None, PLATFORM] + spread * _line(_line_tilt(leg))
         return balls @ _transposed(LEG_FRAMES)
 
     def _rods(self, q: Array, x: Array, leg: Array) -> Array:
@@ -158,10 +158,14 @@ def _transposed(matrix: Array) -> Array:
     return np.swapaxes(matrix, -1, -2)
 
 
-def _line(tilt: Array) -> tuple[Array, Array]:
-    """Direction of a line of ball joints, (..., 1, 3), and its derivative by the tilts x, z, (..., 3, 2)."""
-    direction = rotations.exp(tilt) @ _ALONG
-    return direction[..., None, :], rotations.exp_times_derivative(tilt, _ALONG)[..., [0, 2]]
+def _line(tilt: Array) -> Array:
+    """Direction of a line of ball joints.  (..., 3) -> (..., 1, 3)."""
+    return (rotations.exp(tilt) @ _ALONG)[..., None, :]
+
+
+def _line_turn(tilt: Array) -> Array:
+    """Its derivative by the tilts about x and z.  (..., 3) -> (..., 3, 2)."""
+    return rotations.exp_times_derivative(tilt, _ALONG)[..., [0, 2]]
 
 
 def _hinge_tilt(leg: Array) -> Array:
