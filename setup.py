@@ -1,8 +1,9 @@
 """Build script shared by colcon (ament_python) and pip.
 
-Metadata stands in setup.cfg and not in pyproject.toml's [project] table: `colcon build --symlink-install` runs
-this file in a folder that holds setup.py, setup.cfg and the packages alone. `python_requires` stands here,
-because colcon cannot read back the object that setuptools makes of it in setup.cfg.
+Metadata stands in setup.cfg and not in pyproject.toml's [project] table, because
+`colcon build --symlink-install` runs this file in a folder that holds setup.py, setup.cfg and the
+packages alone. `python_requires` stands here: colcon cannot read back what older setuptools
+make of it in setup.cfg.
 """
 
 from glob import glob

@@ -27,6 +27,8 @@ class Joints:
     lower: Array  # (m,) [rad]
     upper: Array  # (m,) [rad]
     repeatability: float  # [rad] standard deviation of where a joint comes to rest
+    encoder: float  # [rad] standard deviation of a reading of the encoders
+    speed: float  # [rad/s] fastest motion of a measurement plan
     gear_ratio: float
 
 
@@ -144,6 +146,7 @@ def _build(data: Mapping[str, Any], source: str) -> Robot:
             joint_position=tolerances["joint_position"],
             arm=tolerances["arm"],
             rod=tolerances["rod"],
+            mismatch=tolerances["rod_mismatch"],
             zero=tolerances["joint_zero"],
             hinge_tilt=tolerances["hinge_tilt"],
             half_width=tolerances["half_width"],
@@ -154,6 +157,8 @@ def _build(data: Mapping[str, Any], source: str) -> Robot:
             lower=joints["lower"],
             upper=joints["upper"],
             repeatability=joints["repeatability"],
+            encoder=joints["encoder"],
+            speed=joints["speed"],
             gear_ratio=joints["gear_ratio"],
         ),
         masses=Masses(**masses),
@@ -168,6 +173,7 @@ _SI = {
     "_um": 1e-6,
     "_um_per_m": 1e-6,
     "_deg": np.pi / 180,
+    "_deg_per_s": np.pi / 180,
     "_mrad": 1e-3,
     "_urad": 1e-6,
     "_kg": 1.0,

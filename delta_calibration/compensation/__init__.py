@@ -2,14 +2,24 @@
 
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
+from delta_calibration.compensation.compensator import (
+    METHODS,
+    Compensated,
+    JointCompensator,
+    Verdict,
+)
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 
 __all__ = [
+    "METHODS",
     "Apso",
     "ApsoSettings",
     "ApsoStep",
+    "Compensated",
     "Compensator",
     "Correction",
+    "JointCompensator",
     "Newton",
     "NewtonSettings",
+    "Verdict",
 ]

@@ -1,23 +1,24 @@
 """Compensation by a particle swarm whose inertia follows its own diversity (APSO).
 
-Pan, Qiu, Liu, *Delta parallel robot assembly error analysis and calibration* (2017), section 3, searches the
-correction dq in joint space. With x_i the place of particle i, p_i the best it has seen, p_g the best any has
-seen, and f the distance (9) between the model's tool point and the target:
+Pan, Qiu, Liu, *Delta parallel robot assembly error analysis and calibration* (2017), section 3,
+search the correction dq in joint space. With x_i the place of particle i, p_i the best place it
+has seen, p_g the best that any has seen, all judged by the distance (9) of the model's tool point
+from the target:
 
-    v_i <- w v_i + c1 r1 (p_i - x_i) + c2 r2 (p_g - x_i),   x_i <- x_i + v_i        (10)
-    y_i = d . x_i, counted in m equal bins along the diagonal d                     (11), (12)
-    E = -sum q_b ln q_b,  q_b = h_b / m                                             (13)
-    w = 1 / (1 + 1.5 exp(-2.6 E))                                                   (14)
+    v_i <- w v_i + c1 r1 (p_i - x_i) + c2 r2 (p_g - x_i),   x_i <- x_i + v_i     (10)
+    y_i = d . x_i, counted in m equal bins along the diagonal d                  (11), (12)
+    E = -sum q_b ln q_b,  q_b = h_b / m                                          (13)
+    w = 1 / (1 + 1.5 exp(-2.6 E))                                                (14)
 
-What the paper leaves open is fixed here. The diagonal is that of the search *box* |dq_j| <= bound, so that a
-swarm that has drawn together fills few bins; bins over the swarm's own extent would never let w fall. E is
-divided by ln m to lie in [0, 1], as (14) wants. Speed is bounded by a fraction of the box's width. The first
-particle starts at dq = 0, so that the answer is never worse than no correction. A target leaves the search
-when it is within the tolerance.
+What the paper leaves open is fixed here. The diagonal is that of the search *box* |dq_j| <= bound,
+so that a swarm that has drawn together fills few bins; bins over the swarm's own extent would
+never let w fall. E is divided by ln m to lie in [0, 1], as (14) wants. Speed is bounded by a
+fraction of the box's width. The first particle starts at dq = 0, so that the answer is never
+further off than no correction. A target leaves the search when it is within the tolerance.
 
-Every target sees the *same* stream of random numbers, drawn from `seed` alone: its answer then depends on the
-seed, the target and the command, and neither on its row nor on its neighbours in the batch; and along a path
-the corrections of neighbouring targets vary together.
+Every target sees the *same* stream of random numbers, made from `seed` alone. Its answer depends
+then on the seed, the target and the command, not on its row or its neighbours in the batch; and
+along a path the corrections of neighbouring targets vary together.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ from delta_calibration.compensation.base import (
     PointFunction,
     checked_commands,
     distance,
-    require_at_least,
+    joined,
     require_positive,
+    require_whole,
 )
 from delta_calibration.errors import InputError
 
@@ -48,8 +50,8 @@ _BLOCK = 256  # targets searched side by side: bounds memory, keeps the arrays i
 class ApsoSettings:
     """How the swarm searches.
 
-    The box should be a few times the correction that is expected: the cost grows slowly with it, but the
-    solution has to lie inside.
+    The box should be a few times the correction that is expected: cost grows slowly with it, but
+    the solution has to lie inside.
     """
 
     bound_rad: float = 0.03  # largest |dq_j|: half the width of the box
@@ -65,16 +67,15 @@ class ApsoSettings:
         """Refuse settings with which no search can be made."""
         require_positive("bound_rad", self.bound_rad, "rad")
         require_positive("tolerance", self.tolerance, "m")
-        require_at_least("particles", self.particles, FEWEST_PARTICLES)
-        require_at_least("iterations", self.iterations, 1)
-        require_at_least("seed", self.seed, 0)
-        if not 0.0 < self.velocity_fraction <= 1.0:
-            raise InputError(
-                f"velocity_fraction is {self.velocity_fraction}; it has to be above 0 and at most 1"
-            )
-        for name in ("cognitive", "social"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InputError(f"{name} is {getattr(self, name)}; it has to be 0 or above")
+        require_positive("velocity_fraction", self.velocity_fraction)
+        require_whole("particles", self.particles, FEWEST_PARTICLES)
+        require_whole("iterations", self.iterations, 1)
+        require_whole("seed", self.seed, 0)
+        if self.velocity_fraction > 1.0:
+            raise InputError(f"velocity_fraction is {self.velocity_fraction}; at most 1 allowed")
+        for name, pull in (("cognitive", self.cognitive), ("social", self.social)):
+            if not (np.isfinite(pull) and pull >= 0.0):
+                raise InputError(f"{name} is {pull}; it has to be finite and not below 0")
 
 
 @dataclass(frozen=True)
@@ -88,17 +89,21 @@ class ApsoStep:
     inertia: Array  # (k,) w
 
 
+Watcher = Callable[[ApsoStep], None]
+
+
 def swarm_entropy(x: Array, bound: float) -> Array:
-    """Return E (n,), how evenly each swarm spreads along the diagonal of its box: (11)-(13) over ln m.
+    """Return E (n,) of each swarm along the diagonal of its box: (11)-(13) divided by ln m.
 
     Args:
         x: Places of the particles (joints, n, m) [rad], |x| <= bound.
         bound: Half the width of the box [rad].
     """
     joints, n, m = x.shape
-    along = np.sum(x, axis=0) / (joints * bound)  # d . x as a fraction of the half diagonal
+    along = np.sum(x, axis=0) / (joints * bound)  # d . x in half diagonals, -1 to 1
     bins = np.clip(np.floor((along + 1.0) * (0.5 * m)).astype(np.int64), 0, m - 1)
-    counts = np.bincount((bins + m * np.arange(n)[:, None]).ravel(), minlength=n * m).reshape(n, m)
+    places = bins + m * np.arange(n)[:, None]
+    counts = np.bincount(places.ravel(), minlength=n * m).reshape(n, m)
     return np.asarray(np.sum(_entropy_terms(m)[counts], axis=1) / np.log(m))
 
 
@@ -107,82 +112,73 @@ def inertia(entropy: Array) -> Array:
     return np.asarray(1.0 / (1.0 + 1.5 * np.exp(-2.6 * entropy)))
 
 
-def velocity(v: Array, own: Array, best: Array, w: Array, s: ApsoSettings) -> Array:
-    """Return the particles' next step by (10), bounded [rad].
+def velocity(v: Array, own: Array, leader: Array, w: Array, s: ApsoSettings) -> Array:
+    """Return the particles' next step by (10), bounded; (joints, n, m) [rad].
 
     Args:
-        v: The last step (joints, n, m) [rad].
+        v: The last step, same shape.
         own: r1 (p_i - x_i), same shape.
-        best: r2 (p_g - x_i), same shape.
+        leader: r2 (p_g - x_i), same shape.
         w: Inertia of each swarm (n,).
         s: The settings: c1, c2 and the bound.
     """
     most = s.velocity_fraction * 2.0 * s.bound_rad
-    return np.clip(w[:, None] * v + s.cognitive * own + s.social * best, -most, most)
+    return np.clip(w[:, None] * v + s.cognitive * own + s.social * leader, -most, most)
 
 
 @dataclass(frozen=True)
 class Apso:
-    """The swarm as a `Compensator`: needs only the model's point, no derivative, no smoothness."""
+    """The swarm as a `Compensator`: needs the model's point only, no derivative, no smoothness."""
 
     point: PointFunction
     settings: ApsoSettings = field(default_factory=ApsoSettings)
 
-    def correct(
-        self, q: Array, target: Array, watch: Callable[[ApsoStep], None] | None = None
-    ) -> Correction:
+    def correct(self, q: Array, target: Array, watch: Watcher | None = None) -> Correction:
         """Search the correction of every command.
 
         Args:
             q: Nominal commands (n, m) [rad].
             target: Points they mean (n, 3) [m].
-            watch: Called after each evaluation of the swarms, for those who want to see the search.
+            watch: Called after each evaluation of the swarms, with a block of targets at a time.
 
         Raises:
             InputError: if the shapes do not belong together.
         """
         q, target, usable = checked_commands(q, target)
-        result = Correction.none(*q.shape)
         rows = np.flatnonzero(usable)
-        for first in range(0, len(rows), _BLOCK):
-            self._search(rows[first : first + _BLOCK], q, target, result, watch)
-        return result
+        blocks = [rows[first : first + _BLOCK] for first in range(0, len(rows), _BLOCK)]
+        found = [self._search(q[block], target[block], block, watch) for block in blocks]
+        return joined(found, q.shape[1]).spread(usable)
 
-    def _search(
-        self,
-        rows: Counts,
-        q: Array,
-        target: Array,
-        result: Correction,
-        watch: Callable[[ApsoStep], None] | None,
-    ) -> None:
-        """Search the targets in `rows` and write what was found into those rows of `result`."""
+    def _search(self, q: Array, target: Array, rows: Counts, watch: Watcher | None) -> Correction:
+        """Search finite targets side by side; `rows` is what the watcher knows them by."""
         s = self.settings
-        swarm = _Swarm(len(rows), q.shape[1], s)
+        n, m = q.shape
+        dq, error, evaluations = np.zeros((n, m)), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
+        swarm, live = _Swarm(n, m, s), np.arange(n)
         for iteration in range(s.iterations + 1):
-            joints = q[rows].T[:, :, None] + swarm.x  # (joints, k, particles)
-            reached = self.point(np.moveaxis(joints, 0, -1))
-            swarm.judge(distance(reached, target[rows, None, :]))
-            result.dq[rows], result.error[rows] = swarm.best()
-            result.evaluations[rows] += s.particles
-            result.converged[rows] = result.error[rows] <= s.tolerance
+            joints = np.moveaxis(q[live].T[:, :, None] + swarm.x, 0, -1)  # (k, particles, m)
+            swarm.judge(distance(self.point(joints) - target[live, None, :]))
+            dq[live], error[live] = swarm.best()
+            evaluations[live] += s.particles
             entropy = swarm_entropy(swarm.x, s.bound_rad)
             w = inertia(entropy)
             if watch is not None:
-                watch(ApsoStep(iteration, rows, result.error[rows], entropy, w))
-            going = ~result.converged[rows]
-            if iteration == s.iterations or not going.any():
-                return
-            rows, w = rows[going], w[going]
+                watch(ApsoStep(iteration, rows[live], error[live], entropy, w))
+            going = error[live] > s.tolerance
+            live = live[going]
+            if iteration == s.iterations or not live.size:
+                break
             swarm.keep(going)
-            swarm.move(w)
+            swarm.move(w[going])
+        return Correction(dq, error, evaluations, error <= s.tolerance)
 
 
 class _Swarm:
     """The swarms of n targets, each array by component: (joints, n, particles)."""
 
     def __init__(self, n: int, joints: int, s: ApsoSettings) -> None:
-        """Spread the particles over the box, the same way for every target, the first at dq = 0."""
+        """Spread the particles over the box, alike for every target, the first at dq = 0."""
         self._settings = s
         self._draws = np.random.Generator(np.random.Philox(s.seed))
         start = s.bound_rad * (2.0 * self._draws.random((joints, 1, s.particles)) - 1.0)
@@ -202,15 +198,15 @@ class _Swarm:
         self._own = np.where(better, self.x, self._own)
 
     def best(self) -> tuple[Array, Array]:
-        """Return p_g (n, joints) [rad] and its distance (n,) [m]; p_g = 0 where nothing was in reach."""
+        """Return p_g (n, joints) [rad] and its distance (n,) [m]; 0, inf if none was in reach."""
         n = np.arange(len(self._fitness))
-        winner = np.argmin(self._fitness, axis=1)  # all infinite: the first, which started at zero
+        winner = np.argmin(self._fitness, axis=1)  # all infinite: the first, which began at zero
         return self._own[:, n, winner].T, self._fitness[n, winner]
 
     def keep(self, going: Flags) -> None:
         """Drop the swarms of targets that are done."""
         if not going.all():
-            self.x, self._v, self._own = self.x[:, going], self._v[:, going], self._own[:, going]
+            self.x, self._v, self._own = (a[:, going] for a in (self.x, self._v, self._own))
             self._fitness = self._fitness[going]
 
     def move(self, w: Array) -> None:
@@ -223,6 +219,6 @@ class _Swarm:
 
 
 def _entropy_terms(m: int) -> Array:
-    """Return -q ln q for a bin that holds h = 0..m of the m particles, q = h / m; 0 for an empty one."""
+    """Return -q ln q, q = h / m, of a bin with h = 0..m of the m particles; 0 for an empty one."""
     q = np.arange(m + 1) / m
     return -q * np.log(np.where(q > 0.0, q, 1.0))

@@ -4,12 +4,12 @@ For a nominal joint command q and the tool point p* that it was meant to reach, 
 
     dq with  point(q + dq) = p*,   |dq_j| <= bound,
 
-where `point` is the model of the machine as it is. How the model was made is no concern of this layer.
+where `point` is the model of the machine as it is. How that model was made is not asked here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -23,7 +23,11 @@ Flags = NDArray[np.bool_]
 Counts = NDArray[np.int64]
 
 PointFunction = Callable[[Array], Array]
-"""Joint angles (..., m) [rad] to tool points (..., 3) [m]; NaN rows where out of reach."""
+"""Joint angles (..., m) [rad] to tool points (..., 3) [m]; NaN rows where out of reach.
+
+Every row is treated alike: rows come in any number and order and drop out when done. What
+differs between commands (payload, temperature, direction) is fixed inside: one function for each.
+"""
 
 JacobianFunction = Callable[[Array], Array]
 """Joint angles (..., m) [rad] to d point / d q, (..., 3, m) [m/rad]."""
@@ -33,9 +37,10 @@ JacobianFunction = Callable[[Array], Array]
 class Correction:
     """What to add to each nominal command, and what the model says of the result.
 
-    `error` is the distance that the *model* still has to the target after the correction: it says how well
-    the search did, not how accurate the real machine is. It is infinite where nothing could be evaluated:
-    a target or command that is not finite, or no reachable candidate; `dq` is zero there.
+    `error` is the distance that the *model* still has to the target after the correction: it tells
+    how well the search did, not how accurate the real machine is. It is infinite where nothing
+    could be evaluated (a target or command that is not finite, no candidate in reach); `dq` is
+    zero there.
     """
 
     dq: Array  # (n, m) [rad]
@@ -45,13 +50,22 @@ class Correction:
 
     @classmethod
     def none(cls, n: int, m: int) -> Correction:
-        """Return the correction that corrects nothing: zero, with the error unknown."""
+        """Return the correction that corrects nothing: zero, its error unknown."""
         return cls(
             dq=np.zeros((n, m)),
             error=np.full(n, np.inf),
             evaluations=np.zeros(n, dtype=np.int64),
             converged=np.zeros(n, dtype=np.bool_),
         )
+
+    def spread(self, usable: Flags) -> Correction:
+        """Return a correction of all rows: this one's where `usable` (n,), nothing elsewhere."""
+        whole = Correction.none(len(usable), self.dq.shape[1])
+        whole.dq[usable] = self.dq
+        whole.error[usable] = self.error
+        whole.evaluations[usable] = self.evaluations
+        whole.converged[usable] = self.converged
+        return whole
 
 
 class Compensator(Protocol):
@@ -60,6 +74,17 @@ class Compensator(Protocol):
     def correct(self, q: Array, target: Array) -> Correction:
         """Return dq for nominal commands q (n, m) [rad] and the points they mean, (n, 3) [m]."""
         ...
+
+
+def joined(parts: Iterable[Correction], m: int) -> Correction:
+    """Return corrections of m joints one after the other, in one."""
+    every = [Correction.none(0, m), *parts]
+    return Correction(
+        dq=np.concatenate([part.dq for part in every]),
+        error=np.concatenate([part.error for part in every]),
+        evaluations=np.concatenate([part.evaluations for part in every]),
+        converged=np.concatenate([part.converged for part in every]),
+    )
 
 
 def checked_commands(q: Array, target: Array) -> tuple[Array, Array, Flags]:
@@ -72,29 +97,30 @@ def checked_commands(q: Array, target: Array) -> tuple[Array, Array, Flags]:
     if q.ndim != 2 or q.shape[1] == 0:
         raise InputError(f"q has shape {q.shape}; it has to be (targets, joints)")
     if target.shape != (len(q), 3):
-        raise InputError(f"target has shape {target.shape}; it has to be ({len(q)}, 3), a row of q each")
-    return q, target, np.isfinite(q).all(axis=1) & np.isfinite(target).all(axis=1)
+        raise InputError(
+            f"target has shape {target.shape}; it has to be ({len(q)}, 3), a row for each of q"
+        )
+    usable: Flags = np.all(np.isfinite(np.hstack([q, target])), axis=1)
+    return q, target, usable
 
 
-def distance(reached: Array, target: Array) -> Array:
-    """Return f = |reached - target| (...,) [m], the fitness (9); infinite where out of reach.
+def distance(gap: Array) -> Array:
+    """Return f = |gap| (...,) [m], the fitness (9); infinite where the gap is not finite.
 
     Args:
-        reached: Tool points (..., 3) [m], NaN where the mechanism cannot go.
-        target: Points meant (..., 3) [m].
+        gap: Point reached less point meant (..., 3) [m]; NaN where the mechanism cannot go.
     """
-    d = reached - target
-    f = np.sqrt(d[..., 0] ** 2 + d[..., 1] ** 2 + d[..., 2] ** 2)
+    f = np.sqrt(gap[..., 0] ** 2 + gap[..., 1] ** 2 + gap[..., 2] ** 2)
     return np.where(np.isfinite(f), f, np.inf)
 
 
-def require_positive(name: str, value: float, unit: str) -> None:
+def require_positive(name: str, value: float, unit: str = "") -> None:
     """Raise InputError unless the setting is finite and above zero."""
     if not (np.isfinite(value) and value > 0.0):
-        raise InputError(f"{name} is {value}; it has to be above 0 {unit}".rstrip())
+        raise InputError(f"{name} is {value}; it has to be finite and above 0 {unit}".rstrip())
 
 
-def require_at_least(name: str, value: int, least: int) -> None:
+def require_whole(name: str, value: int, least: int) -> None:
     """Raise InputError unless the setting is a whole number not below `least`."""
-    if value != int(value) or value < least:
+    if not np.isfinite(value) or value != int(value) or value < least:
         raise InputError(f"{name} is {value}; it has to be a whole number, at least {least}")

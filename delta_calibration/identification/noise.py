@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from delta_calibration.robot import Robot, Tracker
@@ -103,18 +104,22 @@ def _alike(poses: Poses, covariance: Array) -> Index:
     """Number of the group of poses that should agree, (n,).
 
     Repeats agree by design: same command, same side, same payload. Poses of the same command only are taken
-    together as well, for a better estimate, unless an F test at 5 % says that side or payload matters.
+    together as well, for a better estimate, unless a test at 5 % says that side or payload matters: an F test
+    against the repeats, a chi-square test against the robot file's noise where nothing was repeated.
     """
     whiten = whitening(covariance)
     strict, strict_degrees = _deviations(poses.point, poses.repeat)
     wide, wide_degrees = _deviations(poses.point, poses.place)
-    if strict_degrees == 0 or wide_degrees == strict_degrees:
+    if wide_degrees == strict_degrees:
         return poses.repeat
     within, total = (float(np.sum((whiten @ d[..., None]) ** 2)) for d in (strict, wide))
     between_degrees = wide_degrees - strict_degrees
-    ratio = ((total - within) / between_degrees) / (within / strict_degrees)
-    differs = f_distribution.sf(ratio, 3 * between_degrees, 3 * strict_degrees) < _DIFFERS
-    return poses.repeat if differs else poses.place
+    if strict_degrees == 0:  # nothing but the robot file's noise to compare with
+        chance = chi2.sf(total, 3 * wide_degrees)
+    else:
+        ratio = ((total - within) / between_degrees) / (within / strict_degrees)
+        chance = f_distribution.sf(ratio, 3 * between_degrees, 3 * strict_degrees)
+    return poses.repeat if chance < _DIFFERS else poses.place
 
 
 def _deviations(point: Array, label: Index) -> tuple[Array, int]:

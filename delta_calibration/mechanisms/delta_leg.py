@@ -37,7 +37,8 @@ class DeltaTolerances:
 
     joint_position: float  # [m] hinge and platform joint, each coordinate
     arm: float  # [m]
-    rod: float  # [m]
+    rod: float  # [m] mean of a pair
+    mismatch: float  # [m] difference within a pair
     zero: float  # [rad] encoder zero
     hinge_tilt: float  # [rad] motor axis
     half_width: float  # [m] ball joint along its line

@@ -189,5 +189,5 @@ def _leg_parameters(leg: int, d: DeltaDimensions, t: DeltaTolerances) -> list[Pa
         parameter("hinge_tilt_z", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),
         parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
         parameter("arm", "m", d.arm, t.arm, "arm_length"),
-        parameter("rod", "m", d.rod, t.rod / np.sqrt(2), "forearm_length"),
+        parameter("rod", "m", d.rod, t.rod, "forearm_length"),
     ]

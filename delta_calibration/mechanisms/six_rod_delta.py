@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 
 _SIZE = 20  # parameters a leg
 BASE, PLATFORM = slice(0, 3), slice(3, 6)  # radial, tangential, height
-TILT_X, TILT_Z, ZERO, ARM = 6, 7, 8, 9
-ROD, ELBOW, JOINT = slice(10, 12), slice(12, 14), slice(14, 16)  # one of each a side
+TILT_X, TILT_Z, ZERO, ARM, ROD, MISMATCH = 6, 7, 8, 9, 10, 11
+ELBOW, JOINT = slice(12, 14), slice(14, 16)  # one of each a side
 ELBOW_X, ELBOW_Z, LINE_X, LINE_Z = 16, 17, 18, 19
 SIDE = np.array([-1.0, 1.0])  # which side of the leg's middle a rod is on, along the motor's axis
 _ALONG = np.array([0.0, 1.0, 0.0])
@@ -41,8 +41,8 @@ class SixRodDelta(Mechanism):
         e_ij = Z_i (b_i + T_i (u(q_i + z_i) L_i + s_j c_ij n(elbow tilt))),   a_ij = Z_i (a_i + s_j d_ij n(line tilt)).
 
     Pose x (n, 6): centre p [m], rotation vector w [rad]. Parameters of a leg, shape (60,) in all: base and
-    platform joint (radial, tangential, height) [m], hinge tilt x, z [rad], joint zero z [rad], arm L [m], rods
-    l_1, l_2 [m], half widths c_1, c_2 at the elbow and d_1, d_2 at the platform [m], tilt x, z [rad] of the line
+    platform joint (radial, tangential, height) [m], hinge tilt x, z [rad], joint zero z [rad], arm L [m], rod l
+    (mean of the pair) and mismatch m [m] with l_ij = l_i + s_j m_i / 2, half widths c_1, c_2 at the elbow and d_1, d_2 at the platform [m], tilt x, z [rad] of the line
     of ball joints at the elbow (n in the hinge's frame, as the paper has it) and at the platform.
 
     36 combinations of the 60 show in the pose and 33 in the positions alone, at first order about the drawing.
@@ -66,7 +66,7 @@ class SixRodDelta(Mechanism):
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """Squared length of each rod less what it should be, (n, 6) [m^2]."""
         leg = legs(g)
-        gap = np.sum(self._rods(q, x, leg) ** 2, axis=-1) - leg[..., ROD] ** 2
+        gap = np.sum(self._rods(q, x, leg) ** 2, axis=-1) - _lengths(leg) ** 2
         return gap.reshape(len(q), 2 * LEGS)
 
     def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
@@ -106,7 +106,8 @@ class SixRodDelta(Mechanism):
         f[..., [TILT_X, TILT_Z]] = -2 * (in_leg[..., None, :] @ tilt)[..., 0, [0, 2]]
         f[..., ZERO] = -2 * _dot(in_hinge, leg[..., None, ARM, None] * arm_turn(angle)[..., None, :])
         f[..., ARM] = -2 * _dot(in_hinge, arm_direction(angle)[..., None, :])
-        f[..., ROD] = -2 * leg[..., None, ROD] * own
+        f[..., ROD] = -2 * _lengths(leg)
+        f[..., MISMATCH] = -_lengths(leg) * SIDE
         f[..., ELBOW] = (-2 * SIDE * _dot(in_hinge, line))[..., None] * own
         f[..., JOINT] = (2 * SIDE * _dot(in_platform, crooked))[..., None] * own
         f[..., [ELBOW_X, ELBOW_Z]] = -2 * width * (in_hinge @ line_turn)
@@ -126,9 +127,7 @@ class SixRodDelta(Mechanism):
         """The nearest `RotaryDelta` geometry: hinge less platform joint, mean rod.  (..., 60) -> (..., 24)."""
         leg = legs(g)
         joint = leg[..., BASE] - leg[..., PLATFORM]
-        middle = leg[..., TILT_X : ARM + 1]
-        rod = leg[..., ROD].mean(axis=-1, keepdims=True)
-        return np.concatenate([joint, middle, rod], axis=-1).reshape((*g.shape[:-1], LEGS * 8))
+        return np.concatenate([joint, leg[..., TILT_X : ROD + 1]], axis=-1).reshape((*g.shape[:-1], LEGS * 8))
 
     def _elbow_balls(self, q: Array, leg: Array) -> Array:
         """(n, 3 legs, 2 sides, 3) [m] in the base."""
@@ -152,6 +151,11 @@ class SixRodDelta(Mechanism):
 
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(np.sum(a * b, axis=-1))
+
+
+def _lengths(leg: Array) -> Array:
+    """Of the two rods of each leg.  (..., 3, 20) -> (..., 3, 2) [m]."""
+    return leg[..., ROD, None] + SIDE * leg[..., MISMATCH, None] / 2
 
 
 def _transposed(matrix: Array) -> Array:
@@ -207,7 +211,8 @@ def _leg_parameters(leg: int, d: DeltaDimensions, t: DeltaTolerances) -> list[Pa
         *tilt("hinge", t.hinge_tilt, "base_joint_tilt"),
         parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
         parameter("arm", "m", d.arm, t.arm, "arm_length"),
-        *pair("rod", d.rod, t.rod, "forearm_length"),
+        parameter("rod", "m", d.rod, t.rod, "forearm_length"),
+        parameter("rod_mismatch", "m", 0.0, t.mismatch, "parallelogram_mismatch"),
         *pair("elbow_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
         *pair("platform_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
         *tilt("elbow_line", t.line_tilt, "parallelogram_mismatch"),

@@ -2,13 +2,13 @@
 
 Messages of one topic differ in their stamp and their numbers; lengths and strings repeat. So the
 first record is walked field by field, which gives its `Layout`: where the stamp and the block of
-float64 lie, and which bytes (array lengths, strings) *fixed* that. Every record of the same size whose
-fixed bytes are the same has the same layout, and all of them are taken out by one slice:
+float64 lie, and which bytes (array lengths, strings) *fixed* that. Every record of the same size
+whose fixed bytes are the same has the same layout, and all of them are taken out by one slice:
 
     rows (n, L) uint8  ->  values (n, c) float64 = rows[:, first : first + 8 c]
 
-A record that differs starts a layout of its own; where there are too many of them the rest is walked one by one.
-Nothing is assumed of a record that was not compared.
+A record that differs starts a layout of its own; where there are too many of them the rest is
+walked one by one. Nothing is assumed of a record that was not compared.
 """
 
 from __future__ import annotations
@@ -77,10 +77,10 @@ def decode(records: Sequence[bytes], type_name: str) -> tuple[tuple[Batch, ...],
     """
     sizes = np.fromiter(map(len, records), np.intp, len(records))
     batches: list[Batch] = []
-    for size in np.unique(sizes):
+    for size in np.unique(sizes).tolist():
         index = np.flatnonzero(sizes == size)
-        data = b"".join([records[i] for i in index])
-        rows = np.frombuffer(data, np.uint8).reshape(len(index), int(size))
+        data = b"".join([records[i] for i in index.tolist()])
+        rows = np.frombuffer(data, np.uint8).reshape(len(index), size)
         batches.extend(_of_one_size(rows, index, type_name))
     return tuple(batches), len(records) - sum(batch.index.size for batch in batches)
 
@@ -117,10 +117,10 @@ def _of_one_size(
             alike = (rows[:, layout.fixed] == rows[0, layout.fixed]).all(axis=1)
             yield _extract(layout, rows[alike], index[alike])
         rows, index = rows[~alike], index[~alike]
-    for place, row in zip(index, rows, strict=True):
-        layout = _try_layout(row, type_name)
+    for k in range(index.size):
+        layout = _try_layout(rows[k], type_name)
         if layout is not None:
-            yield _extract(layout, row[None], place[None])
+            yield _extract(layout, rows[k : k + 1], index[k : k + 1])
 
 
 def _try_layout(row: NDArray[np.uint8], type_name: str) -> Layout | None:

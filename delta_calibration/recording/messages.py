@@ -1,7 +1,7 @@
 """The messages on a session's topics: definition, hash, and the bytes they travel as.
 
-A message on the wire is CDR: two bytes that name the encoding (0x0001, little endian), two of options,
-then the fields in order, each aligned to its own size counted from byte 4:
+A message on the wire is CDR: two bytes that name the encoding (0x0001, little endian), two of
+options, then the fields in order, each aligned to its own size counted from byte 4:
 
     string      uint32 length with the closing zero, the characters, a zero
     float64[]   uint32 length, padding to 8 if there is any element, the numbers
@@ -35,7 +35,7 @@ class MessageType:
     """What a recording has to say about a message type, so that others can decode it."""
 
     name: str
-    definition: str  # ros2msg: the text, then every type it uses, parted by 80 "=" and "MSG: pkg/Name"
+    definition: str  # ros2msg: its text, then each type it uses after 80 "=" and "MSG: pkg/Name"
     hash: str  # RIHS01_ and the sha256 of the type's description
 
 
@@ -82,9 +82,7 @@ def encode_point(stamp_ns: int, frame: str, position: Sequence[float]) -> bytes:
     return _stamped(stamp_ns, frame, struct.pack("<3d", *position))
 
 
-def encode_temperature(
-    stamp_ns: int, part: str, celsius: float, variance: float = 0.0
-) -> bytes:
+def encode_temperature(stamp_ns: int, part: str, celsius: float, variance: float = 0.0) -> bytes:
     """CDR of a Temperature [deg C] of `part`; variance zero means unknown, as the type says."""
     return _stamped(stamp_ns, part, struct.pack("<2d", celsius, variance))
 

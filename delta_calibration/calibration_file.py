@@ -1,0 +1,136 @@
+"""The calibration file: what the fit found, what the node loads, and where it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from delta_calibration import __version__
+from delta_calibration.calibration import Calibration
+from delta_calibration.documents import content_hash, read_document, write_document
+from delta_calibration.errors import ConfigError
+from delta_calibration.identification import Identification, Residuals, chain_of
+from delta_calibration.region import Region
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses
+
+_SEAL = "sha256"
+
+
+def from_identification(found: Identification, robot: Robot, poses: Poses) -> Calibration:
+    """The calibration that `save_calibration` would write and `load_calibration` read back."""
+    lower, upper = found.region_joints
+    seal = content_hash(_content(found, robot, poses))
+    return Calibration(
+        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor, poses.source, seal
+    )
+
+
+def save_calibration(path: Path, found: Identification, robot: Robot, poses: Poses) -> None:
+    """Write a calibration, whole or not at all.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    content = _content(found, robot, poses)
+    write_document(path, {**content, _SEAL: content_hash(content)})
+
+
+def load_calibration(path: Path, robot: Robot) -> Calibration:
+    """Read a calibration made for this robot.
+
+    Raises:
+        ConfigError: not there, not whole, changed after it was written, made for another robot, or with
+            parameters that its model does not have.
+    """
+    data = read_document(path, "calibration")
+    content = {key: value for key, value in data.items() if key != _SEAL}
+    if content_hash(content) != data[_SEAL]:
+        raise ConfigError(f"{path}: {_SEAL}: the content was changed or cut after it was written; fit again")
+    made_for = data["robot"]
+    if made_for["sha256"] != robot.hash:
+        raise ConfigError(
+            f"{path}: robot: made for {made_for['name']!r} with hash {made_for['sha256'][:12]}, but "
+            f"{robot.source} is {robot.name!r} with hash {robot.hash[:12]}; fit again with this robot file"
+        )
+    chain = chain_of(robot, data["model"])
+    expected = chain.parameters.names
+    found = tuple(entry["name"] for entry in data["parameters"])
+    if found != expected:
+        odd = sorted(set(found) ^ set(expected)) or ["their order"]
+        raise ConfigError(f"{path}: parameters: not those of model {data['model']!r}: {', '.join(odd[:5])}")
+    region = data["region"]
+    return Calibration(
+        robot=robot,
+        chain=chain,
+        theta=np.array([entry["value"] for entry in data["parameters"]], dtype=float),
+        region=Region(np.array(region["vertices_m"], dtype=float)),
+        joints_lower=np.array(region["joints_lower_rad"], dtype=float),
+        joints_upper=np.array(region["joints_upper_rad"], dtype=float),
+        noise_floor=float(data["noise"]["floor_mm"]) * 1e-3,
+        source=data["provenance"]["session"],
+        seal=data[_SEAL],
+    )
+
+
+def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:
+    lower, upper = found.region_joints
+    return {
+        "schema": 1,
+        "robot": {"name": robot.name, "sha256": robot.hash},
+        "model": found.chain.mechanism.name,
+        "provenance": _provenance(found, poses),
+        "noise": {
+            "floor_mm": found.noise.floor * 1e3,
+            "degrees_of_freedom": found.noise.degrees,
+            "measured": found.noise.measured,
+            "repeatability_urad": found.noise.repeatability * 1e6,
+            "radial_scale": found.noise.radial_scale,
+            "transverse_scale": found.noise.transverse_scale,
+        },
+        "residuals": {"frame_only": _residuals(found.frame_only), "full": _residuals(found.full)},
+        "parameters": [
+            {"name": p.name, "unit": p.unit, "nominal": p.nominal, "value": float(v), "std": float(s)}
+            for p, v, s in zip(found.parameters, found.theta, found.std, strict=True)
+        ],
+        "observability": {
+            "rank": found.observability.rank,
+            "columns": found.observability.columns,
+            "indices": dict(found.observability.indices),
+            "not_set_by_the_data": [r.sentence() for r in found.observability.redundancies],
+            "correlated": [f"{a} with {b}: {value:+.3f}" for a, b, value in found.correlations],
+        },
+        "region": {
+            "vertices_m": found.region.vertices.tolist(),
+            "joints_lower_rad": lower.tolist(),
+            "joints_upper_rad": upper.tolist(),
+        },
+    }
+
+
+def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
+    start = datetime.fromtimestamp(poses.start_ns * 1e-9, tz=timezone.utc)
+    return {
+        "package_version": __version__,
+        "session": Path(poses.source).name,
+        "session_start": start.isoformat(timespec="seconds"),
+        "method": "least_squares",
+        "seed": found.seed,
+        "poses": len(poses),
+        "readings": poses.readings,
+        "rejected": poses.rejected.counts(),
+        "notes": list(poses.notes),
+    }
+
+
+def _residuals(residuals: Residuals) -> dict[str, float]:
+    return {
+        "in_sample_rms_mm": residuals.in_sample * 1e3,
+        "held_out_rms_mm": residuals.held_out * 1e3,
+        "held_out_max_mm": residuals.held_out_max * 1e3,
+        "held_out_whitened": residuals.held_out_whitened,
+    }

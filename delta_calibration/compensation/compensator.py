@@ -1,0 +1,133 @@
+"""From a nominal joint command to the one that puts the tool where the nominal robot meant it.
+
+For a nominal command q the target is p* = FK_nominal(q); the answer is q + dq with FK_identified(q + dq) = p*.
+Every path to it is guarded: a command that fails a guard gets no correction, and the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.compensation.apso import Apso, ApsoSettings
+from delta_calibration.compensation.base import Compensator, Correction
+from delta_calibration.compensation.newton import Newton, NewtonSettings
+from delta_calibration.errors import InputError
+
+Array = NDArray[np.float64]
+
+METHODS = ("apso", "newton")
+_REACHED = 1e-6  # [m] by the model; a correction that ends farther off is none
+
+
+class Verdict(Enum):
+    """What became of a command; the value is the reason in words."""
+
+    CORRECTED = "corrected"
+    NOT_FINITE = "a joint angle is not a finite number"
+    JOINT_LIMIT = "beyond a joint's limit"
+    OUT_OF_REACH = "no pose of the nominal robot"
+    OUTSIDE_REGION = "outside the calibrated region"
+    SINGULAR = "near a singularity"
+    NOT_REACHED = "no correction within the bound reaches the target"
+
+
+@dataclass(frozen=True)
+class Compensated:
+    """Corrected commands, and what became of each."""
+
+    joint: Array  # (n, m) [rad] what to send: q + dq, or q where there is no correction
+    correction: Array  # (n, m) [rad]
+    model_error: Array  # (n,) [m] distance to the target *by the model*; infinite without correction
+    evaluations: NDArray[np.int64]  # (n,) of the model
+    verdicts: tuple[Verdict, ...]  # (n,)
+
+
+class JointCompensator:
+    """Corrects joint commands by an identified chain. Holds no state: same command, same answer."""
+
+    def __init__(self, calibration: Calibration, method: str = "newton", seed: int = 0) -> None:
+        """From a calibration; `method` is one of `METHODS`, `seed` that of the swarm.
+
+        Raises:
+            InputError: no such method.
+        """
+        if method not in METHODS:
+            raise InputError(f"no method {method!r}; choose from: {', '.join(METHODS)}")
+        self.calibration = calibration
+        self.robot = calibration.robot
+        self.method = method
+        self._nominal = self.robot.model("rotary_delta")
+        bound = self.robot.limits.correction
+        make: dict[str, Callable[[], Compensator]] = {
+            "apso": lambda: Apso(self.point, ApsoSettings(bound_rad=bound, seed=seed)),
+            "newton": lambda: Newton(self.point, self.jacobian, NewtonSettings(bound_rad=bound)),
+        }
+        self._solver = make[method]()
+
+    def targets(self, q: Array) -> Array:
+        """Tool points the nominal robot means by the commands, (n, 3) [m]; NaN where it has no pose."""
+        return self._nominal.forward(q, self._nominal.parameters.nominal) + self.robot.tool_offset
+
+    def point(self, q: Array) -> Array:
+        """Tool points of the identified robot, (..., m) -> (..., 3) [m]; NaN where it has no pose."""
+        flat = q.reshape(-1, q.shape[-1])
+        chain = self.calibration.chain
+        point = chain.point(chain.pose(flat, self.calibration.theta), self.robot.tool_offset)
+        return point.reshape((*q.shape[:-1], 3))
+
+    def jacobian(self, q: Array) -> Array:
+        """d(tool point)/dq of the identified robot, (..., m) -> (..., 3, m) [m/rad]."""
+        flat = q.reshape(-1, q.shape[-1])
+        chain, geometry = self.calibration.chain, self.calibration.geometry
+        x = chain.pose(flat, self.calibration.theta)
+        slope = chain.point_by_pose(x, self.robot.tool_offset)
+        slope = slope @ chain.mechanism.velocity_jacobian(flat, x, geometry)
+        return slope.reshape((*q.shape[:-1], 3, q.shape[-1]))
+
+    def compensate(self, q: Array) -> Compensated:
+        """Correct commands, (n, m) [rad]."""
+        target = self.targets(np.where(np.isfinite(q), q, 0.0))
+        verdicts = self._guard(q, target)
+        usable = np.array([verdict is Verdict.CORRECTED for verdict in verdicts], dtype=bool)
+        found = Correction.none(0, q.shape[1])
+        if usable.any():
+            found = self._solver.correct(q[usable], target[usable])
+        whole = found.spread(usable)
+        reached = whole.error <= _REACHED
+        correction = np.where((usable & reached)[:, None], whole.dq, 0.0)
+        final = tuple(
+            Verdict.NOT_REACHED if use and not good else verdict
+            for verdict, use, good in zip(verdicts, usable, reached, strict=True)
+        )
+        error = np.where(usable & reached, whole.error, np.inf)
+        return Compensated(q + correction, correction, error, whole.evaluations, final)
+
+    def _guard(self, q: Array, target: Array) -> list[Verdict]:
+        """The first guard that each command fails, `CORRECTED` where it passes all."""
+        joints, limits = self.robot.joints, self.robot.limits
+        finite = np.isfinite(q).all(axis=1)
+        within = ((q >= joints.lower) & (q <= joints.upper)).all(axis=1)
+        reached = np.isfinite(target).all(axis=1)
+        known = np.where(reached[:, None], target, 0.0)
+        covered = self.calibration.region.outside(known - self.robot.tool_offset) <= limits.region_margin
+        safe = np.where((finite & reached)[:, None], q, self._nominal.home)
+        x = known - self.robot.tool_offset
+        condition = self._nominal.condition(safe, x, self._nominal.parameters.nominal)
+        regular = condition <= limits.condition
+        checks = [
+            (finite, Verdict.NOT_FINITE),
+            (within, Verdict.JOINT_LIMIT),
+            (reached, Verdict.OUT_OF_REACH),
+            (covered, Verdict.OUTSIDE_REGION),
+            (regular, Verdict.SINGULAR),
+        ]
+        return [
+            next((verdict for passed, verdict in checks if not passed[row]), Verdict.CORRECTED)
+            for row in range(len(q))
+        ]

@@ -1,0 +1,48 @@
+"""A node's state on `/diagnostics`, once a second, whatever the clock of the simulation does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from delta_calibration.ros.qos import DIAGNOSTICS
+
+PERIOD_S = 1.0
+
+
+def status(
+    level: bytes, name: str, message: str, values: Mapping[str, object] | None = None
+) -> DiagnosticStatus:
+    """One status; `level` is one of DiagnosticStatus.OK, WARN, ERROR, STALE."""
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in (values or {}).items()]
+    return DiagnosticStatus(level=level, name=name, message=message, values=pairs)
+
+
+class Diagnostics:
+    """Publishes what `report` returns at 1 Hz of wall time.
+
+    Args:
+        node: node that is reported on; its name comes before the status's.
+        report: gives level, message and values now.
+    """
+
+    def __init__(
+        self, node: Node, report: Callable[[], tuple[bytes, str, Mapping[str, object]]]
+    ) -> None:
+        self._node = node
+        self._report = report
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", DIAGNOSTICS)
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(PERIOD_S, self.publish, clock=clock)
+
+    def publish(self) -> None:
+        """Publish the state now, besides the times of the clock."""
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        level, text, values = self._report()
+        message.status = [status(level, self._node.get_fully_qualified_name(), text, values)]
+        self._publisher.publish(message)

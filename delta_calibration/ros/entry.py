@@ -1,0 +1,43 @@
+"""Entry points of the node executables; without rclpy they say so in a line, and leave with 2."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from importlib import import_module
+
+from delta_calibration.errors import InputError
+
+MISSING = (
+    "{executable}: rclpy is not installed for {python}: source a ROS 2 Jazzy setup, "
+    "or install delta_calibration[ros]\n"
+)
+
+
+def run_node(executable: str) -> int:
+    """Run `main()` of the module that carries the executable's name.
+
+    Args:
+        executable: name of a node module in this package, such as `session_recorder`.
+
+    Returns:
+        The process's exit code.
+    """
+    handler = signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback out of an import
+    try:
+        import_module("rclpy")
+    except ImportError:
+        signal.signal(signal.SIGINT, handler)
+        sys.stderr.write(MISSING.format(executable=executable, python=sys.executable))
+        return InputError.exit_code
+    return int(import_module(f"delta_calibration.ros.{executable}").main())
+
+
+def session_recorder() -> int:
+    """Record a session from the cell's topics."""
+    return run_node("session_recorder")
+
+
+def session_player() -> int:
+    """Play a session onto its topics."""
+    return run_node("session_player")

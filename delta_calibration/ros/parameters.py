@@ -1,0 +1,176 @@
+"""Parameters of a node from a small table: default, meaning, range, choices.
+
+ROS checks the type and, for numbers that are not NaN, the range; choices, arrays and finiteness
+are checked here, at the start and at every later change. A value is refused with the reason.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from delta_calibration.errors import InputError
+
+Value = bool | int | float | str | Sequence[str] | Sequence[float]
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One parameter: its type is that of the default; the unit stands in the description.
+
+    Attributes:
+        name: as on the command line.
+        default: value where none is given; a tuple for an array, which must not be empty.
+        description: what it does, with unit.
+        range: lowest and highest value of a number, or of each number of an array.
+        choices: allowed texts; of an array, allowed entries.
+        read_only: can be given at the start only.
+    """
+
+    name: str
+    default: Value
+    description: str
+    range: tuple[float, float] | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+    def reason_against(self, value: Any) -> str | None:
+        """Why the value is refused, naming it and what is allowed; None if it is not."""
+        for entry in _entries(value):
+            if isinstance(entry, float) and not math.isfinite(entry):
+                return f"{self.name}: {entry} is not a finite number"
+            if self.range is not None and not self.range[0] <= entry <= self.range[1]:
+                return f"{self.name}: {entry} is not in [{self.range[0]}, {self.range[1]}]"
+            if self.choices and entry not in self.choices:
+                return f"{self.name}: {entry!r} is none of {', '.join(self.choices)}"
+        return None
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What `ros2 param describe` shows."""
+        choices = f"one of: {', '.join(self.choices)}" if self.choices else ""
+        descriptor = ParameterDescriptor(
+            name=self.name,
+            description=self.description,
+            read_only=self.read_only,
+            additional_constraints=choices,
+        )
+        if self.range is not None and isinstance(self.default, float):
+            low, high = map(float, self.range)
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        elif self.range is not None and isinstance(self.default, int):
+            first, last = map(int, self.range)
+            descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
+        return descriptor
+
+
+class ParameterTable:
+    """The declared parameters of one node.
+
+    Args:
+        node: node that owns them.
+        specs: what to declare.
+        on_change: called after a change at run time, with the names that changed.
+
+    Raises:
+        InputError: a value given at the start has the wrong type or is not allowed.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        specs: Iterable[Spec],
+        on_change: Callable[[tuple[str, ...]], None] | None = None,
+    ) -> None:
+        self._node = node
+        self._specs = {spec.name: spec for spec in specs}
+        node.add_on_set_parameters_callback(self._check)
+        for spec in self._specs.values():
+            self._declare(spec)
+        if on_change is not None:
+            self._on_change = on_change
+            node.add_post_set_parameters_callback(self._report)
+
+    def flag(self, name: str) -> bool:
+        """Value of a parameter that is true or false."""
+        return bool(self._value(name))
+
+    def integer(self, name: str) -> int:
+        """Value of a whole number."""
+        return int(self._value(name))
+
+    def number(self, name: str) -> float:
+        """Value of a floating-point number."""
+        return float(self._value(name))
+
+    def text(self, name: str) -> str:
+        """Value of a text."""
+        return str(self._value(name))
+
+    def texts(self, name: str) -> tuple[str, ...]:
+        """Value of an array of texts; without empty ones: YAML has no empty array with a type."""
+        return tuple(str(entry) for entry in self._value(name) if entry)
+
+    def numbers(self, name: str) -> tuple[float, ...]:
+        """Value of an array of numbers."""
+        return tuple(float(entry) for entry in self._value(name))
+
+    def _value(self, name: str) -> Any:
+        return self._node.get_parameter(name).value
+
+    def _declare(self, spec: Spec) -> None:
+        default = list(spec.default) if isinstance(spec.default, tuple) else spec.default
+        try:
+            self._node.declare_parameter(spec.name, default, spec.descriptor())
+        except InvalidParameterTypeException as error:
+            raise InputError(_type_message(spec, self._given(spec))) from error
+        except InvalidParameterValueException as error:
+            raise InputError(f"parameter {error}") from error
+
+    def _given(self, spec: Spec) -> Any:
+        override = self._node._parameter_overrides.get(spec.name)
+        return None if override is None else override.value
+
+    def _check(self, changed: list[Parameter]) -> SetParametersResult:
+        for parameter in changed:
+            spec = self._specs.get(parameter.name)
+            reason = None if spec is None else spec.reason_against(parameter.value)
+            if reason is not None:
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    def _report(self, changed: list[Parameter]) -> None:
+        names = tuple(p.name for p in changed if p.name in self._specs)
+        if names:
+            self._on_change(names)
+
+
+def warn_of_unknown(node: Node) -> None:
+    """Log parameters that were given and not declared: ROS itself drops them in silence."""
+    for name in sorted(node._parameter_overrides):
+        if not node.has_parameter(name) and not name.startswith("qos_overrides."):
+            known = sorted(node.list_parameters([], 0).names)
+            node.get_logger().warn(f"parameter {name!r} is not known here; known are {known}")
+
+
+def _entries(value: Any) -> Sequence[Any]:
+    return value if isinstance(value, list | tuple) or hasattr(value, "typecode") else (value,)
+
+
+def _type_message(spec: Spec, given: Any) -> str:
+    kind = "array" if isinstance(spec.default, tuple) else type(spec.default).__name__
+    message = f"parameter {spec.name}: {given!r} is not of type {kind}"
+    if isinstance(spec.default, float) and isinstance(given, int):
+        message += f"; write {float(given)}"
+    return message

@@ -1,0 +1,194 @@
+"""What every node's `main()` shares: start, spin, stop, exit code.
+
+Signals only set a mark, which the spin looks at between slices: no callback is cut in half, and a
+node closes its files and deactivates while the context still lives. A signal before the spin, or a
+second one later than REPEAT_S (a terminal and a launcher often send the same one twice), breaks
+off at once.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any
+
+import rclpy
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rclpy.utilities import ok, remove_ros_args, try_shutdown
+
+from delta_calibration.errors import CalibrationError, InputError
+
+SLICE_S = 0.1  # [s] without a timeout the events executor neither rests nor sees signals
+REPEAT_S = 1.0  # [s]
+FAILED = 1
+
+
+class Finishing:
+    """Mixin of a node that may end by itself, with an exit code of its own."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.finished = Future()
+
+    def finish(self, exit_code: int = 0) -> None:
+        """Let the process end within a slice of the spin; the first call decides the exit code."""
+        if not self.finished.done():
+            self.finished.set_result(exit_code)
+
+    def fail(self, error: CalibrationError) -> None:
+        """Say in one line what the user has to know, and end with the error's exit code."""
+        self.get_logger().fatal(str(error))  # type: ignore[attr-defined]
+        self.finish(error.exit_code)
+
+    def start(self) -> None:
+        """Called once, when the node stands and before it spins."""
+
+    def close(self) -> None:
+        """Called once, before the node is destroyed and while it can still publish."""
+
+
+class BaseNode(Finishing, Node):
+    """Plain node that `run` knows how to start and end."""
+
+
+class Interrupted(BaseException):
+    """A signal that breaks off.
+
+    Not KeyboardInterrupt: once that has passed through an `eval`, python ends by the signal even
+    though it was caught.
+    """
+
+
+class StopSignals:
+    """SIGINT and SIGTERM: a mark while spinning, `Interrupted` before or if repeated late."""
+
+    def __init__(self) -> None:
+        self.spinning = False
+        self.requested = False
+        self._since = 0.0
+        self._previous: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> StopSignals:
+        if threading.current_thread() is threading.main_thread():  # only there may handlers be set
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._previous[number] = signal.signal(number, self._receive)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _receive(self, _number: int, _frame: FrameType | None) -> None:
+        now = time.monotonic()
+        if self.requested and now - self._since < REPEAT_S:
+            return
+        first, self.requested, self._since = not self.requested, True, now
+        if not (first and self.spinning):
+            raise Interrupted
+
+
+def make_executor() -> Executor:
+    """Events executor, the fastest at 1 kHz; the single-threaded one where rclpy lacks it."""
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def spin(executor: Executor, finished: Future, stop: StopSignals | None = None) -> int:
+    """Spin in slices until the future is done, a signal asks to stop, or the context ends.
+
+    Returns:
+        The future's result where it is done, else 0.
+    """
+    while ok() and not finished.done() and not (stop is not None and stop.requested):
+        # A future of its own for each slice: the executor hangs a callback on it that stays.
+        executor.spin_until_future_complete(Future(), SLICE_S)
+    return int(finished.result()) if finished.done() else 0
+
+
+def run(build: Callable[[], Any], name: str, arguments: Sequence[str] | None = None) -> int:
+    """Build a node, spin it until it ends or is asked to stop, and clean up.
+
+    Args:
+        build: makes the node (a `Finishing`); rclpy is initialised by then.
+        name: said in messages before there is a node.
+        arguments: command line with the program's name first; `sys.argv` by default.
+
+    Returns:
+        0 done or stopped by a signal; `exit_code` of a CalibrationError; 1 for any other failure.
+    """
+    argv = list(sys.argv if arguments is None else arguments)
+    with StopSignals() as stop:
+        try:
+            return _run(build, argv, stop)
+        except (Interrupted, KeyboardInterrupt, ExternalShutdownException):
+            return 0
+        except CalibrationError as error:
+            get_logger(name).fatal(_one_line(error))
+            return error.exit_code
+        except OSError as error:  # a full disk, a folder without permission
+            get_logger(name).fatal(_one_line(error))
+            return FAILED
+        finally:
+            try_shutdown()
+
+
+def _run(build: Callable[[], Any], argv: list[str], stop: StopSignals) -> int:
+    _initialise(argv)
+    executor = make_executor()
+    node = build()
+    try:
+        executor.add_node(node)
+        node.start()
+        stop.spinning = True
+        if stop.requested:
+            return 0
+        return spin(executor, node.finished, stop)
+    finally:
+        _take_down(executor, node)
+
+
+def _take_down(executor: Executor, node: Any) -> None:
+    """Close the node while its context lives; even if that fails, everything is released."""
+    try:
+        node.close()
+    finally:
+        executor.remove_node(node)
+        node.destroy_node()
+        executor.shutdown()
+
+
+def _initialise(argv: list[str]) -> None:
+    """Start rclpy, once every argument is understood.
+
+    Raises:
+        InputError: an argument that is neither ROS's nor ours.
+    """
+    wrong = (
+        rclpy_implementation.RCLInvalidROSArgsError,
+        rclpy_implementation.UnknownROSArgsError,
+    )
+    try:
+        others = remove_ros_args(argv)[1:]
+        if others:
+            raise InputError(
+                f"unknown argument {others[0]!r}: parameters follow --ros-args, as -p name:=value"
+            )
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    except wrong as error:
+        raise InputError(f"ROS arguments: {_one_line(error)}") from error
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,56 @@
+"""Keeps a test run to itself: a ROS domain of its own, loopback only, logs in a temporary folder.
+
+Set here, before any test imports rclpy, once in every pytest-xdist worker; the nodes that tests
+start inherit it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+LAST_SAFE_DOMAIN = 101  # above it, DDS ports run into Linux's ephemeral ones
+FOREIGN_ROS = (
+    "ROS_LOCALHOST_ONLY",
+    "ROS_STATIC_PEERS",
+    "RMW_IMPLEMENTATION",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+)
+
+
+def _claim_domain() -> int:
+    """The first domain that no other test process here holds, locked until this one ends."""
+    for domain in range(1, LAST_SAFE_DOMAIN + 1):
+        path = Path(tempfile.gettempdir()) / f"delta_calibration_ros_domain_{domain}.lock"
+        with suppress(OSError):  # another user's file
+            lock = os.open(path, os.O_CREAT | os.O_RDWR)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(lock)
+            else:
+                return domain
+    raise RuntimeError("all ROS domains are taken by other test runs")
+
+
+for _name in FOREIGN_ROS:
+    os.environ.pop(_name, None)
+os.environ["ROS_DOMAIN_ID"] = str(_claim_domain())
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.load_profile("repeatable")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ros_log_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Nodes write their logs beside the other temporary files, not into the home folder."""
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))

@@ -1,0 +1,172 @@
+"""One set of files, two ways to install: pip (wheel, sdist, editable) and colcon (ament_python).
+
+`ros2cli` is not on PyPI, so `ros2 run` itself cannot be called here. `executables_of` finds
+executables the way it does: the prefix on AMENT_PREFIX_PATH whose resource index names the
+package, and there the executable files below lib/<package>.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from configparser import ConfigParser
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from catkin_pkg.package import parse_package
+
+import delta_calibration
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = "delta_calibration"
+NODES = {
+    "calibration_node",
+    "simulated_tracker",
+    "measurement_plan",
+    "session_recorder",
+    "session_player",
+}
+CONFIG = ROOT / "config" / "srbd.yaml"
+# Python packages for which rosdep has no key: pip brings them
+WITHOUT_ROSDEP_KEY = {"mcap", "rosbags", "lz4", "zstandard", "numba"}
+
+
+def run(*command: str | Path, cwd: Path, **environment: str) -> str:
+    """Output of a command that has to succeed; shown whole where it does not."""
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=cwd,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """A copy of the repository less what git ignores: nothing is built in the repository."""
+    ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").replace("/", "").split()
+    copy = tmp_path / "src" / PACKAGE
+    shutil.copytree(ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(".git", *ignored))
+    return copy
+
+
+def setup_cfg() -> ConfigParser:
+    parser = ConfigParser()
+    parser.read(ROOT / "setup.cfg", encoding="utf-8")
+    return parser
+
+
+def entry_points() -> dict[str, str]:
+    lines = setup_cfg()["options.entry_points"]["console_scripts"].split("\n")
+    return dict(line.split(" = ") for line in lines if line)
+
+
+def test_manifest_and_code_agree_on_the_version() -> None:
+    assert parse_package(str(ROOT)).version == delta_calibration.__version__
+
+
+def test_manifest() -> None:
+    warnings: list[str] = []
+    manifest = parse_package(str(ROOT), warnings=warnings)  # raises on an invalid e-mail
+    assert warnings == []
+    assert manifest.package_format == 3
+    assert manifest.name == PACKAGE
+    assert list(map(str, manifest.licenses)) == ["Apache-2.0"]
+    assert manifest.get_build_type() == "ament_python"
+
+
+def test_manifest_has_a_rosdep_key_for_every_python_dependency() -> None:
+    requirements = setup_cfg()["options"]["install_requires"].split()
+    names = {requirement.split(">=")[0] for requirement in requirements}
+    keys = {depend.name for depend in parse_package(str(ROOT)).exec_depends}
+    assert {f"python3-{name}" for name in names - WITHOUT_ROSDEP_KEY} <= keys
+
+
+def test_executables_are_the_command_and_the_nodes() -> None:
+    assert set(entry_points()) == {"delta-cal", *NODES}
+
+
+def test_running_package_finds_its_configuration() -> None:
+    packaged = files(PACKAGE) / "config" / CONFIG.name
+    assert packaged.read_text(encoding="utf-8") == CONFIG.read_text(encoding="utf-8")
+
+
+def test_wheel_from_sdist_carries_the_data(source: Path, tmp_path: Path) -> None:
+    run(sys.executable, "setup.py", "-q", "sdist", "-d", tmp_path, cwd=source)
+    (archive,) = tmp_path.glob("*.tar.gz")
+    run("tar", "-xzf", archive, cwd=tmp_path)
+    unpacked = tmp_path / archive.name.removesuffix(".tar.gz")
+    pip = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation")
+    run(*pip, "-w", tmp_path, unpacked, cwd=tmp_path, PIP_DISABLE_PIP_VERSION_CHECK="1")
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as content:
+        names = set(content.namelist())
+        packaged = content.read(f"{PACKAGE}/config/{CONFIG.name}")
+    assert packaged == CONFIG.read_bytes()
+    schemas = {f"{PACKAGE}/schemas/{path.name}" for path in (ROOT / PACKAGE / "schemas").glob("*")}
+    assert {f"{PACKAGE}/py.typed", *schemas} <= names
+    marker = f"share/ament_index/resource_index/packages/{PACKAGE}"
+    assert f"{wheel.name.split('-py3')[0]}.data/data/{marker}" in names
+    assert not {name for name in names if ".data/scripts" in name}  # pip makes them, in bin
+
+
+def executables_of(package: str, ament_prefix_path: str) -> dict[str, Path]:
+    """What `ros2 run <package>` offers."""
+    for prefix in map(Path, ament_prefix_path.split(os.pathsep)):
+        if (prefix / "share/ament_index/resource_index/packages" / package).is_file():
+            found = [path for path in (prefix / "lib" / package).rglob("*") if path.is_file()]
+            return {path.name: path for path in found if os.access(path, os.X_OK)}
+    return {}
+
+
+@pytest.mark.parametrize("options", [(), ("--symlink-install",)], ids=["install", "symlink"])
+def test_colcon_build_gives_a_package_that_ros2_run_finds(
+    options: tuple[str, ...], source: Path, tmp_path: Path
+) -> None:
+    colcon = (sys.executable, "-m", "colcon", "--log-base", tmp_path / "log", "build")
+    run(*colcon, *options, cwd=tmp_path, COLCON_HOME=str(tmp_path / "colcon"))
+
+    prefix = tmp_path / "install" / PACKAGE
+    share = prefix / "share" / PACKAGE
+    assert (share / "hook" / "ament_prefix_path.sh").is_file()
+    assert (share / "package.xml").is_file()
+    assert (share / "config" / CONFIG.name).read_bytes() == CONFIG.read_bytes()
+
+    setup = tmp_path / "install" / "setup.sh"
+    script = f'. "{setup}" && printenv AMENT_PREFIX_PATH && printenv PYTHONPATH'
+    ament_prefix_path, python_path = run("sh", "-c", script, cwd=tmp_path).split()
+    executables = executables_of(PACKAGE, ament_prefix_path)
+    assert set(executables) == {"delta-cal", *NODES}
+
+    # the built package, not the one under test: it has to be complete by itself
+    built = run(
+        sys.executable,
+        "-c",
+        f"import {PACKAGE}, importlib.resources as r, pathlib;"
+        f"print(pathlib.Path({PACKAGE}.__file__).resolve());"
+        f"print(len((r.files('{PACKAGE}') / 'config' / '{CONFIG.name}').read_bytes()))",
+        cwd=tmp_path,
+        PYTHONPATH=python_path,
+    ).split()
+    assert Path(built[0]).is_relative_to(tmp_path.resolve())
+    assert int(built[1]) == CONFIG.stat().st_size
+    usage = run(executables["delta-cal"], "--help", cwd=tmp_path, PYTHONPATH=python_path)
+    assert "Usage" in usage
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", sorted(NODES))
+def test_node_executables_can_be_loaded(name: str) -> None:
+    pytest.importorskip("rclpy")
+    module, function = entry_points()[name].split(":")
+    check = f"from {module} import {function}; assert callable({function})"
+    run(sys.executable, "-c", check, cwd=ROOT)

@@ -1,0 +1,187 @@
+"""Start, spin, stop and exit code, of real nodes in processes of their own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+from ros_helpers import Launch, launch_fixture  # noqa: F401
+
+from delta_calibration.ros.entry import run_node
+from delta_calibration.ros.environment import child_environment, remove_dead_shared_memory
+
+pytestmark = pytest.mark.ros
+
+CELL = '''
+import sys, time
+from pathlib import Path
+from delta_calibration.errors import DataError
+from delta_calibration.ros.lifecycle import SafeLifecycleNode
+from delta_calibration.ros.runtime import BaseNode, run
+
+class Busy(BaseNode):
+    """Works in slices of 20 ms that must never be cut in half; does at 0.3 s what it is told."""
+
+    def __init__(self):
+        super().__init__("busy")
+        self.begun = self.ended = 0
+        self.create_timer(0.025, self.work)
+        if sys.argv[1] not in ("work", "without_events"):
+            self.create_timer(0.3, getattr(self, sys.argv[1]))
+        self.get_logger().info("ready")
+
+    def work(self):
+        self.begun += 1
+        for _ in range(20):
+            time.sleep(0.001)
+        self.ended += 1
+
+    def end(self): self.finish(7)
+    def refuse(self): self.fail(DataError("nothing was still"))
+    def crash(self): raise ValueError("a bug")
+    def full(self): raise OSError(28, "No space left on device", "/session")
+
+    def close(self):
+        self.get_logger().info(f"closed, whole: {self.begun == self.ended}, {self.context.ok()}")
+
+class Managed(SafeLifecycleNode):
+    def deactivate(self):
+        self.get_logger().info("deactivated")
+    def activate(self):
+        self.get_logger().info("activated")
+
+if sys.argv[1] == "without_events":  # as in an rclpy that has no events executor
+    sys.modules["rclpy.experimental.events_executor"] = None
+build = {"managed": lambda: Managed("managed")}.get(sys.argv[1], Busy)
+raise SystemExit(run(build, "cell", [sys.argv[0], *sys.argv[2:]]))
+'''
+
+
+@pytest.fixture
+def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Name of a module with the nodes above, importable by children."""
+    (tmp_path / "cell_under_test.py").write_text(CELL)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    return "cell_under_test"
+
+
+@pytest.mark.parametrize(
+    ("what", "number"),
+    [("work", signal.SIGINT), ("work", signal.SIGTERM), ("without_events", signal.SIGINT)],
+)
+def test_a_signal_ends_the_node_after_its_callback_with_0(
+    launch: Launch, cell: str, what: str, number: signal.Signals
+) -> None:
+    node = launch(cell, what)
+    assert node.says("ready")
+    time.sleep(0.2)
+    node.send(number)
+    node.send(number)  # a terminal and a launcher both send it
+    assert node.end(5.0) == 0
+    assert "closed, whole: True, True" in node.output
+    assert "Traceback" not in node.output
+
+
+def test_a_node_at_rest_uses_no_processor(launch: Launch, cell: str) -> None:
+    node = launch(cell, "managed", autostart=True)
+    assert node.says("activated")
+    before = cpu_seconds(node.process.pid)
+    time.sleep(1.0)
+    assert cpu_seconds(node.process.pid) - before < 0.3
+    node.send(signal.SIGINT)
+    assert node.end(5.0) == 0
+    assert "deactivated" in node.output
+
+
+@pytest.mark.parametrize(
+    ("what", "code", "said"),
+    [
+        ("end", 7, "closed"),
+        ("refuse", 1, "nothing was still"),
+        ("crash", 1, "ValueError: a bug"),
+        ("full", 1, "No space left on device"),
+    ],
+)
+def test_a_node_ends_with_its_own_exit_code(
+    launch: Launch, cell: str, what: str, code: int, said: str
+) -> None:
+    node = launch(cell, what)
+    assert node.end() == code
+    assert said in node.output
+    assert "closed, whole: True, True" in node.output
+    assert ("Traceback" in node.output) == (what == "crash")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--verbose"], "unknown argument '--verbose'"),
+        (["--ros-args", "-p", "output"], "ROS arguments"),
+        (["--ros-args", "--no-such-thing"], "ROS arguments"),
+        ([], "parameter output: is empty"),
+        (["--ros-args", "-p", "output:=3"], "parameter output: 3 is not of type str"),
+        (["--ros-args", "-p", "output:=/x", "-p", "topics:=[joint_comand]"], "joint_comand"),
+        (["--ros-args", "-p", "output:=/x", "-p", "provenance:=[seed]"], "key=value"),
+    ],
+)
+def test_wrong_use_is_one_line_and_2(launch: Launch, arguments: list[str], said: str) -> None:
+    node = launch("delta_calibration.ros.session_recorder", *arguments)
+    assert node.end() == 2
+    assert said in node.output
+    assert len(node.output.strip().splitlines()) == 1
+
+
+def test_without_rclpy_the_executable_says_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    assert run_node("session_recorder") == 2
+    assert "rclpy is not installed" in capsys.readouterr().err
+
+
+def test_a_child_gets_neither_the_mark_nor_the_libraries_of_the_wheels() -> None:
+    inherited = {
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1",
+        "LD_LIBRARY_PATH": "/opt/vendor/lib:/env/lib/python3.11/site-packages/ros_rcl.libs",
+        "HOME": "/home/cell",
+    }
+    child = child_environment(domain_id=7, base=inherited, local_only=True)
+    assert child == {
+        "LD_LIBRARY_PATH": "/opt/vendor/lib",
+        "HOME": "/home/cell",
+        "ROS_DOMAIN_ID": "7",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+    apt = {"LD_LIBRARY_PATH": "/opt/ros/jazzy/lib"}
+    assert child_environment(base=apt) == apt
+
+
+def test_only_the_dead_lose_their_shared_memory(tmp_path: Path) -> None:
+    names = ("fastrtps_dead", "fastrtps_dead_el", "sem.fastrtps_dead_mutex", "fastrtps_alive")
+    for name in (*names, "fastrtps_alive_el", "fastrtps_new", "fastrtps_old", "other"):
+        (tmp_path / name).touch()
+    os.utime(tmp_path / "fastrtps_old", (0.0, 0.0))
+    holder = subprocess.Popen(
+        ["flock", str(tmp_path / "fastrtps_alive_el"), "sleep", "30"], start_new_session=True
+    )
+    try:
+        time.sleep(0.3)
+        assert remove_dead_shared_memory(tmp_path) == ["fastrtps_dead", "fastrtps_old"]
+    finally:
+        os.killpg(holder.pid, signal.SIGKILL)
+        holder.wait()
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["fastrtps_alive", "fastrtps_alive_el", "fastrtps_new", "other"]
+
+
+def cpu_seconds(pid: int) -> float:
+    """Processor time a process has used so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,0 +1,306 @@
+"""Recorder and player as processes: counts, stamps, time, and what a killed recorder leaves."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped, PoseStamped
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, Temperature
+
+from delta_calibration.recording import SessionWriter, read_messages, read_session
+from delta_calibration.recording.messages import encode_joint_state, encode_payload
+from delta_calibration.ros.conversions import joint_state, ns_to_stamp, pose_stamped, stamp_to_ns
+from delta_calibration.ros.qos import CLOCK, COMMAND, DIAGNOSTICS, MEASURED, PAYLOAD, STREAM_OUT
+
+pytestmark = pytest.mark.ros
+
+RECORDER = "delta_calibration.ros.session_recorder"
+PLAYER = "delta_calibration.ros.session_player"
+NAMES = ("joint_1", "joint_2", "joint_3")
+T0_NS = 1_700_000_000_000_000_000
+STEP_NS = 10_000_000
+COUNT = 100  # messages of the session that is played: 1 s
+
+
+class Cell:
+    """Publishes what a cell publishes."""
+
+    def __init__(self, bench: Bench, prefix: str = "") -> None:
+        self.bench = bench
+        node = bench.node("cell")
+        self.command = node.create_publisher(JointState, f"{prefix}joint_command", STREAM_OUT)
+        self.states = node.create_publisher(JointState, f"{prefix}joint_states", MEASURED)
+        self.tracker = node.create_publisher(PoseStamped, f"{prefix}tracker/pose", STREAM_OUT)
+        self.heat = node.create_publisher(Temperature, f"{prefix}cell/temperature", MEASURED)
+        payload = node.create_publisher(InertiaStamped, f"{prefix}cell/payload", PAYLOAD)
+        load = InertiaStamped()
+        load.inertia.m, load.header.stamp = 1.5, ns_to_stamp(T0_NS)
+        payload.publish(load)  # before anybody listens
+
+    def found(self) -> bool:
+        streams = (self.command, self.states, self.tracker, self.heat)
+        matched = self.bench.until(lambda: all(p.get_subscription_count() for p in streams))
+        self.bench.spin_for(0.3)  # the other side has to know as well, or best effort is lost
+        return matched
+
+    def run(self, count: int, pause_s: float = 0.001) -> None:
+        for k in range(count):
+            stamp = ns_to_stamp(T0_NS + k * STEP_NS)
+            angles = np.array([k, 2.0 * k, 3.0 * k]) * 1e-3
+            self.command.publish(joint_state(NAMES, angles, stamp))
+            self.states.publish(joint_state(NAMES, angles + 1e-5, stamp))
+            pose = pose_stamped(np.array([k, 0.0, 3.0]), np.array([0, 0, 0, 1.0]), stamp)
+            self.tracker.publish(pose)
+            if k % 100 == 0:
+                heat = Temperature(temperature=20.0 + k * 1e-3)
+                heat.header.frame_id, heat.header.stamp = "arm", stamp
+                self.heat.publish(heat)
+            self.bench.spin_for(pause_s)
+
+
+def test_a_recording_holds_every_message_with_its_stamp(
+    bench: Bench, launch: Launch, tmp_path: Path
+) -> None:
+    cell = Cell(bench)
+    seen: list[DiagnosticStatus] = []
+    bench.node("watcher").create_subscription(
+        DiagnosticArray, "/diagnostics", lambda m: seen.extend(m.status), DIAGNOSTICS
+    )
+    path = tmp_path / "session"
+    node = launch(RECORDER, output=path, provenance=["robot=srbd", "seed=4"])
+    assert cell.found()
+    cell.run(300)
+    assert bench.until(lambda: any(("joint_command messages", "300") in pairs(s) for s in seen))
+    node.send(signal.SIGINT)
+    assert node.end() == 0
+
+    session = read_session(path)
+    stamps = T0_NS + np.arange(300) * STEP_NS
+    np.testing.assert_array_equal(session.command.stamp_ns, stamps)
+    np.testing.assert_array_equal(session.states.stamp_ns, stamps)
+    np.testing.assert_array_equal(session.tracker.position[:, 0], np.arange(300.0))
+    np.testing.assert_array_equal(session.command.position[299], np.array([299, 598, 897]) * 1e-3)
+    assert session.command.names == NAMES
+    assert session.temperature[0].celsius.tolist() == [20.0, 20.1, 20.2]
+    assert session.payload.mass.tolist() == [1.5]
+    assert session.metadata["robot"] == "srbd"
+    assert session.metadata["seed"] == "4"
+    assert session.notes == ()
+
+    last = seen[-1]
+    assert last.level == DiagnosticStatus.OK
+    assert last.name == "/session_recorder"
+    assert ("tracker/pose dropped", "0") in pairs(last)
+    assert int(dict(pairs(last))["tracker/pose bytes"]) > 300 * 80
+
+
+def test_a_killed_recorder_loses_a_second_at_most_and_the_loss_is_said(
+    bench: Bench, launch: Launch, tmp_path: Path
+) -> None:
+    cell = Cell(bench)
+    path = tmp_path / "session"
+    node = launch(RECORDER, output=path)
+    assert cell.found()
+    cell.run(1200)
+    node.send(signal.SIGKILL)
+    assert node.end() == -signal.SIGKILL
+    session = read_session(path)
+    count = len(session.command.stamp_ns)
+    assert 300 <= count <= 1200
+    expected = T0_NS + np.arange(count) * STEP_NS  # from the start, with no gap
+    np.testing.assert_array_equal(session.command.stamp_ns, expected)
+    assert any("cut off" in note for note in session.notes)
+
+
+def test_a_remapped_topic_is_recorded_under_the_contracts_name(
+    bench: Bench, launch: Launch, tmp_path: Path
+) -> None:
+    cell = Cell(bench, prefix="/plant/")
+    path = tmp_path / "session"
+    node = launch(
+        RECORDER,
+        *("--ros-args", "-r", "joint_command:=/plant/joint_command"),
+        *("-p", f"output:='{path}'", "-p", "topics:=[joint_command]"),
+    )
+    assert bench.until(cell.command.get_subscription_count)
+    cell.run(20)
+    bench.spin_for(0.3)
+    node.send(signal.SIGTERM)
+    assert node.end() == 0
+    messages, _ = read_messages(path)
+    assert [m.topic for m in messages] == ["/joint_command"] * 20
+    metadata = (path / "metadata.yaml").read_text()
+    assert "recorded joint_command from: /plant/joint_command" in metadata
+
+
+def test_a_session_is_never_overwritten(launch: Launch, played: Path) -> None:
+    before = sorted((p, p.stat().st_size) for p in played.iterdir())
+    node = launch(RECORDER, output=played)
+    assert node.end() == 2
+    assert f"{played} exists" in node.output
+    assert "Traceback" not in node.output
+    assert sorted((p, p.stat().st_size) for p in played.iterdir()) == before
+
+
+@pytest.fixture
+def played(tmp_path: Path) -> Path:
+    """Session of 1 s: commands at 100 Hz, and a payload at its start."""
+    path = tmp_path / "played"
+    with SessionWriter(path, {}, compression="none") as writer:
+        load = encode_payload(T0_NS, "tool0", 2.5, (0.0, 0.0, 0.1))
+        writer.write("/cell/payload", "geometry_msgs/msg/InertiaStamped", T0_NS, load)
+        for k in range(COUNT):
+            stamp = T0_NS + k * STEP_NS
+            data = encode_joint_state(stamp, NAMES, (k * 1e-3, 0.0, 0.0))
+            writer.write("/joint_command", "sensor_msgs/msg/JointState", stamp, data)
+    return path
+
+
+class Listener:
+    """Hears what a player plays, with the wall's time."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        node: Node = bench.node("listener")
+        self.stamps: list[int] = []
+        self.angles: list[float] = []
+        self.walls: list[float] = []
+        self.clock: list[int] = []
+        self.masses: list[float] = []
+        node.create_subscription(JointState, "joint_command", self._on_command, COMMAND)
+        node.create_subscription(Clock, "/clock", self._on_clock, CLOCK)
+        node.create_subscription(InertiaStamped, "cell/payload", self._on_payload, PAYLOAD)
+
+    def _on_command(self, message: JointState) -> None:
+        self.stamps.append(stamp_to_ns(message.header.stamp))
+        self.angles.append(message.position[0])
+        self.walls.append(time.monotonic())
+
+    def _on_clock(self, message: Clock) -> None:
+        self.clock.append(stamp_to_ns(message.clock))
+
+    def _on_payload(self, message: InertiaStamped) -> None:
+        self.masses.append(message.inertia.m)
+
+    def until_end(self, node: NodeProcess) -> int:
+        assert self.bench.until(lambda: node.process.poll() is not None)
+        self.bench.spin_for(0.1)
+        return node.end()
+
+    def played_s(self) -> float:
+        return self.walls[-1] - self.walls[0]
+
+
+STAMPS = [T0_NS + k * STEP_NS for k in range(COUNT)]
+
+
+@pytest.mark.parametrize("rate", [1.0, 4.0])
+def test_a_player_gives_every_message_at_its_time(
+    bench: Bench, launch: Launch, played: Path, rate: float
+) -> None:
+    listener = Listener(bench)
+    node = launch(PLAYER, session=played, rate=rate, wait_for_subscribers=10.0)
+    assert listener.until_end(node) == 0
+    assert listener.stamps == STAMPS
+    np.testing.assert_allclose(listener.angles, np.arange(COUNT) * 1e-3, rtol=1e-15)
+    assert listener.masses == [2.5]
+    wall = np.array(listener.walls) - listener.walls[0]
+    expected = np.arange(COUNT) * STEP_NS * 1e-9 / rate
+    assert np.median(np.abs(wall - expected)) < 0.02
+    assert listener.played_s() == pytest.approx(0.99 / rate, abs=0.15)
+    assert f"pass 1: {COUNT + 1} messages" in node.output
+    clock = np.array(listener.clock)
+    assert np.all(np.diff(clock) >= 0)
+    assert clock.min() >= STAMPS[0]
+    assert clock[-1] == STAMPS[-1]
+    assert len(np.unique(clock)) > 30 / rate
+
+
+def test_a_loop_goes_round_until_it_is_stopped(bench: Bench, launch: Launch, played: Path) -> None:
+    listener = Listener(bench)
+    node = launch(PLAYER, session=played, rate=10.0, loop=True, wait_for_subscribers=10.0)
+    assert bench.until(lambda: len(listener.stamps) > 2.5 * COUNT)
+    node.send(signal.SIGINT)
+    assert listener.until_end(node) == 0
+    assert listener.stamps[: 2 * COUNT] == 2 * STAMPS
+    assert "pass 2:" in node.output
+    assert np.sum(np.diff(listener.clock) < 0) == len(listener.stamps) // COUNT
+
+
+def test_a_start_inside_the_session_says_first_what_already_held(
+    bench: Bench, launch: Launch, played: Path
+) -> None:
+    listener = Listener(bench)
+    node = launch(PLAYER, session=played, start=0.6, wait_for_subscribers=10.0)
+    assert listener.until_end(node) == 0
+    assert listener.stamps == STAMPS[60:]
+    assert listener.masses == [2.5]
+    assert min(listener.clock) >= STAMPS[60]
+
+
+def test_a_paused_player_waits_for_its_parameter(
+    bench: Bench, launch: Launch, played: Path
+) -> None:
+    listener = Listener(bench)
+    node = launch(PLAYER, session=played, rate=5.0, paused=True, topics=["joint_command"])
+    assert bench.until(lambda: len(listener.clock) > 20)
+    assert len(set(listener.clock)) == 1
+    assert len(listener.stamps) <= 1  # the one that stands at the start
+    client = AsyncParameterClient(bench.node("operator"), "/session_player")
+    assert bench.until(client.services_are_ready)
+    answer = client.set_parameters([Parameter("paused", value=False)])
+    assert bench.until(answer.done)
+    assert listener.until_end(node) == 0
+    assert listener.stamps[-1] == STAMPS[-1]
+    assert listener.masses == []
+
+
+def test_a_cut_off_session_is_played_as_far_as_it_goes(
+    bench: Bench, launch: Launch, played: Path
+) -> None:
+    data = next(played.glob("*.mcap"))
+    content = data.read_bytes()
+    halfway = content.index(encode_joint_state(STAMPS[50], NAMES, (50 * 1e-3, 0.0, 0.0)))
+    data.write_bytes(content[: halfway + 10])
+    listener = Listener(bench)
+    node = launch(PLAYER, session=played, rate=10.0, wait_for_subscribers=10.0)
+    assert listener.until_end(node) == 0
+    assert "cut off" in node.output
+    assert listener.stamps == STAMPS[:50]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({}, "parameter session: is empty"),
+        ({"session": "/no/such/folder"}, "/no/such/folder does not exist"),
+        ({"rate": 0.0}, "rate"),
+        ({"rate": -1.0}, "rate"),
+        ({"topics": ["tracker/pose"]}, "no topic tracker/pose; it has"),
+        ({"start": 5.0}, "5.0 s, but the session lasts 0.990 s"),
+    ],
+)
+def test_wrong_use_of_the_player_is_one_line_and_2(
+    launch: Launch, played: Path, parameters: dict[str, object], said: str
+) -> None:
+    session = {"session": played} if parameters else {}
+    node = launch(PLAYER, **(session | parameters))
+    assert node.end() == 2
+    assert said in node.output
+    assert len(node.output.strip().splitlines()) == 1
+
+
+def pairs(status: DiagnosticStatus) -> list[tuple[str, str]]:
+    return [(value.key, value.value) for value in status.values]
