@@ -46,7 +46,7 @@ $(STAMP): setup.cfg setup.py pyproject.toml
 	@touch $@
 
 demo: install ## run the simulated cell: measure, fit, compensate, measure again (out/demo)
-	@$(PY) -m delta_calibration.ros.demo --out out/demo
+	@$(VENV)/bin/delta-cal demo --out out/demo
 
 test: install ## run the tests on two workers, real ROS nodes on loopback
 	@$(PY) -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)

@@ -42,9 +42,10 @@ class Calibration:
     def tool_points(self, readings: Array, q: Array) -> Array:
         """Where the tool is in the base, as the tracker sees it, (n, 3) [m].
 
-        The reflector stands off the tool by the identified offset less the tool's, turned with the platform as
-        the model has it at joints q, (n, m) [rad]. This base is the calibration's own: an unknown reflector
-        offset and an unknown frame shift alike, and only their sum is measured.
+        The reflector stands off the tool by the identified offset less the tool's, turned with the
+        platform as the model has it at joints q, (n, m) [rad]. This base is the calibration's own:
+        an unknown reflector offset and an unknown frame shift alike, and only their sum is
+        measured.
         """
         _, offset, frame = self.chain.split(self.theta)
         x = self.chain.pose(q, self.theta)

@@ -26,8 +26,9 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
     lower, upper = found.region_joints
     seal = content_hash(_content(found, robot, poses))
     return Calibration(
-        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor, poses.source, seal
-    )
+        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor,
+        poses.source, seal,
+    )  # fmt: skip
 
 
 def save_calibration(path: Path, found: Identification, robot: Robot, poses: Poses) -> None:
@@ -44,25 +45,30 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
     """Read a calibration made for this robot.
 
     Raises:
-        ConfigError: not there, not whole, changed after it was written, made for another robot, or with
-            parameters that its model does not have.
+        ConfigError: not there, not whole, changed after it was written, made for another robot, or
+            with parameters that its model does not have.
     """
     data = read_document(path, "calibration")
     content = {key: value for key, value in data.items() if key != _SEAL}
     if content_hash(content) != data[_SEAL]:
-        raise ConfigError(f"{path}: {_SEAL}: the content was changed or cut after it was written; fit again")
+        raise ConfigError(
+            f"{path}: {_SEAL}: the content was changed or cut after it was written; fit again"
+        )
     made_for = data["robot"]
     if made_for["sha256"] != robot.hash:
         raise ConfigError(
-            f"{path}: robot: made for {made_for['name']!r} with hash {made_for['sha256'][:12]}, but "
-            f"{robot.source} is {robot.name!r} with hash {robot.hash[:12]}; fit again with this robot file"
+            f"{path}: robot: made for {made_for['name']!r} with hash {made_for['sha256'][:12]}, "
+            f"but {robot.source} is {robot.name!r} with hash {robot.hash[:12]}; "
+            "fit again with this robot file"
         )
     chain = chain_of(robot, data["model"])
     expected = chain.parameters.names
     found = tuple(entry["name"] for entry in data["parameters"])
     if found != expected:
         odd = sorted(set(found) ^ set(expected)) or ["their order"]
-        raise ConfigError(f"{path}: parameters: not those of model {data['model']!r}: {', '.join(odd[:5])}")
+        raise ConfigError(
+            f"{path}: parameters: not those of model {data['model']!r}: {', '.join(odd[:5])}"
+        )
     region = data["region"]
     return Calibration(
         robot=robot,
@@ -94,7 +100,7 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
         },
         "residuals": {"frame_only": _residuals(found.frame_only), "full": _residuals(found.full)},
         "parameters": [
-            {"name": p.name, "unit": p.unit, "nominal": p.nominal, "value": float(v), "std": float(s)}
+            dict(name=p.name, unit=p.unit, nominal=p.nominal, value=float(v), std=float(s))
             for p, v, s in zip(found.parameters, found.theta, found.std, strict=True)
         ],
         "observability": {

@@ -1,9 +1,11 @@
 """The chain of measurement: from joint angles to a reading of the tracker, and its derivatives.
 
-    joint angle --closure of the mechanism--> pose --probe offset--> point in the base --frame--> reading
+    joint angle --closure of the mechanism--> pose --probe offset--> point in the base --frame-->
+    reading
 
-Simulator, fit and compensator all use this one chain. Its parameters are one vector theta: the mechanism's
-geometry g, the reflector's offset o in the platform, the tracker's frame (where the base stands in it):
+Simulator, fit and compensator all use this one chain. Its parameters are one vector theta: the
+mechanism's geometry g, the reflector's offset o in the platform, the tracker's frame (where the
+base stands in it):
 
     y = R(w_T) (p(q, g) + R(x) o) + t_T
 """
@@ -29,8 +31,8 @@ OFFSET_NAMES = tuple(f"reflector_{axis}" for axis in "xyz")
 class Chain:
     """A mechanism, a reflector on its platform, a tracker that looks at it.
 
-    `offset` (3,) [m] is the reflector's nominal place in the platform's frame, `offset_prior` [m] what it is
-    expected to deviate by.
+    `offset` (3,) [m] is the reflector's nominal place in the platform's frame, `offset_prior` [m]
+    what it is expected to deviate by.
     """
 
     mechanism: Mechanism
@@ -82,7 +84,8 @@ class Chain:
         slope = np.zeros((len(x), 3, self.mechanism.pose_size))
         slope[:, :, :3] = np.eye(3)
         if self.mechanism.pose_size == 6:
-            slope[:, :, 3:] = rotations.exp_times_derivative(x[:, 3:], np.broadcast_to(offset, (len(x), 3)))
+            each = np.broadcast_to(offset, (len(x), 3))
+            slope[:, :, 3:] = rotations.exp_times_derivative(x[:, 3:], each)
         return slope
 
     def point_by_joints(self, q: Array, x: Array, theta: Array) -> Array:
@@ -93,7 +96,8 @@ class Chain:
     def jacobian(self, q: Array, x: Array, theta: Array) -> Array:
         """d(reading)/d(theta), (n, 3, P), at constant joints."""
         geometry, offset, frame = self.split(theta)
-        by_geometry = self.point_by_pose(x, offset) @ self.mechanism.identification_jacobian(q, x, geometry)
+        by_geometry = self.mechanism.identification_jacobian(q, x, geometry)
+        by_geometry = self.point_by_pose(x, offset) @ by_geometry
         by_offset = self.mechanism.rotation(x)
         point = self.point(x, offset)
         turn = np.broadcast_to(theta[self.geometry_size + 3 : self.geometry_size + 6], point.shape)

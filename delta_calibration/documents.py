@@ -1,4 +1,4 @@
-"""YAML documents of a user: read, checked against a schema, refused with the path of what is wrong."""
+"""YAML documents of a user: read, checked by a schema, refused with the path of what is wrong."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def read_document(path: Path, schema: str) -> dict[str, Any]:
         schema: name of the schema, without `.json`.
 
     Raises:
-        ConfigError: no such file, not YAML, or an entry that is missing, unknown or out of range; the message
-            names the file, the entry's path, the value and what is allowed.
+        ConfigError: no such file, not YAML, or an entry that is missing, unknown or out of range;
+            the message names the file, the entry's path, the value and what is allowed.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -56,10 +56,10 @@ def check_document(data: Any, schema: str, source: str) -> None:
     if not isinstance(data, Mapping):
         found = "nothing" if data is None else type(data).__name__
         raise ConfigError(f"{source}: a mapping of keys to values is expected, found {found}")
-    _require_finite(data, source, "")
     error = best_match(Draft202012Validator(_schema(schema)).iter_errors(data))
     if error is not None:
         raise ConfigError(f"{source}: {_explain(error)}")
+    _require_finite(data, source, "")
 
 
 def write_document(path: Path, data: Document) -> None:
@@ -83,7 +83,8 @@ def write_document(path: Path, data: Document) -> None:
 
 def content_hash(data: Document) -> str:
     """SHA-256 of what a document says, whatever its comments, order and spelling of numbers."""
-    return hashlib.sha256(json.dumps(_plain(data), sort_keys=True).encode()).hexdigest()
+    text = json.dumps(_plain(data), sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:
@@ -92,12 +93,13 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) + 0.0 if number else value  # + 0.0: -0.0 is 0.0
 
 
 def _schema(name: str) -> Any:
-    text = resources.files("delta_calibration").joinpath("schemas", f"{name}.json").read_text("utf-8")
-    return json.loads(text)
+    folder = resources.files("delta_calibration").joinpath("schemas")
+    return json.loads(folder.joinpath(f"{name}.json").read_text("utf-8"))
 
 
 def _require_finite(value: Any, source: str, path: str) -> None:
@@ -115,11 +117,13 @@ def _explain(error: ValidationError) -> str:
     """One line for one violation: path, value, what is allowed."""
     path = error.json_path.removeprefix("$").removeprefix(".")
     at = f"{path}: " if path else ""
-    rule, found = error.validator_value, error.instance
+    rule: Any = error.validator_value
+    found: Any = error.instance
+    schema: Any = error.schema
     match error.validator:
         case "additionalProperties":
-            known = ", ".join(error.schema["properties"])
-            unknown = ", ".join(sorted(map(str, set(found) - set(error.schema["properties"]))))
+            known = ", ".join(schema["properties"])
+            unknown = ", ".join(sorted(map(str, set(found) - set(schema["properties"]))))
             return f"{at}unknown key {unknown}; allowed: {known}"
         case "required":
             missing = ", ".join(key for key in rule if key not in found)
@@ -131,7 +135,8 @@ def _explain(error: ValidationError) -> str:
         case "type":
             return f"{at}{found!r} is not allowed; a {rule} is expected"
         case "minimum" | "exclusiveMinimum" | "maximum" | "exclusiveMaximum":
-            return f"{at}{found!r} is not allowed; {_BOUNDS[str(error.validator)]} {rule} is expected"
+            bound = _BOUNDS[str(error.validator)]
+            return f"{at}{found!r} is not allowed; {bound} {rule} is expected"
         case "minItems" | "maxItems":
             return f"{at}{len(found)} values found, {rule} are expected"
         case _:

@@ -1,7 +1,7 @@
 """What can go wrong, and which exit code each kind of failure carries.
 
-Everything that a user can cause derives from `CalibrationError`. The message names what was found, where,
-and what is allowed; the command line prints it as one line and leaves with `exit_code`.
+Everything that a user can cause derives from `CalibrationError`. The message names what was found,
+where, and what is allowed; the command line prints it as one line and leaves with `exit_code`.
 """
 
 
@@ -26,7 +26,7 @@ class RecordingError(InputError):
 
 
 class DataError(CalibrationError):
-    """Sound input that does not hold the answer: too few poses, nothing still, no overlap in time."""
+    """Sound input without the answer: too few poses, nothing still, no overlap in time."""
 
 
 class ReachError(DataError):

@@ -1,4 +1,4 @@
-"""Named parameters: what a model can be wrong about, in which unit, and by how much one expects it."""
+"""Named parameters: what a model can be wrong about, in which unit, by how much one expects."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 class Parameter:
     """One scalar of a model.
 
-    `prior` is the standard deviation one expects of (actual - nominal) before any measurement; `inf` where
-    nothing is known. `cause` is the name under which an error of this parameter is reported, `location`
-    the joint or chain that it belongs to.
+    `prior` is the standard deviation one expects of (actual - nominal) before any measurement;
+    `inf` where nothing is known. `cause` is the name under which an error of this parameter is
+    reported, `location` the joint or chain that it belongs to.
     """
 
     name: str

@@ -1,7 +1,8 @@
 """Measurement plans: where to stop, from which side, with what on the platform; and the motion between.
 
-A plan is a list of stops and, after them, paths that are measured in motion. `trajectory` turns it into joint
-angles over time: a minimum-jerk move to a point short of each stop, another into it, a dwell.
+A plan is a list of stops and, after them, paths that are measured in motion. `trajectory` turns it
+into joint angles over time: a minimum-jerk move to a point short of each stop, another into it, a
+dwell.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 
 LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
-CUBE_HEIGHT, CUBE_SIDE = -0.8, 0.3  # [m] centre and side of the cube of ISO 9283
+CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
+_PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
 _APPROACH = 0.01  # [rad] how far short of a stop each joint turns round, so that play is taken up
 _JERK_PEAK = 1.875  # peak over mean speed of a minimum-jerk move
 _LEAST_MOVE = 0.05  # [s]
@@ -78,9 +80,9 @@ def make_plan(
     """A plan by name, or the tool points of a CSV file with columns x_mm, y_mm, z_mm.
 
     Args:
-        name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane), `iso9283` (points P1
-            to P5 of the cube), `identify` (spread over the workspace), `rich` (all that a diagnosis wants), or
-            the path of a CSV file.
+        name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
+            `iso9283` (points P1 to P5 of the cube), `identify` (spread over the workspace), `rich`
+            (all that a diagnosis wants), or the path of a CSV file.
         robot: decides what can be reached.
         count: of different points; each plan has its own usual number. Cycles, for `iso9283`.
         dwell: at each stop [s].
@@ -102,11 +104,14 @@ def make_plan(
         return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
     else:
         raise InputError(f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file")
+    if name == "iso9283":
+        both_sides = False  # the standard's cycle fixes the way into each pose
     sides = (1.0, -1.0) if both_sides else (1.0,)
     targets = np.repeat(targets, len(sides), axis=0)
     direction = np.tile(sides, len(targets) // len(sides))
     joint = nominal_joints(robot, targets)
-    return Plan(name, targets, joint, direction, np.full(len(targets), payload), dwell)
+    paths = _iso9283_paths(robot, max((count or 30) // 3, 1)) if name == "iso9283" else ()
+    return Plan(name, targets, joint, direction, np.full(len(targets), payload), dwell, paths)
 
 
 def nominal_joints(robot: Robot, targets: Array) -> Array:
@@ -209,15 +214,26 @@ def _disc(robot: Robot, count: int | None, radius: float, rng: np.random.Generat
 
 def _iso9283(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
     """Cycles P5, P4, P3, P2, P1 of the standard's cube."""
-    poses = Cube((0.0, 0.0, CUBE_HEIGHT), CUBE_SIDE).poses()
-    return np.tile(poses[::-1], (count or 30, 1))
+    return np.tile(CUBE.poses()[::-1], (count or 30, 1))
+
+
+def _iso9283_paths(robot: Robot, cycles: int) -> tuple[MotionPath, ...]:
+    """The standard's line and large circle, each so many times."""
+    ways = {"line": CUBE.line(), "circle": CUBE.circle()}
+    joints = {name: nominal_joints(robot, points) for name, points in ways.items()}
+    lengths = {
+        name: float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) for name, points in ways.items()
+    }
+    return tuple(
+        MotionPath(name, joints[name], lengths[name] / _PATH_SPEED) for name in ways for _ in range(cycles)
+    )
 
 
 def _identify(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
     """A ring at the rim above and below the paper's plane, the rest spread evenly over what can be reached.
 
-    The rim comes first: a calibration holds inside the hull of its poses, and the paper's line ends at
-    sqrt(2) times its |x|.
+    The rim comes first: a calibration holds inside the hull of its poses, and the paper's line
+    ends at sqrt(2) times its |x|.
     """
     wanted, widest = count or 60, radius * np.sqrt(2)
     ring = _rim(robot, 1.03 * widest)[:wanted]

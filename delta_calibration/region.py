@@ -29,7 +29,8 @@ class Region:
         if len(self.vertices) < 4:
             raise DataError(f"a region needs 4 points or more, found {len(self.vertices)}")
         # Joggled, so that points of one plane (a disc) make a thin body instead of an error.
-        object.__setattr__(self, "_planes", ConvexHull(self.vertices, qhull_options="QJ Pp").equations)
+        hull = ConvexHull(self.vertices, qhull_options="QJ Pp")
+        object.__setattr__(self, "_planes", hull.equations)
 
     @classmethod
     def of(cls, points: Array) -> Region:
@@ -42,7 +43,7 @@ class Region:
     def outside(self, points: Array) -> Array:
         """How far outside each point lies, (...,) [m]; negative inside.
 
-        Beyond a face this is the distance; beyond an edge or a corner it is less, by at most the factor that
-        the hull's faces meet at.
+        Beyond a face this is the distance; beyond an edge or a corner it is less, by at most the
+        factor that the hull's faces meet at.
         """
         return np.asarray(np.max(points @ self._planes[:, :3].T + self._planes[:, 3], axis=-1))

@@ -70,7 +70,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot: its drawing, what its parts are expected to deviate by, its joints, tracker and limits.
+    """A robot: its drawing, what its parts may deviate by, its joints, tracker and limits.
 
     `hash` is that of the file's content: a calibration says by it for which robot it was made.
     """
@@ -88,7 +88,7 @@ class Robot:
     limits: Limits
 
     def model(self, mechanism: str | None = None) -> Mechanism:
-        """The mechanism with this robot's drawing and tolerances; the file's own where none is named.
+        """The mechanism with this robot's drawing and tolerances; by default the file's own.
 
         Raises:
             ConfigError: no mechanism of that name.
@@ -108,9 +108,12 @@ def load_robot(path_or_name: str | Path) -> Robot:
     path = _find(path_or_name)
     data = read_document(path, "robot")
     joints = data["joints"]
-    for name, low, high in zip(joints["names"], joints["lower_deg"], joints["upper_deg"], strict=True):
+    limits = zip(joints["names"], joints["lower_deg"], joints["upper_deg"], strict=True)
+    for name, low, high in limits:
         if low >= high:
-            raise ConfigError(f"{path}: joints: {name} has lower_deg {low} not below upper_deg {high}")
+            raise ConfigError(
+                f"{path}: joints: {name} has lower_deg {low} not below upper_deg {high}"
+            )
     return _build(data, str(path))
 
 
@@ -123,12 +126,14 @@ def known_robots() -> tuple[str, ...]:
 
 def _find(path_or_name: str | Path) -> Path:
     path = Path(path_or_name)
-    if path.suffix in (".yaml", ".yml") or path.exists():
+    if path.suffix in (".yaml", ".yml") or path.is_file():
         return path
     if str(path_or_name) in known_robots():
-        return Path(str(resources.files("delta_calibration").joinpath("config", f"{path_or_name}.yaml")))
+        folder = resources.files("delta_calibration").joinpath("config")
+        return Path(str(folder.joinpath(f"{path_or_name}.yaml")))
     raise ConfigError(
-        f"no robot {str(path_or_name)!r}: neither a YAML file nor one of: {', '.join(known_robots())}"
+        f"no robot {str(path_or_name)!r}: neither a YAML file nor one of: "
+        f"{', '.join(known_robots())}"
     )
 
 

@@ -1,7 +1,7 @@
 """A cell without a robot: a machine that is not built as drawn, and the tracker that measures it.
 
-The machine is the chain of measurement run forward with six rods and parameters drawn about the drawing; the
-same chain that is fitted afterwards, with numbers nobody tells it.
+The machine is the chain of measurement run forward with six rods and parameters drawn about the
+drawing; the same chain that is fitted afterwards, with numbers nobody tells it.
 """
 
 from __future__ import annotations
@@ -30,8 +30,12 @@ Array = NDArray[np.float64]
 _DISTANCE = 3.0  # [m] of the tracker from the robot's base
 _TRUTH = "six_rod_delta"
 _AMBIENT = 20.0  # [deg C]
-_EPOCH_NS = 1_700_000_000_000_000_000  # stamps of simulated sessions start here, whatever the clock says
+# stamps of simulated sessions start here, whatever the clock says
+_EPOCH_NS = 1_700_000_000_000_000_000
 _DEFAULT_STRENGTH = 3.0  # standard deviations of a hidden cause whose size is not given
+# What of a cause's parameters a hidden one goes into: the same shift of a base joint and of its
+# platform joint would do nothing, and a mismatch is of the rods, not of widths and tilts as well.
+_HIDDEN_IN = {"base_joint_position": "base_", "parallelogram_mismatch": "rod_mismatch"}
 
 
 @dataclass(frozen=True)
@@ -66,21 +70,24 @@ class Machine:
         along, across = self.robot.tracker.sigmas(distance)
         noise = rng.standard_normal(true.shape)
         radial = np.sum(noise * beam, axis=1, keepdims=True) * beam
-        return true + along * radial + across * (noise - radial)
+        return np.asarray(true + along * radial + across * (noise - radial))
 
     def rest_error(self, rng: np.random.Generator) -> Array:
         """How far from the command the joints come to rest after a move, (m,) [rad]."""
         return self.robot.joints.repeatability * rng.standard_normal(len(self.robot.joints.names))
 
     def encoders(self, command: Array, rng: np.random.Generator) -> Array:
-        """What the encoders say at commands (n, m) [rad]: the command, as the drive sees no error."""
+        """What encoders say at commands (n, m) [rad]: the command, as the drive sees no error."""
         return command + self.robot.joints.encoder * rng.standard_normal(command.shape)
 
 
 def draw_machine(
-    robot: Robot, seed: int, scatter: float = 1.0, hidden: Mapping[str, Mapping[str, str]] | None = None
+    robot: Robot,
+    seed: int,
+    scatter: float = 1.0,
+    hidden: Mapping[str, Mapping[str, str]] | None = None,
 ) -> Machine:
-    """A machine whose parts deviate by `scatter` times their tolerances, before a tracker about 3 m away.
+    """A machine whose parts deviate by `scatter` times their tolerances, a tracker about 3 m away.
 
     Args:
         robot: drawing and tolerances.
@@ -94,13 +101,15 @@ def draw_machine(
     rng = np.random.default_rng(seed)
     mechanism = robot.model(_TRUTH)
     parameters = mechanism.parameters
-    geometry = parameters.nominal + scatter * parameters.prior * rng.standard_normal(len(parameters))
+    drawn = parameters.prior * rng.standard_normal(len(parameters))
+    geometry = parameters.nominal + scatter * drawn
     for cause, options in (hidden or {}).items():
         geometry = _hide(robot, geometry, cause, options)
     bearing, turn = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
     tilt = 0.02 * rng.standard_normal(2)
     rotation = rotations.exp(np.array([*tilt, 0.0])) @ rotations.about_z(turn)
-    place = _DISTANCE * np.array([np.cos(bearing), np.sin(bearing), 0.0]) + 0.1 * rng.standard_normal(3)
+    beam = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+    place = _DISTANCE * beam + 0.1 * rng.standard_normal(3)
     chain = Chain(mechanism, robot.tracker.reflector_offset, robot.tracker.reflector_offset_prior)
     offset = robot.tracker.reflector_offset + 1e-3 * scatter * rng.standard_normal(3)
     return Machine(robot, chain, chain.join(geometry, offset, Frame(rotation, place)))
@@ -112,7 +121,12 @@ def hideable_causes(robot: Robot) -> tuple[str, ...]:
 
 
 def simulate_session(
-    machine: Machine, plan: Plan, seed: int, rate: float = 20.0, period: float = 0.0, source: str = "simulated"
+    machine: Machine,
+    plan: Plan,
+    seed: int,
+    rate: float = 20.0,
+    period: float = 0.0,
+    source: str = "simulated",
 ) -> Session:
     """Take the machine through a plan and record what a cell records.
 
@@ -181,17 +195,22 @@ def _hide(robot: Robot, geometry: Array, cause: str, options: Mapping[str, str])
     parameters = robot.model(_TRUTH).parameters
     unknown = sorted(set(options) - {"location", "value"})
     if unknown:
-        raise InputError(f"effect {cause}: unknown option {', '.join(unknown)}; allowed: location, value")
+        raise InputError(
+            f"effect {cause}: unknown option {', '.join(unknown)}; allowed: location, value"
+        )
     location = options.get("location")
+    part = _HIDDEN_IN.get(cause, "")
     rows = [
-        row for row, p in enumerate(parameters) if p.cause == cause and location in (None, p.location)
+        row
+        for row, p in enumerate(parameters)
+        if p.cause == cause and location in (None, p.location) and p.name.startswith(part)
     ]
     if not rows:
         where = f" at {location}" if location else ""
         places = ", ".join(dict.fromkeys(p.location for p in parameters if p.location))
         raise InputError(
-            f"effect {cause}{where} cannot be hidden; causes: {', '.join(hideable_causes(robot))}; "
-            f"locations: {places}"
+            f"effect {cause}{where} cannot be hidden; "
+            f"causes: {', '.join(hideable_causes(robot))}; locations: {places}"
         )
     moved = geometry.copy()
     moved[rows] += _value(cause, options, parameters.prior[rows])
@@ -206,5 +225,7 @@ def _value(cause: str, options: Mapping[str, str], prior: Array) -> Array:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise InputError(f"effect {cause}: value {options['value']!r} is not a finite number (SI: m or rad)")
+        raise InputError(
+            f"effect {cause}: value {options['value']!r} is not a finite number (SI: m or rad)"
+        )
     return np.full_like(prior, value)

@@ -1,7 +1,8 @@
 """From a nominal joint command to the one that puts the tool where the nominal robot meant it.
 
-For a nominal command q the target is p* = FK_nominal(q); the answer is q + dq with FK_identified(q + dq) = p*.
-Every path to it is guarded: a command that fails a guard gets no correction, and the reason.
+For a nominal command q the target is p* = FK_nominal(q); the answer is q + dq with FK_identified(q
++ dq) = p*. Every path to it is guarded: a command that fails a guard gets no correction, and the
+reason.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.apso import Apso, ApsoSettings
-from delta_calibration.compensation.base import Compensator, Correction
+from delta_calibration.compensation.base import Compensator, Correction, Flags
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 from delta_calibration.errors import InputError
 
@@ -30,7 +31,7 @@ class Verdict(Enum):
 
     CORRECTED = "corrected"
     NOT_FINITE = "a joint angle is not a finite number"
-    JOINT_LIMIT = "beyond a joint's limit"
+    JOINT_LIMIT = "beyond a joint's limit, as commanded or as corrected"
     OUT_OF_REACH = "no pose of the nominal robot"
     OUTSIDE_REGION = "outside the calibrated region"
     SINGULAR = "near a singularity"
@@ -43,13 +44,14 @@ class Compensated:
 
     joint: Array  # (n, m) [rad] what to send: q + dq, or q where there is no correction
     correction: Array  # (n, m) [rad]
-    model_error: Array  # (n,) [m] distance to the target *by the model*; infinite without correction
+    # (n,) [m] distance to the target *by the model*; infinite without correction
+    model_error: Array
     evaluations: NDArray[np.int64]  # (n,) of the model
     verdicts: tuple[Verdict, ...]  # (n,)
 
 
 class JointCompensator:
-    """Corrects joint commands by an identified chain. Holds no state: same command, same answer."""
+    """Corrects joint commands by an identified chain; no state: same command, same answer."""
 
     def __init__(self, calibration: Calibration, method: str = "newton", seed: int = 0) -> None:
         """From a calibration; `method` is one of `METHODS`, `seed` that of the swarm.
@@ -71,11 +73,11 @@ class JointCompensator:
         self._solver = make[method]()
 
     def targets(self, q: Array) -> Array:
-        """Tool points the nominal robot means by the commands, (n, 3) [m]; NaN where it has no pose."""
+        """Tool points the nominal robot means by the commands, (n, 3) [m]; NaN without a pose."""
         return self._nominal.forward(q, self._nominal.parameters.nominal) + self.robot.tool_offset
 
     def point(self, q: Array) -> Array:
-        """Tool points of the identified robot, (..., m) -> (..., 3) [m]; NaN where it has no pose."""
+        """Tool points of the identified robot, (..., m) -> (..., 3) [m]; NaN without a pose."""
         flat = q.reshape(-1, q.shape[-1])
         chain = self.calibration.chain
         point = chain.point(chain.pose(flat, self.calibration.theta), self.robot.tool_offset)
@@ -99,30 +101,28 @@ class JointCompensator:
         if usable.any():
             found = self._solver.correct(q[usable], target[usable])
         whole = found.spread(usable)
-        reached = whole.error <= _REACHED
-        correction = np.where((usable & reached)[:, None], whole.dq, 0.0)
-        final = tuple(
-            Verdict.NOT_REACHED if use and not good else verdict
-            for verdict, use, good in zip(verdicts, usable, reached, strict=True)
-        )
-        error = np.where(usable & reached, whole.error, np.inf)
-        return Compensated(q + correction, correction, error, whole.evaluations, final)
+        reached = usable & (whole.error <= _REACHED)
+        within = self._within(q + whole.dq)
+        good = reached & within
+        correction = np.where(good[:, None], whole.dq, 0.0)
+        for row in np.flatnonzero(usable & ~good):
+            verdicts[row] = Verdict.JOINT_LIMIT if reached[row] else Verdict.NOT_REACHED
+        error = np.where(good, whole.error, np.inf)
+        return Compensated(q + correction, correction, error, whole.evaluations, tuple(verdicts))
 
     def _guard(self, q: Array, target: Array) -> list[Verdict]:
         """The first guard that each command fails, `CORRECTED` where it passes all."""
-        joints, limits = self.robot.joints, self.robot.limits
-        finite = np.isfinite(q).all(axis=1)
-        within = ((q >= joints.lower) & (q <= joints.upper)).all(axis=1)
-        reached = np.isfinite(target).all(axis=1)
+        limits = self.robot.limits
+        finite, reached = _finite(q), _finite(target)
         known = np.where(reached[:, None], target, 0.0)
-        covered = self.calibration.region.outside(known - self.robot.tool_offset) <= limits.region_margin
-        safe = np.where((finite & reached)[:, None], q, self._nominal.home)
         x = known - self.robot.tool_offset
+        covered = np.asarray(self.calibration.region.outside(x) <= limits.region_margin)
+        safe = np.where((finite & reached)[:, None], q, self._nominal.home)
         condition = self._nominal.condition(safe, x, self._nominal.parameters.nominal)
-        regular = condition <= limits.condition
+        regular = np.asarray(condition <= limits.condition)
         checks = [
             (finite, Verdict.NOT_FINITE),
-            (within, Verdict.JOINT_LIMIT),
+            (self._within(q), Verdict.JOINT_LIMIT),
             (reached, Verdict.OUT_OF_REACH),
             (covered, Verdict.OUTSIDE_REGION),
             (regular, Verdict.SINGULAR),
@@ -131,3 +131,12 @@ class JointCompensator:
             next((verdict for passed, verdict in checks if not passed[row]), Verdict.CORRECTED)
             for row in range(len(q))
         ]
+
+    def _within(self, q: Array) -> Flags:
+        """Commands within the joints' limits, (n,)."""
+        joints = self.robot.joints
+        return np.asarray(((q >= joints.lower) & (q <= joints.upper)).all(axis=1))
+
+
+def _finite(rows: Array) -> Flags:
+    return np.asarray(np.isfinite(rows).all(axis=1))

@@ -52,7 +52,8 @@ class Frame:
 def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
     """Rigid motion that takes `source` to `target` with least weighted squared distance.
 
-    Singular value decomposition of the cross covariance with the reflection excluded (Arun 1987, Umeyama 1991).
+    Singular value decomposition of the cross covariance with the reflection excluded (Arun 1987,
+    Umeyama 1991).
 
     Args:
         source: points, (n, 3) [m].

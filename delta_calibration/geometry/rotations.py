@@ -1,7 +1,8 @@
 """Rotation vectors and what follows from them, for many samples at once.
 
-A rotation vector w (..., 3) [rad] turns by |w| about its own direction; R(w) = exp([w]x). All functions here
-are made of analytic operations only, so that complex-step derivatives pass through them.
+A rotation vector w (..., 3) [rad] turns by |w| about its own direction; R(w) = exp([w]x). All
+functions here are made of analytic operations only, so that complex-step derivatives pass through
+them.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
-_SERIES_BELOW = 1e-4  # squared angle [rad^2] under which the three coefficients come from their series
+# squared angle [rad^2] under which the three coefficients come from their series
+_SERIES_BELOW = 1e-4
 
 
 def skew(v: NDArray[Any]) -> NDArray[Any]:
@@ -41,17 +43,17 @@ def exp(w: NDArray[Any]) -> NDArray[Any]:
     """Rotation matrix of a rotation vector (Rodrigues).  (..., 3) [rad] -> (..., 3, 3)."""
     a, b, _ = _coefficients(w)
     k = skew(w)
-    return np.eye(3) + a * k + b * (k @ k)
+    return np.asarray(np.eye(3) + a * k + b * (k @ k))
 
 
 def exp_times_derivative(w: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
-    """d(R(w) v)/dw = -R(w) [v]x J_r(w), J_r the right Jacobian.  (..., 3), (..., 3) -> (..., 3, 3)."""
+    """d(R(w) v)/dw = -R(w) [v]x J_r(w), J_r the right Jacobian.  2 (..., 3) -> (..., 3, 3)."""
     a, b, c = _coefficients(w)
     k = skew(w)
     k2 = k @ k
     rotation = np.eye(3) + a * k + b * k2
     right = np.eye(3) - b * k + c * k2
-    return -rotation @ skew(v) @ right
+    return np.asarray(-rotation @ skew(v) @ right)
 
 
 def log(rotation: Array) -> Array:
@@ -72,7 +74,7 @@ def from_quaternion(quaternion: Array) -> Array:
     return np.asarray(Rotation.from_quat(flat).as_matrix()).reshape((*quaternion.shape[:-1], 3, 3))
 
 
-def about_z(angle: Array) -> Array:
+def about_z(angle: ArrayLike) -> Array:
     """Rotation about z.  (...,) [rad] -> (..., 3, 3)."""
-    angle = np.asarray(angle, dtype=float)
-    return exp(np.stack([np.zeros_like(angle), np.zeros_like(angle), angle], axis=-1))
+    turn = np.asarray(angle, dtype=float)
+    return exp(np.stack([np.zeros_like(turn), np.zeros_like(turn), turn], axis=-1))

@@ -11,7 +11,11 @@ from delta_calibration.chain import Chain
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import Frame, align
 from delta_calibration.identification.noise import Noise, estimate_noise, whitening
-from delta_calibration.identification.observability import Observability, observe, strong_correlations
+from delta_calibration.identification.observability import (
+    Observability,
+    observe,
+    strong_correlations,
+)
 from delta_calibration.identification.problem import Problem, Solution, build_problem, solve
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
@@ -23,7 +27,8 @@ Array = NDArray[np.float64]
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
 _FOLDS = 5
 _GOOD_ENOUGH = 0.05  # of chi square, in fits that only predict what was held out
-_ANOTHER_ROBOT = 0.02  # [m] root mean square after the best frame that no manufacturing error explains
+# [m] root mean square after the best frame that no manufacturing error explains
+_ANOTHER_ROBOT = 0.02
 
 
 @dataclass(frozen=True)
@@ -73,10 +78,13 @@ class Identification:
 
 def chain_of(robot: Robot, model: str | None = None) -> Chain:
     """The chain of a robot's cell, with the mechanism of its file or another one."""
-    return Chain(robot.model(model), robot.tracker.reflector_offset, robot.tracker.reflector_offset_prior)
+    tracker = robot.tracker
+    return Chain(robot.model(model), tracker.reflector_offset, tracker.reflector_offset_prior)
 
 
-def identify(poses: Poses, robot: Robot, model: str | None = None, seed: int = 0) -> Identification:
+def identify(
+    poses: Poses, robot: Robot, model: str | None = None, seed: int = 0
+) -> Identification:
     """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
 
     Args:
@@ -86,8 +94,8 @@ def identify(poses: Poses, robot: Robot, model: str | None = None, seed: int = 0
         seed: of the division into held-out parts.
 
     Raises:
-        DataError: too few different poses, poses out of the nominal robot's reach, or residuals that no
-            manufacturing error explains (another robot).
+        DataError: too few different poses, poses out of the nominal robot's reach, or residuals
+            that no manufacturing error explains (another robot).
     """
     require_poses(poses, _FEWEST)
     chain = chain_of(robot, model)
@@ -124,7 +132,7 @@ def identify(poses: Poses, robot: Robot, model: str | None = None, seed: int = 0
 
 
 def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Problem]:
-    """Nominal chain in the best frame, the noise, and the whitened problem with all parameters free.
+    """Nominal chain in the best frame, the noise, and the whitened problem with all free.
 
     Raises:
         DataError: a pose that the nominal robot cannot take, or poses on one line.
@@ -143,7 +151,8 @@ def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Pro
 def distances(solution: Solution) -> Array:
     """3-D distance between measured and predicted, (n,) [m]."""
     chain, problem = solution.problem.chain, solution.problem
-    return np.asarray(np.linalg.norm(problem.y - chain.reading(solution.pose, solution.theta), axis=1))
+    missed = problem.y - chain.reading(solution.pose, solution.theta)
+    return np.asarray(np.linalg.norm(missed, axis=1))
 
 
 def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]:
@@ -178,25 +187,29 @@ def _residuals(solution: Solution, folds: NDArray[np.int64]) -> Residuals:
 def _covariance(solution: Solution) -> tuple[Array, float]:
     """Covariance of theta given data and priors, (P, P), and chi square per degree of freedom.
 
-    Where the residuals are larger than the noise explains, the covariance is scaled up with them.
+    Where the residuals are larger than the noise explains, by a factor s in chi square, the noise
+    is taken to be so much larger: A^-1 (s I + P) A^-1, A = I + P, I of the data and P of the
+    priors. What only the priors know is as uncertain as before.
     """
     problem = solution.problem
     root = np.sqrt(solution.weight)[:, None, None]
     slope = (root * problem.slope(solution.theta, solution.pose)).reshape(-1, len(solution.z))
     information = slope.T @ slope
-    inverse = np.linalg.inv(information + np.diag(problem.has_prior[problem.free].astype(float)))
-    used = float(np.trace(inverse @ information))  # parameters that the data, not the priors, decide
+    prior = np.diag(problem.has_prior[problem.free].astype(float))
+    inverse = np.linalg.inv(information + prior)
+    # parameters that the data, not the priors, decide
+    used = float(np.trace(inverse @ information))
     degrees = max(len(slope) - used, 1.0)
     chi_square = float(np.sum(solution.weight[:, None] * solution.residual**2) / degrees)
-    sized = max(1.0, chi_square) * problem.basis @ inverse @ problem.basis.T
-    return sized, chi_square
+    spread = inverse @ (max(1.0, chi_square) * information + prior) @ inverse
+    return problem.basis @ spread @ problem.basis.T, chi_square
 
 
 def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> None:
     rms = float(np.sqrt(np.mean(distances(solution) ** 2)))
     if rms > _ANOTHER_ROBOT:
         raise DataError(
-            f"{poses.source}: {rms * 1e3:.1f} mm RMS remain between the robot {robot.name!r} in the best frame "
-            f"and the tracker; more than {_ANOTHER_ROBOT * 1e3:.0f} mm is no manufacturing error: a session of "
-            "another robot, or other units?"
+            f"{poses.source}: {rms * 1e3:.1f} mm RMS remain between the robot {robot.name!r} in "
+            f"the best frame and the tracker; more than {_ANOTHER_ROBOT * 1e3:.0f} mm is no "
+            "manufacturing error: a session of another robot, or other units?"
         )

@@ -1,11 +1,12 @@
-"""How far a measured pose may lie from the truth: the tracker's noise and the robot's repeatability.
+"""How far a measured pose may lie from the truth: tracker noise and the robot's repeatability.
 
-A pose is the mean of `count` readings, taken after one move. Its covariance in the tracker's frame is
+A pose is the mean of `count` readings, taken after one move. Its covariance in the tracker's frame
+is
 
     C = (s_r^2 b b^T + s_t^2 (1 - b b^T)) / count + s_q^2 J J^T
 
-with b the beam, s_r and s_t one reading's noise along and across it, J = dy/dq and s_q where a joint comes to
-rest. Averaging takes the first part down, not the second: it is one draw a move.
+with b the beam, s_r and s_t one reading's noise along and across it, J = dy/dq and s_q where a
+joint comes to rest. Averaging takes the first part down, not the second: it is one draw a move.
 """
 
 from __future__ import annotations
@@ -15,8 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
+from scipy.special import chdtrc, fdtrc
 
 from delta_calibration.robot import Robot, Tracker
 from delta_calibration.samples import Poses
@@ -24,7 +24,8 @@ from delta_calibration.samples import Poses
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_ENOUGH = 20  # degrees of freedom from which a spread is measured rather than taken from the robot's file
+# degrees of freedom from which a spread is measured rather than taken from the robot's file
+_ENOUGH = 20
 _DIFFERS = 0.05  # probability under which poses of one place differ by more than chance
 _LEAST, _MOST = 1e-7, 1e-3  # [rad] between which the repeatability is searched
 
@@ -48,7 +49,8 @@ class Noise:
         radial = (self.radial_scale * along) ** 2
         transverse = (self.transverse_scale * across) ** 2
         outer = beam[:, :, None] * beam[:, None, :]
-        return transverse[:, None, None] * np.eye(3) + (radial - transverse)[:, None, None] * outer
+        across_all = transverse[:, None, None] * np.eye(3)
+        return np.asarray(across_all + (radial - transverse)[:, None, None] * outer)
 
     def covariance(self, poses: Poses, slope: Array, tracker: Tracker) -> Array:
         """Covariance of each measured pose, (n, 3, 3) [m^2]; `slope` is dy/dq, (n, 3, m)."""
@@ -57,7 +59,7 @@ class Noise:
 
 
 def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
-    """Noise from the scatter within still moments and between repeats; the robot file's where they lack.
+    """Noise from the scatter within still moments and between repeats; else the robot file's.
 
     Args:
         poses: the measured poses.
@@ -103,9 +105,10 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
 def _alike(poses: Poses, covariance: Array) -> Index:
     """Number of the group of poses that should agree, (n,).
 
-    Repeats agree by design: same command, same side, same payload. Poses of the same command only are taken
-    together as well, for a better estimate, unless a test at 5 % says that side or payload matters: an F test
-    against the repeats, a chi-square test against the robot file's noise where nothing was repeated.
+    Repeats agree by design: same command, same side, same payload. Poses of the same command only
+    are taken together as well, for a better estimate, unless a test at 5 % says that side or
+    payload matters: an F test against the repeats, a chi-square test against the robot file's
+    noise where nothing was repeated.
     """
     whiten = whitening(covariance)
     strict, strict_degrees = _deviations(poses.point, poses.repeat)
@@ -115,15 +118,15 @@ def _alike(poses: Poses, covariance: Array) -> Index:
     within, total = (float(np.sum((whiten @ d[..., None]) ** 2)) for d in (strict, wide))
     between_degrees = wide_degrees - strict_degrees
     if strict_degrees == 0:  # nothing but the robot file's noise to compare with
-        chance = chi2.sf(total, 3 * wide_degrees)
+        chance = chdtrc(3 * wide_degrees, total)
     else:
         ratio = ((total - within) / between_degrees) / (within / strict_degrees)
-        chance = f_distribution.sf(ratio, 3 * between_degrees, 3 * strict_degrees)
+        chance = fdtrc(3 * between_degrees, 3 * strict_degrees, ratio)
     return poses.repeat if chance < _DIFFERS else poses.place
 
 
 def _deviations(point: Array, label: Index) -> tuple[Array, int]:
-    """Each point less the mean of its group, (n, 3) [m], and the degrees of freedom (of 3-D distances)."""
+    """Each point less its group's mean, (n, 3) [m], and the degrees of freedom (of distances)."""
     size = np.bincount(label)
     mean = np.zeros((len(size), 3))
     np.add.at(mean, label, point)
@@ -143,7 +146,6 @@ def _repeatability(deviation: Array, size: Index, reading: Array, slope: Array) 
         solved = np.linalg.solve(covariance, d[:, :, None])[:, :, 0]
         return float(np.sum(share * np.linalg.slogdet(covariance)[1]) + np.sum(d * solved))
 
-    best = minimize_scalar(
-        unlikeliness, bounds=(np.log(_LEAST), np.log(_MOST)), method="bounded", options={"xatol": 1e-3}
-    )
+    bounds = np.log(_LEAST), np.log(_MOST)
+    best = minimize_scalar(unlikeliness, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     return float(np.exp(best.x))

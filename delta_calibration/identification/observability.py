@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _ZERO = 1e-8  # singular values under this share of the largest are none
-_DEPENDENT = 1e-6  # what of a column of length one is left by the ones before it, if it depends on them
-_PART = 1e-3  # parts of a combination smaller than this (in scaled units) are left out of its words
+# what of a column of length one is left by the ones before it, if it depends on them
+_DEPENDENT = 1e-6
+# parts of a combination smaller than this (in scaled units) are left out of its words
+_PART = 1e-3
 _NAMED = 4  # as many parameters of a combination are named
 
 
 @dataclass(frozen=True)
 class Redundancy:
-    """One combination that the data cannot set: `parameter` does the same as a mixture of others."""
+    """A combination that the data cannot set: `parameter` does the same as a mixture of others."""
 
     parameter: str
-    same_as: tuple[tuple[str, float], ...]  # name, coefficient in the parameters' own units; empty: no effect
+    # name, coefficient in the parameters' own units; empty: no effect
+    same_as: tuple[tuple[str, float], ...]
 
     def sentence(self) -> str:
         """In words."""
@@ -35,7 +38,7 @@ class Redundancy:
 
 @dataclass(frozen=True)
 class Observability:
-    """Singular values of the whitened identification matrix with scaled columns, and what follows."""
+    """What follows from the singular values of the whitened, scaled identification matrix."""
 
     rank: int
     columns: int
@@ -46,9 +49,10 @@ class Observability:
 def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observability:
     """Rank, redundant combinations and observability indices of a whitened Jacobian.
 
-    The indices are those in use since Borm and Menq (O1, geometric mean of the singular values over the root of
-    the number of poses), Driels and Pathre (O2, inverse condition number), Nahvi (O3, smallest singular value;
-    O4, noise amplification: smallest squared over largest), taken over the combinations that show.
+    The indices are those in use since Borm and Menq (O1, geometric mean of the singular values
+    over the root of the number of poses), Driels and Pathre (O2, inverse condition number), Nahvi
+    (O3, smallest singular value; O4, noise amplification: smallest squared over largest), taken
+    over the combinations that show.
 
     Args:
         jacobian: d(whitened reading)/d(theta), (n, 3, P).
@@ -71,11 +75,13 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
     return Observability(rank, matrix.shape[1], redundancies, indices)
 
 
-def _redundancies(unit: Array, norms: Array, scale: Array, names: Sequence[str]) -> tuple[Redundancy, ...]:
+def _redundancies(
+    unit: Array, norms: Array, scale: Array, names: Sequence[str]
+) -> tuple[Redundancy, ...]:
     """Each column that depends on the ones before it, as a mixture of those.
 
-    Taken in the order of the parameters, so that the words are about neighbours: a platform joint against its
-    base joint, the frame against the base joints.
+    Taken in the order of the parameters, so that the words are about neighbours: a platform joint
+    against its base joint, the frame against the base joints.
     """
     chosen: list[int] = []
     basis = np.zeros((len(unit), 0))
@@ -105,11 +111,11 @@ def _redundancies(unit: Array, norms: Array, scale: Array, names: Sequence[str])
 def strong_correlations(
     covariance: Array, names: Sequence[str], limit: float = 0.95
 ) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of parameters whose estimates lean on each other by more than `limit`, strongest first."""
+    """Pairs whose estimates lean on each other by more than `limit`, strongest first."""
     sigma = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(sigma, sigma)
-    rows, columns = np.nonzero(np.triu(np.abs(correlation) > limit, k=1))
+    strong = np.argwhere(np.triu(np.abs(correlation) > limit, k=1)).tolist()
     pairs = [
-        (names[a], names[b], float(correlation[a, b])) for a, b in zip(rows, columns, strict=True)
+        (names[a], names[b], float(correlation[a, b])) for a, b in strong
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

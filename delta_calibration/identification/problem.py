@@ -1,9 +1,10 @@
-"""The least-squares problem: whitened residuals of the chain, priors as further rows, a robust loss.
+"""The least-squares problem: whitened residuals of the chain, priors as rows, a robust loss.
 
-The unknowns are scaled, theta = theta_0 + S z, with the priors' standard deviations (a typical size where
-there is no prior) on the diagonal of S, so that z is of the order of one and the prior's rows are z itself. S
-also moves the tracker's frame against the reflector's offset: on a platform that hardly tilts an offset is a
-translation, and without this the search would creep along that valley.
+The unknowns are scaled, theta = theta_0 + S z, with the priors' standard deviations (a typical
+size where there is no prior) on the diagonal of S, so that z is of the order of one and the
+prior's rows are z itself. S also moves the tracker's frame against the reflector's offset: on a
+platform that hardly tilts an offset is a translation, and without this the search would creep
+along that valley.
 
     minimise  sum_i rho(|W_i (y_i - chain(q_i, theta))|^2) + sum_prior z_k^2
 """
@@ -108,10 +109,10 @@ def build_problem(chain: Chain, q: Array, y: Array, whiten: Array, start: Array)
 def solve(
     problem: Problem, start: Array | None = None, robust: bool = True, settled: float = SETTLED
 ) -> Solution:
-    """Minimise by Levenberg-Marquardt, first plainly, then with Huber's loss on each pose's distance.
+    """Minimise by Levenberg-Marquardt, first plainly, then with Huber's loss on the distances.
 
-    The loss begins to be linear at 4 robust standard deviations of the plain fit's own residuals, and never
-    under 4 of the stated noise.
+    The loss begins to be linear at 4 robust standard deviations of the plain fit's own residuals,
+    and never under 4 of the stated noise.
 
     Raises:
         DataError: the start, or the fit, leaves poses that the model cannot reach.
@@ -127,10 +128,11 @@ def solve(
 
 
 def _search(problem: Problem, threshold: float, start: Array | None, settled: float) -> Solution:
-    """Levenberg-Marquardt whose every step is followed by a settling of all but the reflector's offset.
+    """Levenberg-Marquardt; every step is followed by a settling of all but the reflector's offset.
 
-    The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that plain steps
-    creep along. With the rest settled again at the new offset (variable projection) a handful of steps do.
+    The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that
+    plain steps creep along. With the rest settled again at the new offset (variable projection) a
+    handful of steps do.
     """
     z = np.zeros(int(problem.free.sum())) if start is None else start
     now = _state(problem, z, threshold, None)
@@ -138,7 +140,8 @@ def _search(problem: Problem, threshold: float, start: Array | None, settled: fl
         bad = int(np.flatnonzero(~np.isfinite(now.pose).all(axis=1))[0])
         raise DataError(
             f"pose {bad + 1} of {len(problem.q)} cannot be reached by the nominal robot: joints "
-            f"{', '.join(f'{v:.4f}' for v in problem.q[bad])} rad; another robot, or joints of another zero?"
+            f"{', '.join(f'{v:.4f}' for v in problem.q[bad])} rad; another robot, or joints of "
+            "another zero?"
         )
     every = np.ones(len(z), dtype=bool)
     rest = ~problem.offset_rows()

@@ -1,10 +1,12 @@
 """A mechanism is its closure equation f(q, x, g) = 0; everything else follows from it.
 
-q: joint coordinates (n, m); x: pose (n, k); g: geometry, (p,) for all samples or (n, p) where it changes from
-sample to sample (temperature, load). A mechanism writes f and its three derivatives; this base class makes of
-them, for all samples at once, the direct and the inverse problem and, by the implicit function theorem,
+q: joint coordinates (n, m); x: pose (n, k); g: geometry, (p,) for all samples or (n, p) where it
+changes from sample to sample (temperature, load). A mechanism writes f and its three derivatives;
+this base class makes of them, for all samples at once, the direct and the inverse problem and, by
+the implicit function theorem,
 
-    dx/dq = -f_x^-1 f_q   (velocity Jacobian)        dx/dg = -f_x^-1 f_g   (identification Jacobian)
+    dx/dq = -f_x^-1 f_q   (velocity Jacobian)        dx/dg = -f_x^-1 f_g   (identification
+    Jacobian)
 
 in the least-squares sense where f has more rows than x has coordinates.
 """
@@ -29,7 +31,7 @@ _STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solu
 
 
 class Mechanism(ABC):
-    """Base of all mechanisms. Poses start with the position of the platform's centre, (n, 3) [m]."""
+    """Base of all mechanisms. Poses start with the platform centre's position, (n, 3) [m]."""
 
     name: ClassVar[str]
     joints: ClassVar[int]  # m
@@ -38,7 +40,8 @@ class Mechanism(ABC):
 
     parameters: ParameterSet
 
-    # --- what a mechanism writes -------------------------------------------------------------------------
+    # --- what a mechanism writes
+    # -------------------------------------------------------------------------
 
     @abstractmethod
     def closure(self, q: Array, x: Array, g: Array) -> Array:
@@ -69,10 +72,11 @@ class Mechanism(ABC):
         """Joints of a pose in the middle of the workspace, (m,)."""
         return np.zeros(self.joints)
 
-    # --- what follows ------------------------------------------------------------------------------------
+    # --- what follows
+    # ------------------------------------------------------------------------------------
 
     def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
-        """Pose of the platform at joints q, (n, k); a row of NaN where the mechanism cannot be assembled."""
+        """Pose of the platform at joints q, (n, k); NaN rows where it cannot be assembled."""
         x = self.start(q, g) if guess is None else np.array(guess, dtype=float)
         for _ in range(_NEWTON_STEPS):
             step = solve(self.closure_by_pose(q, x, g), self.closure(q, x, g)[..., None])[..., 0]
@@ -106,10 +110,10 @@ class Mechanism(ABC):
     def condition(self, q: Array, x: Array, g: Array) -> Array:
         """How far a pose is from being regular, (n,): 1 is as good as home, infinite is singular.
 
-        The largest singular value of the commanded part of the velocity Jacobian over the smallest, each
-        compared with the mean gain at home as well. So it grows where the platform gains a freedom (f_x
-        singular), where it loses one (f_q singular), and also where it loses all at once, which the
-        plain condition number does not see.
+        The largest singular value of the commanded part of the velocity Jacobian over the
+        smallest, each compared with the mean gain at home as well. So it grows where the platform
+        gains a freedom (f_x singular), where it loses one (f_q singular), and also where it loses
+        all at once, which the plain condition number does not see.
         """
         home = self._gains(self.home[None], self.parameters.nominal)
         typical = np.exp(np.log(home).mean())
@@ -161,12 +165,13 @@ class Mechanism(ABC):
         if bad.size:
             value = condition[bad[0]]
             raise SingularityError(
-                f"pose {bad[0] + 1} is near a singularity: condition {value:.3g}, allowed {limit:g}"
+                f"pose {bad[0] + 1} is near a singularity: "
+                f"condition {value:.3g}, allowed {limit:g}"
             )
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """Solve matrix @ y = right for each sample, least squares where there are more rows than columns.
+    """Solve matrix @ y = right for each sample, by least squares where rows outnumber columns.
 
     Singular samples give NaN instead of an exception, so that one bad pose does not stop a batch.
     (n, r, k), (n, r, c) -> (n, k, c).
@@ -174,13 +179,14 @@ def solve(matrix: Array, right: Array) -> Array:
     if matrix.shape[-2] != matrix.shape[-1]:
         transposed = np.swapaxes(matrix, -1, -2)
         matrix, right = transposed @ matrix, transposed @ right
-    finite = np.isfinite(matrix).all(axis=(-1, -2)) & np.isfinite(right).all(axis=(-1, -2))
+    known = np.isfinite(matrix).all(axis=(-1, -2)) & np.isfinite(right).all(axis=(-1, -2))
+    finite = np.asarray(known)
     size = matrix.shape[-1]
     usable = np.where(finite[..., None, None], matrix, np.eye(size))
     try:
         result = np.linalg.solve(usable, np.where(finite[..., None, None], right, 0.0))
     except np.linalg.LinAlgError:
-        regular = np.linalg.matrix_rank(usable) == size
+        regular = np.asarray(np.linalg.matrix_rank(usable) == size)
         finite = finite & regular
         usable = np.where(regular[..., None, None], usable, np.eye(size))
         result = np.linalg.solve(usable, np.where(finite[..., None, None], right, 0.0))
@@ -188,7 +194,7 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def _settled(step: Array) -> bool:
-    """Whether no sample moves any more; samples that cannot be solved (NaN) do not hold up the others."""
+    """Whether no sample moves any more; unsolvable ones (NaN) do not hold up the others."""
     return bool(np.max(np.nan_to_num(np.abs(step)), initial=0.0) <= _NEWTON_TOLERANCE)
 
 

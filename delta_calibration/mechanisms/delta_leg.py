@@ -1,8 +1,8 @@
 """What the two models of a rotary Delta share: the legs' places, the hinge, the arm, the drawing.
 
-Leg i stands at angle eta_i = 2 pi (i - 1) / 3 about z. Its hinge frame has x radially outward, y along the
-motor's axis and z up; a positive joint angle lowers the arm: u(q) = (cos q, 0, -sin q). Paper 000 section 2
-has z down and the same positive sense.
+Leg i stands at angle eta_i = 2 pi (i - 1) / 3 about z. Its hinge frame has x radially outward, y
+along the motor's axis and z up; a positive joint angle lowers the arm: u(q) = (cos q, 0, -sin q).
+Paper 000 section 2 has z down and the same positive sense.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LEG_FRAMES: Array = rotations.about_z(2 * np.pi / 3 * np.arange(LEGS))  # (3, 3,
 
 @dataclass(frozen=True)
 class DeltaDimensions:
-    """The drawing of a rotary Delta, all [m]; paper 000 table 1 and the ball joints' half distance."""
+    """The drawing of a rotary Delta, all [m]: paper 000 table 1, ball joints' half distance."""
 
     base_radius: float  # R: motor axis from the base's centre
     platform_radius: float  # r: middle of the ball joints from the platform's centre
@@ -61,10 +61,10 @@ def arm_turn(angle: Array) -> Array:
 
 
 def to_base(vectors: Array) -> Array:
-    """Vectors of the three hinge frames turned into the base.  (n, 3, ..., 3) -> the same shape."""
-    return np.einsum("cij,nc...j->nc...i", LEG_FRAMES, vectors)
+    """Vectors of the three hinge frames in the base.  (n, 3, ..., 3) -> the same shape."""
+    return np.asarray(np.einsum("cij,nc...j->nc...i", LEG_FRAMES, vectors))
 
 
 def to_legs(vectors: Array) -> Array:
     """The same vectors of the base seen from each leg's place.  (n, 3) -> (n, 3 legs, 3)."""
-    return np.einsum("cji,nj->nci", LEG_FRAMES, vectors)
+    return np.asarray(np.einsum("cji,nj->nci", LEG_FRAMES, vectors))

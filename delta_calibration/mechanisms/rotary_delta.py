@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import ClassVar
 
 import numpy as np
@@ -34,10 +35,11 @@ class RotaryDelta(Mechanism):
 
         e_i = Z_i (b_i + T_i u(q_i + z_i) L_i).
 
-    Parameters of a leg, shape (24,) in all: joint_radial, joint_tangential, joint_height [m] (b: hinge less
-    platform joint, paper 000's Delta e), hinge_tilt_x, hinge_tilt_z [rad] (T = exp of them), joint_zero z [rad],
-    arm L [m], rod l [m] (mean of the pair). All 24 show in the positions; six combinations of them are the
-    rigid motion of the base, which an unknown tracker frame takes up.
+    Parameters of a leg, shape (24,) in all: joint_radial, joint_tangential, joint_height [m] (b:
+    hinge less platform joint, paper 000's Delta e), hinge_tilt_x, hinge_tilt_z [rad] (T = exp of
+    them), joint_zero z [rad], arm L [m], rod l [m] (mean of the pair). All 24 show in the
+    positions; six combinations of them are the rigid motion of the base, which an unknown tracker
+    frame takes up.
 
     Leaves out the tilt of the platform by unequal rods: see `SixRodDelta`.
     """
@@ -51,14 +53,13 @@ class RotaryDelta(Mechanism):
         """From the drawing and the expected errors of the parts."""
         self.dimensions = dimensions
         self.tolerances = tolerances
-        self.parameters = ParameterSet(
-            tuple(p for leg in range(1, LEGS + 1) for p in _leg_parameters(leg, dimensions, tolerances))
-        )
+        each = (_leg_parameters(leg, dimensions, tolerances) for leg in range(1, LEGS + 1))
+        self.parameters = ParameterSet(tuple(chain.from_iterable(each)))
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """|x - e_i|^2 - l_i^2, (n, 3) [m^2]."""
         rod = legs(g)[..., ROD]
-        return np.sum(self._forearm(q, x, g) ** 2, axis=-1) - rod**2
+        return np.asarray(np.sum(self._forearm(q, x, g) ** 2, axis=-1) - rod**2)
 
     def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
         """2 (x - e_i), (n, 3, 3)."""
@@ -69,7 +70,7 @@ class RotaryDelta(Mechanism):
         leg = legs(g)
         turn = _tilted(leg, leg[..., ARM, None] * arm_turn(q + leg[..., ZERO]))
         diagonal = -2 * np.sum(self._forearm(q, x, g) * turn, axis=-1)
-        return diagonal[..., None] * np.eye(LEGS)
+        return np.asarray(diagonal[..., None] * np.eye(LEGS))
 
     def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
         """df/dg, (n, 3, 24): blocks of eight columns on the diagonal."""
@@ -79,7 +80,8 @@ class RotaryDelta(Mechanism):
         arm = leg[..., ARM, None] * arm_direction(angle)
         tilt = rotations.exp_times_derivative(_tilt(leg), arm)
         columns = np.empty((*s.shape[:2], 3, _SIZE))
-        columns[..., RADIAL : HEIGHT + 1] = to_base(np.broadcast_to(np.eye(3), (*s.shape, 3))).swapaxes(2, 3)
+        axes = to_base(np.broadcast_to(np.eye(3), (*s.shape, 3)))
+        columns[..., RADIAL : HEIGHT + 1] = axes.swapaxes(2, 3)
         columns[..., TILT_X] = to_base(tilt[..., 0])
         columns[..., TILT_Z] = to_base(tilt[..., 2])
         columns[..., ZERO] = _tilted(leg, leg[..., ARM, None] * arm_turn(angle))
@@ -99,7 +101,7 @@ class RotaryDelta(Mechanism):
         return lower_meeting_point(elbow, rod)
 
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
-        """Joint angles with the arms outward, (n, 3) [rad] in (-pi, pi]; closed form, paper 000 (2), (3).
+        """Joint angles, arms outward, (n, 3) [rad] in (-pi, pi]; closed form, paper 000 (2), (3).
 
         `guess` is not needed and not used.
         """
@@ -114,7 +116,7 @@ class RotaryDelta(Mechanism):
         with np.errstate(invalid="ignore", divide="ignore"):
             opening = np.arccos(level / radius)  # NaN where the leg cannot reach
         angle = toward - opening - leg[..., ZERO]
-        return np.pi - np.mod(np.pi - angle, 2 * np.pi)
+        return np.asarray(np.pi - np.mod(np.pi - angle, 2 * np.pi))
 
     def start(self, q: Array, g: Array) -> Array:
         """The solution itself: the direct problem is closed."""
@@ -150,8 +152,8 @@ def on_diagonal(block: Array) -> Array:
 def lower_meeting_point(centre: Array, radius: Array) -> Array:
     """Where three spheres meet, the point on the far side of (c2 - c1) x (c3 - c1).
 
-    For elbows at 0, 120 and 240 degrees that is the point under them.  (n, 3, 3), (n, 3) -> (n, 3); NaN where
-    they do not meet.
+    For elbows at 0, 120 and 240 degrees that is the point under them.  (n, 3, 3), (n, 3) -> (n,
+    3); NaN where they do not meet.
     """
     a, b = centre[:, 1] - centre[:, 0], centre[:, 2] - centre[:, 0]
     normal = np.cross(a, b)
@@ -175,14 +177,15 @@ def _tilted(leg: Array, vectors: Array) -> Array:
 
 
 def _leg_parameters(leg: int, d: DeltaDimensions, t: DeltaTolerances) -> list[Parameter]:
-    where = f"joint_{leg}"
-    place = float(np.hypot(t.joint_position, t.joint_position))  # hinge and platform joint together
+    where, radius = f"joint_{leg}", d.base_radius - d.platform_radius
+    # hinge and platform joint together
+    place = float(np.hypot(t.joint_position, t.joint_position))
 
     def parameter(name: str, unit: str, nominal: float, prior: float, cause: str) -> Parameter:
         return Parameter(f"{name}_{leg}", unit, nominal, prior, cause, where)
 
     return [
-        parameter("joint_radial", "m", d.base_radius - d.platform_radius, place, "base_joint_position"),
+        parameter("joint_radial", "m", radius, place, "base_joint_position"),
         parameter("joint_tangential", "m", 0.0, place, "base_joint_position"),
         parameter("joint_height", "m", 0.0, place, "base_joint_position"),
         parameter("hinge_tilt_x", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import ClassVar
 
 import numpy as np
@@ -38,15 +39,17 @@ class SixRodDelta(Mechanism):
 
     Closure of rod j of leg i (paper 000 (5)): |p + R(w) a_ij - e_ij(q_i)|^2 = l_ij^2 with
 
-        e_ij = Z_i (b_i + T_i (u(q_i + z_i) L_i + s_j c_ij n(elbow tilt))),   a_ij = Z_i (a_i + s_j d_ij n(line tilt)).
+        e_ij = Z_i (b_i + T_i (u(q_i + z_i) L_i + s_j c_ij n(elbow tilt))),   a_ij = Z_i (a_i + s_j
+        d_ij n(line tilt)).
 
-    Pose x (n, 6): centre p [m], rotation vector w [rad]. Parameters of a leg, shape (60,) in all: base and
-    platform joint (radial, tangential, height) [m], hinge tilt x, z [rad], joint zero z [rad], arm L [m], rod l
-    (mean of the pair) and mismatch m [m] with l_ij = l_i + s_j m_i / 2, half widths c_1, c_2 at the elbow and d_1, d_2 at the platform [m], tilt x, z [rad] of the line
+    Pose x (n, 6): centre p [m], rotation vector w [rad]. Parameters of a leg, shape (60,) in all:
+    base and platform joint (radial, tangential, height) [m], hinge tilt x, z [rad], joint zero z
+    [rad], arm L [m], rod l (mean of the pair) and mismatch m [m] with l_ij = l_i + s_j m_i / 2,
+    half widths c_1, c_2 at the elbow and d_1, d_2 at the platform [m], tilt x, z [rad] of the line
     of ball joints at the elbow (n in the hinge's frame, as the paper has it) and at the platform.
 
-    36 combinations of the 60 show in the pose and 33 in the positions alone, at first order about the drawing.
-    Leaves out a tilt of the elbow's line that turns with the arm, and clearance.
+    36 combinations of the 60 show in the pose and 33 in the positions alone, at first order about
+    the drawing. Leaves out a tilt of the elbow's line that turns with the arm, and clearance.
     """
 
     name: ClassVar[str] = "six_rod_delta"
@@ -58,16 +61,15 @@ class SixRodDelta(Mechanism):
         """From the drawing and the expected errors of the parts."""
         self.dimensions = dimensions
         self.tolerances = tolerances
-        self.parameters = ParameterSet(
-            tuple(p for leg in range(1, LEGS + 1) for p in _leg_parameters(leg, dimensions, tolerances))
-        )
+        each = (_leg_parameters(leg, dimensions, tolerances) for leg in range(1, LEGS + 1))
+        self.parameters = ParameterSet(tuple(chain.from_iterable(each)))
         self._spheres = RotaryDelta(dimensions, tolerances)
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """Squared length of each rod less what it should be, (n, 6) [m^2]."""
         leg = legs(g)
         gap = np.sum(self._rods(q, x, leg) ** 2, axis=-1) - _lengths(leg) ** 2
-        return gap.reshape(len(q), 2 * LEGS)
+        return np.asarray(gap.reshape(len(q), 2 * LEGS))
 
     def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
         """2 [s, s . d(R a)/dw], (n, 6, 6)."""
@@ -98,13 +100,14 @@ class SixRodDelta(Mechanism):
         width, spread = (SIDE * leg[..., ELBOW])[..., None], (SIDE * leg[..., JOINT])[..., None]
         ball = leg[..., None, ARM, None] * arm_direction(angle)[..., None, :] + width * line
         tilt = rotations.exp_times_derivative(_hinge_tilt(leg)[..., None, :], ball)
+        turn = leg[..., ARM, None] * arm_turn(angle)
         own = np.eye(2)  # what belongs to one rod of the pair only
 
         f = np.empty((*in_leg.shape[:3], _SIZE))
         f[..., BASE] = -2 * in_leg
         f[..., PLATFORM] = 2 * in_platform
         f[..., [TILT_X, TILT_Z]] = -2 * (in_leg[..., None, :] @ tilt)[..., 0, [0, 2]]
-        f[..., ZERO] = -2 * _dot(in_hinge, leg[..., None, ARM, None] * arm_turn(angle)[..., None, :])
+        f[..., ZERO] = -2 * _dot(in_hinge, turn[..., None, :])
         f[..., ARM] = -2 * _dot(in_hinge, arm_direction(angle)[..., None, :])
         f[..., ROD] = -2 * _lengths(leg)
         f[..., MISMATCH] = -_lengths(leg) * SIDE
@@ -124,10 +127,11 @@ class SixRodDelta(Mechanism):
         return self._spheres.inverse(task, self.three_spheres(g))
 
     def three_spheres(self, g: Array) -> Array:
-        """The nearest `RotaryDelta` geometry: hinge less platform joint, mean rod.  (..., 60) -> (..., 24)."""
+        """Nearest `RotaryDelta` geometry: hinge less platform joint.  (..., 60) -> (..., 24)."""
         leg = legs(g)
         joint = leg[..., BASE] - leg[..., PLATFORM]
-        return np.concatenate([joint, leg[..., TILT_X : ROD + 1]], axis=-1).reshape((*g.shape[:-1], LEGS * 8))
+        each = np.concatenate([joint, leg[..., TILT_X : ROD + 1]], axis=-1)
+        return each.reshape((*g.shape[:-1], LEGS * 8))
 
     def _elbow_balls(self, q: Array, leg: Array) -> Array:
         """(n, 3 legs, 2 sides, 3) [m] in the base."""
@@ -164,7 +168,7 @@ def _transposed(matrix: Array) -> Array:
 
 def _line(tilt: Array) -> Array:
     """Direction of a line of ball joints.  (..., 3) -> (..., 1, 3)."""
-    return (rotations.exp(tilt) @ _ALONG)[..., None, :]
+    return np.asarray((rotations.exp(tilt) @ _ALONG)[..., None, :])
 
 
 def _line_turn(tilt: Array) -> Array:

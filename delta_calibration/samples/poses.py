@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,8 @@ _SAME_PAYLOAD = 1e-3  # [kg]
 class Poses:
     """Poses measured at rest, in the order of time.
 
-    `place` numbers equal commands, `repeat` equal commands reached from the same side with the same payload:
-    poses of one `repeat` differ by noise and by what changes with time only.
+    `place` numbers equal commands, `repeat` equal commands reached from the same side with the
+    same payload: poses of one `repeat` differ by noise and by what changes with time only.
     """
 
     source: str
@@ -52,6 +53,15 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def take(self, rows: NDArray[np.intp]) -> Poses:
+        """Some of the poses; what is said of the session as a whole stays."""
+        each: dict[str, Any] = {
+            name: value[rows]
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and len(value) == len(self)
+        }
+        return replace(self, **each)
 
 
 def collect(session: Session, joint_names: Sequence[str]) -> Poses:
@@ -107,7 +117,8 @@ def require_poses(poses: Poses, least: int) -> None:
     places = len(np.unique(poses.place))
     if places < least:
         raise DataError(
-            f"{poses.source}: {places} different poses at rest, {least} or more are needed to fit a model"
+            f"{poses.source}: {places} different poses at rest, "
+            f"{least} or more are needed to fit a model"
         )
 
 

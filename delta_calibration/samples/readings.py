@@ -60,9 +60,9 @@ class Readings:
 def match(session: Session, joint_names: Sequence[str]) -> Readings:
     """Interpolate the joints at the stamps of the tracker.
 
-    Interpolation, not pairing with the nearest: between joint messages less than 0.25 s apart the angles are
-    taken linearly at the reading's own stamp. Across longer gaps a reading is used only if a joint message
-    lies within 0.05 s, or if the joints stand at the same angles on both sides.
+    Interpolation, not pairing with the nearest: between joint messages less than 0.25 s apart the
+    angles are taken linearly at the reading's own stamp. Across longer gaps a reading is used only
+    if a joint message lies within 0.05 s, or if the joints stand at the same angles on both sides.
 
     Args:
         session: what was recorded.
@@ -78,7 +78,7 @@ def match(session: Session, joint_names: Sequence[str]) -> Readings:
         raise RecordingError(f"{session.source}: no {missing} in this session")
     notes = list(session.notes)
     if session.states is None:
-        notes.append("no joint_states recorded: the commanded angles are taken for the measured ones")
+        notes.append("no joint_states recorded: the commanded angles are taken for measured ones")
     stamps, kept, repeated = _in_order(tracker.stamp_ns)
     frozen = _frozen(tracker.position[kept])
     kept, stamps = kept[~frozen], stamps[~frozen]
@@ -107,7 +107,7 @@ def _readings(
 ) -> Readings:
     start = int(stamps[0]) if len(stamps) else 0
     quaternion = None if tracker.quaternion is None else tracker.quaternion[kept]
-    time = (stamps - start) * 1e-9
+    time = np.asarray((stamps - start) * 1e-9, dtype=np.float64)
     return Readings(
         start, time, joint, command, tracker.position[kept], quaternion, rejected, tuple(notes)
     )
@@ -132,7 +132,7 @@ def _in_order(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def _frozen(position: Array) -> Mask:
-    """Readings that repeat the last value, in runs of `_FROZEN` equal ones or more; the first is kept."""
+    """Readings that repeat the last value, in runs of `_FROZEN` equal ones; the first is kept."""
     same = np.r_[False, (np.diff(position, axis=0) == 0).all(axis=1)]
     run = np.cumsum(~same)
     length = np.bincount(run)

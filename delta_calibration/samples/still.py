@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,8 @@ Array = NDArray[np.float64]
 
 _HOLD = 20e-6  # [rad] joints that stay within this of where a moment began are held ...
 _COMMANDED = 1e-6  # [rad] the same for the commanded angles, which carry no noise
-_HOLD_SIGMAS = 8.0  # ... or within so many of the encoders' own standard deviations
+_HOLD_SIGMAS = 8.0  # ... or within so many of the encoders' own standard deviations, ...
+_HOLD_MOST = 200e-6  # [rad] ... but never beyond: steady motion would look like noise
 _QUIET = 0.2, 0.2533  # share of the steps taken for pure noise, and that quantile of |N(0, 1)|
 _BREAK = 1.0  # [s] a pause in the readings longer than this ends a moment
 _LONG_ENOUGH = 0.15  # [s] what holds shorter than this in a stream is motion seen slowly
@@ -36,16 +38,17 @@ class StillMoments:
     point: Array  # (n, 3) [m] in the tracker's frame
     quaternion: Array | None  # (n, 4)
     count: NDArray[np.int64]  # (n,) readings averaged
-    scatter: Array  # (n, 3, 3) [m^2] covariance of a single reading in the moment, NaN for one alone
+    # (n, 3, 3) [m^2] covariance of a single reading in the moment, NaN for one alone
+    scatter: Array
 
 
 def find_still(readings: Readings) -> tuple[StillMoments, Readings]:
     """Cut the readings into still moments and average each.
 
-    A moment begins anew when a joint leaves the place where the moment began, or readings pause. In a
-    stream, moments must last 0.15 s and hold 5 readings; where a session has one message a pose, each is one.
-    Readings farther than 6 robust standard deviations from their moment's median are set aside: as settling
-    while they lead the moment, as outliers elsewhere.
+    A moment begins anew when a joint leaves the place where the moment began, or readings pause.
+    In a stream, moments must last 0.15 s and hold 5 readings; where a session has one message a
+    pose, each is one. Readings farther than 6 robust standard deviations from their moment's
+    median are set aside: as settling while they lead the moment, as outliers elsewhere.
 
     Returns:
         The moments, and the readings with the rejected ones counted.
@@ -73,8 +76,9 @@ def _moments(readings: Readings) -> NDArray[np.intp]:
     moved = (steps > hold) | (commanded > _hold(commanded, _COMMANDED))
     cut = np.r_[True, moved.any(axis=1) | (np.diff(time) > _BREAK)]
     edges = np.append(np.flatnonzero(cut), len(time))
-    # A slow sweep moves less than `hold` a step: cut again wherever it has left the place where it began.
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    # A slow sweep moves less than `hold` a step: cut again wherever it has left the place where it
+    # began.
+    for begin, end in pairwise(edges):
         while end - begin > 1:
             left = (np.abs(joint[begin:end] - joint[begin]) > hold).any(axis=1)
             if not left.any():
@@ -85,12 +89,12 @@ def _moments(readings: Readings) -> NDArray[np.intp]:
 
 
 def _hold(steps: Array, least: float) -> Array:
-    """How far each joint may wander and still be held, (m,) [rad]: the angles' own noise decides."""
+    """How far each joint may wander and still be held, (m,) [rad]: the angles' noise decides."""
     if len(steps) == 0:
         return np.full(steps.shape[1], least)
     share, quantile = _QUIET
     sigma = np.quantile(steps, share, axis=0) / quantile / np.sqrt(2)
-    return np.asarray(np.maximum(least, _HOLD_SIGMAS * sigma))
+    return np.asarray(np.clip(_HOLD_SIGMAS * sigma, least, _HOLD_MOST))
 
 
 def _accepted(readings: Readings, label: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -113,7 +117,8 @@ def _set_aside(
     outlier = np.zeros(len(label), dtype=bool)
     settling = np.zeros(len(label), dtype=bool)
     moments = np.split(np.arange(len(label)), np.flatnonzero(np.diff(label)) + 1)
-    moments = [rows for rows, good in zip(moments, accepted, strict=True) if good and len(rows) >= _ENOUGH]
+    pairs = zip(moments, accepted, strict=True)
+    moments = [rows for rows, good in pairs if good and len(rows) >= _ENOUGH]
     if not moments:
         return outlier, settling
     distance = [_from_rest(readings.point[rows]) for rows in moments]
@@ -127,7 +132,7 @@ def _set_aside(
 
 
 def _from_rest(point: Array) -> Array:
-    """Distance of each reading of a moment from where it came to rest: the median of its later half."""
+    """Distance of each reading of a moment from its rest: the median of the later half."""
     rest = np.median(point[len(point) // 2 :], axis=0)
     return np.asarray(np.linalg.norm(point - rest, axis=1))
 
@@ -150,7 +155,8 @@ def _average(readings: Readings, label: NDArray[np.intp]) -> StillMoments:
         scatter = spread * (count / (count - 1.0))[:, None, None]
     quaternion = None
     if readings.quaternion is not None:
-        same_side = np.sign(np.sum(readings.quaternion * readings.quaternion[first][number], axis=1))
+        reference = readings.quaternion[first][number]
+        same_side = np.sign(np.sum(readings.quaternion * reference, axis=1))
         quaternion = mean(readings.quaternion * np.where(same_side < 0, -1.0, 1.0)[:, None])
         quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
     last = np.append(first[1:], len(label)) - 1

@@ -1,0 +1,121 @@
+"""What the parts cost on this machine, all in one run: `make bench`.
+
+Each figure is the least of several repeats (the machine's noise only adds), per item and with its unit. Written to
+out/bench.json as well. Figures of different runs or machines are not comparable; ratios within one run are.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import tempfile
+import timeit
+from collections.abc import Callable
+from pathlib import Path
+
+for library in ("OPENBLAS", "MKL", "OMP"):  # as the command line has it: the matrices are small
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+import numpy as np
+
+from delta_calibration.calibration_file import from_identification
+from delta_calibration.compensation import JointCompensator
+from delta_calibration.identification import identify
+from delta_calibration.plans import make_plan
+from delta_calibration.recording import read_session, write_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, simulate_session
+
+SAMPLES = 10_000
+REPEATS = 5
+
+
+def least(function: Callable[[], object], items: int, repeats: int = REPEATS) -> float:
+    """Seconds an item."""
+    return min(timeit.repeat(function, number=1, repeat=repeats)) / items
+
+
+def kinematics() -> list[tuple[str, float, str]]:
+    """The two models of the Delta, many samples at once."""
+    robot = load_robot("srbd")
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-0.3, 1.2, (SAMPLES, 3))
+    rows = []
+    for name in ("rotary_delta", "six_rod_delta"):
+        model = robot.model(name)
+        parameters = model.parameters
+        g = parameters.nominal + parameters.prior * rng.standard_normal(len(parameters))
+        x = model.forward(q, g)
+        few = slice(0, SAMPLES if name == "rotary_delta" else 1000)
+        n = len(q[few])
+        rows += [
+            (f"{name}: forward", 1e6 * least(lambda: model.forward(q[few], g), n), "us a pose"),
+            (f"{name}: inverse", 1e6 * least(lambda: model.inverse(x[few, :3], g), n), "us a pose"),
+            (
+                f"{name}: velocity Jacobian",
+                1e6 * least(lambda: model.velocity_jacobian(q[few], x[few], g), n),
+                "us a pose",
+            ),
+            (
+                f"{name}: identification Jacobian",
+                1e6 * least(lambda: model.identification_jacobian(q[few], x[few], g), n),
+                "us a pose",
+            ),
+        ]
+    return rows
+
+
+def session_work() -> list[tuple[str, float, str]]:
+    """A two-hour session: written, read, cleaned, fitted; the line compensated."""
+    robot = load_robot("srbd")
+    machine = draw_machine(robot, 1)
+    session = simulate_session(machine, make_plan("rich", robot, seed=1), 1, period=38.0)
+    assert session.tracker is not None
+    messages = 3 * len(session.tracker.stamp_ns)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "session"
+        writing = least(lambda: write_session(path, session, {}), 1, repeats=1)
+        reading = least(lambda: read_session(path), 1)
+    poses = collect(session, robot.joints.names)
+    rows = [
+        (f"write a session of {messages} messages", writing, "s"),
+        (f"read a session of {messages} messages", reading, "s"),
+        ("find still moments and poses", least(lambda: collect(session, robot.joints.names), 1), "s"),
+    ]
+    line = make_plan("line", robot, count=61, both_sides=False).joint
+    for model in ("rotary_delta", "six_rod_delta"):
+        seconds = least(lambda: identify(poses, robot, model), 1, repeats=2)
+        rows.append((f"fit {len(poses)} poses, {model}, held-out parts within", seconds, "s"))
+        calibration = from_identification(identify(poses, robot, model), robot, poses)
+        for method in ("newton", "apso"):
+            compensator = JointCompensator(calibration, method)
+            batch = 1e3 * least(lambda: compensator.compensate(line), len(line), repeats=2)
+            alone = 1e3 * least(lambda: compensator.compensate(line[:1]), 1, repeats=2)
+            rows.append((f"{method}, {model}, {len(line)} targets at once", batch, "ms a target"))
+            rows.append((f"{method}, {model}, one target alone", alone, "ms"))
+    return rows
+
+
+def main() -> int:
+    """Print and write the table."""
+    rows = kinematics() + session_work()
+    width = max(len(name) for name, _, _ in rows)
+    for name, value, unit in rows:
+        print(f"{name.ljust(width)}  {value:10.4g} {unit}")
+    out = Path("out")
+    out.mkdir(exist_ok=True)
+    record = {
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "processors": os.cpu_count(),
+        "figures": [{"name": n, "value": v, "unit": u} for n, v, u in rows],
+    }
+    (out / "bench.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,160 @@
+"""The criteria of ISO 9283 on a recorded session of the standard's cycles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.errors import DataError
+from delta_calibration.geometry import align
+from delta_calibration.iso9283 import (
+    Conditions,
+    distance_accuracy,
+    distance_repeatability,
+    path_accuracy,
+    path_repeatability,
+    position_accuracy,
+    position_repeatability,
+)
+from delta_calibration.plans import CUBE
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses, Readings
+
+Array = NDArray[np.float64]
+
+_SAME = 0.5e-3  # [m] a command this near to a pose or path of the cube means it
+_PAUSE = 0.5  # [s] longer than this between readings ends a run along a path
+
+
+@dataclass(frozen=True)
+class IsoValue:
+    """One criterion of the standard."""
+
+    symbol: str  # AP, RP, AD, RD, AT, RT
+    where: str  # P1 ..., "P2-P4", "line", "circle"
+    value: float  # [m]
+    cycles: int
+
+
+@dataclass(frozen=True)
+class IsoReport:
+    """What the standard asks for, with the conditions it was measured under."""
+
+    conditions: Conditions
+    frame: str  # how the tracker was registered to the base
+    values: tuple[IsoValue, ...]
+
+
+@dataclass(frozen=True)
+class _Attained:
+    """Measured tool points in the base, beside the nominal ones."""
+
+    meant: Array  # (n, 3) [m]
+    reached: Array  # (n, 3) [m]
+
+
+def evaluate(
+    poses: Poses, readings: Readings, robot: Robot, conditions: Conditions, calibration: Calibration | None
+) -> IsoReport:
+    """AP, RP of P1 to P5, AD, RD of P2-P4, AT, RT of line and circle.
+
+    Without a calibration the tracker is registered by the best rigid frame over the stops
+    themselves, which flatters AP; AD and RD do not depend on it.
+
+    Raises:
+        DataError: a pose of the cube was not reached, or not as often as the conditions ask.
+        InputError: what the criteria themselves refuse.
+    """
+    nominal = robot.model("rotary_delta")
+
+    def meant(command: Array) -> Array:
+        return nominal.forward(command, nominal.parameters.nominal) + robot.tool_offset
+
+    stops = meant(poses.command)
+    if calibration is None:
+        frame = align(stops, poses.point).inverse()
+        attained = _Attained(stops, frame.apply(poses.point))
+        moving = _Attained(meant(readings.command), frame.apply(readings.point))
+        said = "best rigid frame over the same stops (flatters AP; AD and RD are free of it)"
+    else:
+        attained = _Attained(stops, calibration.tool_points(poses.point, poses.joint))
+        moving = _Attained(
+            meant(readings.command), calibration.tool_points(readings.point, readings.joint)
+        )
+        said = f"calibration of session {calibration.source!r}"
+    cycles = _cycles(attained, conditions)
+    values = [*_positions(cycles, conditions), *_distances(cycles, conditions)]
+    values += _paths(moving, readings.time, conditions)
+    return IsoReport(conditions, said, tuple(values))
+
+
+def _cycles(attained: _Attained, conditions: Conditions) -> list[Array]:
+    """Attained positions of P1 to P5 in the order of time, five of (n, 3)."""
+    found = []
+    needed = max(conditions.position_cycles, conditions.distance_cycles)
+    for number, pose in enumerate(CUBE.poses(), start=1):
+        rows = np.flatnonzero(np.linalg.norm(attained.meant - pose, axis=1) < _SAME)
+        if len(rows) < needed:
+            place = ", ".join(f"{v * 1e3:.0f}" for v in pose)
+            raise DataError(
+                f"P{number} of the cube ({place} mm) was reached {len(rows)} times; "
+                f"{conditions.name} asks for {needed}"
+            )
+        found.append(attained.reached[rows])
+    return found
+
+
+def _positions(cycles: list[Array], conditions: Conditions) -> list[IsoValue]:
+    n = conditions.position_cycles
+    values = []
+    for number, (reached, pose) in enumerate(zip(cycles, CUBE.poses(), strict=True), start=1):
+        ap = position_accuracy(reached[:n], pose, conditions)
+        rp = position_repeatability(reached[:n], conditions)
+        values += [IsoValue(c.symbol, f"P{number}", float(c.value), n) for c in (ap, rp)]
+    return values
+
+
+def _distances(cycles: list[Array], conditions: Conditions) -> list[IsoValue]:
+    n = conditions.distance_cycles
+    poses = CUBE.poses()
+    first, second = cycles[1][:n], cycles[3][:n]
+    ad = distance_accuracy(first, second, poses[[1, 3]], conditions)
+    rd = distance_repeatability(first, second, conditions)
+    return [IsoValue(c.symbol, "P2-P4", float(c.value), n) for c in (ad, rd)]
+
+
+def _paths(moving: _Attained, time: Array, conditions: Conditions) -> list[IsoValue]:
+    """AT and RT of each path that was run often enough; none where a session holds no paths."""
+    values = []
+    for name, way in (("line", CUBE.line()), ("circle", CUBE.circle())):
+        runs = [moving.reached[run] for run in _runs(moving.meant, time, way)]
+        n = conditions.path_cycles
+        if len(runs) >= n:
+            at = path_accuracy(way, runs[:n], conditions)
+            rt = path_repeatability(way, runs[:n], conditions)
+            values += [IsoValue(c.symbol, name, float(c.value), n) for c in (at, rt)]
+    return values
+
+
+def _runs(meant: Array, time: Array, way: Array) -> list[NDArray[np.intp]]:
+    """Readings of each complete run along a path: on it, moving, from one end to the other."""
+    segment = np.diff(way, axis=0)
+    along = np.sum((meant[:, None] - way[:-1]) * segment, axis=-1) / np.sum(segment**2, axis=-1)
+    foot = way[:-1] + np.clip(along, 0, 1)[..., None] * segment
+    off = np.linalg.norm(meant[:, None] - foot, axis=-1).min(axis=1)
+    moving = np.r_[np.linalg.norm(np.diff(meant, axis=0), axis=1) > 1e-6, False]
+    on = np.flatnonzero((off < _SAME) & moving)
+    if on.size == 0:
+        return []
+    breaks = np.flatnonzero((np.diff(on) > 1) | (np.diff(time[on]) > _PAUSE)) + 1
+    length = float(np.linalg.norm(segment, axis=1).sum())
+    complete = []
+    for run in np.split(on, breaks):
+        run = np.append(run, run[-1] + 1)  # the reading at which it stands again
+        travelled = float(np.linalg.norm(np.diff(meant[run], axis=0), axis=1).sum())
+        if abs(travelled - length) < 0.02 * length:
+            complete.append(run)
+    return complete

@@ -1,0 +1,1 @@
+"""`delta-cal`: a file a verb."""

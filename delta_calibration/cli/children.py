@@ -1,0 +1,141 @@
+"""Nodes as child processes of a verb: started in one place, all gone when it ends, whatever ends it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import FrameType
+
+from delta_calibration.errors import CalibrationError
+from delta_calibration.processes import child_environment
+
+_NODES = "delta_calibration.ros"
+_PATIENCE = 8.0  # [s] a node has to end in order before it is ended
+
+
+class Children:
+    """Starts nodes of this package and watches over them; a context manager.
+
+    Each child is the leader of a session of its own: Ctrl-C in a terminal reaches this process only, and this
+    process ends the children in order.
+    """
+
+    def __init__(self, domain_id: int, logs: Path) -> None:
+        """Children on one ROS domain of this machine, their output in a folder of logs."""
+        self._environment = child_environment(domain_id, local_only=True)
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Children:
+        self._before = signal.signal(signal.SIGTERM, _interrupt)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with _no_interrupts():
+            self.stop()
+        signal.signal(signal.SIGTERM, self._before)
+
+    def start(self, node: str, parameters: Mapping[str, object], remaps: Mapping[str, str] | None = None) -> None:
+        """Start a node that runs until `stop`."""
+        self._running[node] = self._popen(node, _ros_arguments(parameters, remaps or {}), node)
+
+    def run(self, node: str, arguments: Sequence[str], timeout: float, log: str | None = None) -> str:
+        """Run a node to its end; what it wrote to its standard output.
+
+        Raises:
+            CalibrationError: it failed or took too long, or a node that should be running has ended.
+        """
+        child = self._popen(node, arguments, log or node, capture=True)
+        self._running[f"{node} (to its end)"] = child
+        deadline = time.monotonic() + timeout
+        while child.poll() is None:
+            self._require_running(except_=child)
+            if time.monotonic() > deadline:
+                raise CalibrationError(f"{node} did not end within {timeout:.0f} s; see {self._logs}")
+            time.sleep(0.05)
+        del self._running[f"{node} (to its end)"]
+        output = child.stdout.read().decode() if child.stdout else ""
+        if child.returncode != 0:
+            said = output.strip().splitlines()
+            raise CalibrationError(
+                f"{' '.join([node, *arguments[:1]])} ended with {child.returncode}: "
+                f"{said[-1] if said else 'it said nothing'}; see {self._logs}"
+            )
+        return output.strip()
+
+    def plan(self, parameters: Mapping[str, object], timeout: float) -> None:
+        """Run a measurement plan to its end."""
+        self.run("measurement_plan", _ros_arguments(parameters, {}), timeout)
+
+    def call(self, service: str, value: bool | None = None, timeout: float = 60.0) -> str:
+        """Call a service; its answer's message."""
+        arguments = [service, *([] if value is None else [str(value).lower()]), str(timeout)]
+        return self.run("trigger", arguments, timeout + 10.0)
+
+    def stop(self) -> None:
+        """End every child: asked, then told, then killed."""
+        for order in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            for child in self._running.values():
+                if child.poll() is None:
+                    with contextlib.suppress(ProcessLookupError):
+                        os.killpg(child.pid, order)
+            if self._wait(_PATIENCE):
+                break
+        self._running.clear()
+
+    def _wait(self, seconds: float) -> bool:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            if all(child.poll() is not None for child in self._running.values()):
+                return True
+            time.sleep(0.02)
+        return False
+
+    def _require_running(self, except_: subprocess.Popen[bytes]) -> None:
+        for name, child in self._running.items():
+            if child is not except_ and child.poll() is not None:
+                raise CalibrationError(f"{name} ended by itself with {child.returncode}; see {self._logs}")
+
+    def _popen(
+        self, node: str, arguments: Sequence[str], log: str, capture: bool = False
+    ) -> subprocess.Popen[bytes]:
+        with (self._logs / f"{log}.log").open("ab") as file:
+            return subprocess.Popen(
+                [sys.executable, "-m", f"{_NODES}.{node}", *arguments],
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE if capture else file,
+                stderr=file,
+                start_new_session=True,
+            )
+
+
+def _ros_arguments(parameters: Mapping[str, object], remaps: Mapping[str, str]) -> list[str]:
+    arguments = ["--ros-args"]
+    for name, value in parameters.items():
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        arguments += ["-p", f"{name}:={text}"]
+    for name, value in remaps.items():
+        arguments += ["-r", f"{name}:={value}"]
+    return arguments
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _no_interrupts() -> Iterator[None]:
+    """An impatient second Ctrl-C must not leave children behind."""
+    before = {s: signal.signal(s, signal.SIG_IGN) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

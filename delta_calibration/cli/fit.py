@@ -1,0 +1,151 @@
+"""`delta-cal fit`: what the machine really is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cli.options import (
+    SESSION,
+    duration,
+    require_folder,
+    robot_option,
+    seed_option,
+    table,
+    topics_option,
+)
+from delta_calibration.identification import Identification, identify
+from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import Poses, collect
+
+_SHOWN = 5  # of a long list, without -v
+_CLEAR = 3.0  # standard errors by which a parameter must differ from the drawing to be listed
+
+
+@click.command("fit", short_help="find what the machine really is")
+@SESSION
+@robot_option
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write.")
+@click.option(
+    "--method", type=click.Choice(["least_squares"]), default="least_squares", show_default=True,
+    help="Prior-weighted (MAP) least squares on whitened residuals, robust.",
+)  # fmt: skip
+@click.option(
+    "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
+    help="Mechanism to fit; the robot file's own where not given.",
+)  # fmt: skip
+@seed_option
+@topics_option
+@click.option("-v", "--verbose", is_flag=True, help="All combinations and correlations.")
+def command(
+    session: Path,
+    robot_file: str,
+    out: Path | None,
+    method: str,
+    model: str | None,
+    seed: int,
+    topics: tuple[str, ...],
+    verbose: bool,
+) -> None:
+    """Identify geometry, reflector offset and tracker frame from the still moments of SESSION."""
+    if out is not None:
+        require_folder(out)
+    robot = load_robot(robot_file)
+    poses = collect(read_session(session, Topics.from_options(topics)), robot.joints.names)
+    found = identify(poses, robot, model, seed)
+    click.echo(describe_poses(poses))
+    click.echo(describe(found, verbose))
+    if out is not None:
+        save_calibration(out, found, robot, poses)
+        click.echo(f"written: {out}")
+
+
+def describe_poses(poses: Poses) -> str:
+    """What was in the session."""
+    places = len(np.unique(poses.place))
+    aside = ", ".join(f"{n} {reason}" for reason, n in poses.rejected.counts().items() if n) or "none"
+    lines = [
+        f"{Path(poses.source).name}: {poses.readings} readings in {duration(poses.duration)}, "
+        f"{len(poses)} poses at rest in {places} places; set aside: {aside}",
+        *(f"note: {note}" for note in poses.notes),
+    ]
+    return "\n".join(lines)
+
+
+def describe(found: Identification, verbose: bool) -> str:
+    """The fit, for people."""
+    noise, seen = found.noise, found.observability
+    origin = f"from repeats, {noise.degrees} degrees of freedom" if noise.measured else "from the robot file"
+    down = int(np.sum(found.weight < 1))
+    lines = [
+        f"noise floor {noise.floor * 1e6:.2f} um RMS in 3-D ({origin}); joints come to rest within "
+        f"{noise.repeatability * 1e6:.1f} urad; tracker {noise.radial_scale:.2f} x its stated noise along the "
+        f"beam, {noise.transverse_scale:.2f} x across",
+        f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, tracker frame and "
+        "reflector offset within",
+        "",
+        _residuals(found),
+        "",
+        f"held out: {found.full.held_out / noise.floor:.2f} times the noise floor; chi square per degree of "
+        f"freedom {found.chi_square:.2f}" + (f"; {down} poses believed less" if down else ""),
+        *_deviations(found),
+        *_unset(found, verbose),
+        *_correlated(found, verbose),
+    ]
+    return "\n".join(lines)
+
+
+def _residuals(found: Identification) -> str:
+    rows = [
+        (name, *(f"{v * 1e3:.4f}" for v in (r.in_sample, r.held_out, r.held_out_max)))
+        for name, r in (("frame only", found.frame_only), ("geometry + frame", found.full))
+    ]
+    return table(("residual, 3-D [mm]", "in sample", "held out", "held out, max"), rows)
+
+
+def _deviations(found: Identification) -> list[str]:
+    """Parameters that differ clearly from the drawing, strongest first."""
+    geometry = found.chain.geometry_size
+    items = list(found.parameters)[:geometry]
+    off = (found.theta - found.parameters.nominal)[:geometry]
+    ratio = np.abs(off) / found.std[:geometry]
+    clear = [int(k) for k in np.argsort(-ratio) if ratio[k] > _CLEAR]
+    if not clear:
+        return ["no single parameter differs clearly from the drawing"]
+    parts = []
+    for k in clear[:_SHOWN]:
+        factor, unit = (1e3, "mm") if items[k].unit == "m" else (1e3, "mrad")
+        parts.append(f"{items[k].name} {off[k] * factor:+.3f} +- {found.std[k] * factor:.3f} {unit}")
+    more = f", and {len(clear) - _SHOWN} more" if len(clear) > _SHOWN else ""
+    return [f"differs from the drawing: {', '.join(parts)}{more}"]
+
+
+def _unset(found: Identification, verbose: bool) -> list[str]:
+    redundancies = found.observability.redundancies
+    if not redundancies:
+        return []
+    shown = redundancies if verbose else redundancies[:_SHOWN]
+    rest = len(redundancies) - len(shown)
+    return [
+        f"{len(redundancies)} combinations are not set by the data but by the priors:",
+        *(f"  {r.sentence()}" for r in shown),
+        *([f"  and {rest} more (-v, or the calibration file)"] if rest else []),
+    ]
+
+
+def _correlated(found: Identification, verbose: bool) -> list[str]:
+    pairs = found.correlations
+    if not pairs:
+        return []
+    shown = pairs if verbose else pairs[:_SHOWN]
+    rest = len(pairs) - len(shown)
+    return [
+        "estimates that lean on each other: "
+        + ", ".join(f"{a} with {b} ({value:+.3f})" for a, b, value in shown)
+        + (f", and {rest} more" if rest else "")
+    ]

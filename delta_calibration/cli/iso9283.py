@@ -1,0 +1,87 @@
+"""`delta-cal iso9283`: how accurate the cell is, by the standard's criteria."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from delta_calibration.accuracy import IsoReport, evaluate
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.options import (
+    SESSION,
+    require_folder,
+    robot_option,
+    table,
+    topics_option,
+    write_json,
+)
+from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect, match
+
+_CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
+
+
+@click.command("iso9283", short_help="accuracy and repeatability by the standard's criteria")
+@SESSION
+@robot_option
+@click.option(
+    "--calibration", "calibration_file", type=click.Path(path_type=Path), default=None,
+    help="Registers the tracker; else the best frame over the same stops does, which flatters AP.",
+)  # fmt: skip
+@click.option(
+    "--conditions", type=click.Choice(sorted(_CONDITIONS)), default="standard", show_default=True,
+    help="Cycles: 30 / 30 / 10 of the standard, or 25 / 30 / 3 of the Delta paper.",
+)  # fmt: skip
+@click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="File to write.")
+@topics_option
+def command(
+    session: Path,
+    robot_file: str,
+    calibration_file: Path | None,
+    conditions: str,
+    json_file: Path | None,
+    topics: tuple[str, ...],
+) -> None:
+    """AP, RP, AD, RD, AT and RT from a SESSION of the plan `iso9283`."""
+    if json_file is not None:
+        require_folder(json_file)
+    robot = load_robot(robot_file)
+    calibration = None if calibration_file is None else load_calibration(calibration_file, robot)
+    recorded = read_session(session, Topics.from_options(topics))
+    report = evaluate(
+        collect(recorded, robot.joints.names),
+        match(recorded, robot.joints.names),
+        robot,
+        _CONDITIONS[conditions],
+        calibration,
+    )
+    click.echo(f"{report.conditions.name}; tracker registered by the {report.frame}")
+    rows = [(f"{v.symbol} {v.where}", f"{v.value * 1e3:.4f}", str(v.cycles)) for v in report.values]
+    click.echo(table(("criterion", "[mm]", "cycles"), rows))
+    if not any(v.symbol == "AT" for v in report.values):
+        click.echo("no AT, RT: the session holds too few runs of the standard's line and circle")
+    if json_file is not None:
+        write_json(json_file, _as_json(report))
+        click.echo(f"written: {json_file}")
+
+
+def _as_json(report: IsoReport) -> dict[str, object]:
+    conditions = report.conditions
+    return {
+        "schema": 1,
+        "conditions": {
+            "name": conditions.name,
+            "position_cycles": conditions.position_cycles,
+            "distance_cycles": conditions.distance_cycles,
+            "path_cycles": conditions.path_cycles,
+            "stations": conditions.stations,
+        },
+        "frame": report.frame,
+        "values": [
+            {"symbol": v.symbol, "where": v.where, "value_mm": v.value * 1e3, "cycles": v.cycles}
+            for v in report.values
+        ],
+    }

@@ -1,0 +1,83 @@
+"""The command `delta-cal`: finds the verb, turns known errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+import click
+
+from delta_calibration import __version__
+from delta_calibration.errors import CalibrationError
+
+VERBS = ("simulate", "fit", "compensate", "iso9283", "replay", "info", "demo")
+_INTERRUPTED = 130
+
+# The matrices here are small: threads of the linear algebra library cost more than they bring.
+for _library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+
+class Verbs(click.Group):
+    """Loads a verb when it is called, so that `--help` and `info` do not wait for what `fit` needs."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the verbs, in the order of use."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The verb of that name."""
+        if cmd_name not in VERBS:
+            return None
+        module = importlib.import_module(f"delta_calibration.cli.{cmd_name}")
+        command = module.command
+        return command if isinstance(command, click.Command) else None
+
+
+@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="delta-cal")
+def group() -> None:
+    """Calibrate a parallel robot from measured data.
+
+    A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds what the
+    machine really is, `compensate` the joint commands that put the tool where it was meant to be, `iso9283` says
+    how accurate the cell is. `simulate` makes sessions of a machine that is not built as drawn; `demo` shows it
+    all on a live simulated cell.
+
+    Exit codes: 0 done; 1 the data cannot answer; 2 wrong use or bad input.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the console script; leaves the process."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run a verb; the exit code."""
+    try:
+        result = group.main(
+            args=None if arguments is None else list(arguments), prog_name="delta-cal", standalone_mode=False
+        )
+    except click.exceptions.Exit as leave:
+        return leave.exit_code
+    except click.Abort:
+        return _INTERRUPTED
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except CalibrationError as error:
+        click.echo(f"delta-cal: {error}", err=True)
+        return error.exit_code
+    except BrokenPipeError:  # the reader of a pipe has gone; nothing is wrong here
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        return _INTERRUPTED
+    return result if isinstance(result, int) else 0
+
+
+if __name__ == "__main__":
+    main()

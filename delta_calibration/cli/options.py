@@ -1,0 +1,87 @@
+"""What several verbs share: options, and figures as people read them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from delta_calibration.errors import InputError
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+SESSION = click.argument("session", type=click.Path(path_type=Path))
+
+
+def robot_option(function: Function) -> Function:
+    """`--robot`: a robot file or name."""
+    return click.option(
+        "--robot", "robot_file", required=True, metavar="FILE|NAME",
+        help="Robot file (config/srbd.yaml), or the name of one that comes with the package (srbd).",
+    )(function)  # fmt: skip
+
+
+def seed_option(function: Function) -> Function:
+    """`--seed`."""
+    return click.option(
+        "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all that is drawn."
+    )(function)
+
+
+def topics_option(function: Function) -> Function:
+    """`--topic`, as often as needed."""
+    return click.option(
+        "--topic", "topics", multiple=True, metavar="STREAM=TOPIC",
+        help="Where a stream was recorded under another name: command=/my/joint_command; streams: command, "
+        "states, tracker_pose, tracker_point, temperature, payload. An empty name leaves a stream out.",
+    )(function)  # fmt: skip
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Rows with aligned columns, the first to the left, the others to the right."""
+    lines = [tuple(head), *(tuple(row) for row in rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if k == 0 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    )
+
+
+def duration(seconds: float) -> str:
+    """`2 h 05 min`, `3 min 20 s`, `12.5 s`."""
+    minutes, rest = divmod(seconds, 60)
+    if minutes >= 60:
+        return f"{int(minutes // 60)} h {int(minutes % 60):02d} min"
+    return f"{int(minutes)} min {rest:.0f} s" if minutes else f"{seconds:.1f} s"
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write JSON, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def require_folder(path: Path) -> None:
+    """Refuse an output whose folder is not there, before any work is done.
+
+    Raises:
+        InputError: names the folder.
+    """
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: the folder {path.parent} does not exist")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; the name of a file is expected")

@@ -1,0 +1,86 @@
+"""How well compensation works on a machine whose truth is known: the figures of the demonstration.
+
+Three errors are kept apart. *By the model*: what the search left. *Measured*: what the tracker says, noise and
+repeatability within. *Against the truth*: where the simulated machine really goes, which no real cell knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.compensation import Apso, ApsoSettings
+from delta_calibration.plans import make_plan
+from delta_calibration.samples import Poses
+from delta_calibration.simulation import Machine
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Distances between where the tool should be and where it is, over the points of a test."""
+
+    maximum: float  # [m]
+    mean: float  # [m]
+    three_std: float  # [m] three standard deviations of the distances, as in the Delta paper's table 3
+    points: int
+
+    @classmethod
+    def of(cls, distance: Array) -> Errors:
+        """From distances, (n,) [m]."""
+        return cls(
+            float(distance.max()), float(distance.mean()), float(3 * distance.std(ddof=1)), len(distance)
+        )
+
+    def in_mm(self) -> dict[str, float | int]:
+        """For files."""
+        return {
+            "max_mm": self.maximum * 1e3,
+            "mean_mm": self.mean * 1e3,
+            "three_std_mm": self.three_std * 1e3,
+            "points": self.points,
+        }
+
+
+def measured_errors(calibration: Calibration, poses: Poses, targets: Array) -> Errors:
+    """What the tracker says of the stops, each against the nearest of the targets."""
+    reached = calibration.tool_points(poses.point, poses.joint)
+    return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
+
+
+def true_errors(calibration: Calibration, machine: Machine, poses: Poses, targets: Array) -> Errors:
+    """Where the machine really goes at the encoders' angles, without tracker noise and without repeatability.
+
+    Seen through the calibration's own frame and reflector offset, as that is the base that the cell works in.
+    """
+    x = machine.chain.pose(poses.joint, machine.theta)
+    true = machine.chain.reading(x, machine.theta)
+    reached = calibration.tool_points(true, poses.joint)
+    return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
+
+
+def paper_simulation(machine: Machine, count: int = 181, seed: int = 0) -> tuple[Errors, Errors]:
+    """The Delta paper's own simulation: the errors are known to the model; before and after, by the model.
+
+    APSO along the line x = -y, z = -711 mm, |x| <= 450 mm.
+    """
+    line = make_plan("line", machine.robot, count=count, both_sides=False)
+
+    def point(q: Array) -> Array:
+        return machine.tool_points(q.reshape(-1, q.shape[-1])).reshape((*q.shape[:-1], 3))
+
+    swarm = Apso(point, ApsoSettings(bound_rad=machine.robot.limits.correction, seed=seed))
+    found = swarm.correct(line.joint, line.target)
+    before = np.linalg.norm(point(line.joint) - line.target, axis=1)
+    after = np.linalg.norm(point(line.joint + found.dq) - line.target, axis=1)
+    return Errors.of(before), Errors.of(after)
+
+
+def _nearest(targets: Array, reached: Array) -> Array:
+    """The target that each reached point means: targets lie farther apart than any error."""
+    distance = np.linalg.norm(reached[:, None] - targets, axis=-1)
+    return np.asarray(targets[np.argmin(distance, axis=1)])
