@@ -1,0 +1,233 @@
+"""The command line: verbs end to end on a simulated session, and one clear line for each mistake."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.cli.main import run
+from delta_calibration.plans import make_plan
+from delta_calibration.recording import write_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples.streams import JointStream, Session, TrackerStream
+from delta_calibration.simulation import draw_machine
+
+ROBOT = str(Path(__file__).parents[1] / "config" / "srbd.yaml")
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    """A small session and the calibration fitted to it."""
+    folder = tmp_path_factory.mktemp("cell")
+    session, calibration = folder / "session", folder / "calibration.yaml"
+    assert run(
+        ["simulate", "--robot", ROBOT, "--plan", "identify", "--count", "40", "--seed", "3", "--out", str(session)]
+    ) == 0  # fmt: skip
+    assert run(["fit", str(session), "--robot", ROBOT, "--out", str(calibration)]) == 0
+    return folder
+
+
+def line_of_error(capsys, arguments, code):
+    """The one line that a mistake is answered with."""
+    assert run(arguments) == code
+    text = capsys.readouterr().err.strip()
+    assert "Traceback" not in text
+    return text.splitlines()[-1]
+
+
+def write_points(path, rows):
+    path.write_text("x_mm,y_mm,z_mm\n" + "".join(f"{x},{y},{z}\n" for x, y, z in rows))
+    return str(path)
+
+
+def test_fit_says_what_it_found(cell, capsys):
+    assert run(["fit", str(cell / "session"), "--robot", ROBOT, "-v"]) == 0
+    said = capsys.readouterr().out
+    assert "rank 33 of 69 parameters" in said
+    assert "frame only" in said
+    assert "platform_radial_1 does the same as -1 base_radial_1" in said
+    assert run(["fit", str(cell / "session"), "--robot", ROBOT, "--model", "rotary_delta"]) == 0
+    assert "rank 24 of 33 parameters" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("method", ["apso", "newton"])
+def test_compensated_commands_bring_the_true_machine_to_the_targets(cell, method):
+    """Read back from the CSV and sent to the machine that the session was made of."""
+    robot = load_robot(ROBOT)
+    targets = make_plan("line", robot, count=9, both_sides=False).target
+    points = write_points(cell / f"targets_{method}.csv", 1e3 * targets)
+    out = cell / f"commands_{method}.csv"
+    arguments = ["--robot", ROBOT, "--calibration", str(cell / "calibration.yaml"), "--method", method]
+    assert run(["compensate", *arguments, points, "--out", str(out)]) == 0
+    with out.open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["joint_1", "joint_2", "joint_3", "error_mm"]
+    assert max(float(row["error_mm"]) for row in rows) < 1e-3
+    q = np.array([[float(row[f"joint_{k}"]) for k in (1, 2, 3)] for row in rows])
+    machine = draw_machine(robot, 3)
+    nominal = make_plan("line", robot, count=9, both_sides=False).joint
+
+    def shape_error(joints):
+        """Without the frame, which is the calibration's own: errors of the distances between points."""
+        reached = machine.tool_points(joints)
+        return np.abs(np.linalg.norm(reached[1:] - reached[0], axis=1) - np.linalg.norm(targets[1:] - targets[0], axis=1))
+
+    assert shape_error(nominal).max() > 0.2e-3
+    assert shape_error(q).max() < 0.02e-3
+
+
+def test_iso9283_writes_every_criterion(tmp_path, capsys):
+    session, out = tmp_path / "cycles", tmp_path / "iso.json"
+    assert run(["simulate", "--robot", ROBOT, "--plan", "iso9283", "--seed", "1", "--out", str(session)]) == 0
+    assert run(["iso9283", str(session), "--robot", ROBOT, "--json", str(out)]) == 0
+    found = json.loads(out.read_text())
+    assert [v["symbol"] for v in found["values"]] == ["AP", "RP"] * 5 + ["AD", "RD", "AT", "RT", "AT", "RT"]
+    assert {v["cycles"] for v in found["values"]} == {30, 10}
+    assert run(["iso9283", str(session), "--robot", ROBOT, "--conditions", "delta_paper"]) == 0
+    assert "Delta paper" in capsys.readouterr().out
+
+
+def test_too_few_cycles_cannot_be_judged(tmp_path, capsys):
+    session = tmp_path / "few"
+    run(["simulate", "--robot", ROBOT, "--plan", "iso9283", "--count", "5", "--seed", "1", "--out", str(session)])
+    line = line_of_error(capsys, ["iso9283", str(session), "--robot", ROBOT], 1)
+    assert "was reached 5 times; ISO 9283:1998 asks for 30" in line
+
+
+def test_info_lists_topics_and_provenance(cell, capsys):
+    assert run(["info", str(cell / "session")]) == 0
+    said = capsys.readouterr().out
+    assert "/joint_command" in said
+    assert "plan: identify" in said
+
+
+def test_same_seed_same_fit(cell, tmp_path):
+    again = tmp_path / "again.yaml"
+    assert run(["fit", str(cell / "session"), "--robot", ROBOT, "--out", str(again)]) == 0
+    assert again.read_bytes() == (cell / "calibration.yaml").read_bytes()
+
+
+def test_a_wrong_key_is_refused_with_its_path(tmp_path, cell, capsys):
+    robot = tmp_path / "robot.yaml"
+    robot.write_text(Path(ROBOT).read_text().replace("  arm_mm: 320.0", "  arm_mm: -320.0"))
+    line = line_of_error(capsys, ["fit", str(cell / "session"), "--robot", str(robot)], 2)
+    assert line.startswith("delta-cal: ")
+    assert "geometry.arm_mm: -320.0 is not allowed; more than 0" in line
+
+
+def test_no_such_robot_session_or_plan(cell, tmp_path, capsys):
+    session = str(cell / "session")
+    assert "srbd" in line_of_error(capsys, ["fit", session, "--robot", "nobody"], 2)
+    assert "nowhere" in line_of_error(capsys, ["fit", "nowhere", "--robot", ROBOT], 2)
+    out = str(tmp_path / "s")
+    line = line_of_error(capsys, ["simulate", "--robot", ROBOT, "--plan", "spiral", "--out", out], 2)
+    assert "'spiral'" in line
+    assert "identify" in line
+
+
+def test_output_folder_is_checked_before_the_work(cell, capsys):
+    line = line_of_error(
+        capsys, ["fit", str(cell / "session"), "--robot", ROBOT, "--out", "no/such/folder/c.yaml"], 2
+    )
+    assert "no/such/folder" in line
+
+
+def test_missing_topic(cell, capsys):
+    line = line_of_error(
+        capsys, ["fit", str(cell / "session"), "--robot", ROBOT, "--topic", "tracker_point=/elsewhere"], 2
+    )
+    assert "/elsewhere" in line or "tracker" in line
+
+
+def test_empty_bag(tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    assert "empty" in line_of_error(capsys, ["fit", str(tmp_path / "empty"), "--robot", ROBOT], 2)
+    (tmp_path / "empty" / "empty_0.mcap").write_bytes(b"")
+    assert "empty" in line_of_error(capsys, ["fit", str(tmp_path / "empty"), "--robot", ROBOT], 2)
+
+
+def session_of(names, scale=1.0):
+    """Standing still in a few places, one message a pose."""
+    stamp = np.arange(40, dtype=np.int64) * 10**10
+    joint = np.random.default_rng(0).uniform(0, 0.8, (40, 3))
+    point = scale * np.random.default_rng(1).uniform(-1, 1, (40, 3)) + [3.0, 0, 0]
+    return Session("made", JointStream(stamp, names, joint), JointStream(stamp, names, joint), TrackerStream(stamp, point))
+
+
+def test_bag_of_another_robot(tmp_path, capsys):
+    write_session(tmp_path / "names", session_of(("axis_a", "axis_b", "axis_c")), {})
+    line = line_of_error(capsys, ["fit", str(tmp_path / "names"), "--robot", ROBOT], 2)
+    assert "axis_a, axis_b, axis_c" in line
+    assert "another robot" in line
+    write_session(tmp_path / "shape", session_of(("joint_1", "joint_2", "joint_3")), {})
+    line = line_of_error(capsys, ["fit", str(tmp_path / "shape"), "--robot", ROBOT], 1)
+    assert "another robot" in line
+
+
+def test_calibration_of_another_robot(cell, tmp_path, capsys):
+    robot = tmp_path / "longer.yaml"
+    robot.write_text(Path(ROBOT).read_text().replace("  arm_mm: 320.0", "  arm_mm: 330.0"))
+    points = write_points(tmp_path / "p.csv", [(0, 0, -711)])
+    arguments = ["--robot", str(robot), "--calibration", str(cell / "calibration.yaml")]
+    line = line_of_error(capsys, ["compensate", *arguments, points, "--out", str(tmp_path / "c.csv")], 2)
+    assert "made for 'srbd' with hash" in line
+
+
+@pytest.mark.parametrize(
+    ("point", "code", "said"),
+    [
+        ((2000, 0, -711), 1, "point 2 (2, 0, -0.711) is out of the robot's reach"),
+        ((0, 0, -1130), 1, "point 2 cannot be corrected: outside the calibrated region"),
+        ((0, 0, "deep"), 2, "line 3: z_mm: 'deep' is not a finite number"),
+        ((0, 0, "nan"), 2, "line 3: z_mm: 'nan' is not a finite number"),
+    ],
+)
+def test_targets_that_cannot_be_served(cell, tmp_path, capsys, point, code, said):
+    points = write_points(tmp_path / "p.csv", [(0, 0, -711), point])
+    out = tmp_path / "commands.csv"
+    arguments = ["--robot", ROBOT, "--calibration", str(cell / "calibration.yaml")]
+    line = line_of_error(capsys, ["compensate", *arguments, points, "--out", str(out)], code)
+    assert said in line
+    assert not out.exists()
+
+
+def test_singular_pose_is_refused(cell, tmp_path, capsys):
+    """A robot file with a strict limit: every pose away from home counts as too near a singularity."""
+    robot_text = Path(ROBOT).read_text().replace("  condition: 20.0", "  condition: 1.01")
+    (tmp_path / "strict.yaml").write_text(robot_text)
+    calibration = tmp_path / "c.yaml"
+    robot = str(tmp_path / "strict.yaml")
+    assert run(["fit", str(cell / "session"), "--robot", robot, "--out", str(calibration)]) == 0
+    points = write_points(tmp_path / "p.csv", [(300, 0, -711)])
+    arguments = ["--robot", robot, "--calibration", str(calibration), points, "--out", str(tmp_path / "o.csv")]
+    line = line_of_error(capsys, ["compensate", *arguments], 1)
+    assert "point 1 cannot be corrected: near a singularity" in line
+
+
+def test_effect_options_are_checked(tmp_path, capsys):
+    arguments = ["simulate", "--robot", ROBOT, "--out", str(tmp_path / "s"), "--effect"]
+    assert "arm_length" in line_of_error(capsys, [*arguments, "arm_lenght"], 2)
+    assert "location" in line_of_error(capsys, [*arguments, "arm_length:leg=3"], 2)
+    assert "not a finite number" in line_of_error(capsys, [*arguments, "arm_length:value=much"], 2)
+    assert "key=value" in line_of_error(capsys, [*arguments, "arm_length:value"], 2)
+
+
+def test_an_existing_session_is_not_overwritten(cell, capsys):
+    arguments = ["simulate", "--robot", ROBOT, "--plan", "line", "--out", str(cell / "session")]
+    assert "exists" in line_of_error(capsys, arguments, 2)
+
+
+def test_usage_errors_leave_with_2(capsys):
+    assert run(["fit"]) == 2
+    assert run(["no_such_verb"]) == 2
+    assert run(["fit", "x", "--robot", ROBOT, "--seed", "-1"]) == 2
+
+
+@pytest.mark.parametrize("verb", ["simulate", "fit", "compensate", "iso9283", "replay", "info", "demo"])
+def test_every_verb_explains_itself(verb, capsys):
+    assert run([verb, "--help"]) == 0
+    assert "Usage: delta-cal" in capsys.readouterr().out
