@@ -1,7 +1,8 @@
 """What the parts cost on this machine, all in one run: `make bench`.
 
-Each figure is the least of several repeats (the machine's noise only adds), per item and with its unit. Written to
-out/bench.json as well. Figures of different runs or machines are not comparable; ratios within one run are.
+Each figure is the least of several repeats (the machine's noise only adds), per item and with its
+unit. Written to out/bench.json as well. Figures of different runs or machines are not comparable;
+ratios within one run are.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ import sys
 import tempfile
 import timeit
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 for library in ("OPENBLAS", "MKL", "OMP"):  # as the command line has it: the matrices are small
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+# The libraries read these variables when they are loaded, hence the imports after them.
+# ruff: noqa: E402
 import numpy as np
 
 from delta_calibration.calibration_file import from_identification
@@ -33,9 +37,12 @@ SAMPLES = 10_000
 REPEATS = 5
 
 
-def least(function: Callable[[], object], items: int, repeats: int = REPEATS) -> float:
-    """Seconds an item."""
-    return min(timeit.repeat(function, number=1, repeat=repeats)) / items
+def least(
+    function: Callable[..., object], *arguments: object, items: int = 1, repeats: int = REPEATS
+) -> float:
+    """Seconds an item, of a call with these arguments."""
+    call = partial(function, *arguments)
+    return min(timeit.repeat(call, number=1, repeat=repeats)) / items
 
 
 def kinematics() -> list[tuple[str, float, str]]:
@@ -49,21 +56,17 @@ def kinematics() -> list[tuple[str, float, str]]:
         parameters = model.parameters
         g = parameters.nominal + parameters.prior * rng.standard_normal(len(parameters))
         x = model.forward(q, g)
-        few = slice(0, SAMPLES if name == "rotary_delta" else 1000)
-        n = len(q[few])
+        n = SAMPLES if name == "rotary_delta" else SAMPLES // 10
+        q_n, x_n = q[:n], x[:n]
+        calls = {
+            "forward": (model.forward, q_n, g),
+            "inverse": (model.inverse, x_n[:, :3], g),
+            "velocity Jacobian": (model.velocity_jacobian, q_n, x_n, g),
+            "identification Jacobian": (model.identification_jacobian, q_n, x_n, g),
+        }
         rows += [
-            (f"{name}: forward", 1e6 * least(lambda: model.forward(q[few], g), n), "us a pose"),
-            (f"{name}: inverse", 1e6 * least(lambda: model.inverse(x[few, :3], g), n), "us a pose"),
-            (
-                f"{name}: velocity Jacobian",
-                1e6 * least(lambda: model.velocity_jacobian(q[few], x[few], g), n),
-                "us a pose",
-            ),
-            (
-                f"{name}: identification Jacobian",
-                1e6 * least(lambda: model.identification_jacobian(q[few], x[few], g), n),
-                "us a pose",
-            ),
+            (f"{name}: {what}", 1e6 * least(*call, items=n), "us a pose")
+            for what, call in calls.items()
         ]
     return rows
 
@@ -77,23 +80,27 @@ def session_work() -> list[tuple[str, float, str]]:
     messages = 3 * len(session.tracker.stamp_ns)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "session"
-        writing = least(lambda: write_session(path, session, {}), 1, repeats=1)
-        reading = least(lambda: read_session(path), 1)
+        writing = least(write_session, path, session, {}, repeats=1)
+        reading = least(read_session, path)
     poses = collect(session, robot.joints.names)
     rows = [
         (f"write a session of {messages} messages", writing, "s"),
         (f"read a session of {messages} messages", reading, "s"),
-        ("find still moments and poses", least(lambda: collect(session, robot.joints.names), 1), "s"),
+        (
+            "find still moments and poses",
+            least(collect, session, robot.joints.names),
+            "s",
+        ),
     ]
     line = make_plan("line", robot, count=61, both_sides=False).joint
     for model in ("rotary_delta", "six_rod_delta"):
-        seconds = least(lambda: identify(poses, robot, model), 1, repeats=2)
+        seconds = least(identify, poses, robot, model, repeats=2)
         rows.append((f"fit {len(poses)} poses, {model}, held-out parts within", seconds, "s"))
         calibration = from_identification(identify(poses, robot, model), robot, poses)
         for method in ("newton", "apso"):
             compensator = JointCompensator(calibration, method)
-            batch = 1e3 * least(lambda: compensator.compensate(line), len(line), repeats=2)
-            alone = 1e3 * least(lambda: compensator.compensate(line[:1]), 1, repeats=2)
+            batch = 1e3 * least(compensator.compensate, line, items=len(line), repeats=2)
+            alone = 1e3 * least(compensator.compensate, line[:1], repeats=2)
             rows.append((f"{method}, {model}, {len(line)} targets at once", batch, "ms a target"))
             rows.append((f"{method}, {model}, one target alone", alone, "ms"))
     return rows

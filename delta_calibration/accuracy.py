@@ -57,7 +57,11 @@ class _Attained:
 
 
 def evaluate(
-    poses: Poses, readings: Readings, robot: Robot, conditions: Conditions, calibration: Calibration | None
+    poses: Poses,
+    readings: Readings,
+    robot: Robot,
+    conditions: Conditions,
+    calibration: Calibration | None,
 ) -> IsoReport:
     """AP, RP of P1 to P5, AD, RD of P2-P4, AT, RT of line and circle.
 

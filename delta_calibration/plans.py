@@ -1,4 +1,4 @@
-"""Measurement plans: where to stop, from which side, with what on the platform; and the motion between.
+"""Measurement plans: where to stop, from which side, with what load, and the motion between.
 
 A plan is a list of stops and, after them, paths that are measured in motion. `trajectory` turns it
 into joint angles over time: a minimum-jerk move to a point short of each stop, another into it, a
@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +104,9 @@ def make_plan(
     elif name_or_csv == "rich":
         return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
     else:
-        raise InputError(f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file")
+        raise InputError(
+            f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file"
+        )
     if name == "iso9283":
         both_sides = False  # the standard's cycle fixes the way into each pose
     sides = (1.0, -1.0) if both_sides else (1.0,)
@@ -128,8 +131,8 @@ def nominal_joints(robot: Robot, targets: Array) -> Array:
         row, column = np.argwhere(beyond)[0]
         low, high = np.degrees([robot.joints.lower[column], robot.joints.upper[column]])
         raise ReachError(
-            f"point {row + 1} needs {robot.joints.names[column]} at {np.degrees(joint[row, column]):.1f} degrees; "
-            f"allowed: {low:.1f} to {high:.1f}"
+            f"point {row + 1} needs {robot.joints.names[column]} at "
+            f"{np.degrees(joint[row, column]):.1f} degrees; allowed: {low:.1f} to {high:.1f}"
         )
     return joint
 
@@ -151,7 +154,10 @@ def read_points(path: Path) -> Array:
                     f"{path}: column {', '.join(missing)} missing; expected {', '.join(wanted)}, "
                     f"found {', '.join(found) or 'nothing'}"
                 )
-            rows = [[_number(path, reader.line_num, name, row[name]) for name in wanted] for row in reader]
+            rows = [
+                [_number(path, reader.line_num, name, row[name]) for name in wanted]
+                for row in reader
+            ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     if not rows:
@@ -174,20 +180,23 @@ def legs(plan: Plan, robot: Robot, rate: float, start: Array | None = None) -> I
 
 
 def _leg(ways: list[Array], robot: Robot, rate: float, dwell: float, payload: float) -> Leg:
-    moves = [_minimum_jerk(a, b, robot.joints.speed, rate) for a, b in zip(ways[:-1], ways[1:], strict=True)]
-    rest = np.repeat(ways[-1][None], max(int(round(dwell * rate)) + 1, 1), axis=0)
+    moves = [
+        _minimum_jerk(a, b, robot.joints.speed, rate)
+        for a, b in pairwise(ways)
+    ]
+    rest = np.repeat(ways[-1][None], max(round(dwell * rate) + 1, 1), axis=0)
     joint = np.concatenate([*moves, rest])
     resting = np.arange(len(joint)) >= len(joint) - len(rest)
     return Leg(np.arange(len(joint)) / rate, joint, resting, payload)
 
 
 def _path_leg(path: MotionPath, rate: float, dwell: float, payload: float) -> Leg:
-    count = max(int(round(path.duration * rate)), 2)
+    count = max(round(path.duration * rate), 2)
     share = np.linspace(0, len(path.joint) - 1, count)
     moving = np.column_stack(
         [np.interp(share, np.arange(len(path.joint)), column) for column in path.joint.T]
     )
-    rest = np.repeat(moving[-1:], int(round(dwell * rate)) + 1, axis=0)
+    rest = np.repeat(moving[-1:], round(dwell * rate) + 1, axis=0)
     joint = np.concatenate([moving, rest])
     return Leg(np.arange(len(joint)) / rate, joint, np.arange(len(joint)) >= count, payload)
 
@@ -197,7 +206,7 @@ def _minimum_jerk(begin: Array, end: Array, speed: float, rate: float) -> Array:
     duration = max(float(np.abs(end - begin).max()) * _JERK_PEAK / speed, _LEAST_MOVE)
     tau = np.arange(max(int(np.ceil(duration * rate)), 1)) / np.ceil(duration * rate)
     share = tau**3 * (10 - 15 * tau + 6 * tau**2)
-    return begin + share[:, None] * (end - begin)
+    return np.asarray(begin + share[:, None] * (end - begin))
 
 
 def _line(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
@@ -222,15 +231,18 @@ def _iso9283_paths(robot: Robot, cycles: int) -> tuple[MotionPath, ...]:
     ways = {"line": CUBE.line(), "circle": CUBE.circle()}
     joints = {name: nominal_joints(robot, points) for name, points in ways.items()}
     lengths = {
-        name: float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) for name, points in ways.items()
+        name: float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        for name, points in ways.items()
     }
     return tuple(
-        MotionPath(name, joints[name], lengths[name] / _PATH_SPEED) for name in ways for _ in range(cycles)
+        MotionPath(name, joints[name], lengths[name] / _PATH_SPEED)
+        for name in ways
+        for _ in range(cycles)
     )
 
 
 def _identify(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
-    """A ring at the rim above and below the paper's plane, the rest spread evenly over what can be reached.
+    """A ring at the rim above and below the paper's plane, the rest spread evenly inside.
 
     The rim comes first: a calibration holds inside the hull of its poses, and the paper's line
     ends at sqrt(2) times its |x|.
@@ -243,18 +255,22 @@ def _identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gen
     points = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)
     points = np.concatenate([ring, points[_usable(robot, points)]])
     if len(points) < wanted:
-        raise InputError(f"only {len(points)} of {wanted} points could be placed; choose a smaller radius")
+        raise InputError(
+            f"only {len(points)} of {wanted} points could be placed; choose a smaller radius"
+        )
     return points[:wanted]
 
 
 def _rim(robot: Robot, widest: float) -> Array:
-    """The outermost usable points within `widest` of the axis, in twelve directions at two heights."""
+    """The outermost usable points within `widest` of the axis: twelve directions, two heights."""
     angle = np.radians(15 + 30 * np.arange(12))
     radii = np.linspace(widest, 0, 40, endpoint=False)
     rim = []
     for height in (PLANE - 0.05, PLANE + 0.05):
         for a in angle:
-            ray = np.stack([radii * np.cos(a), radii * np.sin(a), np.full_like(radii, height)], axis=1)
+            ray = np.stack(
+                [radii * np.cos(a), radii * np.sin(a), np.full_like(radii, height)], axis=1
+            )
             usable = _usable(robot, ray)
             if usable.any():
                 rim.append(ray[np.argmax(usable)])
@@ -268,13 +284,17 @@ def _usable(robot: Robot, points: Array) -> NDArray[np.bool_]:
     joint = model.inverse(x, nominal)
     room = 2 * _APPROACH  # the way into a stop must be within the limits too
     inside = (joint > robot.joints.lower + room) & (joint < robot.joints.upper - room)
-    usable = inside.all(axis=1)  # False where out of reach: NaN compares false
-    usable[usable] = model.condition(joint[usable], x[usable], nominal) < robot.limits.condition / 2
-    return np.asarray(usable)
+    usable = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
+    usable[usable] = (
+        model.condition(joint[usable], x[usable], nominal) < robot.limits.condition / 2
+    )
+    return usable
 
 
-def _rich(robot: Robot, count: int, dwell: float, radius: float, payload: float, seed: int) -> Plan:
-    """Poses from both sides with two payloads, shuffled in time; repeats; slow sweeps; circles both ways."""
+def _rich(
+    robot: Robot, count: int, dwell: float, radius: float, payload: float, seed: int
+) -> Plan:
+    """Poses from both sides with two payloads, shuffled; repeats; sweeps; circles both ways."""
     rng = np.random.default_rng(seed)
     points = _identify(robot, count, radius, rng)
     each = np.array([(row, side) for row in range(count) for side in (1, -1)])
@@ -286,7 +306,9 @@ def _rich(robot: Robot, count: int, dwell: float, radius: float, payload: float,
     stops = np.concatenate(blocks)
     mass = np.repeat([0.0, payload, 0.0, payload], [len(block) for block in blocks])
     row, joint = stops[:, 0], nominal_joints(robot, points)
-    return Plan("rich", points[row], joint[row], stops[:, 1].astype(float), mass, dwell, _paths(robot))
+    return Plan(
+        "rich", points[row], joint[row], stops[:, 1].astype(float), mass, dwell, _paths(robot)
+    )
 
 
 def _paths(robot: Robot) -> tuple[MotionPath, ...]:
@@ -298,7 +320,9 @@ def _paths(robot: Robot) -> tuple[MotionPath, ...]:
         for k, name in enumerate(robot.joints.names)
     ]
     turn = np.linspace(0, 2 * np.pi, 200)
-    circle = np.stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), np.full_like(turn, PLANE - 0.05)], axis=1)
+    circle = np.stack(
+        [0.2 * np.cos(turn), 0.2 * np.sin(turn), np.full_like(turn, PLANE - 0.05)], axis=1
+    )
     around = nominal_joints(robot, circle)
     for duration in (10.0, 5.0, 2.5):
         paths.append(MotionPath(f"circle_{duration:g}_s", around, duration))

@@ -6,7 +6,7 @@ drawing; the same chain that is fitted afterwards, with numbers nobody tells it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,6 +127,7 @@ def simulate_session(
     rate: float = 20.0,
     period: float = 0.0,
     source: str = "simulated",
+    follow: Callable[[Iterator[Leg]], Iterable[Leg]] = iter,
 ) -> Session:
     """Take the machine through a plan and record what a cell records.
 
@@ -137,6 +138,7 @@ def simulate_session(
         rate: of all streams [1/s].
         period: at least this long from stop to stop [s]; what is waited is not recorded.
         source: the session's name.
+        follow: is handed the legs and hands them on; for a progress bar.
 
     Raises:
         ReachError: the plan leads where the machine cannot go.
@@ -145,7 +147,7 @@ def simulate_session(
     stamps, commands, encoders, points = [], [], [], []
     payloads: list[tuple[float, float]] = []
     clock = 0.0
-    for leg in legs(plan, machine.robot, rate):
+    for leg in follow(legs(plan, machine.robot, rate)):
         if not payloads or payloads[-1][1] != leg.payload:
             payloads.append((clock, leg.payload))
         actual = leg.joint + machine.rest_error(rng)

@@ -1,7 +1,8 @@
 """How well compensation works on a machine whose truth is known: the figures of the demonstration.
 
-Three errors are kept apart. *By the model*: what the search left. *Measured*: what the tracker says, noise and
-repeatability within. *Against the truth*: where the simulated machine really goes, which no real cell knows.
+Three errors are kept apart. *By the model*: what the search left. *Measured*: what the tracker
+says, noise and repeatability within. *Against the truth*: where the simulated machine really goes,
+which no real cell knows.
 """
 
 from __future__ import annotations
@@ -26,14 +27,19 @@ class Errors:
 
     maximum: float  # [m]
     mean: float  # [m]
-    three_std: float  # [m] three standard deviations of the distances, as in the Delta paper's table 3
+    three_std: (
+        float  # [m] three standard deviations of the distances, as in the Delta paper's table 3
+    )
     points: int
 
     @classmethod
     def of(cls, distance: Array) -> Errors:
         """From distances, (n,) [m]."""
         return cls(
-            float(distance.max()), float(distance.mean()), float(3 * distance.std(ddof=1)), len(distance)
+            float(distance.max()),
+            float(distance.mean()),
+            float(3 * distance.std(ddof=1)),
+            len(distance),
         )
 
     def in_mm(self) -> dict[str, float | int]:
@@ -52,10 +58,13 @@ def measured_errors(calibration: Calibration, poses: Poses, targets: Array) -> E
     return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
 
 
-def true_errors(calibration: Calibration, machine: Machine, poses: Poses, targets: Array) -> Errors:
-    """Where the machine really goes at the encoders' angles, without tracker noise and without repeatability.
+def true_errors(
+    calibration: Calibration, machine: Machine, poses: Poses, targets: Array
+) -> Errors:
+    """Where the machine really goes at the encoders' angles: no tracker noise, no repeatability.
 
-    Seen through the calibration's own frame and reflector offset, as that is the base that the cell works in.
+    Seen through the calibration's own frame and reflector offset, as that is the base that the
+    cell works in.
     """
     x = machine.chain.pose(poses.joint, machine.theta)
     true = machine.chain.reading(x, machine.theta)
@@ -64,7 +73,7 @@ def true_errors(calibration: Calibration, machine: Machine, poses: Poses, target
 
 
 def paper_simulation(machine: Machine, count: int = 181, seed: int = 0) -> tuple[Errors, Errors]:
-    """The Delta paper's own simulation: the errors are known to the model; before and after, by the model.
+    """The Delta paper's own simulation, its errors known to the model: before and after.
 
     APSO along the line x = -y, z = -711 mm, |x| <= 450 mm.
     """

@@ -16,7 +16,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from delta_calibration.ros.environment import child_environment, remove_dead_shared_memory
+from delta_calibration.processes import child_environment, remove_dead_shared_memory
 
 with (
     warnings.catch_warnings()

@@ -1,4 +1,4 @@
-"""The command line: verbs end to end on a simulated session, and one clear line for each mistake."""
+"""The command line: verbs end to end on a simulated session, one clear line for each mistake."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def cell(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cell")
     session, calibration = folder / "session", folder / "calibration.yaml"
     assert run(
-        ["simulate", "--robot", ROBOT, "--plan", "identify", "--count", "40", "--seed", "3", "--out", str(session)]
+        ["simulate", "--robot", ROBOT, "--plan", "identify", "--count", "40", "--seed", "3",
+         "--out", str(session)]
     ) == 0  # fmt: skip
     assert run(["fit", str(session), "--robot", ROBOT, "--out", str(calibration)]) == 0
     return folder
@@ -61,7 +62,14 @@ def test_compensated_commands_bring_the_true_machine_to_the_targets(cell, method
     targets = make_plan("line", robot, count=9, both_sides=False).target
     points = write_points(cell / f"targets_{method}.csv", 1e3 * targets)
     out = cell / f"commands_{method}.csv"
-    arguments = ["--robot", ROBOT, "--calibration", str(cell / "calibration.yaml"), "--method", method]
+    arguments = [
+        "--robot",
+        ROBOT,
+        "--calibration",
+        str(cell / "calibration.yaml"),
+        "--method",
+        method,
+    ]
     assert run(["compensate", *arguments, points, "--out", str(out)]) == 0
     with out.open() as file:
         rows = list(csv.DictReader(file))
@@ -72,9 +80,12 @@ def test_compensated_commands_bring_the_true_machine_to_the_targets(cell, method
     nominal = make_plan("line", robot, count=9, both_sides=False).joint
 
     def shape_error(joints):
-        """Without the frame, which is the calibration's own: errors of the distances between points."""
+        """Errors of the distances between points: free of the frame, the calibration's own."""
         reached = machine.tool_points(joints)
-        return np.abs(np.linalg.norm(reached[1:] - reached[0], axis=1) - np.linalg.norm(targets[1:] - targets[0], axis=1))
+        return np.abs(
+            np.linalg.norm(reached[1:] - reached[0], axis=1)
+            - np.linalg.norm(targets[1:] - targets[0], axis=1)
+        )
 
     assert shape_error(nominal).max() > 0.2e-3
     assert shape_error(q).max() < 0.02e-3
@@ -82,10 +93,32 @@ def test_compensated_commands_bring_the_true_machine_to_the_targets(cell, method
 
 def test_iso9283_writes_every_criterion(tmp_path, capsys):
     session, out = tmp_path / "cycles", tmp_path / "iso.json"
-    assert run(["simulate", "--robot", ROBOT, "--plan", "iso9283", "--seed", "1", "--out", str(session)]) == 0
+    assert (
+        run(
+            [
+                "simulate",
+                "--robot",
+                ROBOT,
+                "--plan",
+                "iso9283",
+                "--seed",
+                "1",
+                "--out",
+                str(session),
+            ]
+        )
+        == 0
+    )
     assert run(["iso9283", str(session), "--robot", ROBOT, "--json", str(out)]) == 0
     found = json.loads(out.read_text())
-    assert [v["symbol"] for v in found["values"]] == ["AP", "RP"] * 5 + ["AD", "RD", "AT", "RT", "AT", "RT"]
+    assert [v["symbol"] for v in found["values"]] == ["AP", "RP"] * 5 + [
+        "AD",
+        "RD",
+        "AT",
+        "RT",
+        "AT",
+        "RT",
+    ]
     assert {v["cycles"] for v in found["values"]} == {30, 10}
     assert run(["iso9283", str(session), "--robot", ROBOT, "--conditions", "delta_paper"]) == 0
     assert "Delta paper" in capsys.readouterr().out
@@ -93,7 +126,21 @@ def test_iso9283_writes_every_criterion(tmp_path, capsys):
 
 def test_too_few_cycles_cannot_be_judged(tmp_path, capsys):
     session = tmp_path / "few"
-    run(["simulate", "--robot", ROBOT, "--plan", "iso9283", "--count", "5", "--seed", "1", "--out", str(session)])
+    run(
+        [
+            "simulate",
+            "--robot",
+            ROBOT,
+            "--plan",
+            "iso9283",
+            "--count",
+            "5",
+            "--seed",
+            "1",
+            "--out",
+            str(session),
+        ]
+    )
     line = line_of_error(capsys, ["iso9283", str(session), "--robot", ROBOT], 1)
     assert "was reached 5 times; ISO 9283:1998 asks for 30" in line
 
@@ -124,21 +171,27 @@ def test_no_such_robot_session_or_plan(cell, tmp_path, capsys):
     assert "srbd" in line_of_error(capsys, ["fit", session, "--robot", "nobody"], 2)
     assert "nowhere" in line_of_error(capsys, ["fit", "nowhere", "--robot", ROBOT], 2)
     out = str(tmp_path / "s")
-    line = line_of_error(capsys, ["simulate", "--robot", ROBOT, "--plan", "spiral", "--out", out], 2)
+    line = line_of_error(
+        capsys, ["simulate", "--robot", ROBOT, "--plan", "spiral", "--out", out], 2
+    )
     assert "'spiral'" in line
     assert "identify" in line
 
 
 def test_output_folder_is_checked_before_the_work(cell, capsys):
     line = line_of_error(
-        capsys, ["fit", str(cell / "session"), "--robot", ROBOT, "--out", "no/such/folder/c.yaml"], 2
+        capsys,
+        ["fit", str(cell / "session"), "--robot", ROBOT, "--out", "no/such/folder/c.yaml"],
+        2,
     )
     assert "no/such/folder" in line
 
 
 def test_missing_topic(cell, capsys):
     line = line_of_error(
-        capsys, ["fit", str(cell / "session"), "--robot", ROBOT, "--topic", "tracker_point=/elsewhere"], 2
+        capsys,
+        ["fit", str(cell / "session"), "--robot", ROBOT, "--topic", "tracker_point=/elsewhere"],
+        2,
     )
     assert "/elsewhere" in line or "tracker" in line
 
@@ -155,7 +208,12 @@ def session_of(names, scale=1.0):
     stamp = np.arange(40, dtype=np.int64) * 10**10
     joint = np.random.default_rng(0).uniform(0, 0.8, (40, 3))
     point = scale * np.random.default_rng(1).uniform(-1, 1, (40, 3)) + [3.0, 0, 0]
-    return Session("made", JointStream(stamp, names, joint), JointStream(stamp, names, joint), TrackerStream(stamp, point))
+    return Session(
+        "made",
+        JointStream(stamp, names, joint),
+        JointStream(stamp, names, joint),
+        TrackerStream(stamp, point),
+    )
 
 
 def test_bag_of_another_robot(tmp_path, capsys):
@@ -173,7 +231,9 @@ def test_calibration_of_another_robot(cell, tmp_path, capsys):
     robot.write_text(Path(ROBOT).read_text().replace("  arm_mm: 320.0", "  arm_mm: 330.0"))
     points = write_points(tmp_path / "p.csv", [(0, 0, -711)])
     arguments = ["--robot", str(robot), "--calibration", str(cell / "calibration.yaml")]
-    line = line_of_error(capsys, ["compensate", *arguments, points, "--out", str(tmp_path / "c.csv")], 2)
+    line = line_of_error(
+        capsys, ["compensate", *arguments, points, "--out", str(tmp_path / "c.csv")], 2
+    )
     assert "made for 'srbd' with hash" in line
 
 
@@ -196,14 +256,22 @@ def test_targets_that_cannot_be_served(cell, tmp_path, capsys, point, code, said
 
 
 def test_singular_pose_is_refused(cell, tmp_path, capsys):
-    """A robot file with a strict limit: every pose away from home counts as too near a singularity."""
+    """With a strict limit every pose away from home counts as too near a singularity."""
     robot_text = Path(ROBOT).read_text().replace("  condition: 20.0", "  condition: 1.01")
     (tmp_path / "strict.yaml").write_text(robot_text)
     calibration = tmp_path / "c.yaml"
     robot = str(tmp_path / "strict.yaml")
     assert run(["fit", str(cell / "session"), "--robot", robot, "--out", str(calibration)]) == 0
     points = write_points(tmp_path / "p.csv", [(300, 0, -711)])
-    arguments = ["--robot", robot, "--calibration", str(calibration), points, "--out", str(tmp_path / "o.csv")]
+    arguments = [
+        "--robot",
+        robot,
+        "--calibration",
+        str(calibration),
+        points,
+        "--out",
+        str(tmp_path / "o.csv"),
+    ]
     line = line_of_error(capsys, ["compensate", *arguments], 1)
     assert "point 1 cannot be corrected: near a singularity" in line
 
@@ -227,7 +295,9 @@ def test_usage_errors_leave_with_2(capsys):
     assert run(["fit", "x", "--robot", ROBOT, "--seed", "-1"]) == 2
 
 
-@pytest.mark.parametrize("verb", ["simulate", "fit", "compensate", "iso9283", "replay", "info", "demo"])
+@pytest.mark.parametrize(
+    "verb", ["simulate", "fit", "compensate", "iso9283", "replay", "info", "demo"]
+)
 def test_every_verb_explains_itself(verb, capsys):
     assert run([verb, "--help"]) == 0
     assert "Usage: delta-cal" in capsys.readouterr().out

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 # A module may import those before it.
 LAYERS = [
     "errors",
+    "processes",
     "documents",
     "parameters",
     "geometry",
@@ -38,6 +39,7 @@ LAYERS = [
     "simulation",
     "trial",
     "recording",
+    "cell",
     "report",
     "cli",
     "ros",

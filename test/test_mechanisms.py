@@ -59,9 +59,18 @@ def test_closure_derivatives_against_complex_step(mechanism):
     g, q = machine(mechanism, rng), joints_in_workspace(rng, 7)
     x = mechanism.forward(q, g) + 0.01 * rng.standard_normal((7, mechanism.pose_size))
     pairs = [
-        (mechanism.closure_by_pose(q, x, g), complex_step(lambda v: mechanism.closure(q, v, g), x)),
-        (mechanism.closure_by_joints(q, x, g), complex_step(lambda v: mechanism.closure(v, x, g), q)),
-        (mechanism.closure_by_geometry(q, x, g), complex_step(lambda v: mechanism.closure(q, x, v), g)),
+        (
+            mechanism.closure_by_pose(q, x, g),
+            complex_step(lambda v: mechanism.closure(q, v, g), x),
+        ),
+        (
+            mechanism.closure_by_joints(q, x, g),
+            complex_step(lambda v: mechanism.closure(v, x, g), q),
+        ),
+        (
+            mechanism.closure_by_geometry(q, x, g),
+            complex_step(lambda v: mechanism.closure(q, x, v), g),
+        ),
     ]
     for written, exact in pairs:
         np.testing.assert_allclose(written, exact, atol=1e-13)
@@ -109,10 +118,12 @@ def test_out_of_reach_is_nan_alone_and_refused_by_name(mechanism):
 
 
 def test_condition_grows_at_a_singularity(mechanism):
-    """Going down from home, the legs stretch out until no joint can lower the platform any further."""
+    """Going down from home the legs stretch until no joint can lower the platform any further."""
     g = mechanism.parameters.nominal
     deepest = -np.sqrt((0.32 + 0.85) ** 2 - 0.145**2)  # arm and forearm in line
-    targets = np.array([[0.0, 0.0, -0.711], [0.0, 0.0, deepest + 1e-7], [0.0, 0.0, deepest - 1e-6]])
+    targets = np.array(
+        [[0.0, 0.0, -0.711], [0.0, 0.0, deepest + 1e-7], [0.0, 0.0, deepest - 1e-6]]
+    )
     q = mechanism.inverse(targets[:2], g)
     assert np.isnan(mechanism.inverse(targets[2:], g)).all()
     condition = mechanism.condition(q, mechanism.forward(q, g), g)
@@ -123,7 +134,7 @@ def test_condition_grows_at_a_singularity(mechanism):
 
 
 def test_home_and_line_of_the_paper_on_the_drawing():
-    """Arms level at z = -711 mm; the line x = -y, |x| <= 450 mm reached with joints from -24 to +94 degrees."""
+    """Arms level at z = -711 mm; the line takes the joints from -24 to +94 degrees."""
     delta = RotaryDelta(SRBD, TOLERANCES)
     g = delta.parameters.nominal
     home = delta.forward(np.zeros((1, 3)), g)
@@ -162,7 +173,7 @@ def test_six_equal_rods_are_three_spheres():
 
 
 def test_unequal_rods_tilt_by_mismatch_over_width():
-    """A pair differing by m over a width b turns the platform by about m / b (effects.md: 0.1 mm -> 1 mrad)."""
+    """A pair differing by m over a width b turns the platform by about m / b."""
     six = SixRodDelta(SRBD, TOLERANCES)
     g = six.parameters.vector([("rod_mismatch_1", 0.1e-3)])
     x = six.forward(np.zeros((1, 3)), g)
@@ -174,18 +185,22 @@ def rank(jacobian):
     matrix = jacobian.reshape(-1, jacobian.shape[-1])
     norms = np.linalg.norm(matrix, axis=0)
     values = np.linalg.svd(matrix / np.where(norms > 0, norms, 1), compute_uv=False)
-    assert not ((values > 1e-11 * values[0]) & (values < 1e-6 * values[0])).any()  # the gap is clear
+    assert not (
+        (values > 1e-11 * values[0]) & (values < 1e-6 * values[0])
+    ).any()  # the gap is clear
     return int((values > 1e-9 * values[0]).sum())
 
 
 def rigid_motion(points):
     """Derivative of T p by the six coordinates of T at identity, (n, 3, 6)."""
     columns = [np.cross(np.eye(3)[k], points) for k in range(3)]
-    return np.concatenate([np.stack(columns, -1), np.broadcast_to(np.eye(3), (len(points), 3, 3))], -1)
+    return np.concatenate(
+        [np.stack(columns, -1), np.broadcast_to(np.eye(3), (len(points), 3, 3))], -1
+    )
 
 
 def test_identifiable_combinations():
-    """24 for three spheres (18 beside a free frame); 36 for six rods in the pose, 33 in the positions."""
+    """24 for three spheres (18 beside a free frame); six rods: 36 in the pose, 33 in positions."""
     rng = np.random.default_rng(7)
     q = joints_in_workspace(rng, 120)
     three, six = RotaryDelta(SRBD, TOLERANCES), SixRodDelta(SRBD, TOLERANCES)

@@ -15,7 +15,7 @@ pytest.importorskip("rclpy")
 from ros_helpers import Launch, launch_fixture  # noqa: F401
 
 from delta_calibration.ros.entry import run_node
-from delta_calibration.ros.environment import child_environment, remove_dead_shared_memory
+from delta_calibration.processes import child_environment, remove_dead_shared_memory
 
 pytestmark = pytest.mark.ros
 

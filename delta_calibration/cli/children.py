@@ -1,4 +1,4 @@
-"""Nodes as child processes of a verb: started in one place, all gone when it ends, whatever ends it."""
+"""Nodes as child processes of a verb: all gone when it ends, whatever ends it."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _PATIENCE = 8.0  # [s] a node has to end in order before it is ended
 class Children:
     """Starts nodes of this package and watches over them; a context manager.
 
-    Each child is the leader of a session of its own: Ctrl-C in a terminal reaches this process only, and this
-    process ends the children in order.
+    Each child is the leader of a session of its own: Ctrl-C in a terminal reaches this process
+    only, and this process ends the children in order.
     """
 
     def __init__(self, domain_id: int, logs: Path) -> None:
@@ -41,15 +41,20 @@ class Children:
             self.stop()
         signal.signal(signal.SIGTERM, self._before)
 
-    def start(self, node: str, parameters: Mapping[str, object], remaps: Mapping[str, str] | None = None) -> None:
+    def start(
+        self, node: str, parameters: Mapping[str, object], remaps: Mapping[str, str] | None = None
+    ) -> None:
         """Start a node that runs until `stop`."""
         self._running[node] = self._popen(node, _ros_arguments(parameters, remaps or {}), node)
 
-    def run(self, node: str, arguments: Sequence[str], timeout: float, log: str | None = None) -> str:
+    def run(
+        self, node: str, arguments: Sequence[str], timeout: float, log: str | None = None
+    ) -> str:
         """Run a node to its end; what it wrote to its standard output.
 
         Raises:
-            CalibrationError: it failed or took too long, or a node that should be running has ended.
+            CalibrationError: it failed or took too long, or a node that should be running has
+            ended.
         """
         child = self._popen(node, arguments, log or node, capture=True)
         self._running[f"{node} (to its end)"] = child
@@ -57,7 +62,9 @@ class Children:
         while child.poll() is None:
             self._require_running(except_=child)
             if time.monotonic() > deadline:
-                raise CalibrationError(f"{node} did not end within {timeout:.0f} s; see {self._logs}")
+                raise CalibrationError(
+                    f"{node} did not end within {timeout:.0f} s; see {self._logs}"
+                )
             time.sleep(0.05)
         del self._running[f"{node} (to its end)"]
         output = child.stdout.read().decode() if child.stdout else ""
@@ -100,7 +107,9 @@ class Children:
     def _require_running(self, except_: subprocess.Popen[bytes]) -> None:
         for name, child in self._running.items():
             if child is not except_ and child.poll() is not None:
-                raise CalibrationError(f"{name} ended by itself with {child.returncode}; see {self._logs}")
+                raise CalibrationError(
+                    f"{name} ended by itself with {child.returncode}; see {self._logs}"
+                )
 
     def _popen(
         self, node: str, arguments: Sequence[str], log: str, capture: bool = False

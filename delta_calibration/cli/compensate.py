@@ -9,11 +9,18 @@ import click
 import numpy as np
 
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.cli.options import require_folder, robot_option, seed_option
+from delta_calibration.cli.options import (
+    progress,
+    require_folder,
+    robot_option,
+    seed_option,
+)
 from delta_calibration.compensation import METHODS, Compensated, JointCompensator, Verdict
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.plans import nominal_joints, read_points
 from delta_calibration.robot import load_robot
+
+_BATCH = 64  # commands searched side by side
 
 
 @click.command("compensate", short_help="joint commands that put the tool where it is meant to be")
@@ -29,23 +36,27 @@ from delta_calibration.robot import load_robot
 def command(
     robot_file: str, calibration_file: Path, method: str, targets: Path, out: Path, seed: int
 ) -> None:
-    """Correct the joint commands for the tool points in TARGETS (CSV: x_mm, y_mm, z_mm in the base frame).
+    """Correct the joint commands for the tool points in TARGETS (CSV: x_mm, y_mm, z_mm).
 
-    Writes the joints [rad] and error_mm: how far the tool stays from the target *by the identified model*; not
-    what a tracker would measure.
+    Writes the joints [rad] and error_mm: how far the tool stays from the target *by the identified
+    model*; not what a tracker would measure.
     """
     require_folder(out)
     robot = load_robot(robot_file)
     points = read_points(targets)
     calibration = load_calibration(calibration_file, robot)
     compensator = JointCompensator(calibration, method, seed)
-    found = compensator.compensate(nominal_joints(robot, points))
+    nominal = nominal_joints(robot, points)
+    parts = np.array_split(nominal, max(len(nominal) // _BATCH, 1))
+    found = Compensated.joined(
+        [compensator.compensate(part) for part in progress(parts, len(parts), "part")]
+    )
     _refuse_uncorrected(found, targets)
     _write(out, robot.joints.names, found)
     click.echo(
         f"written: {out} ({len(points)} commands by {method}, largest correction "
         f"{np.degrees(np.abs(found.correction).max()):.3f} degrees; error by the model at most "
-        f"{found.model_error.max() * 1e3:.2e} mm, {found.evaluations.mean():.0f} evaluations a point)"
+        f"{found.model_error.max() * 1e3:.2e} mm, {found.evaluations.mean():.0f} evaluations each)"
     )
 
 
@@ -53,8 +64,9 @@ def _refuse_uncorrected(found: Compensated, targets: Path) -> None:
     bad = [row for row, verdict in enumerate(found.verdicts) if verdict is not Verdict.CORRECTED]
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
+        reason = found.verdicts[bad[0]].value
         raise DataError(
-            f"{targets}: point {bad[0] + 1} cannot be corrected: {found.verdicts[bad[0]].value}{more}; "
+            f"{targets}: point {bad[0] + 1} cannot be corrected: {reason}{more}; "
             "nothing was written"
         )
 

@@ -34,6 +34,7 @@ _DWELL = 0.3  # [s]
 _RADIUS = 0.45  # [m] of the disc
 _STOPS = {"identify": 50, "line": 41, "disc": 40}
 _PAPER = ("3.3050", "0.8030", "2.0860")  # [mm] table 3: a real machine, without compensation
+_PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 _TIMEOUT = 200.0  # [s] of one plan
 
 
@@ -47,17 +48,26 @@ class Window:
 
 @click.command("demo", short_help="a live simulated cell, from measurement to compensation")
 @click.option("--robot", "robot_file", default="srbd", show_default=True, metavar="FILE|NAME")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True)
-@click.option("--seed", type=click.IntRange(min=0), default=7, show_default=True, help="Of the machine.")
-@click.option("--method", type=click.Choice(["newton", "apso"]), default="newton", show_default=True)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=7, show_default=True, help="Of the machine."
+)
+@click.option(
+    "--method", type=click.Choice(["newton", "apso"]), default="newton", show_default=True
+)
 def command(robot_file: str, out: Path, seed: int, method: str) -> None:
     """Start the nodes of a cell as processes on this machine and take them through a calibration.
 
-    The workspace is measured and recorded, the machine identified, compensation switched on, and the Delta
-    paper's line and a disc are measured before and after. Then the paper's own simulation. Needs ROS 2.
+    The workspace is measured and recorded, the machine identified, compensation switched on, and
+    the Delta paper's line and a disc are measured before and after. Then the paper's own
+    simulation. Needs ROS 2.
     """
     if importlib.util.find_spec("rclpy") is None:
-        raise InputError("the demo needs ROS 2 (rclpy), which this Python does not have; see the README")
+        raise InputError(
+            "the demo needs ROS 2 (rclpy), which this Python does not have; see the README"
+        )
     robot = load_robot(robot_file)
     logs = _clean(out)
     remove_dead_shared_memory()
@@ -70,7 +80,13 @@ def command(robot_file: str, out: Path, seed: int, method: str) -> None:
 
 
 def _run_cell(
-    robot_file: str, robot: Robot, out: Path, logs: Path, seed: int, method: str, say: Callable[[str], None]
+    robot_file: str,
+    robot: Robot,
+    out: Path,
+    logs: Path,
+    seed: int,
+    method: str,
+    say: Callable[[str], None],
 ) -> dict[str, Window]:
     """Drive the live cell; when each part ran."""
     windows: dict[str, Window] = {}
@@ -81,7 +97,12 @@ def _run_cell(
         provenance = f"[robot={robot.name}, robot_sha256={robot.hash}, seed={seed}, made_by=demo]"
         cell.start("session_recorder", {"output": out / "session", "provenance": provenance})
         cell.start("simulated_tracker", {**common, "seed": seed, "rate": _RATE})
-        calibration = {**common, "autostart": True, "method": method, "output": out / "calibration.yaml"}
+        calibration = {
+            **common,
+            "autostart": True,
+            "method": method,
+            "output": out / "calibration.yaml",
+        }
         cell.start("calibration_node", calibration)
 
         def measure(part: str, plan: str, both_sides: bool) -> None:
@@ -143,19 +164,23 @@ def _evaluate(
     rows.append(_row("line after APSO, errors known to the model", after))
     click.echo(table(("error [mm]", "max", "mean", "3 std"), rows) + "\n")
     click.echo(
-        f"joints come to rest within {robot.joints.repeatability * 1e6:.0f} urad of the command: in "
-        '"measured", taken off in "simulated truth"'
+        f"joints come to rest within {robot.joints.repeatability * 1e6:.0f} urad of the command: "
+        'in "measured", taken off in "simulated truth"'
     )
     return {
         **summary,
         "paper_simulation": {"before": before.in_mm(), "after": after.in_mm()},
-        "paper_measured": dict(zip(("max_mm", "mean_mm", "three_std_mm"), map(float, _PAPER), strict=True)),
+        "paper_measured": dict(zip(_PAPER_NAMES, map(float, _PAPER), strict=True)),
         "fit": _fit_figures(found, calibration),
         "provenance": {
-            "package_version": __version__, "robot": robot.name, "robot_sha256": robot.hash, "seed": seed,
-            "method": method, "calibration_sha256": calibration.seal,
+            "package_version": __version__,
+            "robot": robot.name,
+            "robot_sha256": robot.hash,
+            "seed": seed,
+            "method": method,
+            "calibration_sha256": calibration.seal,
         },
-    }  # fmt: skip
+    }
 
 
 def _fit_figures(found: Identification, calibration: Calibration) -> dict[str, object]:

@@ -30,7 +30,9 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
 @click.command("fit", short_help="find what the machine really is")
 @SESSION
 @robot_option
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write."
+)
 @click.option(
     "--method", type=click.Choice(["least_squares"]), default="least_squares", show_default=True,
     help="Prior-weighted (MAP) least squares on whitened residuals, robust.",
@@ -68,7 +70,9 @@ def command(
 def describe_poses(poses: Poses) -> str:
     """What was in the session."""
     places = len(np.unique(poses.place))
-    aside = ", ".join(f"{n} {reason}" for reason, n in poses.rejected.counts().items() if n) or "none"
+    aside = (
+        ", ".join(f"{n} {reason}" for reason, n in poses.rejected.counts().items() if n) or "none"
+    )
     lines = [
         f"{Path(poses.source).name}: {poses.readings} readings in {duration(poses.duration)}, "
         f"{len(poses)} poses at rest in {places} places; set aside: {aside}",
@@ -80,19 +84,24 @@ def describe_poses(poses: Poses) -> str:
 def describe(found: Identification, verbose: bool) -> str:
     """The fit, for people."""
     noise, seen = found.noise, found.observability
-    origin = f"from repeats, {noise.degrees} degrees of freedom" if noise.measured else "from the robot file"
+    origin = (
+        f"from repeats, {noise.degrees} degrees of freedom"
+        if noise.measured
+        else "from the robot file"
+    )
     down = int(np.sum(found.weight < 1))
     lines = [
-        f"noise floor {noise.floor * 1e6:.2f} um RMS in 3-D ({origin}); joints come to rest within "
-        f"{noise.repeatability * 1e6:.1f} urad; tracker {noise.radial_scale:.2f} x its stated noise along the "
-        f"beam, {noise.transverse_scale:.2f} x across",
-        f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, tracker frame and "
-        "reflector offset within",
+        f"noise floor {noise.floor * 1e6:.2f} um RMS in 3-D ({origin}); joints come to rest "
+        f"within {noise.repeatability * 1e6:.1f} urad; tracker {noise.radial_scale:.2f} x its "
+        f"stated noise along the beam, {noise.transverse_scale:.2f} x across",
+        f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, "
+        "tracker frame and reflector offset within",
         "",
         _residuals(found),
         "",
-        f"held out: {found.full.held_out / noise.floor:.2f} times the noise floor; chi square per degree of "
-        f"freedom {found.chi_square:.2f}" + (f"; {down} poses believed less" if down else ""),
+        f"held out: {found.full.held_out / noise.floor:.2f} times the noise floor; chi square per "
+        f"degree of freedom {found.chi_square:.2f}"
+        + (f"; {down} poses believed less" if down else ""),
         *_deviations(found),
         *_unset(found, verbose),
         *_correlated(found, verbose),
@@ -120,7 +129,9 @@ def _deviations(found: Identification) -> list[str]:
     parts = []
     for k in clear[:_SHOWN]:
         factor, unit = (1e3, "mm") if items[k].unit == "m" else (1e3, "mrad")
-        parts.append(f"{items[k].name} {off[k] * factor:+.3f} +- {found.std[k] * factor:.3f} {unit}")
+        parts.append(
+            f"{items[k].name} {off[k] * factor:+.3f} +- {found.std[k] * factor:.3f} {unit}"
+        )
     more = f", and {len(clear) - _SHOWN} more" if len(clear) > _SHOWN else ""
     return [f"differs from the drawing: {', '.join(parts)}{more}"]
 

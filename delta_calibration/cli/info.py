@@ -19,7 +19,8 @@ def command(session: Path) -> None:
     start = datetime.fromtimestamp(info.start_ns * 1e-9, tz=timezone.utc)
     click.echo(f"{info.source}: {info.message_count} messages in {duration(info.duration_s)}")
     click.echo(
-        f"from {start.isoformat(timespec='seconds')}; {info.storage}, {info.compression or 'no'} compression, "
+        f"from {start.isoformat(timespec='seconds')}; {info.storage}, "
+        f"{info.compression or 'no'} compression, "
         f"{info.size_bytes / 1e6:.1f} MB" + ("" if info.complete else "; cut off")
     )
     rows = [(t.name, t.type_name, str(t.count), f"{t.rate_hz:.1f}") for t in info.topics]

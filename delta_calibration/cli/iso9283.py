@@ -35,7 +35,9 @@ _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
     "--conditions", type=click.Choice(sorted(_CONDITIONS)), default="standard", show_default=True,
     help="Cycles: 30 / 30 / 10 of the standard, or 25 / 30 / 3 of the Delta paper.",
 )  # fmt: skip
-@click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="File to write.")
+@click.option(
+    "--json", "json_file", type=click.Path(path_type=Path), default=None, help="File to write."
+)
 @topics_option
 def command(
     session: Path,
@@ -59,7 +61,9 @@ def command(
         calibration,
     )
     click.echo(f"{report.conditions.name}; tracker registered by the {report.frame}")
-    rows = [(f"{v.symbol} {v.where}", f"{v.value * 1e3:.4f}", str(v.cycles)) for v in report.values]
+    rows = [
+        (f"{v.symbol} {v.where}", f"{v.value * 1e3:.4f}", str(v.cycles)) for v in report.values
+    ]
     click.echo(table(("criterion", "[mm]", "cycles"), rows))
     if not any(v.symbol == "AT" for v in report.values):
         click.echo("no AT, RT: the session holds too few runs of the standard's line and circle")

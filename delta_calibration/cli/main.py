@@ -21,7 +21,7 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 
 
 class Verbs(click.Group):
-    """Loads a verb when it is called, so that `--help` and `info` do not wait for what `fit` needs."""
+    """Loads a verb when it is called: `info` does not wait for what `fit` needs."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the verbs, in the order of use."""
@@ -41,10 +41,10 @@ class Verbs(click.Group):
 def group() -> None:
     """Calibrate a parallel robot from measured data.
 
-    A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds what the
-    machine really is, `compensate` the joint commands that put the tool where it was meant to be, `iso9283` says
-    how accurate the cell is. `simulate` makes sessions of a machine that is not built as drawn; `demo` shows it
-    all on a live simulated cell.
+    A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds
+    what the machine really is, `compensate` the joint commands that put the tool where it was
+    meant to be, `iso9283` says how accurate the cell is. `simulate` makes sessions of a machine
+    that is not built as drawn; `demo` shows it all on a live simulated cell.
 
     Exit codes: 0 done; 1 the data cannot answer; 2 wrong use or bad input.
     """
@@ -59,7 +59,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run a verb; the exit code."""
     try:
         result = group.main(
-            args=None if arguments is None else list(arguments), prog_name="delta-cal", standalone_mode=False
+            args=None if arguments is None else list(arguments),
+            prog_name="delta-cal",
+            standalone_mode=False,
         )
     except click.exceptions.Exit as leave:
         return leave.exit_code

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from tqdm import tqdm
 
 from delta_calibration.errors import InputError
 
+Item = TypeVar("Item")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 SESSION = click.argument("session", type=click.Path(path_type=Path))
@@ -20,14 +22,18 @@ def robot_option(function: Function) -> Function:
     """`--robot`: a robot file or name."""
     return click.option(
         "--robot", "robot_file", required=True, metavar="FILE|NAME",
-        help="Robot file (config/srbd.yaml), or the name of one that comes with the package (srbd).",
+        help="Robot file (config/srbd.yaml), or the name of one that comes with it (srbd).",
     )(function)  # fmt: skip
 
 
 def seed_option(function: Function) -> Function:
     """`--seed`."""
     return click.option(
-        "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all that is drawn."
+        "--seed",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="Of all that is drawn.",
     )(function)
 
 
@@ -35,9 +41,16 @@ def topics_option(function: Function) -> Function:
     """`--topic`, as often as needed."""
     return click.option(
         "--topic", "topics", multiple=True, metavar="STREAM=TOPIC",
-        help="Where a stream was recorded under another name: command=/my/joint_command; streams: command, "
-        "states, tracker_pose, tracker_point, temperature, payload. An empty name leaves a stream out.",
+        help="Where a stream was recorded under another name: command=/my/joint_command; streams: "
+        "command, states, tracker_pose, tracker_point, temperature, payload. An empty name leaves "
+        "a stream out.",
     )(function)  # fmt: skip
+
+
+def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
+    """A bar with the time left on work that takes over a second; none where stderr is no terminal."""
+    bar: Iterable[Item] = tqdm(items, total=total, unit=unit, delay=1.0, disable=None, leave=False)
+    return bar
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -23,12 +23,18 @@ from delta_calibration.recording import inspect_session
 )  # fmt: skip
 @click.option("--loop", is_flag=True, help="Begin again at the end.")
 @click.option(
-    "--start", type=click.FloatRange(min=0), default=0.0, show_default=True, help="Begin so many seconds in."
+    "--start",
+    type=click.FloatRange(min=0),
+    default=0.0,
+    show_default=True,
+    help="Begin so many seconds in.",
 )
 def command(session: Path, rate: float, loop: bool, start: float) -> None:
     """Play SESSION by the node `session_player`; needs ROS. Ctrl-C ends it."""
     if importlib.util.find_spec("rclpy") is None:
-        raise InputError("replay needs ROS 2 (rclpy), which this Python does not have; see the README")
+        raise InputError(
+            "replay needs ROS 2 (rclpy), which this Python does not have; see the README"
+        )
     inspect_session(session)  # refuse what cannot be read before a node is started
     parameters = {"session": str(session), "rate": rate, "loop": str(loop).lower(), "start": start}
     arguments = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]

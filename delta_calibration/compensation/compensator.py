@@ -7,7 +7,7 @@ reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -48,6 +48,17 @@ class Compensated:
     model_error: Array
     evaluations: NDArray[np.int64]  # (n,) of the model
     verdicts: tuple[Verdict, ...]  # (n,)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Compensated]) -> Compensated:
+        """Commands one after the other, in one."""
+        return cls(
+            joint=np.concatenate([part.joint for part in parts]),
+            correction=np.concatenate([part.correction for part in parts]),
+            model_error=np.concatenate([part.model_error for part in parts]),
+            evaluations=np.concatenate([part.evaluations for part in parts]),
+            verdicts=tuple(verdict for part in parts for verdict in part.verdicts),
+        )
 
 
 class JointCompensator:

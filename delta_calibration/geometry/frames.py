@@ -61,7 +61,8 @@ def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
         weights: (n,), equal where not given.
 
     Raises:
-        DataError: fewer than three points, or all on one line: the turn about it is free.
+        DataError: fewer than three points, or all on one line, in either frame: the turn about it
+            is free.
     """
     if len(source) < 3:
         raise DataError(f"a frame needs 3 points or more, found {len(source)}")
@@ -69,8 +70,8 @@ def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
     w = w[:, None] / w.sum()
     centre_s, centre_t = (w * source).sum(axis=0), (w * target).sum(axis=0)
     s, t = source - centre_s, target - centre_t
-    spread = np.linalg.svd(np.sqrt(w) * s, compute_uv=False)
-    if spread[1] <= _THIN * spread[0]:
+    spreads = [np.linalg.svd(np.sqrt(w) * points, compute_uv=False) for points in (s, t)]
+    if any(spread[1] <= _THIN * spread[0] for spread in spreads):
         raise DataError("a frame needs points off one line: the turn about that line is free")
     u, _, vt = np.linalg.svd((w * t).T @ s)
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])

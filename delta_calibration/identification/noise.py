@@ -27,6 +27,8 @@ Index = NDArray[np.int64]
 # degrees of freedom from which a spread is measured rather than taken from the robot's file
 _ENOUGH = 20
 _DIFFERS = 0.05  # probability under which poses of one place differ by more than chance
+_GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
+_CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 _LEAST, _MOST = 1e-7, 1e-3  # [rad] between which the repeatability is searched
 
 
@@ -69,7 +71,7 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     radial, transverse = _reading_scales(poses, robot.tracker)
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
-    label = _alike(poses, covariance)
+    label = _alike(_without_gross(poses, covariance), covariance)
     deviation, degrees = _deviations(poses.point, label)
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
@@ -100,6 +102,27 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
     share = degrees / degrees.sum()
     scales = np.sqrt(share @ (radial / along**2)), np.sqrt(share @ (transverse / across**2))
     return max(float(scales[0]), 1e-3), max(float(scales[1]), 1e-3)
+
+
+def _without_gross(poses: Poses, covariance: Array) -> Poses:
+    """The poses, those of a repeat that holds a gross error numbered apart, as if never repeated.
+
+    A knocked reflector is no noise: repeats that lie 6 robust standard deviations apart do not
+    count.
+    """
+    deviation, degrees = _deviations(poses.point, poses.repeat)
+    if degrees == 0:
+        return poses
+    size = np.bincount(poses.repeat)[poses.repeat]
+    several = size > 1
+    distance = np.linalg.norm((whitening(covariance) @ deviation[..., None])[..., 0], axis=1)
+    distance[several] /= np.sqrt(1 - 1 / size[several])
+    typical = float(np.median(distance[several])) / _CHI3_MEDIAN
+    gross = np.isin(poses.repeat, poses.repeat[several & (distance > _GROSS * max(typical, 1.0))])
+    apart = np.arange(int(gross.sum()))
+    repeat, place = poses.repeat.copy(), poses.place.copy()
+    repeat[gross], place[gross] = apart + repeat.max() + 1, apart + place.max() + 1
+    return replace(poses, repeat=repeat, place=place)
 
 
 def _alike(poses: Poses, covariance: Array) -> Index:

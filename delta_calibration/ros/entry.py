@@ -41,3 +41,18 @@ def session_recorder() -> int:
 def session_player() -> int:
     """Play a session onto its topics."""
     return run_node("session_player")
+
+
+def calibration_node() -> int:
+    """Compensate joint commands, capture measurements, fit."""
+    return run_node("calibration_node")
+
+
+def simulated_tracker() -> int:
+    """Stand in for a machine and the tracker that measures it."""
+    return run_node("simulated_tracker")
+
+
+def measurement_plan() -> int:
+    """Drive a machine through a plan of poses."""
+    return run_node("measurement_plan")

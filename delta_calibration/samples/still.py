@@ -24,7 +24,7 @@ _ENOUGH = 5  # readings
 _SPARSE = 0.5  # [s] a session whose readings lie farther apart holds one message a pose
 _OUTLIER = 6.0  # standard deviations from the moment's median
 _SCATTER_FLOOR = 1e-6  # [m] so that a few equal readings do not make the next one an outlier
-_MAD = 1.4826  # median absolute deviation to standard deviation, for a normal distribution
+_PER_MEDIAN = 0.8493  # standard deviation over median distance, noise across the beam (Rayleigh)
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def _set_aside(
     if not moments:
         return outlier, settling
     distance = [_from_rest(readings.point[rows]) for rows in moments]
-    typical = _MAD * np.median(np.concatenate([d[len(d) // 2 :] for d in distance]))
+    typical = _PER_MEDIAN * np.median(np.concatenate([d[len(d) // 2 :] for d in distance]))
     limit = _OUTLIER * max(typical, _SCATTER_FLOOR)
     for rows, d in zip(moments, distance, strict=True):
         leading = np.cumsum(d <= limit) == 0
