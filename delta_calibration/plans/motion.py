@@ -1,0 +1,97 @@
+"""The motion of a plan: joint angles over time, with soft starts and stops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+APPROACH = 0.01  # [rad] how far short of a stop each joint turns round, so that play is taken up
+_JERK_PEAK = 1.875  # peak over mean speed of a minimum-jerk move
+_LEAST_MOVE = 0.05  # [s]
+
+
+@dataclass(frozen=True)
+class MotionPath:
+    """A way that is measured in motion: nominal joints at a constant time step."""
+
+    name: str
+    joint: Array  # (k, m) [rad]
+    duration: float  # [s]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Stops in the order they are taken, then paths."""
+
+    name: str
+    target: Array  # (n, 3) [m] nominal tool point in the base
+    joint: Array  # (n, m) [rad] nominal
+    direction: Array  # (n,) +1 or -1: the side each joint comes from
+    payload: Array  # (n,) [kg]
+    dwell: float  # [s] at each stop
+    paths: tuple[MotionPath, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.joint)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One piece of a trajectory: a stop with the way to it, or a path."""
+
+    time: Array  # (k,) [s] from the leg's begin
+    joint: Array  # (k, m) [rad]
+    resting: NDArray[np.bool_]  # (k,) whether the command stands still
+    payload: float  # [kg]
+
+
+def legs(plan: Plan, robot: Robot, rate: float, start: Array | None = None) -> Iterator[Leg]:
+    """The plan as motion, sampled at `rate` [1/s]: one leg for each stop, one for each path."""
+    here = plan.joint[0] if start is None else start
+    for row in range(len(plan)):
+        goal = plan.joint[row]
+        short = goal - plan.direction[row] * APPROACH
+        yield _leg([here, short, goal], robot, rate, plan.dwell, float(plan.payload[row]))
+        here = goal
+    for path in plan.paths:
+        yield _leg([here, path.joint[0]], robot, rate, plan.dwell, float(plan.payload[-1]))
+        yield _path_leg(path, rate, plan.dwell, float(plan.payload[-1]))
+        here = path.joint[-1]
+
+
+def _leg(ways: list[Array], robot: Robot, rate: float, dwell: float, payload: float) -> Leg:
+    moves = [
+        _minimum_jerk(a, b, robot.joints.speed, rate)
+        for a, b in pairwise(ways)
+    ]
+    rest = np.repeat(ways[-1][None], max(round(dwell * rate) + 1, 1), axis=0)
+    joint = np.concatenate([*moves, rest])
+    resting = np.arange(len(joint)) >= len(joint) - len(rest)
+    return Leg(np.arange(len(joint)) / rate, joint, resting, payload)
+
+
+def _path_leg(path: MotionPath, rate: float, dwell: float, payload: float) -> Leg:
+    count = max(round(path.duration * rate), 2)
+    share = np.linspace(0, len(path.joint) - 1, count)
+    moving = np.column_stack(
+        [np.interp(share, np.arange(len(path.joint)), column) for column in path.joint.T]
+    )
+    rest = np.repeat(moving[-1:], round(dwell * rate) + 1, axis=0)
+    joint = np.concatenate([moving, rest])
+    return Leg(np.arange(len(joint)) / rate, joint, np.arange(len(joint)) >= count, payload)
+
+
+def _minimum_jerk(begin: Array, end: Array, speed: float, rate: float) -> Array:
+    """Joints of a move that starts and ends softly, the end itself left out, (k, m)."""
+    duration = max(float(np.abs(end - begin).max()) * _JERK_PEAK / speed, _LEAST_MOVE)
+    tau = np.arange(max(int(np.ceil(duration * rate)), 1)) / np.ceil(duration * rate)
+    share = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    return np.asarray(begin + share[:, None] * (end - begin))

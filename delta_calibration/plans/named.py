@@ -1,0 +1,130 @@
+"""The plans by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import InputError
+from delta_calibration.plans import points
+from delta_calibration.plans.motion import MotionPath, Plan
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+_PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
+
+
+def make_plan(
+    name_or_csv: str,
+    robot: Robot,
+    *,
+    count: int | None = None,
+    dwell: float = 1.0,
+    both_sides: bool = True,
+    radius: float = 0.45,
+    payload: float = 0.0,
+    seed: int = 0,
+) -> Plan:
+    """A plan by name, or the tool points of a CSV file with columns x_mm, y_mm, z_mm.
+
+    Args:
+        name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
+            `iso9283` (points P1 to P5 of the cube), `identify` (spread over the workspace), `rich`
+            (all that a diagnosis wants), or the path of a CSV file.
+        robot: decides what can be reached.
+        count: of different points; each plan has its own usual number. Cycles, for `iso9283`.
+        dwell: at each stop [s].
+        both_sides: each point from both sides, one after the other.
+        radius: of the disc and of the part of the workspace that is covered [m].
+        payload: on the platform [kg]; the second payload, for `rich`.
+        seed: of the order and of what is drawn.
+
+    Raises:
+        InputError: no such plan or file, or a file of another form.
+        ReachError: a point out of the robot's reach or joint limits.
+    """
+    if name_or_csv.lower().endswith(".csv"):
+        targets, name = points.read_points(Path(name_or_csv)), Path(name_or_csv).stem
+    elif name_or_csv in _POINTS:
+        name = name_or_csv
+        targets = _POINTS[name](robot, count, radius, np.random.default_rng(seed))
+    elif name_or_csv == "rich":
+        return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
+    else:
+        raise InputError(
+            f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file"
+        )
+    if name == "iso9283":
+        both_sides = False  # the standard's cycle fixes the way into each pose
+    sides = (1.0, -1.0) if both_sides else (1.0,)
+    targets = np.repeat(targets, len(sides), axis=0)
+    direction = np.tile(sides, len(targets) // len(sides))
+    joint = points.nominal_joints(robot, targets)
+    paths = _iso9283_paths(robot, max((count or 30) // 3, 1)) if name == "iso9283" else ()
+    return Plan(name, targets, joint, direction, np.full(len(targets), payload), dwell, paths)
+
+
+def _iso9283_paths(robot: Robot, cycles: int) -> tuple[MotionPath, ...]:
+    """The standard's line and large circle, each so many times."""
+    ways = {"line": points.CUBE.line(), "circle": points.CUBE.circle()}
+    joints = {name: points.nominal_joints(robot, way) for name, way in ways.items()}
+    lengths = {
+        name: float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+        for name, way in ways.items()
+    }
+    return tuple(
+        MotionPath(name, joints[name], lengths[name] / _PATH_SPEED)
+        for name in ways
+        for _ in range(cycles)
+    )
+
+
+def _rich(
+    robot: Robot, count: int, dwell: float, radius: float, payload: float, seed: int
+) -> Plan:
+    """Poses from both sides with two payloads, shuffled; repeats; sweeps; circles both ways."""
+    rng = np.random.default_rng(seed)
+    places = points.identify(robot, count, radius, rng)
+    each = np.array([(row, side) for row in range(count) for side in (1, -1)])
+    again = np.array([(row, 1) for row in rng.choice(count, min(10, count), replace=False)] * 3)
+    empty, loaded = rng.permutation(np.concatenate([each, again])), rng.permutation(each)
+    # The payload is changed three times in the session, not at every stop.
+    halves = [np.array_split(stops, 2) for stops in (empty, loaded)]
+    blocks = [halves[0][0], halves[1][0], halves[0][1], halves[1][1]]
+    stops = np.concatenate(blocks)
+    mass = np.repeat([0.0, payload, 0.0, payload], [len(block) for block in blocks])
+    row, joint = stops[:, 0], points.nominal_joints(robot, places)
+    return Plan(
+        "rich", places[row], joint[row], stops[:, 1].astype(float), mass, dwell, _paths(robot)
+    )
+
+
+def _paths(robot: Robot) -> tuple[MotionPath, ...]:
+    """A slow sweep of each joint, and a circle at three speeds both ways round."""
+    home = points.nominal_joints(robot, np.array([[0.0, 0.0, points.PLANE - 0.05]]))[0]
+    sweep = np.concatenate([np.linspace(-0.25, 0.35, 200), np.linspace(0.35, -0.25, 200)])
+    paths = [
+        MotionPath(f"sweep_{name}", home + sweep[:, None] * np.eye(len(home))[k], 40.0)
+        for k, name in enumerate(robot.joints.names)
+    ]
+    turn = np.linspace(0, 2 * np.pi, 200)
+    circle = np.stack(
+        [0.2 * np.cos(turn), 0.2 * np.sin(turn), np.full_like(turn, points.PLANE - 0.05)], axis=1
+    )
+    around = points.nominal_joints(robot, circle)
+    for duration in (10.0, 5.0, 2.5):
+        paths.append(MotionPath(f"circle_{duration:g}_s", around, duration))
+        paths.append(MotionPath(f"circle_{duration:g}_s_back", around[::-1], duration))
+    return tuple(paths)
+
+
+_POINTS: dict[str, Callable[[Robot, int | None, float, np.random.Generator], Array]] = {
+    "line": points.line,
+    "disc": points.disc,
+    "iso9283": points.iso9283,
+    "identify": points.identify,
+}

@@ -1,0 +1,147 @@
+"""The places of a plan: by name, or from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from delta_calibration.errors import InputError, ReachError
+from delta_calibration.iso9283 import Cube
+from delta_calibration.plans.motion import APPROACH
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
+PLANE = -0.711  # [m] its height
+CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
+
+
+def nominal_joints(robot: Robot, targets: Array) -> Array:
+    """Joints that the drawing takes for the tool points, (n, m) [rad].
+
+    Raises:
+        ReachError: the first point out of reach or beyond a joint's limit.
+    """
+    model = robot.model("rotary_delta")
+    joint = model.inverse(targets - robot.tool_offset, model.parameters.nominal)
+    model.require_reach(joint, targets, "point")
+    beyond = (joint < robot.joints.lower) | (joint > robot.joints.upper)
+    if beyond.any():
+        row, column = np.argwhere(beyond)[0]
+        low, high = np.degrees([robot.joints.lower[column], robot.joints.upper[column]])
+        raise ReachError(
+            f"point {row + 1} needs {robot.joints.names[column]} at "
+            f"{np.degrees(joint[row, column]):.1f} degrees; allowed: {low:.1f} to {high:.1f}"
+        )
+    return joint
+
+
+def read_points(path: Path) -> Array:
+    """Tool points of a CSV file with columns x_mm, y_mm, z_mm, (n, 3) [m].
+
+    Raises:
+        InputError: no such file, a column missing, a value that is no finite number, or no row.
+    """
+    wanted = ("x_mm", "y_mm", "z_mm")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file)
+            found = reader.fieldnames or []
+            missing = [name for name in wanted if name not in found]
+            if missing:
+                raise InputError(
+                    f"{path}: column {', '.join(missing)} missing; expected {', '.join(wanted)}, "
+                    f"found {', '.join(found) or 'nothing'}"
+                )
+            rows = [
+                [_number(path, reader.line_num, name, row[name]) for name in wanted]
+                for row in reader
+            ]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    if not rows:
+        raise InputError(f"{path}: no points in it")
+    return np.array(rows) * 1e-3
+
+
+def line(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
+    """The Delta paper's line (15): x = -y, z = -711 mm."""
+    x = np.linspace(-LINE_HALF, LINE_HALF, count or 61)
+    return np.stack([x, -x, np.full_like(x, PLANE)], axis=1)
+
+
+def disc(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
+    """Evenly spread over the disc (sunflower), in the paper's plane."""
+    k = np.arange(count or 60) + 0.5
+    r, angle = radius * np.sqrt(k / len(k)), np.pi * (1 + np.sqrt(5)) * k
+    return np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(r, PLANE)], axis=1)
+
+
+def iso9283(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
+    """Cycles P5, P4, P3, P2, P1 of the standard's cube."""
+    return np.tile(CUBE.poses()[::-1], (count or 30, 1))
+
+
+def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
+    """A ring at the rim above and below the paper's plane, the rest spread evenly inside.
+
+    The rim comes first: a calibration holds inside the hull of its poses, and the paper's line
+    ends at sqrt(2) times its |x|.
+    """
+    wanted, widest = count or 60, radius * np.sqrt(2)
+    ring = _rim(robot, 1.03 * widest)[:wanted]
+    draws = qmc.Halton(3, rng=rng).random(10 * wanted)
+    r, angle = widest * np.sqrt(draws[:, 0]), 2 * np.pi * draws[:, 1]
+    height = PLANE - 0.15 + 0.25 * draws[:, 2]
+    points = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)
+    points = np.concatenate([ring, points[_usable(robot, points)]])
+    if len(points) < wanted:
+        raise InputError(
+            f"only {len(points)} of {wanted} points could be placed; choose a smaller radius"
+        )
+    return points[:wanted]
+
+
+def _rim(robot: Robot, widest: float) -> Array:
+    """The outermost usable points within `widest` of the axis: twelve directions, two heights."""
+    angle = np.radians(15 + 30 * np.arange(12))
+    radii = np.linspace(widest, 0, 40, endpoint=False)
+    rim = []
+    for height in (PLANE - 0.05, PLANE + 0.05):
+        for a in angle:
+            ray = np.stack(
+                [radii * np.cos(a), radii * np.sin(a), np.full_like(radii, height)], axis=1
+            )
+            usable = _usable(robot, ray)
+            if usable.any():
+                rim.append(ray[np.argmax(usable)])
+    return np.array(rim).reshape(-1, 3)
+
+
+def _usable(robot: Robot, points: Array) -> NDArray[np.bool_]:
+    """Points within reach and joint limits, well away from singularities, (n,)."""
+    model = robot.model("rotary_delta")
+    nominal, x = model.parameters.nominal, points - robot.tool_offset
+    joint = model.inverse(x, nominal)
+    room = 2 * APPROACH  # the way into a stop must be within the limits too
+    inside = (joint > robot.joints.lower + room) & (joint < robot.joints.upper - room)
+    usable = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
+    usable[usable] = (
+        model.condition(joint[usable], x[usable], nominal) < robot.limits.condition / 2
+    )
+    return usable
+
+
+def _number(path: Path, line: int, name: str, text: str | None) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(f"{path}: line {line}: {name}: {text!r} is not a finite number")
+    return value
