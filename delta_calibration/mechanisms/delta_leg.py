@@ -7,12 +7,17 @@ Paper 000 section 2 has z down and the same positive sense.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
+from itertools import chain
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.geometry import rotations
+from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.parameters import Parameter, ParameterSet
 
 Array = NDArray[np.float64]
 
@@ -43,6 +48,24 @@ class DeltaTolerances:
     hinge_tilt: float  # [rad] motor axis
     half_width: float  # [m] ball joint along its line
     line_tilt: float  # [rad] line through a pair of ball joints
+
+
+class DeltaModel(Mechanism):
+    """What models of a rotary Delta have in common: three motors command the platform's centre."""
+
+    joints: ClassVar[int] = LEGS
+    task_size: ClassVar[int] = 3
+
+    def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
+        """From the drawing and the expected errors of the parts."""
+        self.dimensions = dimensions
+        self.tolerances = tolerances
+        each = (self._leg_parameters(leg) for leg in range(1, LEGS + 1))
+        self.parameters = ParameterSet(tuple(chain.from_iterable(each)))
+
+    @abstractmethod
+    def _leg_parameters(self, leg: int) -> list[Parameter]:
+        """Parameters of leg 1, 2 or 3, in the order of the model's vector."""
 
 
 def tilt_vector(about_x: Array, about_z: Array) -> Array:

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.geometry import rotations
-from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.mechanisms.delta_leg import (
     LEGS,
-    DeltaDimensions,
-    DeltaTolerances,
+    DeltaModel,
     arm_direction,
     arm_turn,
     tilt_vector,
     to_base,
     to_legs,
 )
-from delta_calibration.parameters import Parameter, ParameterSet
+from delta_calibration.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -28,7 +25,7 @@ _SIZE = 8  # parameters a leg
 RADIAL, TANGENTIAL, HEIGHT, TILT_X, TILT_Z, ZERO, ARM, ROD = range(_SIZE)
 
 
-class RotaryDelta(Mechanism):
+class RotaryDelta(DeltaModel):
     """Three legs on motors, a platform that keeps its orientation.
 
     Closure of leg i: |x - e_i(q_i)|^2 = l_i^2, with e_i the elbow moved in by the platform radius,
@@ -45,16 +42,7 @@ class RotaryDelta(Mechanism):
     """
 
     name: ClassVar[str] = "rotary_delta"
-    joints: ClassVar[int] = LEGS
     pose_size: ClassVar[int] = 3
-    task_size: ClassVar[int] = 3
-
-    def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
-        """From the drawing and the expected errors of the parts."""
-        self.dimensions = dimensions
-        self.tolerances = tolerances
-        each = (_leg_parameters(leg, dimensions, tolerances) for leg in range(1, LEGS + 1))
-        self.parameters = ParameterSet(tuple(chain.from_iterable(each)))
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """|x - e_i|^2 - l_i^2, (n, 3) [m^2]."""
@@ -126,6 +114,26 @@ class RotaryDelta(Mechanism):
         """The solution itself: the inverse problem is closed."""
         return self.inverse(task, g)
 
+    def _leg_parameters(self, leg: int) -> list[Parameter]:
+        d, t = self.dimensions, self.tolerances
+        where, radius = f"joint_{leg}", d.base_radius - d.platform_radius
+        # hinge and platform joint together
+        place = float(np.hypot(t.joint_position, t.joint_position))
+
+        def parameter(name: str, unit: str, nominal: float, prior: float, cause: str) -> Parameter:
+            return Parameter(f"{name}_{leg}", unit, nominal, prior, cause, where)
+
+        return [
+            parameter("joint_radial", "m", radius, place, "base_joint_position"),
+            parameter("joint_tangential", "m", 0.0, place, "base_joint_position"),
+            parameter("joint_height", "m", 0.0, place, "base_joint_position"),
+            parameter("hinge_tilt_x", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),
+            parameter("hinge_tilt_z", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),
+            parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
+            parameter("arm", "m", d.arm, t.arm, "arm_length"),
+            parameter("rod", "m", d.rod, t.rod, "forearm_length"),
+        ]
+
     def _elbow(self, q: Array, leg: Array) -> Array:
         angle = q + leg[..., ZERO]
         hinge = to_base(np.broadcast_to(leg[..., RADIAL : HEIGHT + 1], (*angle.shape, 3)))
@@ -174,23 +182,3 @@ def _tilt(leg: Array) -> Array:
 def _tilted(leg: Array, vectors: Array) -> Array:
     """Vectors of the true hinge frames in the base.  (n, 3, 3) -> (n, 3, 3)."""
     return to_base((rotations.exp(_tilt(leg)) @ vectors[..., None])[..., 0])
-
-
-def _leg_parameters(leg: int, d: DeltaDimensions, t: DeltaTolerances) -> list[Parameter]:
-    where, radius = f"joint_{leg}", d.base_radius - d.platform_radius
-    # hinge and platform joint together
-    place = float(np.hypot(t.joint_position, t.joint_position))
-
-    def parameter(name: str, unit: str, nominal: float, prior: float, cause: str) -> Parameter:
-        return Parameter(f"{name}_{leg}", unit, nominal, prior, cause, where)
-
-    return [
-        parameter("joint_radial", "m", radius, place, "base_joint_position"),
-        parameter("joint_tangential", "m", 0.0, place, "base_joint_position"),
-        parameter("joint_height", "m", 0.0, place, "base_joint_position"),
-        parameter("hinge_tilt_x", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),
-        parameter("hinge_tilt_z", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),
-        parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
-        parameter("arm", "m", d.arm, t.arm, "arm_length"),
-        parameter("rod", "m", d.rod, t.rod, "forearm_length"),
-    ]

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.geometry import rotations
-from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.mechanisms.delta_leg import (
     LEG_FRAMES,
     LEGS,
     DeltaDimensions,
+    DeltaModel,
     DeltaTolerances,
     arm_direction,
     arm_turn,
@@ -21,7 +20,7 @@ from delta_calibration.mechanisms.delta_leg import (
     to_base,
 )
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta, legs, on_diagonal
-from delta_calibration.parameters import Parameter, ParameterSet
+from delta_calibration.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -34,13 +33,13 @@ SIDE = np.array([-1.0, 1.0])  # which side of the leg's middle a rod is on, alon
 _ALONG = np.array([0.0, 1.0, 0.0])
 
 
-class SixRodDelta(Mechanism):
+class SixRodDelta(DeltaModel):
     """Three legs of two rods each; the platform has six coordinates, three of them commanded.
 
     Closure of rod j of leg i (paper 000 (5)): |p + R(w) a_ij - e_ij(q_i)|^2 = l_ij^2 with
 
-        e_ij = Z_i (b_i + T_i (u(q_i + z_i) L_i + s_j c_ij n(elbow tilt))),   a_ij = Z_i (a_i + s_j
-        d_ij n(line tilt)).
+        e_ij = Z_i (b_i + T_i (u(q_i + z_i) L_i + s_j c_ij n(elbow tilt))),
+        a_ij = Z_i (a_i + s_j d_ij n(line tilt)).
 
     Pose x (n, 6): centre p [m], rotation vector w [rad]. Parameters of a leg, shape (60,) in all:
     base and platform joint (radial, tangential, height) [m], hinge tilt x, z [rad], joint zero z
@@ -53,16 +52,11 @@ class SixRodDelta(Mechanism):
     """
 
     name: ClassVar[str] = "six_rod_delta"
-    joints: ClassVar[int] = LEGS
     pose_size: ClassVar[int] = 6
-    task_size: ClassVar[int] = 3
 
     def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
         """From the drawing and the expected errors of the parts."""
-        self.dimensions = dimensions
-        self.tolerances = tolerances
-        each = (_leg_parameters(leg, dimensions, tolerances) for leg in range(1, LEGS + 1))
-        self.parameters = ParameterSet(tuple(chain.from_iterable(each)))
+        super().__init__(dimensions, tolerances)
         self._spheres = RotaryDelta(dimensions, tolerances)
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
@@ -133,6 +127,41 @@ class SixRodDelta(Mechanism):
         each = np.concatenate([joint, leg[..., TILT_X : ROD + 1]], axis=-1)
         return each.reshape((*g.shape[:-1], LEGS * 8))
 
+    def _leg_parameters(self, leg: int) -> list[Parameter]:
+        d, t = self.dimensions, self.tolerances
+        where = f"joint_{leg}"
+
+        def parameter(name: str, unit: str, nominal: float, prior: float, cause: str) -> Parameter:
+            return Parameter(f"{name}_{leg}", unit, nominal, prior, cause, where)
+
+        def place(part: str, radius: float) -> list[Parameter]:
+            nominal = {"radial": radius, "tangential": 0.0, "height": 0.0}
+            return [
+                parameter(f"{part}_{axis}", "m", value, t.joint_position, "base_joint_position")
+                for axis, value in nominal.items()
+            ]
+
+        def pair(part: str, nominal: float, prior: float, cause: str) -> list[Parameter]:
+            names = (f"{part}_{leg}{side}" for side in "ab")
+            return [Parameter(name, "m", nominal, prior, cause, where) for name in names]
+
+        def tilt(part: str, prior: float, cause: str) -> list[Parameter]:
+            return [parameter(f"{part}_tilt_{axis}", "rad", 0.0, prior, cause) for axis in "xz"]
+
+        return [
+            *place("base", d.base_radius),
+            *place("platform", d.platform_radius),
+            *tilt("hinge", t.hinge_tilt, "base_joint_tilt"),
+            parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
+            parameter("arm", "m", d.arm, t.arm, "arm_length"),
+            parameter("rod", "m", d.rod, t.rod, "forearm_length"),
+            parameter("rod_mismatch", "m", 0.0, t.mismatch, "parallelogram_mismatch"),
+            *pair("elbow_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
+            *pair("platform_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
+            *tilt("elbow_line", t.line_tilt, "parallelogram_mismatch"),
+            *tilt("platform_line", t.line_tilt, "parallelogram_mismatch"),
+        ]
+
     def _elbow_balls(self, q: Array, leg: Array) -> Array:
         """(n, 3 legs, 2 sides, 3) [m] in the base."""
         arm = leg[..., ARM, None] * arm_direction(q + leg[..., ZERO])
@@ -186,39 +215,3 @@ def _elbow_tilt(leg: Array) -> Array:
 
 def _line_tilt(leg: Array) -> Array:
     return tilt_vector(leg[..., LINE_X], leg[..., LINE_Z])
-
-
-def _leg_parameters(leg: int, d: DeltaDimensions, t: DeltaTolerances) -> list[Parameter]:
-    where = f"joint_{leg}"
-
-    def parameter(name: str, unit: str, nominal: float, prior: float, cause: str) -> Parameter:
-        return Parameter(f"{name}_{leg}", unit, nominal, prior, cause, where)
-
-    def place(part: str, radius: float) -> list[Parameter]:
-        nominal = {"radial": radius, "tangential": 0.0, "height": 0.0}
-        return [
-            parameter(f"{part}_{axis}", "m", value, t.joint_position, "base_joint_position")
-            for axis, value in nominal.items()
-        ]
-
-    def pair(part: str, nominal: float, prior: float, cause: str) -> list[Parameter]:
-        return [
-            Parameter(f"{part}_{leg}{side}", "m", nominal, prior, cause, where) for side in "ab"
-        ]
-
-    def tilt(part: str, prior: float, cause: str) -> list[Parameter]:
-        return [parameter(f"{part}_tilt_{axis}", "rad", 0.0, prior, cause) for axis in "xz"]
-
-    return [
-        *place("base", d.base_radius),
-        *place("platform", d.platform_radius),
-        *tilt("hinge", t.hinge_tilt, "base_joint_tilt"),
-        parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
-        parameter("arm", "m", d.arm, t.arm, "arm_length"),
-        parameter("rod", "m", d.rod, t.rod, "forearm_length"),
-        parameter("rod_mismatch", "m", 0.0, t.mismatch, "parallelogram_mismatch"),
-        *pair("elbow_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
-        *pair("platform_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
-        *tilt("elbow_line", t.line_tilt, "parallelogram_mismatch"),
-        *tilt("platform_line", t.line_tilt, "parallelogram_mismatch"),
-    ]
