@@ -61,7 +61,10 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
             f"but {robot.source} is {robot.name!r} with hash {robot.hash[:12]}; "
             "fit again with this robot file"
         )
-    chain = chain_of(robot, data["model"])
+    try:
+        chain = chain_of(robot, data["model"])
+    except ConfigError as error:
+        raise ConfigError(f"{path}: model: {error}") from error
     expected = chain.parameters.names
     found = tuple(entry["name"] for entry in data["parameters"])
     if found != expected:

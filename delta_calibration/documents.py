@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
+import os
+import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -43,6 +45,8 @@ def read_document(path: Path, schema: str) -> dict[str, Any]:
         raise ConfigError(f"{path}: not valid YAML: {where}{_line(str(error.problem))}") from error
     except (YAMLError, ValueError) as error:
         raise ConfigError(f"{path}: not valid YAML: {_line(str(error))}") from error
+    except RecursionError as error:
+        raise ConfigError(f"{path}: not valid YAML: nested too deep") from error
     check_document(data, schema, str(path))
     return dict(data)
 
@@ -56,7 +60,9 @@ def check_document(data: Any, schema: str, source: str) -> None:
     if not isinstance(data, Mapping):
         found = "nothing" if data is None else type(data).__name__
         raise ConfigError(f"{source}: a mapping of keys to values is expected, found {found}")
-    error = best_match(Draft202012Validator(_schema(schema)).iter_errors(data))
+    errors = list(Draft202012Validator(_schema(schema)).iter_errors(data))
+    # A file of another version first says so, whatever else is different in it.
+    error = next((e for e in errors if e.validator == "const"), None) or best_match(errors)
     if error is not None:
         raise ConfigError(f"{source}: {_explain(error)}")
     _require_finite(data, source, "")
@@ -76,9 +82,14 @@ def write_document(path: Path, data: Document) -> None:
     try:
         with beside.open("w", encoding="utf-8") as file:
             yaml.dump(dict(data), file)
+            file.flush()
+            os.fsync(file.fileno())  # the content before the name, should the power fail
         beside.replace(path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {_reason(error)}") from error
+    finally:
+        with suppress(OSError):  # gone where all went well
+            beside.unlink()
 
 
 def content_hash(data: Document) -> str:
@@ -109,7 +120,7 @@ def _require_finite(value: Any, source: str, path: str) -> None:
     elif isinstance(value, list):
         for row, item in enumerate(value):
             _require_finite(item, source, f"{path}[{row}]")
-    elif isinstance(value, float) and not math.isfinite(value):
+    elif isinstance(value, int | float) and not abs(value) <= sys.float_info.max:
         raise ConfigError(f"{source}: {path}: {value} is not a finite number")
 
 
@@ -133,7 +144,7 @@ def _explain(error: ValidationError) -> str:
         case "const":
             return f"{at}{found!r} is not allowed; it must be {rule!r}"
         case "type":
-            return f"{at}{found!r} is not allowed; a {rule} is expected"
+            return f"{at}{found!r} is not allowed; {_KINDS.get(rule, rule)} is expected"
         case "minimum" | "exclusiveMinimum" | "maximum" | "exclusiveMaximum":
             bound = _BOUNDS[str(error.validator)]
             return f"{at}{found!r} is not allowed; {bound} {rule} is expected"
@@ -148,6 +159,16 @@ _BOUNDS = {
     "exclusiveMinimum": "more than",
     "maximum": "at most",
     "exclusiveMaximum": "less than",
+}
+
+
+_KINDS = {
+    "object": "a mapping of keys to values",
+    "array": "a list",
+    "string": "a text",
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
 }
 
 

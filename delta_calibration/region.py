@@ -12,6 +12,9 @@ from delta_calibration.errors import DataError
 
 Array = NDArray[np.float64]
 
+_FLAT = 0.05  # of the largest extent; a body thinner than this is flat
+_SKIN = 0.5e-3  # [m] either side of a flat body
+
 
 @dataclass(frozen=True)
 class Region:
@@ -28,17 +31,21 @@ class Region:
         """
         if len(self.vertices) < 4:
             raise DataError(f"a region needs 4 points or more, found {len(self.vertices)}")
-        # Joggled, so that points of one plane (a disc) make a thin body instead of an error.
+        # Joggled, so that many points of one plane are no error.
         hull = ConvexHull(self.vertices, qhull_options="QJ Pp")
         object.__setattr__(self, "_planes", hull.equations)
 
     @classmethod
     def of(cls, points: Array) -> Region:
-        """The region of these points; only the corners are kept."""
+        """The region of these points, half a millimetre thicker where they are flat.
+
+        Only the corners are kept.
+        """
         if len(points) < 4:
             return cls(points)
-        hull = ConvexHull(points, qhull_options="QJ Pp")
-        return cls(points[np.sort(hull.vertices)])
+        solid = _thickened(points)
+        hull = ConvexHull(solid, qhull_options="QJ Pp")
+        return cls(solid[np.sort(hull.vertices)])
 
     def outside(self, points: Array) -> Array:
         """How far outside each point lies, (...,) [m]; negative inside.
@@ -47,3 +54,16 @@ class Region:
         factor that the hull's faces meet at.
         """
         return np.asarray(np.max(points @ self._planes[:, :3].T + self._planes[:, 3], axis=-1))
+
+
+def _thickened(points: Array) -> Array:
+    """Points of a disc or a line drawn out either way along the directions they are thin in.
+
+    A disc's hull would else have no faces round its rim but two that meet there at a sharp edge,
+    and a point in its plane, however far outside, would lie on both.
+    """
+    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+    extent = np.ptp(points @ axes.T, axis=0)
+    for axis in axes[extent < _FLAT * extent.max()]:
+        points = np.concatenate([points - _SKIN * axis, points + _SKIN * axis])
+    return points

@@ -63,7 +63,7 @@ class Machine:
             ReachError: joint angles at which the machine cannot be assembled.
         """
         x = self.chain.pose(q, self.theta)
-        self.chain.mechanism.require_reach(x, q, "joint command")
+        self.chain.mechanism.require_reach(x, q, "joint command", "rad")
         true = self.chain.reading(x, self.theta)
         distance = np.linalg.norm(true, axis=1, keepdims=True)
         beam = true / distance

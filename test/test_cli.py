@@ -240,7 +240,7 @@ def test_calibration_of_another_robot(cell, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("point", "code", "said"),
     [
-        ((2000, 0, -711), 1, "point 2 (2, 0, -0.711) is out of the robot's reach"),
+        ((2000, 0, -711), 1, "point 2 (2, 0, -0.711 m) is out of the robot's reach"),
         ((0, 0, -1130), 1, "point 2 cannot be corrected: outside the calibrated region"),
         ((0, 0, "deep"), 2, "line 3: z_mm: 'deep' is not a finite number"),
         ((0, 0, "nan"), 2, "line 3: z_mm: 'nan' is not a finite number"),

@@ -1,4 +1,4 @@
-"""Every kind of wrong document gets a ConfigError that names file, path, value and what is allowed."""
+"""Every wrong document gets a ConfigError that names file, path, value and what is allowed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,11 @@ def test_the_file_as_it_is_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("  arm_mm: 320.0", "  arm_mm: long", r"geometry\.arm_mm: 'long' is not allowed; a number"),
+        (
+            "  arm_mm: 320.0",
+            "  arm_mm: long",
+            r"geometry\.arm_mm: 'long' is not allowed; a number",
+        ),
         ("  arm_mm: 320.0", "  arm_mm: true", r"geometry\.arm_mm: True is not allowed; a number"),
         ("  arm_mm: 320.0", "  arm_mm: [320.0]", r"geometry\.arm_mm: \[320\.0\] is not allowed"),
         ("  arm_mm: 320.0", "  arm_mm:", r"geometry\.arm_mm: None is not allowed; a number"),
@@ -48,20 +52,40 @@ def test_the_file_as_it_is_is_read(tmp_path):
         ("  arm_mm: 320.0", "  arm_mm: 1.0e+6", r"geometry\.arm_mm: 1000000\.0 .* at most 10000"),
         ("  arm_mm: 320.0", "  arm_mm: .nan", r"geometry\.arm_mm: nan is not a finite number"),
         ("  arm_mm: 320.0", "  arm_mm: .inf", r"geometry\.arm_mm: inf .*at most 10000"),
-        ("gear_ratio: 33.0", "gear_ratio: .inf", r"joints\.gear_ratio: inf is not a finite number"),
+        (
+            "gear_ratio: 33.0",
+            "gear_ratio: .inf",
+            r"joints\.gear_ratio: inf is not a finite number",
+        ),
+        ("gear_ratio: 33.0", "gear_ratio: 1" + "0" * 400, r"gear_ratio: 10+ is not a finite"),
+        ("[joint_1, joint_2, joint_3]", "joint_1", r"joints\.names: 'joint_1' .* a list is"),
+        ("[joint_1, joint_2, joint_3]", "[a, b, 3]", r"joints\.names\[2\]: 3 .* a text is"),
+        ("tool:\n  offset_mm: [0.0, 0.0, 0.0]", "tool:", r"tool: None .* a mapping of keys to"),
         ("  arm_mm: 320.0", "", r"geometry: missing key arm_mm"),
         ("name: srbd", "", r"missing key name"),
         ("  arm_mm: 320.0", "  arm_m: 0.32", r"geometry: .*key arm_m"),
         ("name: srbd", "name: srbd\ncolour: red", r"unknown key colour; allowed: schema, name, "),
-        ("mechanism: six_rod_delta", "mechanism: scara", r"mechanism: 'scara' .* choose from: rotary_"),
+        (
+            "mechanism: six_rod_delta",
+            "mechanism: scara",
+            r"mechanism: 'scara' .* choose from: rotary_",
+        ),
         ("schema: 1", "schema: 2", r"schema: 2 is not allowed; it must be 1"),
         ("arm_centre: 0.45", "arm_centre: 1.45", r"masses\.arm_centre: 1\.45 .* at most 1 "),
-        ("  lower_deg: [-35.0, -35.0, -35.0]", "  lower_deg: [-35.0]", r"lower_deg: 1 values .* 3 are"),
+        (
+            "  lower_deg: [-35.0, -35.0, -35.0]",
+            "  lower_deg: [-35.0]",
+            r"lower_deg: 1 values .* 3 are",
+        ),
         ("[joint_1, joint_2, joint_3]", "[a, b, b]", r"joints\.names: .*non-unique"),
         ("name: srbd", "name: [", r"not valid YAML: line \d+, column \d+: "),
-        ("name: srbd", "name: srbd\nname: srbd", r"not valid YAML: line 5, column 1: .*duplicate key"),
+        (
+            "name: srbd",
+            "name: srbd\nname: srbd",
+            r"not valid YAML: line 6, column 1: .*duplicate key",
+        ),
         ("name: srbd", "name: srbd\nown: &a {own: *a}", r"unknown key own"),
-        ("name: srbd", "\tname: srbd", r"not valid YAML: line 4, column 1: "),
+        ("name: srbd", "\tname: srbd", r"not valid YAML: line 5, column 1: "),
         ("name: srbd", "name: !!python/name:os.system", r"not valid YAML"),
         ("name: srbd", "---\nname: srbd", r"not valid YAML|missing key"),
     ],
@@ -78,6 +102,7 @@ def test_a_wrong_entry_is_refused_by_path_and_value(tmp_path, old, new, message)
         ("# nothing\n", "a mapping of keys to values is expected, found nothing"),
         ("- a\n- b\n", "a mapping of keys to values is expected, found list"),
         ("just words", "a mapping of keys to values is expected, found str"),
+        ("[" * 1500, "not valid YAML: nested too deep"),
         ("&a [*a]", "a mapping of keys to values is expected, found list"),
         (b"\xff\xfe\x00name", "cannot be read: "),
     ],

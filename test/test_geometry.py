@@ -1,4 +1,4 @@
-"""Rotations against scipy and complex steps; frames compose; alignment finds a motion or refuses."""
+"""Rotations against scipy and complex steps; frames compose; alignment finds or refuses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ def vectors(rng, size, n=6):
 
 
 def frame(rng):
-    return Frame(Rotation.random(random_state=int(rng.integers(1e6))).as_matrix(), rng.normal(size=3))
+    return Frame(
+        Rotation.random(random_state=int(rng.integers(1e6))).as_matrix(), rng.normal(size=3)
+    )
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -47,7 +49,8 @@ def test_derivative_of_a_turned_vector_by_complex_step(size):
         columns.append(np.imag(rotations.exp(moved) @ v[..., None])[..., 0] / 1e-30)
     written = rotations.exp_times_derivative(w, v)
     np.testing.assert_allclose(written, np.stack(columns, -1), atol=1e-11)
-    by_hand = Rotation.from_rotvec(w + [1e-6, 0, 0]).apply(v) - Rotation.from_rotvec(w - [1e-6, 0, 0]).apply(v)
+    h = np.array([1e-6, 0, 0])
+    by_hand = Rotation.from_rotvec(w + h).apply(v) - Rotation.from_rotvec(w - h).apply(v)
     np.testing.assert_allclose(written[..., 0], by_hand / 2e-6, atol=1e-8)
 
 

@@ -236,7 +236,10 @@ def test_a_loop_goes_round_until_it_is_stopped(bench: Bench, launch: Launch, pla
     assert listener.until_end(node) == 0
     assert listener.stamps[: 2 * COUNT] == 2 * STAMPS
     assert "pass 2:" in node.output
-    assert np.sum(np.diff(listener.clock) < 0) == len(listener.stamps) // COUNT
+    # The clock and the messages are different topics: one may show the last turn before the other.
+    turns = int(np.sum(np.diff(listener.clock) < 0))
+    assert abs(turns - len(listener.stamps) // COUNT) <= 1
+    assert turns >= 1
 
 
 def test_a_start_inside_the_session_says_first_what_already_held(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.options import (
@@ -16,9 +17,11 @@ from delta_calibration.cli.options import (
     seed_option,
 )
 from delta_calibration.compensation import METHODS, Compensated, JointCompensator, Verdict
-from delta_calibration.errors import DataError, InputError
+from delta_calibration.errors import DataError, InputError, ReachError
 from delta_calibration.plans import nominal_joints, read_points
-from delta_calibration.robot import load_robot
+from delta_calibration.robot import Robot, load_robot
+
+Array = NDArray[np.float64]
 
 _BATCH = 64  # commands searched side by side
 
@@ -46,7 +49,7 @@ def command(
     points = read_points(targets)
     calibration = load_calibration(calibration_file, robot)
     compensator = JointCompensator(calibration, method, seed)
-    nominal = nominal_joints(robot, points)
+    nominal = _nominal(robot, points, targets)
     parts = np.array_split(nominal, max(len(nominal) // _BATCH, 1))
     found = Compensated.joined(
         [compensator.compensate(part) for part in progress(parts, len(parts), "part")]
@@ -58,6 +61,13 @@ def command(
         f"{np.degrees(np.abs(found.correction).max()):.3f} degrees; error by the model at most "
         f"{found.model_error.max() * 1e3:.2e} mm, {found.evaluations.mean():.0f} evaluations each)"
     )
+
+
+def _nominal(robot: Robot, points: Array, targets: Path) -> Array:
+    try:
+        return nominal_joints(robot, points)
+    except ReachError as error:
+        raise ReachError(f"{targets}: {error}") from error
 
 
 def _refuse_uncorrected(found: Compensated, targets: Path) -> None:

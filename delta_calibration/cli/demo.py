@@ -30,9 +30,9 @@ from delta_calibration.simulation import draw_machine
 from delta_calibration.trial import Errors, measured_errors, paper_simulation, true_errors
 
 _RATE = 50.0  # [1/s] of commands, states and tracker
-_DWELL = 0.3  # [s]
+_DWELL = 0.25  # [s]
 _RADIUS = 0.45  # [m] of the disc
-_STOPS = {"identify": 50, "line": 41, "disc": 40}
+_STOPS = {"identify": 48, "line": 37, "disc": 36}
 _PAPER = ("3.3050", "0.8030", "2.0860")  # [mm] table 3: a real machine, without compensation
 _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 _TIMEOUT = 200.0  # [s] of one plan
@@ -111,6 +111,7 @@ def _run_cell(
                 {
                     **common, "plan": plan, "count": _STOPS[plan], "dwell": _DWELL, "rate": _RATE,
                     "both_sides": both_sides, "radius": _RADIUS, "seed": seed,
+                    "subscribers": 2,  # the calibration node and the recorder
                 },
                 _TIMEOUT,
             )  # fmt: skip

@@ -28,7 +28,7 @@ _FEWEST = 12  # different places; a model of two dozen parameters from fewer is 
 _FOLDS = 5
 _GOOD_ENOUGH = 0.05  # of chi square, in fits that only predict what was held out
 # [m] root mean square after the best frame that no manufacturing error explains
-_ANOTHER_ROBOT = 0.02
+_ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,11 @@ def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Pro
     """
     nominal = chain.mechanism.parameters.nominal
     x = chain.mechanism.forward(poses.joint, nominal)
-    chain.mechanism.require_reach(x, poses.joint, "recorded joint command")
-    frame = align(chain.point(x, chain.offset), poses.point)
+    chain.mechanism.require_reach(x, poses.joint, "recorded joint command", "rad")
+    try:
+        frame = align(chain.point(x, chain.offset), poses.point)
+    except DataError as error:
+        raise DataError(f"{poses.source}: {error}") from error
     start = chain.join(nominal, chain.offset, frame)
     slope = frame.rotation @ chain.point_by_joints(poses.joint, x, start)
     noise = estimate_noise(poses, slope, robot)
@@ -206,10 +209,16 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
 
 
 def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> None:
+    """Refuse residuals many times what parts within their tolerances can do."""
+    problem = solution.problem
+    geometry = slice(0, problem.chain.geometry_size)
+    slope = problem.chain.jacobian(problem.q, solution.pose, solution.theta)[..., geometry]
+    spread = slope * problem.chain.mechanism.parameters.prior
+    expected = float(np.sqrt(np.sum(spread**2) / len(spread)))
     rms = float(np.sqrt(np.mean(distances(solution) ** 2)))
-    if rms > _ANOTHER_ROBOT:
+    if rms > _ANOTHER_ROBOT * expected:
         raise DataError(
             f"{poses.source}: {rms * 1e3:.1f} mm RMS remain between the robot {robot.name!r} in "
-            f"the best frame and the tracker; more than {_ANOTHER_ROBOT * 1e3:.0f} mm is no "
-            "manufacturing error: a session of another robot, or other units?"
+            f"the best frame and the tracker, where its tolerances explain {expected * 1e3:.1f} mm: "
+            "a session of another robot, joints of another zero, or other units?"
         )

@@ -142,8 +142,8 @@ class Mechanism(ABC):
             return np.broadcast_to(np.eye(3), (len(x), 3, 3))
         return rotations.exp(x[:, 3:6])
 
-    def require_reach(self, solution: Array, wanted: Array, what: str) -> None:
-        """Refuse a batch that holds a row out of reach.
+    def require_reach(self, solution: Array, wanted: Array, what: str, unit: str) -> None:
+        """Refuse a batch that holds a row out of reach; `what` and `unit` say what was wanted.
 
         Raises:
             ReachError: names the first such row and its value.
@@ -152,7 +152,8 @@ class Mechanism(ABC):
         if bad.size:
             value = ", ".join(f"{v:.6g}" for v in wanted[bad[0]])
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
-            raise ReachError(f"{what} {bad[0] + 1} ({value}) is out of the robot's reach{more}")
+            named = f"{what} {bad[0] + 1} ({value} {unit})"
+            raise ReachError(f"{named} is out of the robot's reach{more}")
 
     def require_regular(self, q: Array, x: Array, g: Array, limit: float) -> None:
         """Refuse a batch that holds a pose too near a singularity.

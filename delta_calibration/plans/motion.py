@@ -59,27 +59,28 @@ def legs(plan: Plan, robot: Robot, rate: float, start: Array | None = None) -> I
     for row in range(len(plan)):
         goal = plan.joint[row]
         short = goal - plan.direction[row] * APPROACH
+        short = np.clip(short, robot.joints.lower, robot.joints.upper)
         yield _leg([here, short, goal], robot, rate, plan.dwell, float(plan.payload[row]))
         here = goal
     for path in plan.paths:
         yield _leg([here, path.joint[0]], robot, rate, plan.dwell, float(plan.payload[-1]))
-        yield _path_leg(path, rate, plan.dwell, float(plan.payload[-1]))
+        yield _path_leg(path, robot, rate, plan.dwell, float(plan.payload[-1]))
         here = path.joint[-1]
 
 
 def _leg(ways: list[Array], robot: Robot, rate: float, dwell: float, payload: float) -> Leg:
-    moves = [
-        _minimum_jerk(a, b, robot.joints.speed, rate)
-        for a, b in pairwise(ways)
-    ]
+    moves = [_minimum_jerk(a, b, robot.joints.speed, rate) for a, b in pairwise(ways)]
     rest = np.repeat(ways[-1][None], max(round(dwell * rate) + 1, 1), axis=0)
     joint = np.concatenate([*moves, rest])
     resting = np.arange(len(joint)) >= len(joint) - len(rest)
     return Leg(np.arange(len(joint)) / rate, joint, resting, payload)
 
 
-def _path_leg(path: MotionPath, rate: float, dwell: float, payload: float) -> Leg:
-    count = max(round(path.duration * rate), 2)
+def _path_leg(path: MotionPath, robot: Robot, rate: float, dwell: float, payload: float) -> Leg:
+    """A path at its own pace, slower where a joint would else exceed its speed."""
+    widest = float(np.abs(np.diff(path.joint, axis=0)).max()) * (len(path.joint) - 1)
+    duration = max(path.duration, widest / robot.joints.speed)
+    count = max(int(np.ceil(duration * rate)) + 1, 2)
     share = np.linspace(0, len(path.joint) - 1, count)
     moving = np.column_stack(
         [np.interp(share, np.arange(len(path.joint)), column) for column in path.joint.T]

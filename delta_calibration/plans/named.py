@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.errors import InputError
+from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import points
 from delta_calibration.plans.motion import MotionPath, Plan
 from delta_calibration.robot import Robot
@@ -44,9 +44,11 @@ def make_plan(
         seed: of the order and of what is drawn.
 
     Raises:
-        InputError: no such plan or file, or a file of another form.
+        InputError: no such plan or file, a file of another form, or a count below 1.
         ReachError: a point out of the robot's reach or joint limits.
     """
+    if count is not None and count < 1:
+        raise InputError(f"count is {count}; it has to be at least 1")
     if name_or_csv.lower().endswith(".csv"):
         targets, name = points.read_points(Path(name_or_csv)), Path(name_or_csv).stem
     elif name_or_csv in _POINTS:
@@ -58,13 +60,17 @@ def make_plan(
         raise InputError(
             f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file"
         )
-    if name == "iso9283":
+    cycles = count or 30 if name_or_csv == "iso9283" else 0
+    if cycles:
         both_sides = False  # the standard's cycle fixes the way into each pose
     sides = (1.0, -1.0) if both_sides else (1.0,)
-    targets = np.repeat(targets, len(sides), axis=0)
-    direction = np.tile(sides, len(targets) // len(sides))
-    joint = points.nominal_joints(robot, targets)
-    paths = _iso9283_paths(robot, max((count or 30) // 3, 1)) if name == "iso9283" else ()
+    try:
+        joint = points.nominal_joints(robot, targets)
+    except ReachError as error:
+        raise ReachError(f"plan {name_or_csv}: {error}") from error
+    direction = np.tile(sides, len(targets))
+    targets, joint = (np.repeat(each, len(sides), axis=0) for each in (targets, joint))
+    paths = _iso9283_paths(robot, max(cycles // 3, 1)) if cycles else ()
     return Plan(name, targets, joint, direction, np.full(len(targets), payload), dwell, paths)
 
 
@@ -111,6 +117,8 @@ def _paths(robot: Robot) -> tuple[MotionPath, ...]:
         MotionPath(f"sweep_{name}", home + sweep[:, None] * np.eye(len(home))[k], 40.0)
         for k, name in enumerate(robot.joints.names)
     ]
+    for path in paths:
+        points.require_limits(robot, path.joint, f"{path.name}: sample")
     turn = np.linspace(0, 2 * np.pi, 200)
     circle = np.stack(
         [0.2 * np.cos(turn), 0.2 * np.sin(turn), np.full_like(turn, points.PLANE - 0.05)], axis=1

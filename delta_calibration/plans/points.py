@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,16 +30,25 @@ def nominal_joints(robot: Robot, targets: Array) -> Array:
     """
     model = robot.model("rotary_delta")
     joint = model.inverse(targets - robot.tool_offset, model.parameters.nominal)
-    model.require_reach(joint, targets, "point")
+    model.require_reach(joint, targets, "point", "m")
+    require_limits(robot, joint, "point", "m")
+    return joint
+
+
+def require_limits(robot: Robot, joint: Array, what: str) -> None:
+    """Refuse joint angles (n, m) [rad] that are beyond the robot's limits.
+
+    Raises:
+        ReachError: names the first such row, its joint and what is allowed.
+    """
     beyond = (joint < robot.joints.lower) | (joint > robot.joints.upper)
     if beyond.any():
         row, column = np.argwhere(beyond)[0]
         low, high = np.degrees([robot.joints.lower[column], robot.joints.upper[column]])
         raise ReachError(
-            f"point {row + 1} needs {robot.joints.names[column]} at "
+            f"{what} {row + 1} needs {robot.joints.names[column]} at "
             f"{np.degrees(joint[row, column]):.1f} degrees; allowed: {low:.1f} to {high:.1f}"
         )
-    return joint
 
 
 def read_points(path: Path) -> Array:
@@ -50,7 +60,7 @@ def read_points(path: Path) -> Array:
     wanted = ("x_mm", "y_mm", "z_mm")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
+            reader = csv.DictReader(file, skipinitialspace=True)
             found = reader.fieldnames or []
             missing = [name for name in wanted if name not in found]
             if missing:
@@ -60,9 +70,11 @@ def read_points(path: Path) -> Array:
                 )
             rows = [
                 [_number(path, reader.line_num, name, row[name]) for name in wanted]
-                for row in reader
+                for row in _of_one_length(path, reader, found)
             ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     if not rows:
         raise InputError(f"{path}: no points in it")
@@ -76,9 +88,10 @@ def line(robot: Robot, count: int | None, radius: float, rng: np.random.Generato
 
 
 def disc(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
-    """Evenly spread over the disc (sunflower), in the paper's plane."""
+    """Evenly spread over the disc (sunflower), in the paper's plane, taken round by round."""
     k = np.arange(count or 60) + 0.5
-    r, angle = radius * np.sqrt(k / len(k)), np.pi * (1 + np.sqrt(5)) * k
+    r, angle = radius * np.sqrt(k / len(k)), np.mod(np.pi * (1 + np.sqrt(5)) * k, 2 * np.pi)
+    r, angle = r[np.argsort(angle)], np.sort(angle)
     return np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(r, PLANE)], axis=1)
 
 
@@ -137,9 +150,24 @@ def _usable(robot: Robot, points: Array) -> NDArray[np.bool_]:
     return usable
 
 
+def _of_one_length(
+    path: Path, reader: csv.DictReader[str], columns: Sequence[str]
+) -> Iterator[dict[str, str]]:
+    """The rows, none longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
+    for row in reader:
+        surplus: Sequence[str] = row.pop(None, ())
+        if surplus:
+            raise InputError(
+                f"{path}: line {reader.line_num}: {len(columns) + len(surplus)} values, but "
+                f"{len(columns)} columns; decimals take a point, not a comma"
+            )
+        yield row
+
+
 def _number(path: Path, line: int, name: str, text: str | None) -> float:
+    text = text or ""  # None where the row is short
     try:
-        value = float(text or "")
+        value = float(text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):

@@ -42,7 +42,7 @@ class Readings:
     start_ns: int  # stamp of time zero [ns]
     time: Array  # (n,) [s] since start_ns, strictly increasing
     joint: Array  # (n, m) [rad] by the encoders; by the command where there are no encoders
-    command: Array  # (n, m) [rad]; the encoders' where no command was recorded
+    command: Array  # (n, m) [rad]; the encoders' if none were recorded, NaN where none is near
     point: Array  # (n, 3) [m] in the tracker's frame
     quaternion: Array | None  # (n, 4)
     rejected: Rejected
@@ -86,7 +86,7 @@ def match(session: Session, joint_names: Sequence[str]) -> Readings:
     command = joint
     if session.command is not None:
         commanded, also = _at(_ordered(session.command, joint_names, session.source), stamps)
-        command = np.where(also[:, None], commanded, joint)
+        command = np.where(also[:, None], commanded, np.nan)
     if not known.any():
         raise DataError(
             f"{session.source}: no tracker reading has joint angles near it in time: "

@@ -34,7 +34,7 @@ class StillMoments:
     begin: Array  # (n,) [s]
     end: Array  # (n,) [s]
     joint: Array  # (n, m) [rad]
-    command: Array  # (n, m) [rad]
+    command: Array  # (n, m) [rad]; the encoders' where it is not known
     point: Array  # (n, 3) [m] in the tracker's frame
     quaternion: Array | None  # (n, 4)
     count: NDArray[np.int64]  # (n,) readings averaged
@@ -59,7 +59,9 @@ def find_still(readings: Readings) -> tuple[StillMoments, Readings]:
     label = _moments(readings)
     long_enough = _accepted(readings, label)
     if not long_enough.any():
-        raise DataError("nothing stands still in this session: every reading was taken in motion")
+        frozen = readings.rejected.frozen
+        also = f"; {frozen} were set aside as frozen" if frozen else ""
+        raise DataError(f"nothing stands still: every reading was taken in motion{also}")
     outlier, settling = _set_aside(readings, label, long_enough)
     kept = long_enough[label] & ~outlier & ~settling
     rejected = replace(
@@ -93,7 +95,8 @@ def _hold(steps: Array, least: float) -> Array:
     if len(steps) == 0:
         return np.full(steps.shape[1], least)
     share, quantile = _QUIET
-    sigma = np.quantile(steps, share, axis=0) / quantile / np.sqrt(2)
+    known = np.nan_to_num(steps)  # NaN where no command was near
+    sigma = np.quantile(known, share, axis=0) / quantile / np.sqrt(2)
     return np.asarray(np.clip(_HOLD_SIGMAS * sigma, least, _HOLD_MOST))
 
 
@@ -160,11 +163,12 @@ def _average(readings: Readings, label: NDArray[np.intp]) -> StillMoments:
         quaternion = mean(readings.quaternion * np.where(same_side < 0, -1.0, 1.0)[:, None])
         quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
     last = np.append(first[1:], len(label)) - 1
+    joint, command = mean(readings.joint), mean(readings.command)
     return StillMoments(
         begin=readings.time[first],
         end=readings.time[last],
-        joint=mean(readings.joint),
-        command=mean(readings.command),
+        joint=joint,
+        command=np.where(np.isfinite(command), command, joint),
         point=point,
         quaternion=quaternion,
         count=count.astype(np.int64),

@@ -1,6 +1,7 @@
 """What a session holds before anything is made of it: time-stamped streams, one per topic.
 
-Stamps are the message headers' stamps (when the thing was true), not the times of arrival.
+Stamps are the message headers' stamps (when the thing was true), not the times of arrival. A
+stream holds one row or more, all of finite numbers; what was not recorded is None in its session.
 """
 
 from __future__ import annotations

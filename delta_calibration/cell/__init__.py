@@ -1,0 +1,1 @@
+"""What the calibration node does, without ROS: capture, fit, command path, health."""

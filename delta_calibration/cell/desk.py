@@ -1,0 +1,180 @@
+"""The desk at which a cell is calibrated: capture, fit, save, reload, switch on.
+
+Every order answers with a sentence, or raises a CalibrationError with the reason and leaves
+everything as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.cell.capture import Capture
+from delta_calibration.cell.command_path import PASS_THROUGH, CommandPath
+from delta_calibration.cell.fitting import Fitted, fit
+from delta_calibration.cell.health import Health, Level, Watch
+from delta_calibration.compensation import JointCompensator
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.robot import load_robot
+
+SOURCE = "captured"
+NAMED = 3  # troubles told at once
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a desk is set up with."""
+
+    robot: str  # file or name
+    calibration: str = ""  # file; empty for none
+    method: str = "newton"
+    on_failure: str = PASS_THROUGH
+    ramp_s: float = 1.0  # [s]
+    model: str = ""  # mechanism to fit; empty for the robot file's
+    capture_limit: int = 1_000_000  # messages
+    seed: int = 0
+
+
+class Desk:
+    """A robot with its capture, its command path and its calibration.
+
+    Raises:
+        CalibrationError: robot or calibration cannot be loaded; nothing is half set up then.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.robot = load_robot(settings.robot)
+        self._model = self.robot.model(settings.model or None).name
+        self.capture = Capture(self.robot.joints.names, settings.capture_limit)
+        self.path = CommandPath(settings.on_failure, settings.ramp_s)
+        self.watch = Watch()
+        self.fitted: Fitted | None = None
+        self.calibration: Calibration | None = None
+        self._capture_since_s = 0.0
+        if settings.calibration:
+            self.reload(settings.calibration)
+
+    def start_capture(self, now_s: float) -> str:
+        """Begin to keep what is measured."""
+        if self.capture.running:
+            raise DataError(f"capturing already, {self.capture.held} messages so far")
+        before = self.capture.held
+        self.capture.start()
+        self._capture_since_s = now_s
+        return f"capturing; {before} messages from before were let go" if before else "capturing"
+
+    def stop_capture(self) -> str:
+        """Keep no more; what is there can be fitted."""
+        if not self.capture.running:
+            raise DataError("nothing is being captured")
+        self.capture.stop()
+        notes = "".join(f"; {note}" for note in self.capture.notes())
+        counts = ", ".join(f"{n} {stream}" for stream, n in self.capture.counts.items())
+        return f"captured {counts}{notes}"
+
+    def prepare_fit(self) -> Callable[[], tuple[Fitted, JointCompensator]]:
+        """The work of a fit to what is held now; may be done on another thread.
+
+        Raises:
+            DataError: nothing was captured.
+        """
+        if not self.capture.held:
+            raise DataError("nothing was captured; call start_capture and measure first")
+        session = self.capture.session(SOURCE)
+
+        def work() -> tuple[Fitted, JointCompensator]:
+            fitted = fit(session, self.robot, self._model, self.settings.seed)
+            return fitted, self._compensator(fitted.calibration)
+
+        return work
+
+    def take(self, fitted: Fitted, compensator: JointCompensator) -> str:
+        """Load what was fitted; compensation that is on ramps over to it, none is switched on."""
+        self.fitted = fitted
+        self._load(fitted.calibration, compensator)
+        return f"{fitted.sentence()}; {self._loaded_sentence()}"
+
+    def save(self, path: str) -> str:
+        """Write what was fitted, whole or not at all."""
+        if self.fitted is None:
+            raise DataError("nothing was fitted since the node was configured; nothing to save")
+        if not path:
+            raise InputError("parameter output: is empty; it names the calibration file to write")
+        file = Path(path).expanduser()
+        save_calibration(file, self.fitted.found, self.robot, self.fitted.poses)
+        return f"saved to {file}"
+
+    def reload(self, path: str) -> str:
+        """Load a calibration file; the one in force stays if this one is no good."""
+        if not path:
+            raise InputError("parameter calibration: is empty; it names the file to load")
+        calibration = load_calibration(Path(path).expanduser(), self.robot)
+        self._load(calibration, self._compensator(calibration))
+        return f"{path}, made from {calibration.source}, {self._loaded_sentence()}"
+
+    def enable(self, on: bool) -> str:
+        """Switch compensation."""
+        self.path.enable(on)
+        ramp = f"over {self.path.ramp_s:g} s"
+        return f"compensation comes on {ramp}" if on else f"compensation goes off {ramp}"
+
+    def health(self, now_s: float, tracker_timeout_s: float) -> Health:
+        """How the cell is doing."""
+        troubles = self._silent(now_s, tracker_timeout_s) + self.watch.recent(now_s)
+        troubles += self.capture.notes() if self.capture.running else ()
+        message = "; ".join([self._state(), *troubles[:NAMED]])
+        return Health(Level.WARN if troubles else Level.OK, message, self._values())
+
+    def _silent(self, now_s: float, limit_s: float) -> list[str]:
+        if not self.capture.running:
+            return []
+        since_s = self._capture_since_s
+        silent = {s: self.watch.silent_s(s, since_s, now_s) for s in ("tracker", "joint_states")}
+        return [f"{s} silent for {t:.1f} s" for s, t in silent.items() if t > limit_s]
+
+    def _state(self) -> str:
+        if self.path.enabled:
+            state = f"compensating by {self.settings.method}"
+        else:
+            state = "passing commands through, " + (
+                "compensation is off" if self.path.loaded else "no calibration"
+            )
+        return f"{state}, capturing" if self.capture.running else state
+
+    def _values(self) -> dict[str, object]:
+        calibration = self.calibration
+        return {
+            "robot": self.robot.name,
+            "enabled": self.path.enabled,
+            "on failure": self.path.on_failure,
+            "calibration": "none" if calibration is None else calibration.seal[:12],
+            "calibration made from": "" if calibration is None else calibration.source,
+            "correction [rad]": f"{self.path.applied:.3e}",
+            "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
+            "command took longer than its period": self.watch.late,
+            **{f"captured {stream}": n for stream, n in self.capture.counts.items()},
+            "captured lost": self.capture.lost,
+            **{f"command {what}": n for what, n in self.path.counts.items()},
+            **{f"{stream} refused": n for stream, n in self.watch.refused.items()},
+        }
+
+    def _compensator(self, calibration: Calibration) -> JointCompensator:
+        compensator = JointCompensator(
+            calibration, self.settings.method, self.settings.seed, compiled=True
+        )
+        # The first use is slow (imports, buffers), and so not left to the first command.
+        compensator.compensate(self.robot.model().home[None])
+        return compensator
+
+    def _load(self, calibration: Calibration, compensator: JointCompensator) -> None:
+        self.calibration = calibration
+        self.path.load(compensator)
+
+    def _loaded_sentence(self) -> str:
+        if self.path.enabled:
+            return f"loaded; compensation is on and goes over to it in {self.path.ramp_s:g} s"
+        return "loaded, not enabled"

@@ -1,0 +1,47 @@
+"""From what a cell captured to a calibration it can compensate by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.calibration_file import from_identification
+from delta_calibration.identification import Identification, identify
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses, Session, collect
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A calibration with what it was made from."""
+
+    found: Identification
+    poses: Poses
+    calibration: Calibration
+
+    def sentence(self) -> str:
+        """The result in a line: rank, held-out residuals and the noise below which none can be."""
+        found, seen = self.found, self.found.observability
+        return (
+            f"{len(self.poses)} poses, rank {seen.rank} of {seen.columns} parameters; "
+            f"held-out RMS {found.frame_only.held_out * 1e3:.4f} mm with the frame only, "
+            f"{found.full.held_out * 1e3:.4f} mm in full; "
+            f"noise floor {found.noise.floor * 1e3:.4f} mm"
+        )
+
+
+def fit(session: Session, robot: Robot, model: str | None, seed: int) -> Fitted:
+    """Find the still moments of a session and identify the robot from them.
+
+    Args:
+        session: what was captured.
+        robot: drawing, priors, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+        seed: of the division into held-out parts.
+
+    Raises:
+        CalibrationError: the session does not hold the answer; says why.
+    """
+    poses = collect(session, robot.joints.names)
+    found = identify(poses, robot, model, seed)
+    return Fitted(found, poses, from_identification(found, robot, poses))

@@ -1,0 +1,76 @@
+"""How a cell is doing, in a level and a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+RECENT_S = 10.0  # [s] as long a trouble is told
+PAUSE_NS = 1_000_000_000  # [ns] commands farther apart are no stream
+
+
+class Level(Enum):
+    """How bad it is, worst last."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True)
+class Health:
+    """What diagnostics say."""
+
+    level: Level
+    message: str
+    values: Mapping[str, object]
+
+
+class Watch:
+    """When each stream was heard last, and what went wrong last."""
+
+    def __init__(self) -> None:
+        self._heard_s: dict[str, float] = {}
+        self._troubles: dict[str, tuple[float, str]] = {}
+        self.refused: dict[str, int] = {}
+        self.late = 0  # commands that took longer than the time until the next one
+        self.slowest_s = 0.0  # [s] longest time that a command took
+        self._last_stamp: int | None = None
+
+    def heard(self, stream: str, now_s: float) -> None:
+        """A sound message came."""
+        self._heard_s[stream] = now_s
+
+    def refuse(self, stream: str, why: str, now_s: float) -> None:
+        """A message came that is of no use."""
+        self.refused[stream] = self.refused.get(stream, 0) + 1
+        self.trouble(stream, why, now_s)
+
+    def trouble(self, stream: str, what: str, now_s: float) -> None:
+        """Something to be told for a while."""
+        self._troubles[stream] = (now_s, what)
+
+    def took(self, duration_s: float, stamp_ns: int, now_s: float) -> None:
+        """A command took so long [s]: behind one that takes longer than its period, others wait."""
+        last, self._last_stamp = self._last_stamp, stamp_ns
+        self.slowest_s = max(self.slowest_s, duration_s)
+        if last is None or not 0 < stamp_ns - last < PAUSE_NS:
+            return
+        period_s = (stamp_ns - last) * 1e-9
+        if duration_s > period_s:
+            self.late += 1
+            each = f"took {duration_s * 1e3:.0f} ms, commands come every {period_s * 1e3:.0f} ms"
+            self.trouble("overload", each, now_s)
+
+    def recent(self, now_s: float) -> list[str]:
+        """The troubles that are not old, as sentences."""
+        return [
+            f"{stream}: {what}"
+            for stream, (when, what) in self._troubles.items()
+            if now_s - when <= RECENT_S
+        ]
+
+    def silent_s(self, stream: str, since_s: float, now_s: float) -> float:
+        """For how long nothing was heard, counted from `since_s` at the earliest [s]."""
+        return now_s - max(self._heard_s.get(stream, since_s), since_s)

@@ -1,0 +1,161 @@
+"""A Delta's geometry as compiled functions, in the form that the ways of compensating take.
+
+numba is imported, and the functions compiled or loaded, with the first `CompiledGeometry`: a
+program that does not compensate at a high rate need not pay for either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.compensation.base import Correction, checked_commands
+from delta_calibration.compensation.newton import NewtonSettings
+from delta_calibration.errors import InputError
+from delta_calibration.geometry import rotations
+from delta_calibration.mechanisms import Mechanism, RotaryDelta, SixRodDelta
+from delta_calibration.mechanisms import rotary_delta as three
+from delta_calibration.mechanisms import six_rod_delta as six
+from delta_calibration.mechanisms.delta_leg import LEG_FRAMES, LEGS, arm_direction, tilt_vector
+
+Array = NDArray[np.float64]
+
+
+def available(mechanism: Mechanism) -> bool:
+    """Whether there is a compiled form of this mechanism and numba to compile it; loads numba."""
+    if type(mechanism) not in (RotaryDelta, SixRodDelta):  # a kind of them may close otherwise
+        return False
+    try:
+        _kernel()
+    except ImportError:  # numba is absent, or does not go with this numpy
+        return False
+    return True
+
+
+class CompiledGeometry:
+    """Tool point, Jacobian and condition of one machine at constant geometry."""
+
+    def __init__(self, mechanism: Mechanism, geometry: Array, offset: Array) -> None:
+        """From a Delta, its parameters (p,) and the tool's place in the platform (3,) [m].
+
+        Raises:
+            InputError: no compiled form of this mechanism.
+            ImportError: no numba that can be used.
+        """
+        if type(mechanism) is SixRodDelta:
+            leg = three.legs(mechanism.three_spheres(geometry))
+            rods = _rods(three.legs(geometry))
+        elif type(mechanism) is RotaryDelta:
+            leg, rods = three.legs(geometry), np.zeros((0, 7))
+        else:
+            raise InputError(f"no compiled form of the mechanism {mechanism.name!r}")
+        self._kernel = _kernel()
+        self._size = mechanism.pose_size
+        self._geometry = (_legs(leg), rods, np.array(offset, dtype=np.float64))
+        self._centre = (*self._geometry[:2], np.zeros(3))
+        self._typical = _typical_gain(mechanism)
+
+    def pose(self, q: Array) -> Array:
+        """Platform's pose, (..., 3) -> (..., k) [m, rad]; NaN rows where there is none."""
+        found = self._kernel.points(*self._geometry, _rows(q))[1][:, : self._size]
+        return np.asarray(found).reshape((*q.shape[:-1], self._size))
+
+    def point(self, q: Array) -> Array:
+        """Tool points, (..., 3) -> (..., 3) [m]; NaN rows where there is no pose."""
+        return np.asarray(self._kernel.points(*self._geometry, _rows(q))[0]).reshape(q.shape)
+
+    def jacobian(self, q: Array) -> Array:
+        """d(tool point)/dq, (..., 3) -> (..., 3, 3) [m/rad]."""
+        found, _ = self._kernel.jacobians(*self._geometry, _rows(q))
+        return np.asarray(found).reshape((*q.shape, 3))
+
+    def condition(self, q: Array) -> Array:
+        """`Mechanism.condition` of the pose at joints q, (n, 3) -> (n,)."""
+        _, gains = self._kernel.jacobians(*self._centre, _rows(q))
+        with np.errstate(divide="ignore"):
+            return np.asarray(
+                np.fmax(gains[:, 0], self._typical) / np.fmin(gains[:, 1], self._typical)
+            )
+
+    def newton(self, q: Array, target: Array, s: NewtonSettings) -> Correction:
+        """`Newton.correct`, for finite commands (n, 3) [rad] and targets (n, 3) [m]."""
+        dq, error, evaluations = self._kernel.newton(
+            *self._geometry,
+            _rows(q),
+            _rows(target),
+            (s.bound_rad, s.tolerance, s.condition_limit, s.iterations, s.halvings),
+        )
+        return Correction(dq, error, evaluations, converged=error <= s.tolerance)
+
+
+@dataclass(frozen=True)
+class CompiledNewton:
+    """`Newton` as one compiled function: the same corrections."""
+
+    geometry: CompiledGeometry
+    settings: NewtonSettings = field(default_factory=NewtonSettings)
+
+    def correct(self, q: Array, target: Array) -> Correction:
+        """Step to the correction of every command; see `Newton.correct`."""
+        q, target, usable = checked_commands(q, target)
+        return self.geometry.newton(q[usable], target[usable], self.settings).spread(usable)
+
+
+def _kernel() -> Any:
+    """The compiled functions."""
+    return import_module("delta_calibration.compensation.kernel")
+
+
+def _typical_gain(mechanism: Mechanism) -> float:
+    """Mean gain of the nominal machine at home [m/rad], as in `Mechanism.condition`."""
+    home, nominal = mechanism.home[None], mechanism.parameters.nominal
+    slope = mechanism.velocity_jacobian(home, mechanism.forward(home, nominal), nominal)
+    gains = np.linalg.svd(slope[0, : mechanism.task_size], compute_uv=False)
+    return float(np.exp(np.log(gains).mean()))
+
+
+def _rows(values: Array) -> Array:
+    """Rows of three in memory of their own, of the one layout the functions are compiled for."""
+    return np.array(values, dtype=np.float64, order="C").reshape(-1, 3)
+
+
+def _arms(leg: Array) -> tuple[Array, Array, Array]:
+    """Hinge frame in the base T, and u, v of L u(q + z) = u cos q + v sin q turned into it.
+
+    Columns of a leg, (3, 8) as in `RotaryDelta` -> (3, 3, 3), (3, 3) [m], (3, 3) [m].
+    """
+    frame = LEG_FRAMES @ rotations.exp(tilt_vector(leg[:, three.TILT_X], leg[:, three.TILT_Z]))
+    arm = leg[:, three.ARM, None]
+    start = arm * arm_direction(leg[:, three.ZERO])
+    quarter = arm * arm_direction(leg[:, three.ZERO] + np.pi / 2)
+    return frame, _turned(frame, start), _turned(frame, quarter)
+
+
+def _legs(leg: Array) -> Array:
+    """The spheres, (3, 8) -> (3, 10): see kernel.py."""
+    _, u, v = _arms(leg)
+    centre = _turned(LEG_FRAMES, leg[:, three.RADIAL : three.HEIGHT + 1])
+    return np.concatenate([centre, u, v, leg[:, three.ROD, None]], axis=1)
+
+
+def _rods(leg: Array) -> Array:
+    """The rods, (3, 20) -> (6, 7): see kernel.py."""
+    hinge = LEG_FRAMES @ rotations.exp(tilt_vector(leg[:, six.TILT_X], leg[:, six.TILT_Z]))
+    elbow = rotations.exp(tilt_vector(leg[:, six.ELBOW_X], leg[:, six.ELBOW_Z]))[:, :, 1]
+    line = rotations.exp(tilt_vector(leg[:, six.LINE_X], leg[:, six.LINE_Z]))[:, :, 1]
+    rods = np.empty((LEGS, len(six.SIDE), 7))
+    for j, side in enumerate(six.SIDE):
+        width, spread = side * leg[:, six.ELBOW][:, j, None], side * leg[:, six.JOINT][:, j, None]
+        rods[:, j, :3] = _turned(LEG_FRAMES, leg[:, six.BASE]) + _turned(hinge, width * elbow)
+        rods[:, j, 3:6] = _turned(LEG_FRAMES, leg[:, six.PLATFORM] + spread * line)
+        rods[:, j, 6] = leg[:, six.ROD] + side * leg[:, six.MISMATCH] / 2
+    return rods.reshape(2 * LEGS, 7)
+
+
+def _turned(frames: Array, vectors: Array) -> Array:
+    """Each vector turned by its frame.  (3, 3, 3), (3, 3) -> (3, 3)."""
+    return np.asarray((frames @ vectors[..., None])[..., 0])

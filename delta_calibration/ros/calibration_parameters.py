@@ -1,0 +1,51 @@
+"""Parameters of the calibration node."""
+
+from __future__ import annotations
+
+from delta_calibration.cell.command_path import ON_FAILURE, PASS_THROUGH
+from delta_calibration.cell.desk import Settings
+from delta_calibration.compensation import METHODS
+from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.ros.parameters import ParameterTable, Spec
+
+SPECS = (
+    Spec("robot", "srbd", "robot file, or the name of one of the package's; from configure on"),
+    Spec("calibration", "", "calibration file for configure and ~/reload; may be empty"),
+    Spec("method", "newton", "how corrections are found; from configure on", choices=METHODS),
+    Spec(
+        "on_failure",
+        PASS_THROUGH,
+        "what is sent for a command that cannot be compensated: itself, or the last good one",
+        choices=ON_FAILURE,
+    ),
+    Spec("ramp_s", 1.0, "time [s] over which corrections come and go", range=(0.0, 60.0)),
+    Spec(
+        "model",
+        "",
+        "mechanism that ~/fit fits, empty for the robot file's; from configure on",
+        choices=("", *MECHANISMS),
+    ),
+    Spec("tracker_timeout_s", 2.0, "silence [s] in a capture that is told", range=(0.1, 3600.0)),
+    Spec(
+        "capture_limit",
+        1_000_000,
+        "messages a capture holds at most; from configure on",
+        range=(100, 100_000_000),
+    ),
+    Spec("seed", 0, "of held-out parts and of the swarm; from configure on", (0, 2**31 - 1)),
+    Spec("output", "", "calibration file that ~/save writes"),
+)
+
+
+def desk_settings(table: ParameterTable) -> Settings:
+    """What the parameters say now."""
+    return Settings(
+        robot=table.text("robot"),
+        calibration=table.text("calibration"),
+        method=table.text("method"),
+        on_failure=table.text("on_failure"),
+        ramp_s=table.number("ramp_s"),
+        model=table.text("model"),
+        capture_limit=table.integer("capture_limit"),
+        seed=table.integer("seed"),
+    )

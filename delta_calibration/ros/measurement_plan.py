@@ -1,0 +1,249 @@
+"""Node that drives a machine through a plan of poses, and ends with it.
+
+Commands follow the plan's times on a steady clock. The motion starts from where the machine
+stands, as upstream sees it: `joint_states_nominal` if that is there, else `joint_states`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from numpy.typing import NDArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState
+
+from delta_calibration.errors import CalibrationError, DataError
+from delta_calibration.plans import Plan, legs, make_plan
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.ros.conversions import JointReader, joint_state
+from delta_calibration.ros.diagnostics import Diagnostics
+from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.qos import MEASURED, STREAM_OUT
+from delta_calibration.ros.runtime import BaseNode, run
+
+Array = NDArray[np.float64]
+
+NAME = "measurement_plan"
+STATES = ("joint_states_nominal", "joint_states")  # the first that is heard decides the start
+SETTLE_S = 0.5  # [s] a publisher may know of a subscriber before that knows of it
+STATES_S = 1.5  # [s] to wait for a joint state
+HELD_UP_S = 0.25  # [s] behind time: beyond it, to catch up would be a jump
+FAREWELL_S = 1.0  # [s] for the last command to arrive
+
+SPECS = (
+    Spec("robot", "srbd", "robot file, or name of a robot of this package", read_only=True),
+    Spec(
+        "plan",
+        "line",
+        "line, disc, iso9283, identify, rich, or a CSV file with columns x_mm, y_mm, z_mm",
+        read_only=True,
+    ),
+    Spec("count", 0, "different points; 0: the plan's usual number", (0, 10**5), read_only=True),
+    Spec("dwell", 1.0, "time [s] at each stop", range=(0.0, 3600.0), read_only=True),
+    Spec("both_sides", True, "take each point from both sides", read_only=True),
+    Spec("rate", 50.0, "rate [Hz] of the commands", range=(1.0, 1000.0), read_only=True),
+    Spec("radius", 0.45, "radius [m] of what is covered", range=(0.001, 10.0), read_only=True),
+    Spec("seed", 0, "of the order and of what is drawn", range=(0, 2**31), read_only=True),
+    Spec(
+        "subscribers",
+        1,
+        "how many have to listen before it begins: the cell, and the recorder if there is one",
+        range=(1, 100),
+        read_only=True,
+    ),
+    Spec(
+        "wait_for_subscriber",
+        10.0,
+        "time [s] to wait until somebody listens to the commands",
+        range=(0.0, 3600.0),
+        read_only=True,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A plan as commands at a constant rate."""
+
+    joint: Array  # (n, m) [rad]
+    leg: NDArray[np.intp]  # (n,) number of the stop or path, from 0
+    payload: Array  # (n,) [kg] that the plan wants on the platform
+
+    @classmethod
+    def of(cls, plan: Plan, robot: Robot, rate: float, start: Array | None) -> Motion:
+        """The plan at `rate` [1/s] from joint angles `start` (m,), or from its first stop."""
+        parts = list(legs(plan, robot, rate, start))
+        lengths = [len(part.joint) for part in parts]
+        return cls(
+            np.concatenate([part.joint for part in parts]),
+            np.repeat(np.arange(len(parts)), lengths),
+            np.repeat([part.payload for part in parts], lengths),
+        )
+
+    def __len__(self) -> int:
+        return len(self.joint)
+
+    @property
+    def leg_count(self) -> int:
+        """Stops and paths in all."""
+        return int(self.leg[-1]) + 1
+
+
+class MeasurementPlan(BaseNode):
+    """Publishes a `Motion` in real time."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(NAME, **kwargs)
+        self._settings = ParameterTable(self, SPECS)
+        warn_of_unknown(self)
+        self._robot = load_robot(self._settings.text("robot"))
+        self._hz = self._settings.number("rate")
+        self._plan = self._read_plan()
+        self._commands = self.create_publisher(JointState, "joint_command", STREAM_OUT)
+        self._heard: dict[str, Array] = {}
+        self._ears = [
+            self.create_subscription(
+                JointState,
+                name,
+                partial(self._on_state, name, JointReader(self._robot.joints.names)),
+                MEASURED,
+            )
+            for name in STATES
+        ]
+        self._motion: Motion | None = None
+        self._next = 0
+        self._created = time.monotonic()
+        self._found: float | None = None  # when somebody was seen to listen
+        self._begun = 0.0
+        self._diagnostics = Diagnostics(self, self._report)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._ticker = self.create_timer(1.0 / self._hz, self._tick, clock=steady)
+
+    def close(self) -> None:
+        """Give the last command the time to arrive; say how far it came."""
+        self._commands.wait_for_all_acked(Duration(seconds=FAREWELL_S))
+        self._diagnostics.publish()
+
+    def _read_plan(self) -> Plan:
+        settings = self._settings
+        return make_plan(
+            settings.text("plan"),
+            self._robot,
+            count=settings.integer("count") or None,
+            dwell=settings.number("dwell"),
+            both_sides=settings.flag("both_sides"),
+            radius=settings.number("radius"),
+            seed=settings.integer("seed"),
+        )
+
+    def _on_state(self, name: str, reader: JointReader, message: JointState) -> None:
+        try:
+            self._heard[name] = reader.positions(message)
+        except CalibrationError as error:
+            self.get_logger().warn(f"{name}: {error}", once=True)
+
+    def _tick(self) -> None:
+        if self.finished.done():
+            return
+        try:
+            if self._motion is None:
+                self._motion = self._ready(time.monotonic())
+                self._begun = time.monotonic()  # to make the motion took its time
+            if self._motion is not None:
+                self._drive(self._motion, time.monotonic())
+        except CalibrationError as error:
+            self.fail(error)
+
+    def _ready(self, now: float) -> Motion | None:
+        """The motion, once somebody listens and the machine has said where it stands.
+
+        Raises:
+            DataError: nobody listened in time.
+        """
+        if self._commands.get_subscription_count() < self._settings.integer("subscribers"):
+            self._found = None
+            self._require_patience(now)
+            return None
+        self._found = now if self._found is None else self._found
+        waited = now - self._found
+        if waited < SETTLE_S or (not self._heard and waited < STATES_S):
+            return None
+        start = next((self._heard[name] for name in STATES if name in self._heard), None)
+        if start is None:
+            self.get_logger().warn("no joint states: the motion begins at the first stop")
+        for ear in self._ears:
+            self.destroy_subscription(ear)
+        motion = Motion.of(self._plan, self._robot, self._hz, start)
+        self.get_logger().info(
+            f"plan {self._plan.name}: {motion.leg_count} stops and paths, "
+            f"{len(motion) / self._hz:.0f} s"
+        )
+        return motion
+
+    def _require_patience(self, now: float) -> None:
+        limit = self._settings.number("wait_for_subscriber")
+        if now - self._created >= limit:
+            wanted = self._settings.integer("subscribers")
+            found = self._commands.get_subscription_count()
+            who = f"{found} of {wanted}" if found else "nobody"
+            raise DataError(f"{who} listened to {self._commands.topic_name} for {limit:g} s")
+
+    def _drive(self, motion: Motion, now: float) -> None:
+        """Send what is due: command k at k / rate, half a period early at most."""
+        late = now - self._begun - self._next / self._hz
+        if late > HELD_UP_S:
+            self._begun += late
+            self.get_logger().warn(f"held up: the rest of the plan is {late:.2f} s later")
+        due = int((now - self._begun) * self._hz + 0.5) + 1
+        for k in range(self._next, min(due, len(motion))):
+            self._announce(motion, k)
+            stamp = self.get_clock().now().to_msg()
+            self._commands.publish(joint_state(self._robot.joints.names, motion.joint[k], stamp))
+            self._next = k + 1
+        if due > len(motion):  # a period after the last command, which is thus held as long
+            self.get_logger().info(f"plan {self._plan.name}: done")
+            self.finish()
+
+    def _announce(self, motion: Motion, k: int) -> None:
+        """Log the payload where it changes, and progress in tenths."""
+        if motion.payload[k] != (motion.payload[k - 1] if k else 0.0):
+            self.get_logger().warn(
+                f"the plan wants {motion.payload[k]:g} kg on the platform from here on; "
+                "it does not wait for it"
+            )
+        tenth = max(motion.leg_count // 10, 1)
+        begins = k == 0 or motion.leg[k] != motion.leg[k - 1]
+        if begins and motion.leg[k] % tenth == 0:
+            self.get_logger().info(f"{motion.leg[k] + 1} of {motion.leg_count}")
+
+    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+        motion = self._motion
+        values: dict[str, object] = {"plan": self._plan.name}
+        if motion is None:
+            return DiagnosticStatus.OK, "waiting for somebody to listen", values
+        current = int(motion.leg[max(self._next - 1, 0)]) + 1
+        values["stop"], values["stops"] = current, motion.leg_count
+        values["seconds left"] = f"{(len(motion) - self._next) / self._hz:.1f}"
+        if not self._commands.get_subscription_count():
+            return DiagnosticStatus.ERROR, "nobody listens any more", values
+        if self._next == len(motion):
+            return DiagnosticStatus.OK, "done", values
+        return DiagnosticStatus.OK, f"at {current} of {motion.leg_count}", values
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node to the end of the plan, or until it is stopped; returns the exit code."""
+    build: Callable[[], MeasurementPlan] = MeasurementPlan
+    return run(build, NAME, arguments)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,146 @@
+"""Node that stands in for a cell: a machine unlike its drawing, and the tracker that measures it.
+
+It answers commands with encoder and tracker readings. What the machine truly is, it keeps to
+itself.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import JointState, Temperature
+
+from delta_calibration.errors import CalibrationError
+from delta_calibration.robot import load_robot
+from delta_calibration.ros.conversions import JointReader, joint_state, pose_stamped
+from delta_calibration.ros.diagnostics import Diagnostics
+from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.qos import BY_NAME, COMMAND
+from delta_calibration.ros.runtime import BaseNode, run
+from delta_calibration.ros.simulated_machine import SimulatedMachine, without_noise
+from delta_calibration.simulation import draw_machine
+
+NAME = "simulated_tracker"
+AMBIENT = 20.0  # [deg C]
+PARTS = ("arm", "base")  # that carry a thermometer
+AMBIENT_PERIOD_S = 1.0  # [s]
+SAY_AGAIN_S = 2.0  # [s] between two lines of log on refused commands
+
+SPECS = (
+    Spec("robot", "srbd", "robot file, or name of a robot of this package", read_only=True),
+    Spec("seed", 0, "of the machine that is drawn and of its noise", (0, 2**31), read_only=True),
+    Spec(
+        "scatter",
+        1.0,
+        "deviation of the parts in tolerances: 1 a real machine, 0 one as drawn",
+        range=(0.0, 10.0),
+        read_only=True,
+    ),
+    Spec("rate", 50.0, "rate [Hz] of encoders and tracker", range=(1.0, 1000.0), read_only=True),
+    Spec("noise", True, "whether joints, encoders and tracker have noise", read_only=True),
+)
+
+
+class SimulatedTracker(BaseNode):
+    """Wires a `SimulatedMachine` to the cell's topics; listens to what the drives would get."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(NAME, **kwargs)
+        settings = ParameterTable(self, SPECS)
+        warn_of_unknown(self)
+        robot = load_robot(settings.text("robot"))
+        seed = settings.integer("seed")
+        drawn = robot if settings.flag("noise") else without_noise(robot)
+        machine = draw_machine(drawn, seed, settings.number("scatter"))
+        rng = np.random.default_rng([seed, 1])
+        self._simulated = SimulatedMachine(machine, rng, time.monotonic())
+        self._reader = JointReader(robot.joints.names)
+        self._followed = self._refused = 0
+        self._trouble = ""  # why the last command was not followed
+        self._states = self._publisher("joint_states")
+        self._poses = self._publisher("tracker/pose")
+        self._heat = self._publisher("cell/temperature")
+        self._load = self._publisher("cell/payload")
+        self.create_subscription(
+            JointState, "joint_command_compensated", self._on_command, COMMAND
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0 / settings.number("rate"), self._measure, clock=steady)
+        self.create_timer(AMBIENT_PERIOD_S, self._say_temperatures, clock=steady)
+        self._diagnostics = Diagnostics(self, self._report)
+        self.get_logger().info(f"machine {seed} of {robot.name}, measured at {AMBIENT:.0f} deg C")
+
+    def start(self) -> None:
+        """Say what is on the platform: nothing."""
+        message = InertiaStamped()
+        message.header.stamp = self._now()
+        message.header.frame_id = "tool0"
+        self._load.publish(message)
+        self._say_temperatures()
+
+    def _publisher(self, name: str) -> Publisher:
+        return self.create_publisher(BY_NAME[name].message, name, BY_NAME[name].writer)
+
+    def _now(self) -> Time:
+        return self.get_clock().now().to_msg()
+
+    def _on_command(self, message: JointState) -> None:
+        try:
+            self._simulated.command(self._reader.positions(message), time.monotonic())
+        except CalibrationError as error:
+            self._refuse(error)
+        else:
+            self._followed += 1
+            self._trouble = ""
+
+    def _measure(self) -> None:
+        """One reading of encoders and tracker, at one stamp."""
+        stamp = self._now()
+        try:
+            seen = self._simulated.measure()
+        except CalibrationError as error:
+            self._refuse(error)
+            seen = self._simulated.measure()  # where it stayed
+        self._states.publish(joint_state(self._reader.names, seen.joint, stamp))
+        self._poses.publish(pose_stamped(seen.position, seen.quaternion, stamp))
+
+    def _refuse(self, error: CalibrationError) -> None:
+        self._refused += 1
+        self._trouble = str(error)
+        self.get_logger().warn(
+            f"pose held: {error}", throttle_duration_sec=SAY_AGAIN_S, skip_first=False
+        )
+
+    def _say_temperatures(self) -> None:
+        for part in PARTS:
+            message = Temperature(temperature=AMBIENT)
+            message.header.stamp = self._now()
+            message.header.frame_id = part
+            self._heat.publish(message)
+
+    def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+        values = {"commands followed": self._followed, "commands refused": self._refused}
+        if self._trouble:
+            return DiagnosticStatus.WARN, f"pose held: {self._trouble}", values
+        if not self._followed:
+            return DiagnosticStatus.OK, "at home: no command yet", values
+        return DiagnosticStatus.OK, "following", values
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until it is stopped; returns the exit code."""
+    build: Callable[[], SimulatedTracker] = SimulatedTracker
+    return run(build, NAME, arguments)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,119 @@
+"""Call a node's service once, a Trigger, or a SetBool where a value is given.
+
+    python -m delta_calibration.ros.trigger SERVICE [true|false] [SECONDS]
+
+Writes the message of the answer; 0 if the node says that it succeeded, 1 if not or if no answer
+came, 2 for wrong use.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.task import Future
+from std_srvs.srv import SetBool, Trigger
+
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.ros.runtime import FAILED, BaseNode, run
+
+NAME = "trigger"
+USAGE = "usage: python -m delta_calibration.ros.trigger SERVICE [true|false] [SECONDS]"
+PERIOD_S = 0.02  # [s]
+PATIENCE_S = 60.0  # [s] for the service to appear and to answer
+FLAGS = {"true": True, "false": False}
+
+
+@dataclass(frozen=True)
+class Call:
+    """What to call: a Trigger, or a SetBool where there is a flag."""
+
+    service: str
+    flag: bool | None
+    seconds: float
+
+
+class Caller(BaseNode):
+    """Waits for a service, calls it once, ends with the answer."""
+
+    def __init__(self, call: Call, **kwargs: Any) -> None:
+        super().__init__(NAME, **kwargs)
+        self._call = call
+        self._deadline = time.monotonic() + call.seconds
+        self._answer: Future | None = None
+        kind = Trigger if call.flag is None else SetBool
+        self._asked = self.create_client(kind, call.service)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(PERIOD_S, self._look, clock=steady)
+        self.succeeded = False
+
+    def _look(self) -> None:
+        if self.finished.done():
+            return
+        if self._answer is None and self._asked.service_is_ready():
+            self._answer = self._asked.call_async(self._request())
+        if self._answer is not None and self._answer.done():
+            answer = self._answer.result()
+            sys.stdout.write(f"{answer.message}\n")
+            self.succeeded = bool(answer.success)
+            self.finish()
+        elif time.monotonic() > self._deadline:
+            missing = "no such service" if self._answer is None else "no answer"
+            self.fail(
+                DataError(f"{self._call.service}: {missing} within {self._call.seconds:g} s")
+            )
+
+    def _request(self) -> Any:
+        flag = self._call.flag
+        return Trigger.Request() if flag is None else SetBool.Request(data=flag)
+
+
+def parse(arguments: Sequence[str]) -> Call:
+    """The call that a command line, without the program's name, asks for.
+
+    Raises:
+        InputError: no service, or an argument that is neither a flag nor a time.
+    """
+    rest = list(arguments)
+    if not rest:
+        raise InputError(f"no service named; {USAGE}")
+    service = rest.pop(0)
+    flag = FLAGS[rest.pop(0)] if rest and rest[0] in FLAGS else None
+    seconds = _seconds(rest.pop(0)) if rest else PATIENCE_S
+    if rest:
+        raise InputError(f"argument {rest[0]!r} is too much; {USAGE}")
+    return Call(service, flag, seconds)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise InputError(f"argument {text!r} is neither true, false nor a time; {USAGE}")
+    return value
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Call, and return the exit code; a call that was broken off has failed."""
+    program, *others = sys.argv if arguments is None else arguments
+    own = others.index("--ros-args") if "--ros-args" in others else len(others)
+    callers: list[Caller] = []
+
+    def build() -> Caller:
+        callers.append(Caller(parse(others[:own])))
+        return callers[0]
+
+    code = run(build, NAME, [program, *others[own:]])
+    return code if code or (callers and callers[0].succeeded) else FAILED
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,290 @@
+"""A calibration comes back as it was written, or is refused with what is wrong with it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from delta_calibration.calibration_file import (
+    from_identification,
+    load_calibration,
+    save_calibration,
+)
+from delta_calibration.documents import content_hash
+from delta_calibration.errors import ConfigError
+from delta_calibration.identification import identify
+from delta_calibration.plans import make_plan
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, simulate_session
+
+ROBOT = load_robot("srbd")
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """A fit of the quicker model, and the poses it was made from."""
+    plan = make_plan("identify", ROBOT, count=14, dwell=0.4, both_sides=False)
+    session = simulate_session(draw_machine(ROBOT, 1), plan, 1, source="out/cell/monday")
+    poses = collect(session, ROBOT.joints.names)
+    return identify(poses, ROBOT, model="rotary_delta", seed=4), poses
+
+
+@pytest.fixture
+def written(fitted, tmp_path):
+    path = tmp_path / "calibration.yaml"
+    save_calibration(path, fitted[0], ROBOT, fitted[1])
+    return path
+
+
+def content_of(path):
+    return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+
+
+def sealed(path, change):
+    """The file with its content changed and sealed again: only meaning can betray it."""
+    data = content_of(path)
+    change(data)
+    del data["sha256"]
+    data["sha256"] = content_hash(data)
+    with path.open("w", encoding="utf-8") as file:
+        YAML(typ="safe", pure=True).dump(data, file)
+    return path
+
+
+def refusal(path, robot=ROBOT):
+    with pytest.raises(ConfigError) as caught:
+        load_calibration(path, robot)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    return message.removeprefix(f"{path}: ")
+
+
+def test_what_is_read_is_what_was_found(fitted, written):
+    found, poses = fitted
+    read = load_calibration(written, ROBOT)
+    np.testing.assert_array_equal(read.theta, found.theta)
+    assert read.chain.parameters.names == found.parameters.names
+    assert read.chain.mechanism.name == "rotary_delta"
+    np.testing.assert_array_equal(read.region.vertices, found.region.vertices)
+    np.testing.assert_array_equal(read.joints_lower, poses.joint.min(axis=0))
+    np.testing.assert_array_equal(read.joints_upper, poses.joint.max(axis=0))
+    assert read.noise_floor == pytest.approx(found.noise.floor, rel=1e-15)
+    assert read.source == "monday"  # the recording's name, not where it lay
+    assert read.robot is ROBOT
+    made = from_identification(found, ROBOT, poses)
+    assert made.seal == read.seal == content_of(written)["sha256"]
+    np.testing.assert_array_equal(made.theta, read.theta)
+    tool = [calibration.tool_points(poses.point, poses.joint) for calibration in (made, read)]
+    np.testing.assert_array_equal(*tool)
+
+
+def test_where_it_came_from_is_written(fitted, written):
+    found, poses = fitted
+    data = content_of(written)
+    assert data["robot"] == {"name": "srbd", "sha256": ROBOT.hash}
+    origin = data["provenance"]
+    assert (origin["seed"], origin["poses"], origin["readings"]) == (4, 14, poses.readings)
+    assert origin["session_start"] == "2023-11-14T22:13:20+00:00"
+    assert origin["rejected"] == poses.rejected.counts()
+    entry = next(e for e in data["parameters"] if e["name"] == "arm_2")
+    row = found.parameters.row("arm_2")
+    assert (entry["unit"], entry["nominal"]) == ("m", pytest.approx(0.32))
+    assert entry["value"] == found.theta[row]
+    assert entry["std"] == pytest.approx(np.sqrt(found.covariance[row, row]))
+    assert data["residuals"]["full"]["in_sample_rms_mm"] == found.full.in_sample * 1e3
+
+
+@pytest.mark.parametrize("value", [1e-5, -1e-16, 1e22, 5e-324, 0.1 + 0.2, -0.0, 3.0])
+def test_every_number_survives_the_text(fitted, tmp_path, value):
+    found, poses = fitted
+    theta = found.theta.copy()
+    theta[3] = value
+    path = tmp_path / "calibration.yaml"
+    save_calibration(path, replace(found, theta=theta), ROBOT, poses)
+    assert load_calibration(path, ROBOT).theta[3] == value
+
+
+def test_comments_order_and_spelling_may_change(written):
+    seal = load_calibration(written, ROBOT).seal
+    text = written.read_text(encoding="utf-8")
+    sections = re.split(r"\n(?=\w)", text.strip())
+    assert len(sections) == 10
+    turned = "# moved\n" + "\n".join(reversed(sections))
+    turned = turned.replace("nominal: 0.32,", "nominal: 32e-2,")
+    assert turned.count("32e-2") == 3
+    written.write_text(turned, encoding="utf-8")
+    assert load_calibration(written, ROBOT).seal == seal
+
+
+def test_cut_off_anywhere_it_is_refused(written):
+    """As after a crash of a program that writes in place."""
+    text = written.read_text(encoding="utf-8").rstrip("\n")
+    cuts = np.linspace(0, len(text) - 1, 20).astype(int)
+    for cut in [*cuts, len(text) - 64, len(text) - 72, len(text) - 2]:
+        written.write_text(text[:cut], encoding="utf-8")
+        assert refusal(written)
+    lines = text.splitlines()
+    for gone in range(0, len(lines), 3):  # or of an editor that loses a line
+        written.write_text("\n".join(lines[:gone] + lines[gone + 1 :]), encoding="utf-8")
+        assert refusal(written)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (r"(name: arm_2, .*value: 0\.3[12]\d\d\d\d)\d", r"\g<1>"),
+        (r"seed: 4", "seed: 5"),
+        (r"model: rotary_delta", "model: six_rod_delta"),
+        (r"floor_mm: 0", "floor_mm: 1"),
+        (r"name: arm_1,", "name: arm_2,"),
+        (r"unit: rad", "unit: m"),
+        (r"measured: false", "measured: true"),
+    ],
+)
+def test_an_edited_entry_is_refused(written, old, new):
+    text = written.read_text(encoding="utf-8")
+    changed = re.sub(old, new, text, count=1)
+    assert changed != text
+    written.write_text(changed, encoding="utf-8")
+    message = refusal(written)
+    assert message == "sha256: the content was changed or cut after it was written; fit again"
+
+
+def test_an_edited_number_that_is_none_is_named_by_its_path(written):
+    text = written.read_text(encoding="utf-8")
+    written.write_text(re.sub(r"(name: arm_1, .*value: 0\.3)", r"\1x", text), encoding="utf-8")
+    message = refusal(written)
+    assert re.match(r"parameters\[6\]\.value: '0\.3x\d+' is not allowed; a number is", message)
+
+
+def test_another_robots_calibration_is_refused_with_both_hashes(written, tmp_path):
+    text = Path(ROBOT.source).read_text(encoding="utf-8")
+    other = tmp_path / "other.yaml"
+    other.write_text(text.replace("rod_mm: 850.0", "rod_mm: 850.1"), encoding="utf-8")
+    robot = load_robot(other)
+    message = refusal(written, robot)
+    assert f"made for 'srbd' with hash {ROBOT.hash[:12]}" in message
+    assert f"{other} is 'srbd' with hash {robot.hash[:12]}" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "found nothing"),
+        ("[1, 2", "not valid YAML: line 1, column "),
+        ("\0\0\0\0", "not valid YAML: "),
+        ("words", "found str"),
+        ("schema: 1\n", "missing key robot, model, "),
+        ("schema: 2\n", "schema: 2 is not allowed; it must be 1"),
+    ],
+)
+def test_what_is_no_calibration_is_refused(tmp_path, text, message):
+    path = tmp_path / "calibration.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert message in refusal(path)
+
+
+def test_a_robot_file_given_for_a_calibration_is_refused():
+    path = Path(ROBOT.source)
+    assert "key" in refusal(path)
+
+
+def test_a_missing_calibration_is_named(tmp_path):
+    assert refusal(tmp_path / "none.yaml") == "cannot be read: No such file or directory"
+
+
+def test_parameters_of_another_model_are_refused_though_the_seal_fits(written):
+    def renamed(data):
+        data["parameters"][6]["name"] = "gap_1"
+
+    def swapped(data):
+        data["parameters"][0], data["parameters"][1] = data["parameters"][1::-1]
+
+    assert "arm_1, gap_1" in refusal(sealed(written, renamed))
+    sealed(written, lambda data: data["parameters"][6].update(name="arm_1"))
+    assert "parameters: not those of model 'rotary_delta': their order" in refusal(
+        sealed(written, swapped)
+    )
+    assert "model: no mechanism 'scara'; there are: " in refusal(
+        sealed(written, lambda data: data.update(model="scara"))
+    )
+
+
+def flat(data):
+    data["region"]["vertices_m"] = data["region"]["vertices_m"][:3]
+
+
+def infinite(data):
+    data["parameters"][0]["value"] = float("inf")
+
+
+def unknown(data):
+    data["region"]["shape"] = "ball"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (flat, "region.vertices_m: 3 values found, 4 are expected"),
+        (infinite, "parameters[0].value: inf is not a finite number"),
+        (unknown, "region: unknown key shape; allowed: vertices_m, "),
+    ],
+)
+def test_impossible_content_is_refused_though_the_seal_fits(written, change, message):
+    assert message in refusal(sealed(written, change))
+
+
+def test_a_disc_of_poses_keeps_its_region(fitted, tmp_path):
+    """Poses in one plane make a thin region, which must come back the same."""
+    found, poses = fitted
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    disc = np.stack([0.4 * np.cos(angle), 0.4 * np.sin(angle), 0 * angle - 0.711], axis=1)
+    thin = replace(found, region=type(found.region).of(disc))
+    path = tmp_path / "calibration.yaml"
+    save_calibration(path, thin, ROBOT, poses)
+    read = load_calibration(path, ROBOT)
+    probe = np.random.default_rng(2).uniform([-0.5, -0.5, -0.8], [0.5, 0.5, -0.6], (50, 3))
+    np.testing.assert_array_equal(read.region.outside(probe), thin.region.outside(probe))
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("fails", ["write", "replace"])
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(fitted, written, monkeypatch, fails):
+    found, poses = fitted
+    before = written.read_bytes()
+    if fails == "write":
+        whole = YAML.dump
+
+        def half(self, data, stream, **options):
+            whole(self, data, stream, **options)
+            stream.flush()
+            full_disk()
+
+        monkeypatch.setattr(YAML, "dump", half)
+    else:
+        monkeypatch.setattr(Path, "replace", full_disk)
+    with pytest.raises(ConfigError, match=r"yaml: cannot be written: No space left on device"):
+        save_calibration(written, replace(found, theta=found.theta + 1.0), ROBOT, poses)
+    monkeypatch.undo()
+    assert written.read_bytes() == before
+    assert os.listdir(written.parent) == [written.name]
+    load_calibration(written, ROBOT)
+
+
+def test_writing_again_replaces_the_whole_file(fitted, written):
+    found, poses = fitted
+    save_calibration(written, replace(found, seed=9), ROBOT, poses)
+    assert content_of(written)["provenance"]["seed"] == 9
+    assert os.listdir(written.parent) == [written.name]

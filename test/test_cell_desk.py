@@ -1,0 +1,213 @@
+"""Capture, fit, save, reload, switch on, without ROS; what fails leaves everything as it was."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.cell.background import Background
+from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.health import Level
+from delta_calibration.errors import CalibrationError, ConfigError, DataError, InputError
+from delta_calibration.plans import make_plan
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import Session
+from delta_calibration.simulation import draw_machine, simulate_session
+
+FAST = "rotary_delta"
+TIMEOUT_S = 2.0
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    robot = load_robot("srbd")
+    plan = make_plan("identify", robot, count=20, dwell=0.4)
+    return simulate_session(draw_machine(robot, 3), plan, 3)
+
+
+def feed(desk: Desk, session: Session, stop: int | None = None) -> None:
+    """Capture a session's messages as a node would."""
+    desk.start_capture(0.0)
+    for k in range(len(session.states.stamp_ns[:stop])):
+        stamp = int(session.states.stamp_ns[k])
+        desk.capture.add_command(stamp, session.command.position[k])
+        desk.capture.add_states(stamp, session.states.position[k])
+        desk.capture.add_tracker(stamp, session.tracker.position[k])
+    desk.stop_capture()
+
+
+@pytest.fixture(scope="module")
+def fitted(session: Session) -> Desk:
+    desk = Desk(Settings("srbd", model=FAST))
+    feed(desk, session)
+    desk.take(*desk.prepare_fit()())
+    return desk
+
+
+@pytest.fixture
+def file(fitted: Desk, tmp_path: Path) -> Path:
+    path = tmp_path / "calibration.yaml"
+    fitted.save(str(path))
+    return path
+
+
+def test_a_fit_says_its_result_and_is_loaded_but_not_enabled(session: Session) -> None:
+    desk = Desk(Settings("srbd", model=FAST))
+    with pytest.raises(DataError, match="no calibration"):
+        desk.enable(True)
+    feed(desk, session)
+    sentence = desk.take(*desk.prepare_fit()())
+    found = desk.fitted.found
+    assert "rank 24 of 33" in sentence
+    assert f"{found.frame_only.held_out * 1e3:.4f} mm with the frame only" in sentence
+    assert f"{found.full.held_out * 1e3:.4f} mm in full" in sentence
+    assert f"noise floor {found.noise.floor * 1e3:.4f} mm" in sentence
+    assert "loaded, not enabled" in sentence
+    assert not desk.path.enabled
+    assert "over 1 s" in desk.enable(True)
+    again = desk.take(*desk.prepare_fit()())
+    assert "compensation is on and goes over to it in 1 s" in again
+    assert desk.path.enabled
+
+
+def test_a_fit_without_data_or_with_too_little_keeps_what_was(
+    fitted: Desk, session: Session
+) -> None:
+    with pytest.raises(DataError, match="nothing was captured"):
+        Desk(Settings("srbd")).prepare_fit()
+    before = fitted.calibration
+    for stop, reason in ((60, "poses at rest|stands still"), (0, "nothing was captured")):
+        feed(fitted, session, stop)
+        with pytest.raises(DataError, match=reason):
+            fitted.prepare_fit()()
+    fitted.start_capture(0.0)
+    fitted.capture.add_states(0, np.zeros(3))
+    fitted.stop_capture()
+    with pytest.raises(CalibrationError, match="no tracker readings"):
+        fitted.prepare_fit()()
+    assert fitted.calibration is before
+
+
+def test_a_saved_calibration_is_the_one_that_is_loaded_again(fitted: Desk, file: Path) -> None:
+    other = Desk(Settings("srbd", calibration=str(file)))
+    np.testing.assert_allclose(other.calibration.theta, fitted.calibration.theta, rtol=1e-12)
+    other.enable(True)
+    q = make_plan("line", other.robot, count=5).joint[2]
+    other.path.set_options("pass_through", 0.0)
+    sent = other.path.send(q, 0, 0.0)
+    expected = fitted._compensator(fitted.calibration).compensate(q[None]).joint[0]
+    np.testing.assert_allclose(sent.joint, expected, atol=1e-9)
+    assert np.abs(sent.joint - q).max() > 1e-5
+
+
+@pytest.mark.parametrize("harm", ["cut", "half", "empty", "gone", "changed", "binary"])
+def test_a_file_that_is_no_good_leaves_the_one_in_force(
+    fitted: Desk, file: Path, tmp_path: Path, harm: str
+) -> None:
+    desk = Desk(Settings("srbd", calibration=str(file)))
+    desk.enable(True)
+    before = desk.calibration
+    bad, content = tmp_path / "bad.yaml", file.read_bytes()
+    spoiled = {
+        "cut": content[:-20],
+        "half": content[: len(content) // 2],
+        "empty": b"",
+        "changed": content.replace(b"value: ", b"value: 1", 1),
+        "binary": bytes(range(256)),
+    }
+    if harm in spoiled:
+        assert spoiled[harm] != content
+        bad.write_bytes(spoiled[harm])
+    with pytest.raises(ConfigError, match=r"bad\.yaml"):
+        desk.reload(str(bad))
+    assert desk.calibration is before
+    assert desk.path.enabled
+    with pytest.raises(ConfigError, match=r"bad\.yaml"):
+        Desk(Settings("srbd", calibration=str(bad)))
+
+
+def test_orders_out_of_turn_are_refused_with_the_reason(fitted: Desk, tmp_path: Path) -> None:
+    desk = Desk(Settings("srbd"))
+    with pytest.raises(DataError, match="nothing is being captured"):
+        desk.stop_capture()
+    desk.start_capture(0.0)
+    with pytest.raises(DataError, match="capturing already"):
+        desk.start_capture(0.0)
+    with pytest.raises(DataError, match="nothing was fitted"):
+        desk.save(str(tmp_path / "c.yaml"))
+    with pytest.raises(InputError, match="output: is empty"):
+        fitted.save("")
+    with pytest.raises(ConfigError, match="cannot be written"):
+        fitted.save(str(tmp_path / "no" / "such" / "c.yaml"))
+    with pytest.raises(InputError, match="calibration: is empty"):
+        desk.reload("")
+    with pytest.raises(ConfigError, match="mechanism"):
+        Desk(Settings("srbd", model="tripod"))
+
+
+def test_health_tells_a_silent_tracker_in_a_capture_only() -> None:
+    desk = Desk(Settings("srbd"))
+    assert desk.health(100.0, TIMEOUT_S).level is Level.OK
+    desk.start_capture(100.0)
+    for now_s in (100.5, 101.0, 103.0):
+        desk.watch.heard("joint_states", now_s)
+    desk.watch.heard("tracker", 100.5)
+    assert desk.health(102.0, TIMEOUT_S).level is Level.OK
+    late = desk.health(103.0, TIMEOUT_S)
+    assert late.level is Level.WARN
+    assert "tracker silent for 2.5 s" in late.message
+    assert "joint_states" not in late.message
+    desk.stop_capture()
+    assert desk.health(200.0, TIMEOUT_S).level is Level.OK
+
+
+def test_health_tells_a_trouble_for_a_while_and_counts_it_for_ever() -> None:
+    desk = Desk(Settings("srbd"))
+    desk.watch.refuse("joint_states", "3 names, 2 positions", 10.0)
+    now = desk.health(11.0, TIMEOUT_S)
+    assert now.level is Level.WARN
+    assert "joint_states: 3 names, 2 positions" in now.message
+    later = desk.health(30.0, TIMEOUT_S)
+    assert later.level is Level.OK
+    assert later.values["joint_states refused"] == 1
+
+
+def test_health_tells_what_a_full_capture_lost() -> None:
+    desk = Desk(Settings("srbd", capture_limit=3))
+    desk.start_capture(0.0)
+    for k in range(5):
+        desk.capture.add_states(k, np.zeros(3))
+    health = desk.health(0.1, TIMEOUT_S)
+    assert health.level is Level.WARN
+    assert "2 messages were lost" in health.message
+    assert "2 messages were lost" in desk.stop_capture()
+
+
+def test_health_tells_commands_that_take_longer_than_their_period() -> None:
+    desk, period_ns = Desk(Settings("srbd")), 20_000_000
+    for k, took_s in enumerate((0.5, 0.015, 0.019, 0.015)):  # the first has no period yet
+        desk.watch.took(took_s, k * period_ns, 1.0)
+    assert desk.health(1.0, TIMEOUT_S).level is Level.OK
+    desk.watch.took(0.034, 4 * period_ns, 1.0)
+    health = desk.health(1.0, TIMEOUT_S)
+    assert health.level is Level.WARN
+    assert "took 34 ms, commands come every 20 ms" in health.message
+    assert health.values["command took longer than its period"] == 1
+    for stamp_ns in (3 * period_ns, 10**12):  # time going back, a pause: no period either
+        desk.watch.took(0.034, stamp_ns, 1.0)
+    assert desk.watch.late == 1
+
+
+def test_background_work_gives_its_result_or_raises_its_error_where_it_is_fetched() -> None:
+    gate = threading.Event()
+    job = Background(lambda: gate.wait(10.0))
+    assert not job.done
+    gate.set()
+    assert job.result() is True
+    assert job.done
+    failing: Background[float] = Background(lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        failing.result()

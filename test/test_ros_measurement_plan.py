@@ -1,0 +1,204 @@
+"""The plan's commands in real time, as a process and as arrays."""
+
+from __future__ import annotations
+
+import signal
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.parameter import Parameter
+from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
+from sensor_msgs.msg import JointState
+
+from delta_calibration.errors import InputError, ReachError
+from delta_calibration.plans import make_plan
+from delta_calibration.robot import load_robot
+from delta_calibration.ros.conversions import joint_state, stamp_to_ns
+from delta_calibration.ros.measurement_plan import MeasurementPlan, Motion
+from delta_calibration.ros.qos import COMMAND, DIAGNOSTICS, MEASURED, STREAM_OUT
+
+pytestmark = pytest.mark.ros
+
+NODE = "delta_calibration.ros.measurement_plan"
+ROBOT = load_robot("srbd")
+NAMES = ROBOT.joints.names
+RATE = 100.0  # [1/s]
+HERE = np.array([0.05, -0.02, 0.1])  # [rad] where the machine stands
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    """Three points as a CSV file."""
+    path = tmp_path / "points.csv"
+    path.write_text("x_mm,y_mm,z_mm\n0,0,-711\n40,-40,-711\n-50,20,-730\n")
+    return path
+
+
+class Listener:
+    """Stands where the machine stands, and hears the commands with the wall's time."""
+
+    def __init__(self, bench: Bench, measured: bool = True, nominal: bool = False) -> None:
+        self.bench = bench
+        node = bench.node("listener")
+        self.names: list[list[str]] = []
+        self.stamps: list[int] = []
+        self.angles: list[list[float]] = []
+        self.walls: list[float] = []
+        self.said: list[DiagnosticStatus] = []
+        node.create_subscription(JointState, "joint_command", self._on_command, COMMAND)
+        node.create_subscription(
+            DiagnosticArray, "/diagnostics", lambda m: self.said.extend(m.status), DIAGNOSTICS
+        )
+        if measured:
+            self._publish(node, "joint_states", HERE, MEASURED)
+        if nominal:
+            self._publish(node, "joint_states_nominal", HERE - 0.01, STREAM_OUT)
+
+    @staticmethod
+    def _publish(node: object, topic: str, joint: np.ndarray, qos: object) -> None:
+        publisher = node.create_publisher(JointState, topic, qos)
+        message = joint_state(NAMES, joint, node.get_clock().now().to_msg())
+        node.create_timer(0.05, partial(publisher.publish, message))
+
+    def _on_command(self, message: JointState) -> None:
+        self.walls.append(time.monotonic())
+        self.names.append(list(message.name))
+        self.stamps.append(stamp_to_ns(message.header.stamp))
+        self.angles.append(list(message.position))
+
+    def until_end(self, node: NodeProcess) -> int:
+        assert self.bench.until(lambda: node.process.poll() is not None, 30.0)
+        self.bench.spin_for(0.1)
+        return node.end()
+
+
+def expected(points: Path, start: np.ndarray | None, **options: object) -> np.ndarray:
+    plan = make_plan(str(points), ROBOT, **options)
+    return Motion.of(plan, ROBOT, RATE, start).joint
+
+
+def test_every_command_comes_at_its_time_from_where_the_machine_stands(
+    bench: Bench, launch: Launch, points: Path
+) -> None:
+    listener = Listener(bench)
+    node = launch(NODE, plan=points, dwell=0.2, rate=RATE)
+    assert listener.until_end(node) == 0
+    commands = expected(points, HERE, dwell=0.2)
+    np.testing.assert_allclose(listener.angles, commands, atol=1e-12)
+    assert set(map(tuple, listener.names)) == {NAMES}
+    due = np.arange(len(commands)) / RATE
+    for told in (np.array(listener.walls), np.array(listener.stamps) * 1e-9):
+        late = told - told[0] - due
+        assert np.median(np.abs(late)) < 0.01
+        assert abs(late[-1]) < 0.1  # nothing adds up
+    assert np.all(np.diff(listener.stamps) > 0)
+    assert "plan points: 6 stops and paths" in node.output
+    assert "6 of 6" in node.output
+    mine = [s for s in listener.said if s.name == "/measurement_plan"]
+    assert any(s.message.startswith("at ") and s.message.endswith(" of 6") for s in mine)
+    assert mine[-1].message == "done"
+
+
+def test_where_upstream_sees_the_machine_comes_first(
+    bench: Bench, launch: Launch, points: Path
+) -> None:
+    listener = Listener(bench, nominal=True)
+    node = launch(NODE, plan=points, dwell=0.0, both_sides=False, rate=RATE)
+    assert listener.until_end(node) == 0
+    commands = expected(points, HERE - 0.01, dwell=0.0, both_sides=False)
+    np.testing.assert_allclose(listener.angles, commands, atol=1e-12)
+
+
+def test_without_joint_states_it_begins_at_the_first_stop(
+    bench: Bench, launch: Launch, points: Path
+) -> None:
+    listener = Listener(bench, measured=False)
+    node = launch(NODE, plan=points, dwell=0.0, both_sides=False, rate=RATE)
+    assert listener.until_end(node) == 0
+    assert "no joint states" in node.output
+    np.testing.assert_allclose(listener.angles[0], expected(points, None)[0], atol=1e-12)
+
+
+def test_after_a_hold_up_it_goes_on_without_a_jump(
+    bench: Bench, launch: Launch, points: Path
+) -> None:
+    listener = Listener(bench)
+    node = launch(NODE, plan=points, dwell=0.2, rate=RATE)
+    assert bench.until(lambda: len(listener.angles) > 20)
+    node.send(signal.SIGSTOP)
+    bench.spin_for(0.8)
+    count = len(listener.angles)
+    node.send(signal.SIGCONT)
+    bench.spin_for(0.1)
+    assert len(listener.angles) - count < 25  # had it caught up: 80 and more
+    assert listener.until_end(node) == 0
+    assert "held up: the rest of the plan is" in node.output
+    np.testing.assert_allclose(listener.angles, expected(points, HERE, dwell=0.2), atol=1e-12)
+
+
+def test_payloads_are_asked_for(bench: Bench, launch: Launch) -> None:
+    Listener(bench)
+    node = launch(NODE, plan="rich", count=1, dwell=0.0)
+    assert bench.until(lambda: "the plan wants 2 kg on the platform" in node.output)
+    node.send(signal.SIGINT)
+    assert bench.until(lambda: node.process.poll() is not None)
+    assert node.end() == 0
+
+
+def test_when_nobody_listens_it_ends_with_1(launch: Launch, points: Path) -> None:
+    node = launch(NODE, plan=points, wait_for_subscriber=0.3)
+    assert node.end() == 1
+    assert "nobody listened to /joint_command for 0.3 s" in node.output
+    assert len(node.output.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error", "said"),
+    [
+        ("plan", "/no/such/points.csv", InputError, "/no/such/points.csv: cannot be read"),
+        ("dwell", -1.0, InputError, "dwell"),
+        ("rate", 50, InputError, "parameter rate: 50 is not of type float; write 50.0"),
+        ("plan", "far.csv", ReachError, "point 1"),
+    ],
+)
+def test_wrong_parameters_are_refused(
+    bench: Bench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    value: object,
+    error: type[Exception],
+    said: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("far.csv").write_text("x_mm,y_mm,z_mm\n5000,0,-711\n")
+    with pytest.raises(error, match=said):
+        MeasurementPlan(context=bench.context, parameter_overrides=[Parameter(name, value=value)])
+
+
+def test_wrong_use_is_one_line_and_2(launch: Launch) -> None:
+    node = launch(NODE, plan="spiral")
+    assert node.end() == 2
+    assert "no plan 'spiral'; there are: line, disc" in node.output
+    assert len(node.output.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["line", "disc", "identify", "iso9283", "rich"])
+def test_a_motion_has_no_jumps_and_visits_every_stop(name: str) -> None:
+    plan = make_plan(name, ROBOT, count=3, dwell=0.2)
+    motion = Motion.of(plan, ROBOT, RATE, HERE)
+    np.testing.assert_array_equal(motion.joint[0], HERE)
+    fastest = np.abs(np.diff(motion.joint, axis=0)).max() * RATE
+    assert fastest < 1.05 * ROBOT.joints.speed
+    assert np.all(np.diff(motion.leg) >= 0)
+    assert motion.leg_count >= len(plan)
+    for stop in range(len(plan)):
+        joint = motion.joint[motion.leg == stop]
+        np.testing.assert_array_equal(joint[-int(0.2 * RATE) :], [plan.joint[stop]] * 20)
+    np.testing.assert_array_equal(np.unique(motion.payload), np.unique(plan.payload))
