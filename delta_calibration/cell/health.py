@@ -52,7 +52,7 @@ class Watch:
         self._troubles[stream] = (now_s, what)
 
     def took(self, duration_s: float, stamp_ns: int, now_s: float) -> None:
-        """A command took so long [s]: behind one that takes longer than its period, others wait."""
+        """A command took so long [s]; longer than its period, and those behind wait."""
         last, self._last_stamp = self._last_stamp, stamp_ns
         self.slowest_s = max(self.slowest_s, duration_s)
         if last is None or not 0 < stamp_ns - last < PAUSE_NS:

@@ -69,11 +69,9 @@ class Children:
         del self._running[f"{node} (to its end)"]
         output = child.stdout.read().decode() if child.stdout else ""
         if child.returncode != 0:
-            said = output.strip().splitlines()
-            raise CalibrationError(
-                f"{' '.join([node, *arguments[:1]])} ended with {child.returncode}: "
-                f"{said[-1] if said else 'it said nothing'}; see {self._logs}"
-            )
+            logged = (self._logs / f"{log or node}.log").read_text("utf-8", "replace")
+            said = (output or logged).strip().splitlines() or ["it said nothing"]
+            raise CalibrationError(f"{node} ended with {child.returncode}: {said[-1]}")
         return output.strip()
 
     def plan(self, parameters: Mapping[str, object], timeout: float) -> None:

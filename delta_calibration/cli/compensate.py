@@ -48,7 +48,7 @@ def command(
     robot = load_robot(robot_file)
     points = read_points(targets)
     calibration = load_calibration(calibration_file, robot)
-    compensator = JointCompensator(calibration, method, seed)
+    compensator = JointCompensator(calibration, method, seed, compiled=len(points) > _BATCH)
     nominal = _nominal(robot, points, targets)
     parts = np.array_split(nominal, max(len(nominal) // _BATCH, 1))
     found = Compensated.joined(

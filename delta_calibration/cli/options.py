@@ -48,7 +48,7 @@ def topics_option(function: Function) -> Function:
 
 
 def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
-    """A bar with the time left on work that takes over a second; none where stderr is no terminal."""
+    """A bar with the time left, on work over a second; none where stderr is no terminal."""
     bar: Iterable[Item] = tqdm(items, total=total, unit=unit, delay=1.0, disable=None, leave=False)
     return bar
 

@@ -219,6 +219,6 @@ def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> Non
     if rms > _ANOTHER_ROBOT * expected:
         raise DataError(
             f"{poses.source}: {rms * 1e3:.1f} mm RMS remain between the robot {robot.name!r} in "
-            f"the best frame and the tracker, where its tolerances explain {expected * 1e3:.1f} mm: "
-            "a session of another robot, joints of another zero, or other units?"
+            f"the best frame and the tracker, where its tolerances explain {expected * 1e3:.1f} "
+            "mm: a session of another robot, joints of another zero, or other units?"
         )

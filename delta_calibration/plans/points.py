@@ -31,7 +31,7 @@ def nominal_joints(robot: Robot, targets: Array) -> Array:
     model = robot.model("rotary_delta")
     joint = model.inverse(targets - robot.tool_offset, model.parameters.nominal)
     model.require_reach(joint, targets, "point", "m")
-    require_limits(robot, joint, "point", "m")
+    require_limits(robot, joint, "point")
     return joint
 
 

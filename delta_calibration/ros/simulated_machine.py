@@ -85,7 +85,7 @@ class SimulatedMachine:
         return Measurement(encoders, position, self._orientation(self._held))
 
     def _position(self, joint: Array) -> Array:
-        """One reading (3,) [m]; at rest they are drawn ahead, at little more than the cost of one."""
+        """One reading (3,) [m]; at rest they are drawn ahead, at little more than one's cost."""
         actual = joint + self._rest_error
         same = np.array_equal(actual, self._read_at)
         if not (same and self._ahead):
