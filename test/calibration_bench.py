@@ -13,7 +13,7 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped
 from rclpy.parameter import Parameter
-from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
+from ros_helpers import Bench
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 

@@ -192,7 +192,7 @@ def test_a_wrong_file_is_refused_by_line_column_and_value(tmp_path, text, messag
 
 def test_points_out_of_reach_or_limits_are_named(tmp_path):
     head = "x_mm,y_mm,z_mm\n0,0,-711\n"
-    with pytest.raises(ReachError, match=r"points\.csv: point 2 \(0\.9, 0, -0\.711\) is out of"):
+    with pytest.raises(ReachError, match=r"points\.csv: point 2 \(0\.9, 0, -0\.711 m\) is out"):
         csv_plan(tmp_path, head + "900,0,-711\n")
     with pytest.raises(
         ReachError, match=r"points\.csv: point 2 needs joint_1 at -\d+\.\d deg.*: -35\.0 to 100"

@@ -29,7 +29,7 @@ from geometry_msgs.msg import PointStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.parameter import Parameter
-from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
+from ros_helpers import Bench, bench_fixture  # noqa: F401
 from sensor_msgs.msg import JointState
 
 from delta_calibration.cell.desk import Desk

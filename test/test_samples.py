@@ -204,6 +204,22 @@ def test_each_stop_is_one_pose_and_its_mean():
     assert poses.readings == len(time)
 
 
+def test_a_command_that_stops_coming_still_belongs_to_its_stop():
+    """A plan has ended, or the recorder joined late: the joints hold, the commands are missing.
+
+    The joints are compensated, a milliradian from the command, and their encoders are noisy.
+    """
+    rng = np.random.default_rng(4)
+    time, q = stops(GOALS)
+    whole = session(time, q + 1e-3, point=noisy(q, rng), encoder=3e-6, rng=rng)
+    gone = (time > time[-1] - 0.7) | (time < 2.0)  # most of the last stop, all of the first
+    command = JointStream(ns(time[~gone]), NAMES, q[~gone])
+    poses = collect(replace(whole, command=command), NAMES)
+    assert len(poses) == 4
+    np.testing.assert_allclose(poses.command[1:], GOALS[1:], atol=1e-12)
+    np.testing.assert_allclose(poses.command[0], poses.joint[0], atol=1e-12)
+
+
 def test_outliers_are_set_aside_from_six_sigma_on():
     """65 um off with 8 um of noise is an outlier; 500 readings of pure noise have none."""
     rng = np.random.default_rng(4)

@@ -7,7 +7,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -30,20 +30,13 @@ from delta_calibration.simulation import draw_machine
 from delta_calibration.trial import Errors, measured_errors, paper_simulation, true_errors
 
 _RATE = 50.0  # [1/s] of commands, states and tracker
+_RAMP = 0.2  # [s] over which corrections come in: before the first stop is reached
 _DWELL = 0.25  # [s]
 _RADIUS = 0.45  # [m] of the disc
 _STOPS = {"identify": 48, "line": 37, "disc": 36}
 _PAPER = ("3.3050", "0.8030", "2.0860")  # [mm] table 3: a real machine, without compensation
 _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 _TIMEOUT = 200.0  # [s] of one plan
-
-
-@dataclass(frozen=True)
-class Window:
-    """When a part of the demonstration ran."""
-
-    begin_ns: int
-    end_ns: int
 
 
 @click.command("demo", short_help="a live simulated cell, from measurement to compensation")
@@ -72,9 +65,9 @@ def command(robot_file: str, out: Path, seed: int, method: str) -> None:
     logs = _clean(out)
     remove_dead_shared_memory()
     say = _clock()
-    windows = _run_cell(robot_file, robot, out, logs, seed, method, say)
+    begun = _run_cell(robot_file, robot, out, logs, seed, method, say)
     say("reading the recorded session")
-    summary = _evaluate(robot, out, seed, method, windows)
+    summary = _evaluate(robot, out, seed, method, begun)
     write_json(out / "summary.json", summary)
     click.echo(f"written: {out}/session, {out}/calibration.yaml, {out}/summary.json")
 
@@ -87,9 +80,9 @@ def _run_cell(
     seed: int,
     method: str,
     say: Callable[[str], None],
-) -> dict[str, Window]:
-    """Drive the live cell; when each part ran."""
-    windows: dict[str, Window] = {}
+) -> dict[str, int]:
+    """Drive the live cell; when each part began [ns]."""
+    begun: dict[str, int] = {}
     domain = 1 + os.getpid() % 100
     common = {"robot": robot_file}
     with Children(domain, logs) as cell:
@@ -101,12 +94,13 @@ def _run_cell(
             **common,
             "autostart": True,
             "method": method,
+            "ramp_s": _RAMP,
             "output": out / "calibration.yaml",
         }
         cell.start("calibration_node", calibration)
 
         def measure(part: str, plan: str, both_sides: bool) -> None:
-            begin = time.time_ns()
+            begun[part] = time.time_ns()
             cell.plan(
                 {
                     **common, "plan": plan, "count": _STOPS[plan], "dwell": _DWELL, "rate": _RATE,
@@ -115,7 +109,6 @@ def _run_cell(
                 },
                 _TIMEOUT,
             )  # fmt: skip
-            windows[part] = Window(begin, time.time_ns())
 
         cell.call("/calibration_node/start_capture")
         say(f"measuring the workspace: {_STOPS['identify']} places from both sides")
@@ -133,16 +126,16 @@ def _run_cell(
             say(f"measuring the {plan} with compensation")
             measure(f"{plan}_after", plan, False)
         say("stopping the nodes")
-    return windows
+    return begun
 
 
 def _evaluate(
-    robot: Robot, out: Path, seed: int, method: str, windows: dict[str, Window]
+    robot: Robot, out: Path, seed: int, method: str, begun: dict[str, int]
 ) -> dict[str, object]:
     """Before and after, from the recorded session; printed, and as data."""
     poses = collect(read_session(out / "session"), robot.joints.names)
     calibration = load_calibration(out / "calibration.yaml", robot)
-    fitted = _within(poses, windows["identify"])
+    fitted = _part(poses, begun, "identify")
     found = identify(fitted, robot)
     click.echo("\n" + describe(found, verbose=False) + "\n")
     registered = replace(calibration, chain=found.chain, theta=found.frame_only_theta)
@@ -153,7 +146,7 @@ def _evaluate(
         plan = make_plan(name, robot, count=_STOPS[name], both_sides=False, radius=_RADIUS)
         parts: dict[str, object] = {}
         for when, seen_by in (("before", registered), ("after", calibration)):
-            stops = _at_targets(_within(poses, windows[f"{name}_{when}"]), plan)
+            stops = _at_targets(_part(poses, begun, f"{name}_{when}"), plan)
             true = true_errors(seen_by, machine, stops, plan.target)
             measured = measured_errors(seen_by, stops, plan.target)
             parts[when] = {**true.in_mm(), "measured": measured.in_mm()}
@@ -194,12 +187,13 @@ def _fit_figures(found: Identification, calibration: Calibration) -> dict[str, o
     }
 
 
-def _within(poses: Poses, window: Window) -> Poses:
-    """The stops of one part."""
+def _part(poses: Poses, begun: dict[str, int], part: str) -> Poses:
+    """The stops from the begin of one part to the begin of the next."""
     stamp = poses.start_ns + poses.time * 1e9
-    keep = np.flatnonzero((stamp >= window.begin_ns) & (stamp <= window.end_ns))
+    end = min((other for other in begun.values() if other > begun[part]), default=np.inf)
+    keep = np.flatnonzero((stamp >= begun[part]) & (stamp < end))
     if keep.size == 0:
-        raise DataError(f"{poses.source}: no stops were recorded in a part of the demonstration")
+        raise DataError(f"{poses.source}: no stops were recorded in the part {part!r} of the demo")
     return poses.take(keep)
 
 

@@ -76,8 +76,8 @@ class JointCompensator:
         """From a calibration; `method` is one of `METHODS`, `seed` that of the swarm.
 
         With `compiled` the geometry is compiled, or loaded from where an earlier process left it,
-        before this returns: the same answers to 1e-10 rad, single commands a hundred times
-        sooner. The property `compiled` says whether it came to that.
+        before this returns: the same answers to 1e-10 rad, much sooner for single commands. The
+        property `compiled` says whether it came to that.
 
         Raises:
             InputError: no such method.

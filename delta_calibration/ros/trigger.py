@@ -25,6 +25,7 @@ from delta_calibration.ros.runtime import FAILED, BaseNode, run
 
 NAME = "trigger"
 USAGE = "usage: python -m delta_calibration.ros.trigger SERVICE [true|false] [SECONDS]"
+SETTLE_S = 0.3  # [s]
 PERIOD_S = 0.02  # [s]
 PATIENCE_S = 60.0  # [s] for the service to appear and to answer
 FLAGS = {"true": True, "false": False}
@@ -47,6 +48,7 @@ class Caller(BaseNode):
         self._call = call
         self._deadline = time.monotonic() + call.seconds
         self._answer: Future | None = None
+        self._seen: float | None = None  # when the service was first seen, by the steady clock
         kind = Trigger if call.flag is None else SetBool
         self._asked = self.create_client(kind, call.service)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -56,7 +58,11 @@ class Caller(BaseNode):
     def _look(self) -> None:
         if self.finished.done():
             return
-        if self._answer is None and self._asked.service_is_ready():
+        if self._seen is None and self._asked.service_is_ready():
+            self._seen = time.monotonic()
+        # The server may not know at once where to send its answer, which would be lost.
+        settled = self._seen is not None and time.monotonic() - self._seen >= SETTLE_S
+        if settled and self._answer is None:
             self._answer = self._asked.call_async(self._request())
         if self._answer is not None and self._answer.done():
             answer = self._answer.result()

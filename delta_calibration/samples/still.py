@@ -163,7 +163,10 @@ def _average(readings: Readings, label: NDArray[np.intp]) -> StillMoments:
         quaternion = mean(readings.quaternion * np.where(same_side < 0, -1.0, 1.0)[:, None])
         quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
     last = np.append(first[1:], len(label)) - 1
-    joint, command = mean(readings.joint), mean(readings.command)
+    joint = mean(readings.joint)
+    known = np.isfinite(readings.command)
+    with np.errstate(invalid="ignore"):
+        command = mean(np.where(known, readings.command, 0.0)) / mean(known.astype(float))
     return StillMoments(
         begin=readings.time[first],
         end=readings.time[last],
