@@ -15,6 +15,7 @@ import tempfile
 import timeit
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 for library in ("OPENBLAS", "MKL", "OMP"):  # as the command line has it: the matrices are small
@@ -97,12 +98,14 @@ def session_work() -> list[tuple[str, float, str]]:
         seconds = least(identify, poses, robot, model, repeats=2)
         rows.append((f"fit {len(poses)} poses, {model}, held-out parts within", seconds, "s"))
         calibration = from_identification(identify(poses, robot, model), robot, poses)
-        for method in ("newton", "apso"):
-            compensator = JointCompensator(calibration, method)
-            batch = 1e3 * least(compensator.compensate, line, items=len(line), repeats=2)
-            alone = 1e3 * least(compensator.compensate, line[:1], repeats=2)
-            rows.append((f"{method}, {model}, {len(line)} targets at once", batch, "ms a target"))
-            rows.append((f"{method}, {model}, one target alone", alone, "ms"))
+        for method, compiled in product(("newton", "apso"), (False, True)):
+            compensator = JointCompensator(calibration, method, compiled=compiled)
+            compensator.warm_up()
+            batch = 1e3 * least(compensator.compensate, line, items=len(line), repeats=3)
+            alone = 1e3 * least(compensator.compensate, line[:1], repeats=3)
+            name = f"{method}, {model}, {'compiled' if compiled else 'numpy'}"
+            rows.append((f"{name}, {len(line)} targets at once", batch, "ms a target"))
+            rows.append((f"{name}, one target alone", alone, "ms"))
     return rows
 
 

@@ -26,6 +26,7 @@ from delta_calibration.samples import Poses, Readings
 Array = NDArray[np.float64]
 
 _SAME = 0.5e-3  # [m] a command this near to a pose or path of the cube means it
+_FINE = 801  # points of a path, so that the circle is round to 1 um
 _PAUSE = 0.5  # [s] longer than this between readings ends a run along a path
 
 
@@ -133,8 +134,9 @@ def _distances(cycles: list[Array], conditions: Conditions) -> list[IsoValue]:
 def _paths(moving: _Attained, time: Array, conditions: Conditions) -> list[IsoValue]:
     """AT and RT of each path that was run often enough; none where a session holds no paths."""
     values = []
-    for name, way in (("line", CUBE.line()), ("circle", CUBE.circle())):
-        runs = [moving.reached[run] for run in _runs(moving.meant, time, way)]
+    for name, way_of in (("line", CUBE.line), ("circle", CUBE.circle)):
+        runs = [moving.reached[run] for run in _runs(moving.meant, time, way_of())]
+        way = way_of(stations=_FINE)
         n = conditions.path_cycles
         if len(runs) >= n:
             at = path_accuracy(way, runs[:n], conditions)

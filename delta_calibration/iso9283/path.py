@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from delta_calibration.errors import DataError, InputError
 
 Array = NDArray[np.float64]
 
+FINE = 20  # pieces between stations on which samples are projected
 LONGEST_HOLE = 10.0  # spacings of stations; where more is missing, data were lost
 
 
@@ -22,6 +24,7 @@ class Path:
     """
 
     stations: Array  # (s, 3) [m]
+    fine: Array  # (FINE (s - 1) + 1, 3) [m] the command itself, as finely as it was given
     closed: bool
 
     @classmethod
@@ -42,7 +45,9 @@ class Path:
             raise InputError("command stands still; a path has to have a length")
         at = np.linspace(0.0, along[-1], count)
         apart = float(np.linalg.norm(command[0] - command[-1]))
-        path = cls(_interpolated(at, along, command), closed=apart < 0.01 * at[1])
+        finely = np.linspace(0.0, along[-1], FINE * (count - 1) + 1)
+        stations, fine = (_interpolated(a, along, command) for a in (at, finely))
+        path = cls(stations, fine, closed=apart < 0.01 * at[1])
         if np.min(np.linalg.norm(path._chords(), axis=1)) < 0.6 * at[1]:  # over 106 degrees
             raise InputError("command turns back on itself; such a path has to be judged in parts")
         return path
@@ -50,8 +55,10 @@ class Path:
     def deviation(self, x: Array, name: str = "attempt") -> Array:
         """Return how far an attempt is off at each station, normal to the path; (s, 3) [m].
 
-        Each sample is projected on the path, which tells how far along it is; by that length
-        the attempt is interpolated to the stations. When each sample was taken does not matter.
+        Each sample is projected on the path, which tells how far along it is and how far off; by
+        that length its offset is interpolated to the stations. Offsets, not places: between two
+        samples on a bend the straight line would cut the corner. When each sample was taken does
+        not matter.
 
         Args:
             x: Samples of the attempt (k, 3) [m].
@@ -60,34 +67,38 @@ class Path:
         Raises:
             DataError: if the attempt leaves out a part of the path.
         """
-        arc = _arc(self.stations)
-        along, x = self._along(x, arc)
+        arc = FINE * np.arange(len(self.stations)) * _arc(self.fine)[-1] / (len(self.fine) - 1)
+        along, off = self._offsets(x)
         order = np.argsort(along, kind="stable")
-        along, x = along[order], x[order]
+        along, off = along[order], off[order]
         if self.closed:  # the last sample comes again before the first, the first after the last
             along = np.concatenate([along[-1:] - arc[-1], along, along[:1] + arc[-1]])
-            x = np.concatenate([x[-1:], x, x[:1]])
+            off = np.concatenate([off[-1:], off, off[:1]])
         _require_whole(along, arc, name)
-        off = _interpolated(arc, along, x) - self.stations
+        off = _interpolated(arc, along, off)
         tangent = self._tangents()
         return np.asarray(off - np.sum(off * tangent, axis=1, keepdims=True) * tangent)
 
-    def _along(self, x: Array, arc: Array) -> tuple[Array, Array]:
-        """Return the arc lengths (k,) [m] of the samples on the path, and those samples.
+    def _offsets(self, x: Array) -> tuple[Array, Array]:
+        """Return the arc lengths (k,) [m] of the samples on the path, and how far off they are.
 
         An open path goes on straight for one spacing at both ends; samples beyond are left out.
         """
-        start, run = self.stations[:-1], np.diff(self.stations, axis=0)
+        arc = _arc(self.fine)
+        start, run = self.fine[:-1], np.diff(self.fine, axis=0)
         low, high = np.zeros(len(run)), np.ones(len(run))
         if not self.closed:
-            low[0], high[-1] = -1.0, 2.0
-        t = np.einsum("knc,nc->kn", x[:, None] - start, run) / np.sum(run**2, axis=1)
-        t = np.clip(t, low, high)
-        foot = start + t[..., None] * run
-        nearest = np.argmin(np.linalg.norm(x[:, None] - foot, axis=-1), axis=1)
-        t = t[np.arange(len(x)), nearest]
-        inside = (t > -1.0) & (t < 2.0)
-        return (arc[nearest] + t * np.diff(arc)[nearest])[inside], x[inside]
+            low[0], high[-1] = -FINE, 1.0 + FINE
+        vertex = cKDTree(self.fine).query(x)[1]  # of equal pieces the nearest is beside it
+        pieces = np.clip(vertex[:, None] + [-1, 0], 0, len(run) - 1)
+        t = np.sum((x[:, None] - start[pieces]) * run[pieces], axis=-1)
+        t = np.clip(t / np.sum(run[pieces] ** 2, axis=-1), low[pieces], high[pieces])
+        foot = start[pieces] + t[..., None] * run[pieces]
+        rows = np.arange(len(x))
+        nearer = np.argmin(np.linalg.norm(x[:, None] - foot, axis=-1), axis=1)
+        t, foot, nearest = t[rows, nearer], foot[rows, nearer], pieces[rows, nearer]
+        inside = (t > -FINE) & (t < 1.0 + FINE)
+        return (arc[nearest] + t * np.diff(arc)[nearest])[inside], (x - foot)[inside]
 
     def _tangents(self) -> Array:
         """Return the unit direction of the path at each station (s, 3)."""

@@ -15,6 +15,7 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
+_FINE = 801  # points of a path: on the circle the straight lines between stay within 1 um
 _PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
 
 
@@ -76,7 +77,10 @@ def make_plan(
 
 def _iso9283_paths(robot: Robot, cycles: int) -> tuple[MotionPath, ...]:
     """The standard's line and large circle, each so many times."""
-    ways = {"line": points.CUBE.line(), "circle": points.CUBE.circle()}
+    ways = {
+        "line": points.CUBE.line(stations=_FINE),
+        "circle": points.CUBE.circle(stations=_FINE),
+    }
     joints = {name: points.nominal_joints(robot, way) for name, way in ways.items()}
     lengths = {
         name: float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
