@@ -31,11 +31,16 @@ def _coefficients(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[
     """sin(t)/t, (1 - cos t)/t^2 and (t - sin t)/t^3 with t = |w|, each (..., 1, 1)."""
     t2 = np.sum(w * w, axis=-1)[..., None, None]
     small = np.abs(t2) < _SERIES_BELOW
+    a = 1 - t2 / 6 + t2**2 / 120 - t2**3 / 5040
+    b = 0.5 - t2 / 24 + t2**2 / 720 - t2**3 / 40320
+    c = 1 / 6 - t2 / 120 + t2**2 / 5040
+    if small.all():  # tilts of machines are: a milliradian
+        return a, b, c
     safe = np.where(small, 1.0, t2)
     t = np.sqrt(safe)
-    a = np.where(small, 1 - t2 / 6 + t2**2 / 120 - t2**3 / 5040, np.sin(t) / t)
-    b = np.where(small, 0.5 - t2 / 24 + t2**2 / 720 - t2**3 / 40320, (1 - np.cos(t)) / safe)
-    c = np.where(small, 1 / 6 - t2 / 120 + t2**2 / 5040, (t - np.sin(t)) / (safe * t))
+    a = np.where(small, a, np.sin(t) / t)
+    b = np.where(small, b, (1 - np.cos(t)) / safe)
+    c = np.where(small, c, (t - np.sin(t)) / (safe * t))
     return a, b, c
 
 
