@@ -108,7 +108,8 @@ def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gene
     """
     wanted, widest = count or 60, radius * np.sqrt(2)
     ring = _rim(robot, 1.03 * widest)[:wanted]
-    draws = qmc.Halton(3, rng=rng).random(10 * wanted)
+    # Shifted as a whole, so that the seed decides and every version of scipy draws the same.
+    draws = np.mod(qmc.Halton(3, scramble=False).random(10 * wanted) + rng.random(3), 1.0)
     r, angle = widest * np.sqrt(draws[:, 0]), 2 * np.pi * draws[:, 1]
     height = PLANE - 0.15 + 0.25 * draws[:, 2]
     points = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)
