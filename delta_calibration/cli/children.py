@@ -33,13 +33,15 @@ class Children:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Children:
-        self._before = signal.signal(signal.SIGTERM, _interrupt)
+        # Also where a shell started this in the background with Ctrl-C ignored.
+        self._before = {s: signal.signal(s, _interrupt) for s in (signal.SIGINT, signal.SIGTERM)}
         return self
 
     def __exit__(self, *_: object) -> None:
         with _no_interrupts():
             self.stop()
-        signal.signal(signal.SIGTERM, self._before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def start(
         self, node: str, parameters: Mapping[str, object], remaps: Mapping[str, str] | None = None
