@@ -189,7 +189,8 @@ def _fit_figures(found: Identification, calibration: Calibration) -> dict[str, o
 
 def _part(poses: Poses, begun: dict[str, int], part: str) -> Poses:
     """The stops from the begin of one part to the begin of the next."""
-    stamp = poses.start_ns + poses.time * 1e9
+    # By when a stop began: the last of a part lasts into the next, while its plan starts up.
+    stamp = poses.start_ns + (poses.time - poses.count / (2 * _RATE)) * 1e9
     end = min((other for other in begun.values() if other > begun[part]), default=np.inf)
     keep = np.flatnonzero((stamp >= begun[part]) & (stamp < end))
     if keep.size == 0:
