@@ -6,6 +6,8 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from six_rods import SixRods, drawing_joints
 
 from delta_calibration.accuracy import evaluate
 from delta_calibration.calibration import Calibration
@@ -17,6 +19,7 @@ from delta_calibration.plans import CUBE, legs, make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import JointStream, Session, TrackerStream, collect, match
+from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
 RATE = 20.0
@@ -142,3 +145,86 @@ def test_a_session_without_paths_has_no_path_criteria(thirty):
     stops = readings.take(readings.time < collect(thirty, names).time[149] + 0.1)
     found = evaluate(collect(thirty, names), stops, ROBOT, STANDARD, None)
     assert {v.symbol for v in found.values} == {"AP", "RP", "AD", "RD"}
+
+
+# A session as a cell records it, by a few lines of one's own
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return simulate_session(draw_machine(ROBOT, 4), make_plan("iso9283", ROBOT, count=30), 4)
+
+
+def own_frame(source, target):
+    """R, t of the least-squares rigid motion, by the quaternion of Horn (1987)."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    m = a.T @ b
+    skew = np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
+    k = np.block([[np.trace(m), skew[None]], [skew[:, None], m + m.T - np.trace(m) * np.eye(3)]])
+    w, *v = np.linalg.eigh(k)[1][:, -1]
+    turn = Rotation.from_quat([*v, w]).as_matrix()
+    return turn, target.mean(axis=0) - turn @ source.mean(axis=0)
+
+
+def test_a_simulated_session_by_a_few_lines_of_ones_own(simulated):
+    """Stops by the command's own standstill, means of readings, numpy; no part of the package."""
+    found, value = report(simulated, STANDARD, None)
+    command, point = simulated.command.position, simulated.tracker.position
+    rest = np.r_[False, (np.diff(command, axis=0) == 0).all(axis=1)]
+    starts = np.flatnonzero(rest & ~np.r_[False, rest[:-1]])
+    ends = [start + int(np.argmin(np.r_[rest[start:], False])) for start in starts]
+    stops = [(s, e) for s, e in zip(starts, ends, strict=True) if e - s >= 15]
+    at = command[[start for start, _ in stops]]
+    mean = np.array([point[start:end].mean(axis=0) for start, end in stops])
+    turn, place = own_frame(mean, SixRods().point(at))
+    drawing = drawing_joints(CUBE.poses())
+    here = [np.flatnonzero(np.abs(at - joints).max(axis=1) < 1e-6)[:30] for joints in drawing]
+    reached = mean[np.array(here)]  # (5, 30, 3)
+    based = reached @ turn.T + place
+    middle = based.mean(axis=1)
+    radius = np.linalg.norm(based - middle[:, None], axis=2)
+    for k in range(5):
+        ap = np.linalg.norm(middle[k] - CUBE.poses()[k])
+        rp = radius[k].mean() + 3 * radius[k].std(ddof=1)
+        # Which readings belong to a stop is seen differently at its edges: below a micrometre.
+        assert value["AP", f"P{k + 1}"] == pytest.approx(ap, abs=1.5 * UM)
+        assert value["RP", f"P{k + 1}"] == pytest.approx(rp, abs=3 * UM)
+    between = np.linalg.norm(reached[1] - reached[3], axis=1)
+    meant = np.linalg.norm(CUBE.poses()[1] - CUBE.poses()[3])
+    assert value["AD", "P2-P4"] == pytest.approx(between.mean() - meant, abs=1.5 * UM)
+    assert value["RD", "P2-P4"] == pytest.approx(3 * between.std(ddof=1), abs=3 * UM)
+    # 12 urad of rest error at 0.4 m/rad or so: some micrometres, not tens, not none.
+    assert all(2 * UM < v.value < 60 * UM for v in found.values if v.symbol in ("RP", "RT"))
+
+
+def test_the_standards_ten_runs_and_the_papers_three_come_from_one_session(simulated):
+    for conditions, runs in ((STANDARD, 10), (DELTA_PAPER, 3)):
+        found, value = report(simulated, conditions, None)
+        paths = {(v.symbol, v.where): v.cycles for v in found.values if v.symbol in ("AT", "RT")}
+        assert paths == dict.fromkeys(product(("AT", "RT"), ("line", "circle")), runs)
+        # The machine's own error at the middle of the line is what it is at P1, to 20 um.
+        assert value["AT", "line"] > value["AP", "P1"] - 20 * UM
+
+
+def test_at_of_a_simulated_session_is_the_machines_own_deviation(simulated):
+    """Largest distance of the true machine's point from the line, square to it, in the own frame.
+
+    Ten runs leave a third of the rest error's few micrometres in the mean.
+    """
+    machine = draw_machine(ROBOT, 4)
+    _, value = report(simulated, STANDARD, None)
+    poses = collect(simulated, ROBOT.joints.names)
+    nominal = ROBOT.model("rotary_delta")
+    meant = nominal.forward(poses.command, nominal.parameters.nominal)
+    turn, place = own_frame(poses.point, meant)
+    for name, way, tangent in (
+        ("line", CUBE.line(), np.gradient(CUBE.line(), axis=0)),
+        ("circle", CUBE.circle(), np.roll(CUBE.circle()[:-1] - CUBE.centre, -25, axis=0)),
+    ):
+        q = drawing_joints(way[: len(tangent)])
+        there = machine.chain.reading(machine.chain.pose(q, machine.theta), machine.theta)
+        off = there @ turn.T + place - way[: len(tangent)]
+        unit = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+        square = off - np.sum(off * unit, axis=1, keepdims=True) * unit
+        largest = np.linalg.norm(square, axis=1).max()
+        assert value["AT", name] == pytest.approx(largest, abs=8 * UM)

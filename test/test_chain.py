@@ -106,3 +106,52 @@ def test_out_of_reach_is_nan_in_its_row_alone():
     theta = c.join(short, np.zeros(3), Frame.identity())
     x = c.pose(np.array([[1.2, 1.2, 1.2], [0.0, 0.0, 0.0], [1.3, 1.2, 1.25]]), theta)
     assert np.isfinite(c.reading(x, theta)).all(axis=1).tolist() == [True, False, True]
+
+
+def motions(rng):
+    return [Frame.from_vector(rng.normal(size=6)) for _ in range(5)]
+
+
+@pytest.mark.parametrize("model", ["rotary_delta", "six_rod_delta"])
+def test_another_frame_moves_all_readings_as_one_rigid_body(model):
+    rng = np.random.default_rng(6)
+    c, q = chain(model), workspace(12, rng)
+    geometry, offset = c.mechanism.parameters.nominal, np.array([0.05, 0.0, -0.02])
+    seen = [
+        c.reading(c.pose(q, theta), theta)
+        for theta in (c.join(geometry, offset, frame) for frame in motions(rng))
+    ]
+    for points in seen[1:]:
+        between = [np.linalg.norm(p[:, None] - p, axis=2) for p in (seen[0], points)]
+        np.testing.assert_allclose(between[1], between[0], atol=1e-13)
+        a, b = (p - p.mean(axis=0) for p in (seen[0], points))
+        assert np.linalg.det(np.linalg.lstsq(a, b, rcond=None)[0]) == pytest.approx(1)
+
+
+def test_a_reflector_offset_is_a_translation_where_nothing_tilts():
+    rng = np.random.default_rng(7)
+    c, q, frame = chain("rotary_delta"), workspace(12, rng), motions(rng)[0]
+    crooked = c.mechanism.parameters.nominal + c.mechanism.parameters.prior * rng.normal(size=24)
+    offset = np.array([0.04, -0.03, 0.01])
+    with_it, without = (
+        c.reading(c.pose(q, theta), theta)
+        for theta in (c.join(crooked, o, frame) for o in (offset, 0 * offset))
+    )
+    np.testing.assert_allclose(
+        with_it - without, np.tile(frame.rotation @ offset, (12, 1)), atol=1e-14
+    )
+
+
+def test_a_reflector_offset_turns_with_a_platform_that_tilts():
+    """Unequal rods tilt by about d l / 2 c: 60 mm off, some micrometres a tenth of a mrad."""
+    rng = np.random.default_rng(8)
+    c, q = chain("six_rod_delta"), workspace(12, rng)
+    g = c.mechanism.parameters.vector([("rod_mismatch_1", 1e-4)])
+    offset = np.array([0.0, 0.06, 0.0])
+    with_it, without = (
+        c.reading(c.pose(q, theta), theta)
+        for theta in (c.join(g, o, Frame.identity()) for o in (offset, 0 * offset))
+    )
+    _, turn = SixRods({"rod_mismatch_1": 1e-4}).pose(q)
+    np.testing.assert_allclose(with_it - without, turn.apply(offset), atol=1e-13)
+    assert np.abs(with_it - without - offset).max() > 3e-6

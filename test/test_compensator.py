@@ -12,12 +12,16 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.compensation.compensator import JointCompensator, Verdict
 from delta_calibration.errors import InputError
-from delta_calibration.geometry import Frame
+from delta_calibration.geometry import Frame, align
+from delta_calibration.identification import identify
+from delta_calibration.plans import make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 
 ROBOT = load_robot("srbd")
 METHODS = ("newton", "apso")
+# Off the line, so that a frame is fixed by what lies about it too.
+SPREAD = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (-0.8, -0.65)])
 
 
 def errors(rng):
@@ -192,3 +196,65 @@ def test_tool_points_are_those_of_the_base_the_tracker_stands_before():
     theta = made.chain.join(made.geometry, np.array(cell.offset), frame)
     tool = replace(made, theta=theta).tool_points(cell.reading(q), q)
     np.testing.assert_allclose(tool, cell.machine.point(q), atol=1e-12)
+
+
+def identified(cell, q, rng):
+    """A calibration as a cell makes it: from noisy readings of a machine nobody knows."""
+    found = identify(cell.measure(np.repeat(q, 2, axis=0), rng), ROBOT)
+    return Calibration(
+        robot=ROBOT,
+        chain=found.chain,
+        theta=found.theta,
+        region=found.region,
+        joints_lower=found.region_joints[0],
+        joints_upper=found.region_joints[1],
+        noise_floor=found.noise.floor,
+        source="made",
+        seal="0" * 64,
+    )
+
+
+@pytest.mark.parametrize("seed", [9, 10])
+def test_an_unknown_machine_is_better_after_its_calibration(seed):
+    """Tens of micrometres at least before, in the most flattering frame; noise after.
+
+    What is left is also judged without any frame of the package: distances between points.
+    """
+    rng = np.random.default_rng(seed)
+    cell = Cell(SixRods(errors(rng)), tuple(2e-3 * rng.standard_normal(3)))
+    calibrated = identified(cell, make_plan("identify", ROBOT, count=50).joint[::2], rng)
+    target = line(41)
+    q = drawing_joints(target)
+    done = JointCompensator(calibrated).compensate(q)
+    assert set(done.verdicts) == {Verdict.CORRECTED}
+    seen = cell.reading(done.joint)  # the machine itself, without noise
+    after = np.linalg.norm(calibrated.tool_points(seen, done.joint) - target, axis=1)
+    uncorrected, bent = cell.reading(q), drawing_joints(SPREAD)
+    frame = align(
+        np.concatenate([target, SPREAD]), np.concatenate([uncorrected, cell.reading(bent)])
+    )
+    before = np.linalg.norm(frame.inverse().apply(uncorrected) - target, axis=1)
+    assert before.mean() > 50e-6
+    assert after.max() < 20e-6
+    assert after.mean() < before.mean() / 5
+
+    def stretched(points):
+        between = [np.linalg.norm(p[:, None] - p, axis=2) for p in (points, target)]
+        return np.abs(between[0] - between[1]).max()
+
+    assert stretched(seen) < 25e-6
+    assert stretched(seen) < stretched(uncorrected) / 3
+
+
+def test_no_commands_no_corrections():
+    done = JointCompensator(calibration({})).compensate(np.zeros((0, 3)))
+    assert done.joint.shape == (0, 3)
+    assert done.verdicts == ()
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 2), (2, 4), (1, 2, 3)])
+@pytest.mark.parametrize("compiled", [False, True])
+def test_commands_of_another_shape_are_refused(shape, compiled):
+    compensator = JointCompensator(calibration({}), compiled=compiled)
+    with pytest.raises(InputError, match=r"commands have shape .*; it has to be \(n, 3\)"):
+        compensator.compensate(np.zeros(shape))

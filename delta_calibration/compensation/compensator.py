@@ -133,7 +133,14 @@ class JointCompensator:
         return slope.reshape((*q.shape[:-1], 3, q.shape[-1]))
 
     def compensate(self, q: Array) -> Compensated:
-        """Correct commands, (n, m) [rad]."""
+        """Correct commands, (n, m) [rad].
+
+        Raises:
+            InputError: q is of another shape.
+        """
+        joints = len(self.robot.joints.names)
+        if q.ndim != 2 or q.shape[1] != joints:
+            raise InputError(f"commands have shape {q.shape}; it has to be (n, {joints})")
         target = self.targets(np.where(np.isfinite(q), q, 0.0))
         verdicts = self._guard(q, target)
         usable = np.array([verdict is Verdict.CORRECTED for verdict in verdicts], dtype=bool)

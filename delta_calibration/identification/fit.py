@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
 _FOLDS = 5
 _GOOD_ENOUGH = 0.05  # of chi square, in fits that only predict what was held out
-# [m] root mean square after the best frame that no manufacturing error explains
 _ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
+_RMS_OF_MEDIAN = 1.126  # of the norms of three standard normal numbers
 
 
 @dataclass(frozen=True)
@@ -176,6 +176,7 @@ def _residuals(solution: Solution, folds: NDArray[np.int64]) -> Residuals:
         held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
         fitted = solve(problem.take(seen), solution.z, settled=_GOOD_ENOUGH)
         x = problem.chain.pose(problem.q[held], fitted.theta)
+        problem.chain.mechanism.require_reach(x, problem.q[held], "held-out command", "rad")
         missed[held] = problem.y[held] - problem.chain.reading(x, fitted.theta)
     whitened = (problem.whiten @ missed[..., None])[..., 0]
     distance = np.linalg.norm(missed, axis=1)
@@ -202,23 +203,27 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
     inverse = np.linalg.inv(information + prior)
     # parameters that the data, not the priors, decide
     used = float(np.trace(inverse @ information))
-    degrees = max(len(slope) - used, 1.0)
-    chi_square = float(np.sum(solution.weight[:, None] * solution.residual**2) / degrees)
+    degrees = max(3 * np.count_nonzero(solution.weight) - used, 1.0)
+    chi_square = float(np.sum((solution.weight[:, None] * solution.residual) ** 2) / degrees)
     spread = inverse @ (max(1.0, chi_square) * information + prior) @ inverse
     return problem.basis @ spread @ problem.basis.T, chi_square
 
 
 def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> None:
-    """Refuse residuals many times what parts within their tolerances can do."""
+    """Refuse residuals many times what parts within their tolerances can do.
+
+    By the median, as one reading of another reflector is not another robot.
+    """
     problem = solution.problem
     geometry = slice(0, problem.chain.geometry_size)
     slope = problem.chain.jacobian(problem.q, solution.pose, solution.theta)[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.sqrt(np.sum(spread**2) / len(spread)))
-    rms = float(np.sqrt(np.mean(distances(solution) ** 2)))
-    if rms > _ANOTHER_ROBOT * expected:
+    typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
+    if typical > _ANOTHER_ROBOT * expected:
         raise DataError(
-            f"{poses.source}: {rms * 1e3:.1f} mm RMS remain between the robot {robot.name!r} in "
-            f"the best frame and the tracker, where its tolerances explain {expected * 1e3:.1f} "
-            "mm: a session of another robot, joints of another zero, or other units?"
+            f"{poses.source}: {typical * 1e3:.1f} mm typically remain between the robot "
+            f"{robot.name!r} in the best frame and the tracker, where its tolerances explain "
+            f"{expected * 1e3:.1f} mm: a session of another robot, joints of another zero, or "
+            "other units?"
         )

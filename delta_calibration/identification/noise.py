@@ -63,12 +63,17 @@ class Noise:
 def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     """Noise from the scatter within still moments and between repeats; else the robot file's.
 
+    Repeats are compared at the same joint angles: what the encoders saw of a rest error is known
+    to the fit, and no noise.
+
     Args:
         poses: the measured poses.
         slope: dy/dq of the nominal robot at each pose, (n, 3, m) [m/rad], in the tracker's frame.
         robot: the file's tracker noise and repeatability.
     """
     radial, transverse = _reading_scales(poses, robot.tracker)
+    seen, _ = _deviations(poses.joint, poses.place)
+    poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
     label = _alike(_without_gross(poses, covariance), covariance)
@@ -148,12 +153,12 @@ def _alike(poses: Poses, covariance: Array) -> Index:
     return poses.repeat if chance < _DIFFERS else poses.place
 
 
-def _deviations(point: Array, label: Index) -> tuple[Array, int]:
-    """Each point less its group's mean, (n, 3) [m], and the degrees of freedom (of distances)."""
+def _deviations(values: Array, label: Index) -> tuple[Array, int]:
+    """Each row (n, k) less its group's mean, and the degrees of freedom (rows over groups)."""
     size = np.bincount(label)
-    mean = np.zeros((len(size), 3))
-    np.add.at(mean, label, point)
-    deviation = point - (mean / np.maximum(size, 1)[:, None])[label]
+    mean = np.zeros((len(size), values.shape[1]))
+    np.add.at(mean, label, values)
+    deviation = values - (mean / np.maximum(size, 1)[:, None])[label]
     return deviation, int((size[size > 0] - 1).sum())
 
 

@@ -115,7 +115,5 @@ def strong_correlations(
     sigma = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(sigma, sigma)
     strong = np.argwhere(np.triu(np.abs(correlation) > limit, k=1)).tolist()
-    pairs = [
-        (names[a], names[b], float(correlation[a, b])) for a, b in strong
-    ]
+    pairs = [(names[a], names[b], float(correlation[a, b])) for a, b in strong]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

@@ -29,6 +29,9 @@ SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stand
 _GIVE_UP = 1e9  # damping
 _DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
 _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
+_GROSS = 3.0  # times as far a pose is an error of another kind and does not count
+_ROUNDS = 12  # of the loss made to fit the residuals
+_SHRUNK = 0.9  # a bend of the loss that falls by less has settled
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 
 
@@ -106,28 +109,61 @@ def build_problem(chain: Chain, q: Array, y: Array, whiten: Array, start: Array)
     return Problem(chain, q, y, whiten, start, basis, finite, np.ones(len(prior), dtype=bool))
 
 
+@dataclass(frozen=True)
+class _Loss:
+    """rho(d): d^2 up to `bend`, linear up to `cut`, constant beyond; Huber's where cut is inf."""
+
+    bend: float = np.inf
+    cut: float = np.inf
+
+    def __call__(self, distance: Array) -> tuple[Array, Array]:
+        """Loss and weight rho'(d) / 2 d of each distance, (n,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far, gross = distance > self.bend, distance > self.cut
+            weight = np.where(far, self.bend / distance, 1.0)
+            line = 2 * self.bend * np.minimum(distance, self.cut) - self.bend**2
+            return np.where(far, line, distance**2), np.where(gross, 0.0, weight)
+
+
 def solve(
     problem: Problem, start: Array | None = None, robust: bool = True, settled: float = SETTLED
 ) -> Solution:
-    """Minimise by Levenberg-Marquardt, first plainly, then with Huber's loss on the distances.
+    """Minimise by Levenberg-Marquardt with Huber's loss on the distances, then Hampel's.
 
-    The loss begins to be linear at 4 robust standard deviations of the plain fit's own residuals,
-    and never under 4 of the stated noise.
+    The loss begins to be linear at 4 robust standard deviations of the residuals, and never under
+    4 of the stated noise. They are those of the start at first, then of each fit, until they no
+    longer shrink: a plain fit would have bent itself to a gross error and taken its own residuals
+    for normal. What is then three times as far off is not believed at all.
 
     Raises:
         DataError: the start, or the fit, leaves poses that the model cannot reach.
     """
-    first = _search(problem, np.inf, start, settled)
     if not robust:
-        return first
-    typical = np.median(np.linalg.norm(first.residual, axis=1)) / _CHI3_MEDIAN
-    threshold = _HUBER * max(1.0, float(typical))
-    if (np.linalg.norm(first.residual, axis=1) <= threshold).all():
-        return first
-    return _search(problem, threshold, first.z, settled)
+        return _search(problem, _Loss(), start, settled)
+    z = np.zeros(int(problem.free.sum())) if start is None else start
+    bend = _bend(_state(problem, z, _Loss(), None).residual)
+    for _ in range(_ROUNDS):
+        found = _search(problem, _Loss(bend), z, settled)
+        last, bend, z = bend, min(bend, _bend(found.residual)), found.z
+        farthest = np.linalg.norm(found.residual, axis=1).max()
+        if farthest <= bend or bend > _SHRUNK * last:
+            break
+    if farthest <= _GROSS * bend:
+        return found
+    # Gross errors can have dragged the offset into a valley of its own: from the drawing again.
+    drawing = np.where(problem.offset_rows(), 0.0, z)
+    starts = z, _search(problem, _Loss(bend), drawing, settled).z
+    loss = _Loss(bend, _GROSS * bend)
+    return min((_search(problem, loss, z, settled) for z in starts), key=lambda end: end.cost)
 
 
-def _search(problem: Problem, threshold: float, start: Array | None, settled: float) -> Solution:
+def _bend(residual: Array) -> float:
+    """Whitened distance from which poses count linearly."""
+    typical = float(np.median(np.linalg.norm(residual, axis=1))) / _CHI3_MEDIAN
+    return _HUBER * max(1.0, typical)
+
+
+def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) -> Solution:
     """Levenberg-Marquardt; every step is followed by a settling of all but the reflector's offset.
 
     The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that
@@ -135,7 +171,7 @@ def _search(problem: Problem, threshold: float, start: Array | None, settled: fl
     handful of steps do.
     """
     z = np.zeros(int(problem.free.sum())) if start is None else start
-    now = _state(problem, z, threshold, None)
+    now = _state(problem, z, loss, None)
     if not np.isfinite(now.cost):
         bad = int(np.flatnonzero(~np.isfinite(now.pose).all(axis=1))[0])
         raise DataError(
@@ -145,12 +181,12 @@ def _search(problem: Problem, threshold: float, start: Array | None, settled: fl
         )
     every = np.ones(len(z), dtype=bool)
     rest = ~problem.offset_rows()
-    now = _settle(problem, now, rest, threshold, settled)
+    now = _settle(problem, now, rest, loss, settled)
     damping, steps = _DAMPING, 0
     while steps < _STEPS and damping < _GIVE_UP:
         steps += 1
-        step = _step(problem, now, every, threshold, damping)
-        tried = _settle(problem, step, rest, threshold, settled)
+        step = _step(problem, now, every, loss, damping)
+        tried = _settle(problem, step, rest, loss, settled)
         gain = now.cost - tried.cost
         if gain >= 0:
             now, damping = tried, max(damping / 10, _DAMPING)
@@ -161,12 +197,10 @@ def _search(problem: Problem, threshold: float, start: Array | None, settled: fl
     return Solution(problem, now.theta, now.z, now.pose, now.residual, now.weight, now.cost, steps)
 
 
-def _settle(
-    problem: Problem, now: _State, moving: Mask, threshold: float, settled: float
-) -> _State:
+def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: float) -> _State:
     """A few Gauss-Newton steps in some of the unknowns, each kept only if it lowers the cost."""
     for _ in range(_SETTLING):
-        tried = _step(problem, now, moving, threshold, 0.0)
+        tried = _step(problem, now, moving, loss, _DAMPING)
         gain = now.cost - tried.cost
         if not gain >= 0:
             break
@@ -176,7 +210,7 @@ def _settle(
     return now
 
 
-def _step(problem: Problem, now: _State, moving: Mask, threshold: float, damping: float) -> _State:
+def _step(problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: float) -> _State:
     slope = problem.slope(now.theta, now.pose)[..., moving]
     root = np.sqrt(now.weight)[:, None, None]
     prior = problem.has_prior[problem.free]
@@ -185,7 +219,7 @@ def _step(problem: Problem, now: _State, moving: Mask, threshold: float, damping
     gradient = rows.T @ (root[..., 0] * now.residual).reshape(-1) - (prior * now.z)[moving]
     z = now.z.copy()
     z[moving] += np.linalg.solve(normal, gradient)
-    return _state(problem, z, threshold, now.pose)
+    return _state(problem, z, loss, now.pose)
 
 
 @dataclass(frozen=True)
@@ -198,14 +232,10 @@ class _State:
     cost: float
 
 
-def _state(problem: Problem, z: Array, threshold: float, guess: Array | None) -> _State:
+def _state(problem: Problem, z: Array, loss: _Loss, guess: Array | None) -> _State:
     theta = problem.theta(z)
     pose = problem.chain.pose(problem.q, theta, guess)
     residual = problem.residual(theta, pose)
-    distance = np.linalg.norm(residual, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        far = distance > threshold
-        weight = np.where(far, threshold / distance, 1.0)
-        loss = np.where(far, 2 * threshold * distance - threshold**2, distance**2)
-    cost = float(np.sum(loss) + np.sum(z[problem.has_prior[problem.free]] ** 2))
+    losses, weight = loss(np.linalg.norm(residual, axis=1))
+    cost = float(np.sum(losses) + np.sum(z[problem.has_prior[problem.free]] ** 2))
     return _State(z, theta, pose, residual, weight, cost if np.isfinite(cost) else np.inf)

@@ -1,0 +1,141 @@
+"""The least-squares problem: its unknowns, its slope, and where the search comes to rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identification_bench import ROBOT, errors, found, rms
+from six_rods import Cell, SixRods, workspace
+
+from delta_calibration.errors import DataError
+from delta_calibration.identification import chain_of
+from delta_calibration.identification.fit import prepare
+from delta_calibration.identification.problem import _Loss, solve
+
+
+def problem_of(poses, model=None):
+    return prepare(poses, ROBOT, chain_of(ROBOT, model))[2]
+
+
+@pytest.fixture(scope="module", name="problem")
+def problem_fixture():
+    return problem_of(found(0)[1])
+
+
+def away(problem, rng):
+    """Unknowns of a machine with errors, its reflector 20 mm off."""
+    z = rng.standard_normal(len(problem.theta0))
+    z[problem.offset_rows()] = 0.4 * rng.standard_normal(3)
+    return z
+
+
+def test_unknowns_and_parameters_turn_into_each_other(problem):
+    z = away(problem, np.random.default_rng(1))
+    np.testing.assert_allclose(problem.unknowns(problem.theta(z)), z, atol=1e-9)
+    np.testing.assert_array_equal(problem.theta(0 * z), problem.theta0)
+
+
+def test_slope_is_that_of_the_whitened_prediction(problem):
+    part = problem.take(np.arange(0, 80, 16))
+    z, h = away(part, np.random.default_rng(2)), 1e-4
+    theta = part.theta(z)
+    slope = part.slope(theta, part.chain.pose(part.q, theta))
+
+    def residual(z):
+        theta = part.theta(z)
+        return part.residual(theta, part.chain.pose(part.q, theta))
+
+    for k in range(len(z)):
+        d = h * (np.arange(len(z)) == k)
+        numeric = (residual(z - d) - residual(z + d)) / (2 * h)
+        np.testing.assert_allclose(slope[..., k], numeric, atol=1e-4 * np.abs(slope).max())
+
+
+def test_whitened_residuals_of_the_truth_have_unit_size():
+    """Known noise, no fit: the covariance that is taken is the one that was put in."""
+    rng = np.random.default_rng(3)
+    cell = Cell(SixRods())
+    poses = cell.measure(np.repeat(workspace(150, rng), 2, axis=0), rng)
+    problem = problem_of(poses)
+    missed = poses.point - cell.reading(poses.joint)
+    white = (problem.whiten @ missed[..., None])[..., 0]
+    covariance = white.T @ white / len(white)
+    np.testing.assert_allclose(covariance, np.eye(3), atol=5 * np.sqrt(2 / len(white)))
+
+
+def test_where_the_search_rests_does_not_depend_on_where_it_starts(problem):
+    one = solve(problem)
+    other = solve(problem, away(problem, np.random.default_rng(4)))
+    assert other.cost == pytest.approx(one.cost, abs=0.1)  # of chi square
+    apart = problem.chain.reading(one.pose, one.theta) - problem.chain.reading(
+        other.pose, other.theta
+    )
+    assert rms(apart) < 2e-7
+
+
+def test_fixed_parameters_stay(problem):
+    free = np.arange(len(problem.theta0)) % 2 == 0
+    solution = solve(problem.only(free))
+    moved = np.linalg.solve(problem.basis, solution.theta - problem.theta0)
+    np.testing.assert_allclose(moved[~free], 0, atol=1e-9)
+    assert np.abs(moved[free]).max() > 0.1
+
+
+def test_a_machine_as_drawn_stays_as_drawn():
+    """Noise moves no part by more than twice its tolerance, and the prediction not that far."""
+    rng = np.random.default_rng(5)
+    cell = Cell(SixRods())
+    poses = cell.measure(np.repeat(workspace(30, rng), 2, axis=0), rng)
+    solution = solve(problem_of(poses))
+    chain, theta = solution.problem.chain, solution.theta
+    assert np.abs(solution.z[: chain.geometry_size]).max() < 2
+    q = workspace(100, rng)
+    assert rms(chain.reading(chain.pose(q, theta), theta) - cell.reading(q)) < 8e-6
+
+
+def test_loss_by_distance():
+    """Square to the bend, straight to the cut, flat beyond, without a step; weight rho' / 2 d."""
+    loss, d = _Loss(4.0, 12.0), np.array([0.0, 3.0, 4.0, 8.0, 12.0, 12.1, 1e4])
+    rho, weight = loss(d)
+    np.testing.assert_allclose(rho, [0, 9, 16, 48, 80, 80, 80])
+    np.testing.assert_allclose(weight, [1, 1, 1, 0.5, 1 / 3, 0, 0])
+    h, d = 1e-6, np.linspace(0.5, 11.7, 30)
+    slope = (loss(d + h)[0] - loss(d - h)[0]) / (2 * h)
+    np.testing.assert_allclose(slope, 2 * d * loss(d)[1], rtol=1e-6)
+    plain, believed = _Loss()(d)
+    np.testing.assert_allclose(plain, d**2)
+    np.testing.assert_array_equal(believed, 1)
+
+
+def test_a_little_far_is_believed_less_and_far_not_at_all(problem):
+    clean, missed = solve(problem), np.array([0.6, 0.0, 0.8])
+    weights, moved = [], []
+    for far in (25e-6, 10e-3, 20e-3):
+        y = problem.y.copy()
+        y[40] += far * missed
+        solution = solve(replace(problem, y=y))
+        weights.append(solution.weight[40])
+        moved.append(
+            rms(problem.chain.reading(solution.pose, solution.theta) - clean_points(clean))
+        )
+    assert 0 < weights[0] < 1
+    assert weights[1:] == [0, 0]
+    assert moved[1] == pytest.approx(moved[2], abs=1e-8)
+    assert max(moved) < 5e-6
+
+
+def clean_points(solution):
+    return solution.problem.chain.reading(solution.pose, solution.theta)
+
+
+def test_a_start_out_of_reach_is_refused_by_pose():
+    rng = np.random.default_rng(6)
+    poses = Cell(SixRods(errors(rng))).measure(workspace(20, rng), rng)
+    problem = problem_of(poses, "rotary_delta")
+    z = np.zeros(len(problem.theta0))
+    for leg in (1, 2, 3):
+        z[problem.chain.parameters.row(f"rod_{leg}")] = -3500.0  # 0.7 m short
+    with pytest.raises(DataError, match=r"pose 1 of 20 cannot be reached .* joints .* rad"):
+        solve(problem, z)
