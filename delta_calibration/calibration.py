@@ -11,6 +11,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
+from delta_calibration.samples import at_rest
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,6 @@ class Calibration:
         measured.
         """
         _, offset, frame = self.chain.split(self.theta)
-        x = self.chain.pose(q, self.theta)
+        x = self.chain.pose(at_rest(q), self.theta)
         standoff = self.chain.point(x, offset) - self.chain.point(x, self.robot.tool_offset)
         return frame.inverse().apply(readings) - standoff

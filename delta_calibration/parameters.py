@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ class Parameter:
 
     `prior` is the standard deviation one expects of (actual - nominal) before any measurement;
     `inf` where nothing is known. `cause` is the name under which an error of this parameter is
-    reported, `location` the joint or chain that it belongs to.
+    reported, `location` the joint or chain that it belongs to. Beyond `lower` and `upper` no
+    machine can be: no stiffness is negative, no metal grows by a hundredth.
     """
 
     name: str
@@ -28,6 +30,8 @@ class Parameter:
     prior: float
     cause: str = "geometry"
     location: str | None = None
+    lower: float = -inf
+    upper: float = inf
 
 
 @dataclass(frozen=True)

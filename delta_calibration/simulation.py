@@ -23,6 +23,7 @@ from delta_calibration.samples import (
     Session,
     TemperatureStream,
     TrackerStream,
+    at_rest,
 )
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ class Machine:
 
     def tool_points(self, q: Array) -> Array:
         """Where the tool truly is in the base at joint angles q, (n, 3) [m]; NaN out of reach."""
-        x = self.chain.pose(q, self.theta)
+        x = self.chain.pose(at_rest(q), self.theta)
         return self.chain.point(x, self.tool)
 
     def readings(self, q: Array, rng: np.random.Generator) -> Array:
@@ -62,9 +63,9 @@ class Machine:
         Raises:
             ReachError: joint angles at which the machine cannot be assembled.
         """
-        x = self.chain.pose(q, self.theta)
+        x = self.chain.pose(at_rest(q), self.theta)
         self.chain.mechanism.require_reach(x, q, "joint command", "rad")
-        true = self.chain.reading(x, self.theta)
+        true = self.chain.reading(at_rest(q), x, self.theta)
         distance = np.linalg.norm(true, axis=1, keepdims=True)
         beam = true / distance
         along, across = self.robot.tracker.sigmas(distance)

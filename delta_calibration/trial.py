@@ -66,8 +66,8 @@ def true_errors(
     Seen through the calibration's own frame and reflector offset, as that is the base that the
     cell works in.
     """
-    x = machine.chain.pose(poses.joint, machine.theta)
-    true = machine.chain.reading(x, machine.theta)
+    x = machine.chain.pose(poses.conditions, machine.theta)
+    true = machine.chain.reading(poses.conditions, x, machine.theta)
     reached = calibration.tool_points(true, poses.joint)
     return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
 

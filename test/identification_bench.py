@@ -9,6 +9,7 @@ from six_rods import Cell, SixRods, workspace
 
 from delta_calibration.identification import identify
 from delta_calibration.robot import load_robot
+from delta_calibration.samples import at_rest
 
 ROBOT = load_robot("srbd")
 PARAMETERS = ROBOT.model("six_rod_delta").parameters
@@ -30,7 +31,7 @@ def found(seed):
 
 
 def prediction(result, q):
-    return result.chain.reading(result.chain.pose(q, result.theta), result.theta)
+    return result.chain.predict(at_rest(q), result.theta)
 
 
 def rms(vectors):

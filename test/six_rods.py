@@ -157,6 +157,7 @@ def poses_of(
         count=np.full(n, count),
         scatter=scatter,
         direction=direction,
+        travel=np.full_like(direction, np.inf),
         payload=np.zeros(n),
         payload_centre=np.zeros((n, 3)),
         temperature_parts=(),

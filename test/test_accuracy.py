@@ -18,7 +18,7 @@ from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
 from delta_calibration.plans import CUBE, legs, make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import JointStream, Session, TrackerStream, collect, match
+from delta_calibration.samples import JointStream, Session, TrackerStream, at_rest, collect, match
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
@@ -222,7 +222,7 @@ def test_at_of_a_simulated_session_is_the_machines_own_deviation(simulated):
         ("circle", CUBE.circle(), np.roll(CUBE.circle()[:-1] - CUBE.centre, -25, axis=0)),
     ):
         q = drawing_joints(way[: len(tangent)])
-        there = machine.chain.reading(machine.chain.pose(q, machine.theta), machine.theta)
+        there = machine.chain.predict(at_rest(q), machine.theta)
         off = there @ turn.T + place - way[: len(tangent)]
         unit = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
         square = off - np.sum(off * unit, axis=1, keepdims=True) * unit

@@ -9,6 +9,7 @@ from six_rods import Cell, SixRods, workspace
 from delta_calibration.chain import Chain
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
+from delta_calibration.samples import at_rest
 
 ROBOT = load_robot("srbd")
 
@@ -35,7 +36,7 @@ def test_readings_of_a_crooked_machine():
     six = chain("six_rod_delta")
     geometry = six.mechanism.parameters.nominal + np.array(list(errors.values()))
     theta = six.join(geometry, np.array(cell.offset), frame_of(cell))
-    reading = six.reading(six.pose(q, theta), theta)
+    reading = six.predict(at_rest(q), theta)
     np.testing.assert_allclose(reading, cell.reading(q), atol=1e-12)
 
 
@@ -47,7 +48,7 @@ def test_every_parameter_moves_the_reading_as_its_name_says():
     six, h = chain("six_rod_delta"), 1e-6
     geometry = six.mechanism.parameters.nominal + np.array(list(errors.values()))
     theta = six.join(geometry, np.array(cell.offset), frame_of(cell))
-    jacobian = six.jacobian(q, six.pose(q, theta), theta)
+    jacobian = six.jacobian(at_rest(q), six.pose(at_rest(q), theta), theta)
     for column, name in enumerate(six.mechanism.parameters.names):
         up, down = ({**errors, name: errors[name] + d} for d in (h, -h))
         slope = Cell(SixRods(up), cell.offset).reading(q) - Cell(
@@ -62,11 +63,12 @@ def test_jacobian_by_offset_and_frame(model):
     c, q, h = chain(model), workspace(6, rng), 1e-6
     theta = c.join(c.mechanism.parameters.nominal, rng.normal(size=3) * 0.05, Frame.identity())
     theta[-6:] = [0.3, -0.2, 1.9, -2.0, 1.0, 0.5]
-    x = c.pose(q, theta)
-    jacobian = c.jacobian(q, x, theta)
+    x = c.pose(at_rest(q), theta)
+    jacobian = c.jacobian(at_rest(q), x, theta)
     for column in range(c.geometry_size, len(theta)):
         d = h * (np.arange(len(theta)) == column)
-        slope = (c.reading(x, theta + d) - c.reading(x, theta - d)) / (2 * h)
+        up, down = (c.reading(at_rest(q), x, theta + s * d) for s in (1, -1))
+        slope = (up - down) / (2 * h)
         np.testing.assert_allclose(jacobian[..., column], slope, atol=1e-8)
 
 
@@ -75,10 +77,10 @@ def test_slope_by_joints(model):
     rng = np.random.default_rng(4)
     c, q, h = chain(model), workspace(6, rng), 1e-6
     theta = c.join(c.mechanism.parameters.nominal, np.array([0.05, 0, -0.02]), Frame.identity())
-    slope = c.point_by_joints(q, c.pose(q, theta), theta)
+    slope = c.point_by_joints(at_rest(q), c.pose(at_rest(q), theta), theta)
     for joint in range(3):
         d = h * np.eye(3)[joint]
-        moved = c.reading(c.pose(q + d, theta), theta) - c.reading(c.pose(q - d, theta), theta)
+        moved = c.predict(at_rest(q + d), theta) - c.predict(at_rest(q - d), theta)
         np.testing.assert_allclose(slope[..., joint], moved / (2 * h), atol=1e-8)
 
 
@@ -104,8 +106,8 @@ def test_out_of_reach_is_nan_in_its_row_alone():
     c = chain("six_rod_delta")
     short = c.mechanism.parameters.vector([(f"rod_{leg}", 0.4) for leg in (1, 2, 3)])
     theta = c.join(short, np.zeros(3), Frame.identity())
-    x = c.pose(np.array([[1.2, 1.2, 1.2], [0.0, 0.0, 0.0], [1.3, 1.2, 1.25]]), theta)
-    assert np.isfinite(c.reading(x, theta)).all(axis=1).tolist() == [True, False, True]
+    q = np.array([[1.2, 1.2, 1.2], [0.0, 0.0, 0.0], [1.3, 1.2, 1.25]])
+    assert np.isfinite(c.predict(at_rest(q), theta)).all(axis=1).tolist() == [True, False, True]
 
 
 def motions(rng):
@@ -118,7 +120,7 @@ def test_another_frame_moves_all_readings_as_one_rigid_body(model):
     c, q = chain(model), workspace(12, rng)
     geometry, offset = c.mechanism.parameters.nominal, np.array([0.05, 0.0, -0.02])
     seen = [
-        c.reading(c.pose(q, theta), theta)
+        c.predict(at_rest(q), theta)
         for theta in (c.join(geometry, offset, frame) for frame in motions(rng))
     ]
     for points in seen[1:]:
@@ -134,7 +136,7 @@ def test_a_reflector_offset_is_a_translation_where_nothing_tilts():
     crooked = c.mechanism.parameters.nominal + c.mechanism.parameters.prior * rng.normal(size=24)
     offset = np.array([0.04, -0.03, 0.01])
     with_it, without = (
-        c.reading(c.pose(q, theta), theta)
+        c.predict(at_rest(q), theta)
         for theta in (c.join(crooked, o, frame) for o in (offset, 0 * offset))
     )
     np.testing.assert_allclose(
@@ -149,7 +151,7 @@ def test_a_reflector_offset_turns_with_a_platform_that_tilts():
     g = c.mechanism.parameters.vector([("rod_mismatch_1", 1e-4)])
     offset = np.array([0.0, 0.06, 0.0])
     with_it, without = (
-        c.reading(c.pose(q, theta), theta)
+        c.predict(at_rest(q), theta)
         for theta in (c.join(g, o, Frame.identity()) for o in (offset, 0 * offset))
     )
     _, turn = SixRods({"rod_mismatch_1": 1e-4}).pose(q)

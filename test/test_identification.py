@@ -40,8 +40,9 @@ def combinations(cell, poses, result):
     They are the independent directions of the claimed covariance of what the model predicts at the
     measured places; the truth comes from the other machine, so no gauge enters.
     """
-    x = result.chain.pose(poses.joint, result.theta)
-    jacobian = result.chain.jacobian(poses.joint, x, result.theta).reshape(-1, len(result.theta))
+    x = result.chain.pose(poses.conditions, result.theta)
+    jacobian = result.chain.jacobian(poses.conditions, x, result.theta)
+    jacobian = jacobian.reshape(-1, len(result.theta))
     values, axes = np.linalg.eigh(jacobian @ result.covariance @ jacobian.T)
     error = (prediction(result, poses.joint) - cell.reading(poses.joint)).reshape(-1)
     return (axes.T @ error)[-33:] / np.sqrt(values[-33:])
@@ -102,9 +103,7 @@ def test_frame_alone_is_the_nominal_machine_and_stands_beside():
     nominal = PARAMETERS.nominal
     np.testing.assert_array_equal(result.frame_only_theta[:60], nominal)
     np.testing.assert_array_equal(result.frame_only_theta[60:63], 0)
-    fitted = result.chain.reading(
-        result.chain.pose(poses.joint, result.frame_only_theta), result.frame_only_theta
-    )
+    fitted = result.chain.predict(poses.conditions, result.frame_only_theta)
     assert rms(fitted - poses.point) == pytest.approx(result.frame_only.in_sample)
     assert result.frame_only.in_sample > 10 * result.full.in_sample
 

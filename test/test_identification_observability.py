@@ -36,7 +36,7 @@ def test_rank_and_each_sentence_about_what_does_not_show(model, rank, columns):
             return (up - down).reshape(-1, 3) @ frame.rotation.T / (2 * h)
         d = h * (np.arange(len(nominal)) == row)
         up, down = (
-            chain.reading(chain.pose(poses.joint, t), t) for t in (nominal + d, nominal - d)
+            chain.predict(poses.conditions, t) for t in (nominal + d, nominal - d)
         )
         return (up - down) / (2 * h)
 

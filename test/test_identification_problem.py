@@ -13,6 +13,7 @@ from delta_calibration.errors import DataError
 from delta_calibration.identification import chain_of
 from delta_calibration.identification.fit import prepare
 from delta_calibration.identification.problem import _Loss, solve
+from delta_calibration.samples import at_rest
 
 
 def problem_of(poses, model=None):
@@ -41,11 +42,11 @@ def test_slope_is_that_of_the_whitened_prediction(problem):
     part = problem.take(np.arange(0, 80, 16))
     z, h = away(part, np.random.default_rng(2)), 1e-4
     theta = part.theta(z)
-    slope = part.slope(theta, part.chain.pose(part.q, theta))
+    slope = part.slope(theta, part.chain.pose(part.at, theta))
 
     def residual(z):
         theta = part.theta(z)
-        return part.residual(theta, part.chain.pose(part.q, theta))
+        return part.residual(theta, part.chain.pose(part.at, theta))
 
     for k in range(len(z)):
         d = h * (np.arange(len(z)) == k)
@@ -69,9 +70,7 @@ def test_where_the_search_rests_does_not_depend_on_where_it_starts(problem):
     one = solve(problem)
     other = solve(problem, away(problem, np.random.default_rng(4)))
     assert other.cost == pytest.approx(one.cost, abs=0.1)  # of chi square
-    apart = problem.chain.reading(one.pose, one.theta) - problem.chain.reading(
-        other.pose, other.theta
-    )
+    apart = points(one) - points(other)
     assert rms(apart) < 2e-7
 
 
@@ -92,7 +91,7 @@ def test_a_machine_as_drawn_stays_as_drawn():
     chain, theta = solution.problem.chain, solution.theta
     assert np.abs(solution.z[: chain.geometry_size]).max() < 2
     q = workspace(100, rng)
-    assert rms(chain.reading(chain.pose(q, theta), theta) - cell.reading(q)) < 8e-6
+    assert rms(chain.predict(at_rest(q), theta) - cell.reading(q)) < 8e-6
 
 
 def test_loss_by_distance():
@@ -117,17 +116,16 @@ def test_a_little_far_is_believed_less_and_far_not_at_all(problem):
         y[40] += far * missed
         solution = solve(replace(problem, y=y))
         weights.append(solution.weight[40])
-        moved.append(
-            rms(problem.chain.reading(solution.pose, solution.theta) - clean_points(clean))
-        )
+        moved.append(rms(points(solution) - points(clean)))
     assert 0 < weights[0] < 1
     assert weights[1:] == [0, 0]
     assert moved[1] == pytest.approx(moved[2], abs=1e-8)
     assert max(moved) < 5e-6
 
 
-def clean_points(solution):
-    return solution.problem.chain.reading(solution.pose, solution.theta)
+def points(solution):
+    problem = solution.problem
+    return problem.chain.reading(problem.at, solution.pose, solution.theta)
 
 
 def test_a_start_out_of_reach_is_refused_by_pose():

@@ -35,6 +35,7 @@ from sensor_msgs.msg import JointState
 from delta_calibration.cell.desk import Desk
 from delta_calibration.ros.calibration_node import MARK
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp, stamp_to_ns
+from delta_calibration.samples import at_rest
 
 pytestmark = pytest.mark.ros
 
@@ -68,7 +69,7 @@ def test_a_command_is_passed_through_compensated_and_passed_again(
 
 def true_error(desk: Desk, q: np.ndarray) -> float:
     """Distance of the true tool at q from the nominal one at Q, in the calibration's base [m]."""
-    reading = MACHINE.chain.reading(MACHINE.chain.pose(q[None], MACHINE.theta), MACHINE.theta)
+    reading = MACHINE.chain.predict(at_rest(q[None]), MACHINE.theta)
     reached = desk.calibration.tool_points(reading, q[None])[0]
     nominal = ROBOT.model("rotary_delta")
     meant = nominal.forward(Q[None], nominal.parameters.nominal)[0] + ROBOT.tool_offset

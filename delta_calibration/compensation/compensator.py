@@ -20,6 +20,7 @@ from delta_calibration.compensation.base import Compensator, Correction, Flags
 from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton, available
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 from delta_calibration.errors import InputError
+from delta_calibration.samples import at_rest
 
 Array = NDArray[np.float64]
 
@@ -118,7 +119,8 @@ class JointCompensator:
             return self._fast.point(q)
         flat = q.reshape(-1, q.shape[-1])
         chain = self.calibration.chain
-        point = chain.point(chain.pose(flat, self.calibration.theta), self.robot.tool_offset)
+        x = chain.pose(at_rest(flat), self.calibration.theta)
+        point = chain.point(x, self.robot.tool_offset)
         return point.reshape((*q.shape[:-1], 3))
 
     def jacobian(self, q: Array) -> Array:
@@ -127,7 +129,7 @@ class JointCompensator:
             return self._fast.jacobian(q)
         flat = q.reshape(-1, q.shape[-1])
         chain, geometry = self.calibration.chain, self.calibration.geometry
-        x = chain.pose(flat, self.calibration.theta)
+        x = chain.pose(at_rest(flat), self.calibration.theta)
         slope = chain.point_by_pose(x, self.robot.tool_offset)
         slope = slope @ chain.mechanism.velocity_jacobian(flat, x, geometry)
         return slope.reshape((*q.shape[:-1], 3, q.shape[-1]))

@@ -1,15 +1,27 @@
 """From measured poses to what the machine really is."""
 
-from delta_calibration.identification.fit import Identification, Residuals, chain_of, identify
-from delta_calibration.identification.noise import Noise
+from delta_calibration.identification.fit import (
+    Identification,
+    Residuals,
+    chain_of,
+    identify,
+    prepare,
+)
+from delta_calibration.identification.noise import Noise, whitening
 from delta_calibration.identification.observability import Observability, Redundancy
+from delta_calibration.identification.problem import Problem, Solution, solve
 
 __all__ = [
     "Identification",
     "Noise",
     "Observability",
+    "Problem",
     "Redundancy",
     "Residuals",
+    "Solution",
     "chain_of",
     "identify",
+    "prepare",
+    "solve",
+    "whitening",
 ]

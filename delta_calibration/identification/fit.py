@@ -100,15 +100,17 @@ def identify(
     require_poses(poses, _FEWEST)
     chain = chain_of(robot, model)
     start, noise, problem = prepare(poses, robot, chain)
-    frame_free = np.arange(len(start)) >= len(start) - 6
+    frame_free = np.zeros(len(start), dtype=bool)
+    frame_free[chain.base_size - 6 : chain.base_size] = True
     registered = solve(problem.only(frame_free), robust=False)
     _refuse_another_robot(registered, poses, robot)
     full = solve(problem)
     folds = _folds(poses, np.random.default_rng(seed))
     covariance, chi_square = _covariance(full)
     drawing = chain.join(*_nominal_but_frame(chain, full.theta))
+    at = poses.conditions
     observability = observe(
-        problem.whiten @ chain.jacobian(poses.joint, chain.pose(poses.joint, drawing), drawing),
+        problem.whiten @ chain.jacobian(at, chain.pose(at, drawing), drawing),
         np.diag(problem.basis),
         chain.parameters.names,
     )
@@ -145,16 +147,16 @@ def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Pro
     except DataError as error:
         raise DataError(f"{poses.source}: {error}") from error
     start = chain.join(nominal, chain.offset, frame)
-    slope = frame.rotation @ chain.point_by_joints(poses.joint, x, start)
+    slope = frame.rotation @ chain.point_by_joints(poses.conditions, x, start)
     noise = estimate_noise(poses, slope, robot)
     whiten = whitening(noise.covariance(poses, slope, robot.tracker))
-    return start, noise, build_problem(chain, poses.joint, poses.point, whiten, start)
+    return start, noise, build_problem(chain, poses.conditions, poses.point, whiten, start)
 
 
 def distances(solution: Solution) -> Array:
     """3-D distance between measured and predicted, (n,) [m]."""
     chain, problem = solution.problem.chain, solution.problem
-    missed = problem.y - chain.reading(solution.pose, solution.theta)
+    missed = problem.y - chain.reading(problem.at, solution.pose, solution.theta)
     return np.asarray(np.linalg.norm(missed, axis=1))
 
 
@@ -175,9 +177,10 @@ def _residuals(solution: Solution, folds: NDArray[np.int64]) -> Residuals:
     for part in np.unique(folds):
         held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
         fitted = solve(problem.take(seen), solution.z, settled=_GOOD_ENOUGH)
-        x = problem.chain.pose(problem.q[held], fitted.theta)
-        problem.chain.mechanism.require_reach(x, problem.q[held], "held-out command", "rad")
-        missed[held] = problem.y[held] - problem.chain.reading(x, fitted.theta)
+        at = problem.at.take(held)
+        x = problem.chain.pose(at, fitted.theta)
+        problem.chain.mechanism.require_reach(x, at.joint, "held-out command", "rad")
+        missed[held] = problem.y[held] - problem.chain.reading(at, x, fitted.theta)
     whitened = (problem.whiten @ missed[..., None])[..., 0]
     distance = np.linalg.norm(missed, axis=1)
     return Residuals(
@@ -216,7 +219,7 @@ def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> Non
     """
     problem = solution.problem
     geometry = slice(0, problem.chain.geometry_size)
-    slope = problem.chain.jacobian(problem.q, solution.pose, solution.theta)[..., geometry]
+    slope = problem.chain.jacobian(problem.at, solution.pose, solution.theta)[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.sqrt(np.sum(spread**2) / len(spread)))
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))

@@ -26,9 +26,10 @@ Index = NDArray[np.int64]
 
 # degrees of freedom from which a spread is measured rather than taken from the robot's file
 _ENOUGH = 20
-_DIFFERS = 0.05  # probability under which poses of one place differ by more than chance
+_DIFFERS = 0.01  # probability under which poses of one place differ by more than chance
 _GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+_SOON = 600.0  # [s] between repeats that differ by noise alone
 _LEAST, _MOST = 1e-7, 1e-3  # [rad] between which the repeatability is searched
 
 
@@ -77,6 +78,7 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
     label = _alike(_without_gross(poses, covariance), covariance)
+    label = _soon(label, poses.time)
     deviation, degrees = _deviations(poses.point, label)
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
@@ -134,7 +136,7 @@ def _alike(poses: Poses, covariance: Array) -> Index:
     """Number of the group of poses that should agree, (n,).
 
     Repeats agree by design: same command, same side, same payload. Poses of the same command only
-    are taken together as well, for a better estimate, unless a test at 5 % says that side or
+    are taken together as well, for a better estimate, unless a test at 1 % says that side or
     payload matters: an F test against the repeats, a chi-square test against the robot file's
     noise where nothing was repeated.
     """
@@ -151,6 +153,19 @@ def _alike(poses: Poses, covariance: Array) -> Index:
         ratio = ((total - within) / between_degrees) / (within / strict_degrees)
         chance = fdtrc(3 * between_degrees, 3 * strict_degrees, ratio)
     return poses.repeat if chance < _DIFFERS else poses.place
+
+
+def _soon(label: Index, time: Array) -> Index:
+    """The groups, cut where more than ten minutes pass between two poses of one, (n,).
+
+    What creeps with temperature or time is no noise. Where too few repeats follow each other so
+    soon, the groups stay whole.
+    """
+    order = np.lexsort((time, label))
+    late = np.r_[True, (np.diff(label[order]) != 0) | (np.diff(time[order]) > _SOON)]
+    cut = np.empty_like(label)
+    cut[order] = np.cumsum(late) - 1
+    return cut if 3 * (len(label) - int(late.sum())) >= _ENOUGH else label
 
 
 def _deviations(values: Array, label: Index) -> tuple[Array, int]:

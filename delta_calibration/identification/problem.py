@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.errors import DataError
+from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -40,7 +41,7 @@ class Problem:
     """Poses to be explained by a chain."""
 
     chain: Chain
-    q: Array  # (n, m) [rad]
+    at: Conditions  # of the n poses
     y: Array  # (n, 3) [m] in the tracker's frame
     whiten: Array  # (n, 3, 3) [1/m]
     theta0: Array  # (P,) prior mean and start
@@ -51,14 +52,14 @@ class Problem:
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """The same problem on some of the poses."""
         return Problem(
-            self.chain, self.q[rows], self.y[rows], self.whiten[rows],
+            self.chain, self.at.take(rows), self.y[rows], self.whiten[rows],
             self.theta0, self.basis, self.has_prior, self.free,
         )  # fmt: skip
 
     def only(self, free: Mask) -> Problem:
         """The same problem with other parameters free."""
         return Problem(
-            self.chain, self.q, self.y, self.whiten, self.theta0, self.basis, self.has_prior, free
+            self.chain, self.at, self.y, self.whiten, self.theta0, self.basis, self.has_prior, free
         )
 
     def theta(self, z: Array) -> Array:
@@ -71,12 +72,12 @@ class Problem:
 
     def residual(self, theta: Array, x: Array) -> Array:
         """Whitened measured less predicted, (n, 3)."""
-        missed = self.y - self.chain.reading(x, theta)
+        missed = self.y - self.chain.reading(self.at, x, theta)
         return (self.whiten @ missed[..., None])[..., 0]
 
     def slope(self, theta: Array, x: Array) -> Array:
         """d(whitened prediction)/dz, (n, 3, F)."""
-        return self.whiten @ (self.chain.jacobian(self.q, x, theta) @ self.basis[:, self.free])
+        return self.whiten @ (self.chain.jacobian(self.at, x, theta) @ self.basis[:, self.free])
 
     def offset_rows(self) -> Mask:
         """Which of the free unknowns are the reflector's offset, (F,)."""
@@ -99,14 +100,17 @@ class Solution:
     steps: int
 
 
-def build_problem(chain: Chain, q: Array, y: Array, whiten: Array, start: Array) -> Problem:
+def build_problem(
+    chain: Chain, at: Conditions, y: Array, whiten: Array, start: Array
+) -> Problem:
     """A problem with every parameter free, scales and priors from the chain's parameters."""
     prior = chain.parameters.prior
     finite = np.isfinite(prior)
     basis = np.diag(np.where(finite, prior, _FRAME_STEP))
     offset = slice(chain.geometry_size, chain.geometry_size + 3)
-    basis[-3:, offset] = -chain.split(start)[2].rotation * chain.offset_prior
-    return Problem(chain, q, y, whiten, start, basis, finite, np.ones(len(prior), dtype=bool))
+    shift = slice(chain.base_size - 3, chain.base_size)
+    basis[shift, offset] = -chain.split(start)[2].rotation * chain.offset_prior
+    return Problem(chain, at, y, whiten, start, basis, finite, np.ones(len(prior), dtype=bool))
 
 
 @dataclass(frozen=True)
@@ -174,10 +178,10 @@ def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) 
     now = _state(problem, z, loss, None)
     if not np.isfinite(now.cost):
         bad = int(np.flatnonzero(~np.isfinite(now.pose).all(axis=1))[0])
+        joints = ", ".join(f"{v:.4f}" for v in problem.at.joint[bad])
         raise DataError(
-            f"pose {bad + 1} of {len(problem.q)} cannot be reached by the nominal robot: joints "
-            f"{', '.join(f'{v:.4f}' for v in problem.q[bad])} rad; another robot, or joints of "
-            "another zero?"
+            f"pose {bad + 1} of {len(problem.at)} cannot be reached by the nominal robot: joints "
+            f"{joints} rad; another robot, or joints of another zero?"
         )
     every = np.ones(len(z), dtype=bool)
     rest = ~problem.offset_rows()
@@ -234,7 +238,7 @@ class _State:
 
 def _state(problem: Problem, z: Array, loss: _Loss, guess: Array | None) -> _State:
     theta = problem.theta(z)
-    pose = problem.chain.pose(problem.q, theta, guess)
+    pose = problem.chain.pose(problem.at, theta, guess)
     residual = problem.residual(theta, pose)
     losses, weight = loss(np.linalg.norm(residual, axis=1))
     cost = float(np.sum(losses) + np.sum(z[problem.has_prior[problem.free]] ** 2))

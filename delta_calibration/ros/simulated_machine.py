@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from delta_calibration.errors import ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.robot import Robot
+from delta_calibration.samples import at_rest
 from delta_calibration.simulation import Machine
 
 Array = NDArray[np.float64]
@@ -98,7 +99,7 @@ class SimulatedMachine:
         if self._machine.robot.tracker.measures == "position":
             return UPRIGHT
         chain, theta = self._machine.chain, self._machine.theta
-        x = chain.pose((joint + self._rest_error)[None], theta)
+        x = chain.pose(at_rest((joint + self._rest_error)[None]), theta)
         frame = chain.split(theta)[2]
         orientation = frame.rotation @ chain.mechanism.rotation(x)[0]
         return rotations.to_quaternion(orientation)

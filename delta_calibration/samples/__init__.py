@@ -1,6 +1,8 @@
 """What was commanded and measured: streams, readings, still moments, poses, noise."""
 
-from delta_calibration.samples.poses import Poses, collect, require_poses
+from delta_calibration.samples.conditions import Conditions, at_rest, joined
+from delta_calibration.samples.motion import Motion, Stroke, motion_of
+from delta_calibration.samples.poses import Paths, Poses, Survey, collect, require_poses, survey
 from delta_calibration.samples.readings import Readings, Rejected, match
 from delta_calibration.samples.streams import (
     JointStream,
@@ -11,15 +13,24 @@ from delta_calibration.samples.streams import (
 )
 
 __all__ = [
+    "Conditions",
     "JointStream",
+    "Motion",
+    "Paths",
     "PayloadStream",
     "Poses",
     "Readings",
     "Rejected",
     "Session",
+    "Stroke",
+    "Survey",
     "TemperatureStream",
     "TrackerStream",
+    "at_rest",
     "collect",
+    "joined",
     "match",
+    "motion_of",
     "require_poses",
+    "survey",
 ]

@@ -1,4 +1,4 @@
-"""Measured poses: what identification works on, each with the conditions it was measured under."""
+"""Measured poses and paths, each sample with the conditions it was measured under."""
 
 from __future__ import annotations
 
@@ -10,16 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
+from delta_calibration.samples.conditions import Conditions
+from delta_calibration.samples.motion import Motion, motion_of
 from delta_calibration.samples.readings import Readings, Rejected, match
 from delta_calibration.samples.still import StillMoments, find_still
-from delta_calibration.samples.streams import JointStream, PayloadStream, Session
+from delta_calibration.samples.streams import PayloadStream, Session
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_APPROACH = 200e-6  # [rad] a joint that was this far from the pose has moved into it
 _SAME_PLACE = 200e-6  # [rad] commands this close are the same place
 _SAME_PAYLOAD = 1e-3  # [kg]
+_PAUSE = 0.25  # [s] readings farther apart are not of one path
+_PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad] the shortest path worth using
+_BLOCK = 2.5e-3  # [rad] of joint travel over which a path is straight to half a micrometre
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class Poses:
     count: Index  # (n,) readings averaged
     scatter: Array  # (n, 3, 3) [m^2] of a single reading
     direction: Array  # (n, m) sign of each joint's last motion, 0 where not known
+    travel: Array  # (n, m) [rad] since each joint last turned, infinite where not known
     payload: Array  # (n,) [kg], NaN where not known
     payload_centre: Array  # (n, 3) [m]
     temperature_parts: tuple[str, ...]
@@ -54,6 +59,25 @@ class Poses:
     def __len__(self) -> int:
         return len(self.time)
 
+    @property
+    def conditions(self) -> Conditions:
+        """What held at each pose; nothing moves."""
+        still = np.zeros_like(self.joint)
+        return Conditions(
+            joint=self.joint,
+            time=self.time,
+            velocity=still,
+            acceleration=still,
+            direction=self.direction,
+            travel=self.travel,
+            payload=self.payload,
+            payload_centre=self.payload_centre,
+            temperature_parts=self.temperature_parts,
+            temperature=self.temperature,
+            reading=self.point,
+            reading_velocity=np.zeros_like(self.point),
+        )
+
     def take(self, rows: NDArray[np.intp]) -> Poses:
         """Some of the poses; what is said of the session as a whole stays."""
         each: dict[str, Any] = {
@@ -64,6 +88,30 @@ class Poses:
         return replace(self, **each)
 
 
+@dataclass(frozen=True)
+class Paths:
+    """Readings taken in motion, averaged over 2.5 mrad of travel at most.
+
+    `path` numbers the stretches of uninterrupted motion: the joints come to rest a little off
+    their command once a move, so that along a path this is an offset and no noise.
+    """
+
+    conditions: Conditions
+    count: Index  # (n,) readings averaged
+    path: Index  # (n,)
+
+    def __len__(self) -> int:
+        return len(self.path)
+
+
+@dataclass(frozen=True)
+class Survey:
+    """All that a session has to say: what was measured at rest and in motion."""
+
+    poses: Poses
+    paths: Paths
+
+
 def collect(session: Session, joint_names: Sequence[str]) -> Poses:
     """Measured poses of a session with their conditions.
 
@@ -71,19 +119,35 @@ def collect(session: Session, joint_names: Sequence[str]) -> Poses:
         RecordingError: streams missing, or joints of another robot.
         DataError: no overlap in time, nothing still.
     """
+    return survey(session, joint_names).poses
+
+
+def survey(session: Session, joint_names: Sequence[str]) -> Survey:
+    """Measured poses and paths of a session with their conditions.
+
+    Raises:
+        RecordingError: streams missing, or joints of another robot.
+        DataError: no overlap in time, nothing still.
+    """
     readings = match(session, joint_names)
     moments, readings = find_still(readings)
+    motion = _motion(session, joint_names, readings.start_ns)
+    return Survey(
+        _poses(session, readings, moments, motion), _paths(session, readings, moments, motion)
+    )
+
+
+def _poses(session: Session, readings: Readings, moments: StillMoments, motion: Motion) -> Poses:
     middle = (moments.begin + moments.end) / 2
-    stamps = readings.start_ns + np.round(middle * 1e9).astype(np.int64)
+    stamps = _stamps(readings, middle)
     payload, centre = _payload(session.payload, stamps)
-    direction = _direction(session.states or session.command, joint_names, readings, moments)
+    _, _, direction, travel = motion.at(moments.begin)
     place = _clusters(moments.command, _SAME_PLACE)
     held = _clusters(np.nan_to_num(payload, nan=-1.0)[:, None], _SAME_PAYLOAD)
     _, repeat = np.unique(
         np.column_stack([place, held, direction.astype(np.int64)]), axis=0, return_inverse=True
     )
     tracker = session.tracker
-    total = 0 if tracker is None else len(tracker.stamp_ns)
     return Poses(
         source=session.source,
         start_ns=readings.start_ns,
@@ -95,17 +159,85 @@ def collect(session: Session, joint_names: Sequence[str]) -> Poses:
         count=moments.count,
         scatter=moments.scatter,
         direction=direction,
+        travel=travel,
         payload=payload,
         payload_centre=centre,
         temperature_parts=tuple(t.part for t in session.temperature),
         temperature=_temperature(session, stamps),
         place=place,
         repeat=repeat.reshape(-1).astype(np.int64),
-        readings=total,
+        readings=0 if tracker is None else len(tracker.stamp_ns),
         duration=float(readings.time[-1] - readings.time[0]),
         rejected=readings.rejected,
         notes=readings.notes,
     )
+
+
+def _paths(session: Session, readings: Readings, moments: StillMoments, motion: Motion) -> Paths:
+    block, path = _blocks(readings, moments)
+    used = block >= 0
+    label, first, number, count = np.unique(
+        block[used], return_index=True, return_inverse=True, return_counts=True
+    )
+
+    def mean(values: Array) -> Array:
+        total = np.zeros((len(label), *values.shape[1:]))
+        np.add.at(total, number, values[used])
+        return np.asarray(total / count.reshape((-1,) + (1,) * (values.ndim - 1)))
+
+    time = mean(readings.time)
+    stamps = _stamps(readings, time)
+    payload, centre = _payload(session.payload, stamps)
+    velocity, acceleration, direction, travel = motion.at(time)
+    conditions = Conditions(
+        joint=mean(readings.joint),
+        time=time,
+        velocity=velocity,
+        acceleration=acceleration,
+        direction=direction,
+        travel=travel,
+        payload=payload,
+        payload_centre=centre,
+        temperature_parts=tuple(t.part for t in session.temperature),
+        temperature=_temperature(session, stamps),
+        reading=mean(readings.point),
+        reading_velocity=np.full((len(label), 3), np.nan),
+    )
+    return Paths(conditions, count.astype(np.int64), path[used][first])
+
+
+def _blocks(readings: Readings, moments: StillMoments) -> tuple[Index, Index]:
+    """Block and path that each reading belongs to, (n,) each; -1 for readings of no path."""
+    time, joint = readings.time, readings.joint
+    after = np.searchsorted(moments.begin, time, side="right") - 1
+    resting = (after >= 0) & (time <= moments.end[np.clip(after, 0, None)])
+    broken = np.r_[True, (np.diff(time) > _PAUSE) | (np.diff(resting.astype(int)) != 0)]
+    path = np.cumsum(broken) - 1
+    gone = np.abs(np.diff(joint, axis=0, prepend=joint[:1])).max(axis=1)
+    gone[broken] = 0.0
+    size = np.bincount(path)
+    length = np.bincount(path, weights=gone)
+    good = (size[path] >= _PATH_READINGS) & (length[path] >= _PATH_LENGTH) & ~resting
+    # blocks of equal travel within each path
+    along = np.cumsum(gone)
+    along -= along[np.flatnonzero(broken)][path]
+    step = np.floor(along / _BLOCK).astype(np.int64)
+    block = np.cumsum(np.r_[True, (np.diff(step) != 0) | broken[1:]]) - 1
+    return np.where(good, block, -1), path.astype(np.int64)
+
+
+def _stamps(readings: Readings, time: Array) -> NDArray[np.int64]:
+    return readings.start_ns + np.round(time * 1e9).astype(np.int64)
+
+
+def _motion(session: Session, names: Sequence[str], start_ns: int) -> Motion:
+    """Of the commanded joints, which carry no noise; of the measured ones where none are known."""
+    stream = session.command or session.states
+    if stream is None:
+        return motion_of(np.zeros(1), np.zeros((1, len(names))))
+    columns = [stream.names.index(name) for name in names]
+    stamps, order = np.unique(stream.stamp_ns, return_index=True)
+    return motion_of((stamps - start_ns) * 1e-9, stream.position[order][:, columns])
 
 
 def require_poses(poses: Poses, least: int) -> None:
@@ -120,28 +252,6 @@ def require_poses(poses: Poses, least: int) -> None:
             f"{poses.source}: {places} different poses at rest, "
             f"{least} or more are needed to fit a model"
         )
-
-
-def _direction(
-    stream: JointStream | None, names: Sequence[str], readings: Readings, moments: StillMoments
-) -> Array:
-    """Sign of the last motion of each joint before each moment, (n, m)."""
-    signs = np.zeros_like(moments.joint)
-    if stream is None:
-        return signs
-    columns = [stream.names.index(name) for name in names]
-    order = np.argsort(stream.stamp_ns, kind="stable")
-    time = (stream.stamp_ns[order] - readings.start_ns) * 1e-9
-    angle = stream.position[order][:, columns]
-    ends = np.searchsorted(time, moments.begin, side="right")
-    starts = np.concatenate([[0], ends[:-1]]) if len(ends) else ends
-    for row, (start, end) in enumerate(zip(starts, ends, strict=True)):
-        past = angle[start:end] - moments.joint[row]
-        for joint in range(past.shape[1]):
-            away = np.flatnonzero(np.abs(past[:, joint]) > _APPROACH)
-            if away.size:
-                signs[row, joint] = -np.sign(past[away[-1], joint])
-    return signs
 
 
 def _payload(stream: PayloadStream | None, stamps: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -162,8 +272,9 @@ def _temperature(session: Session, stamps: NDArray[np.int64]) -> Array:
     columns = []
     for stream in session.temperature:
         order = np.argsort(stream.stamp_ns, kind="stable")
-        own = (stream.stamp_ns[order] - stamps[0]) * 1e-9
-        columns.append(np.interp((stamps - stamps[0]) * 1e-9, own, stream.celsius[order]))
+        first = stream.stamp_ns[order[0]]
+        own = (stream.stamp_ns[order] - first) * 1e-9
+        columns.append(np.interp((stamps - first) * 1e-9, own, stream.celsius[order]))
     return np.column_stack(columns) if columns else np.zeros((len(stamps), 0))
 
 

@@ -1,0 +1,91 @@
+"""What is tried as an explanation: effects with their shapes, single dimensions, smooth maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.effects import Effect
+from delta_calibration.effects.unexplained import UNEXPLAINED, Unexplained, families
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An explanation: an effect in one shape, or a dimension that is out of its tolerance.
+
+    `rows` are the parameters that are free: of the effect, or of the mechanism's geometry where
+    there is no effect.
+    """
+
+    cause: str
+    kind: str
+    location: str | None
+    effect: Effect | None
+    rows: tuple[int, ...]
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether it is a smooth map, which explains nothing."""
+        return self.cause == UNEXPLAINED
+
+    @property
+    def label(self) -> str:
+        """For people: cause, and where."""
+        if isinstance(self.effect, Unexplained):
+            return f"{self.cause} ({self.effect.family})"
+        return self.cause if self.location is None else f"{self.cause} at {self.location}"
+
+    def same_cause(self, other: Candidate) -> bool:
+        """Whether both would be reported under one name."""
+        return self.cause == other.cause and (
+            not self.unexplained or self.label == other.label
+        )
+
+
+def columns_of(candidate: Candidate, evidence: Evidence) -> Array:
+    """Whitened columns of the candidate's free parameters in units of their priors, (3 n, k)."""
+    rows = list(candidate.rows)
+    if candidate.effect is None:
+        return np.asarray(evidence.geometry[:, rows])
+    return np.asarray(evidence.columns(candidate.effect)[:, rows])
+
+
+def bounds_of(candidate: Candidate, evidence: Evidence) -> tuple[Array, Array]:
+    """Physical bounds of the free parameters in units of their priors, two (k,)."""
+    if candidate.effect is None:
+        return np.full(len(candidate.rows), -np.inf), np.full(len(candidate.rows), np.inf)
+    items = [candidate.effect.parameters.items[row] for row in candidate.rows]
+    lower = np.array([p.lower / p.prior for p in items])
+    upper = np.array([p.upper / p.prior for p in items])
+    return lower, upper
+
+
+def subsets(effect: Effect) -> Iterator[Candidate]:
+    """An effect at all joints and, where each has its own parameters, at one of them."""
+    items = effect.parameters.items
+    places = list(dict.fromkeys(p.location for p in items))
+    yield Candidate(effect.cause, effect.kind, None, effect, tuple(range(len(items))))
+    if len(places) > 1:
+        for place in places:
+            rows = tuple(i for i, p in enumerate(items) if p.location == place)
+            yield Candidate(effect.cause, effect.kind, place, effect, rows)
+
+
+def dimensions(evidence: Evidence) -> Iterator[Candidate]:
+    """Each dimension of the machine by itself."""
+    for row, p in enumerate(evidence.chain.mechanism.parameters):
+        yield Candidate(p.cause, "geometry", p.location, None, (row,))
+
+
+def maps(evidence: Evidence, any_effect: Effect) -> Iterator[Candidate]:
+    """A smooth map of everything that structure could move with."""
+    resting = evidence.at.take(slice(0, evidence.poses))
+    for family in families(evidence.at):
+        effect = Unexplained.over(any_effect, family, resting.joint)
+        yield Candidate(UNEXPLAINED, "unknown", None, effect, tuple(range(len(effect.parameters))))

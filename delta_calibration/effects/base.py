@@ -1,0 +1,104 @@
+"""What an effect is: one stage of the chain of measurement that a geometric model leaves out.
+
+An effect adds to what a stage hands on, in proportion to its parameters v:
+
+    shift = columns(conditions) @ v
+
+at the joint angles behind the encoders (DRIVE), at the mechanism's geometry (STRUCTURE) or at the
+tracker's reading (MEASUREMENT). What does not enter in proportion (a frequency, a time constant,
+the moment of a step) is a field of the effect: `shapes` gives the ones worth trying. The columns
+are so the derivative as well, and simulator, fit, verdict and compensator share them.
+
+One file each; a line in `catalogue.py` makes an effect known everywhere.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from enum import Enum
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.mechanisms import Mechanism
+from delta_calibration.parameters import Parameter, ParameterSet
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Conditions
+
+Array = NDArray[np.float64]
+
+
+class Stage(Enum):
+    """Where in the chain an effect adds, and the shape of its columns for n samples."""
+
+    DRIVE = "joint angle"  # (n, m, k)
+    STRUCTURE = "geometry"  # (n, p, k)
+    MEASUREMENT = "reading"  # (n, 3, k)
+
+
+@dataclass(frozen=True)
+class Effect(ABC):
+    """Base of all effects; its fields after `mechanism` are its shape."""
+
+    cause: ClassVar[str]  # by the fixed names
+    kind: ClassVar[str]  # drive, structure or measurement, as reported
+    stage: ClassVar[Stage]
+    needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
+    # what no more of the same cell's own motion can part it from, and what would
+    outside: ClassVar[str] = ""
+
+    robot: Robot
+    mechanism: Mechanism
+
+    @property
+    @abstractmethod
+    def parameters(self) -> ParameterSet:
+        """What it is measured by: unit, expected size as prior about zero, physical bounds."""
+
+    @abstractmethod
+    def columns(self, at: Conditions) -> Array:
+        """d(stage)/d(parameters) at each sample, (n, size of the stage, k)."""
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """The same effect with each shape that such data could tell; itself alone by default."""
+        del at
+        yield self
+
+    @property
+    def settings(self) -> dict[str, float | str]:
+        """The fields that are its shape, as a file holds them."""
+        own = [f.name for f in fields(self) if f.name not in ("robot", "mechanism")]
+        return {name: getattr(self, name) for name in own}
+
+    def missing(self, at: Conditions) -> str:
+        """Why these conditions do not do to evaluate it; empty where they do."""
+        if "payload" in self.needs and not np.isfinite(at.payload).all():
+            return "the payload is not known"
+        if "direction" in self.needs and not (at.direction != 0).any():
+            return "the direction of the last motion is not known"
+        return ""
+
+    def each_joint(
+        self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf
+    ) -> ParameterSet:
+        """One parameter a joint, `name` with the joint's number."""
+        return ParameterSet(
+            tuple(
+                Parameter(f"{name}_{j}", unit, 0.0, prior, self.cause, f"joint_{j}", lower, upper)
+                for j in range(1, self.mechanism.joints + 1)
+            )
+        )
+
+    def shared(
+        self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf
+    ) -> ParameterSet:
+        """One parameter for the whole machine."""
+        return ParameterSet((Parameter(name, unit, 0.0, prior, self.cause, None, lower, upper),))
+
+
+def diagonal(values: Array) -> Array:
+    """Each joint moved by its own parameter: (n, m) -> (n, m, m)."""
+    return np.asarray(values[:, :, None] * np.eye(values.shape[1]))

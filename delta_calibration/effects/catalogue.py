@@ -1,0 +1,74 @@
+"""Every effect that the package knows. A new one is a file of its own and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from delta_calibration.effects.backlash import Backlash
+from delta_calibration.effects.ball_joint_clearance import BallJointClearance
+from delta_calibration.effects.base import Effect
+from delta_calibration.effects.dynamic_deflection import DynamicDeflection
+from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
+from delta_calibration.effects.forearm_compliance import ForearmCompliance
+from delta_calibration.effects.joint_compliance import JointCompliance
+from delta_calibration.effects.joint_lag import JointLag
+from delta_calibration.effects.joint_scale import JointScale
+from delta_calibration.effects.joint_zero_drift import JointZeroDrift
+from delta_calibration.effects.stick_slip import StickSlip
+from delta_calibration.effects.thermal_growth_arm import ThermalGrowthArm
+from delta_calibration.effects.thermal_growth_base import ThermalGrowthBase
+from delta_calibration.effects.thermal_growth_forearm import ThermalGrowthForearm
+from delta_calibration.effects.timestamp_latency import TimestampLatency
+from delta_calibration.effects.tracker_drift import TrackerDrift
+from delta_calibration.effects.tracker_scale import TrackerScale
+from delta_calibration.effects.transmission_error import TransmissionError
+from delta_calibration.errors import InputError
+from delta_calibration.mechanisms import Mechanism
+from delta_calibration.robot import Robot
+
+EFFECTS: Mapping[str, type[Effect]] = {
+    effect.cause: effect
+    for effect in (
+        TrackerScale,
+        TrackerDrift,
+        TimestampLatency,
+        EncoderEccentricity,
+        TransmissionError,
+        JointScale,
+        Backlash,
+        JointCompliance,
+        JointLag,
+        JointZeroDrift,
+        StickSlip,
+        ThermalGrowthArm,
+        ThermalGrowthBase,
+        ThermalGrowthForearm,
+        ForearmCompliance,
+        DynamicDeflection,
+        BallJointClearance,
+    )
+}
+
+
+def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:
+    """Every effect on this robot, with its default shape."""
+    return tuple(effect(robot, mechanism) for effect in EFFECTS.values())
+
+
+def effect_named(
+    cause: str, robot: Robot, mechanism: Mechanism, settings: Mapping[str, float | str]
+) -> Effect:
+    """An effect by its cause, in a shape.
+
+    Raises:
+        InputError: no effect of that cause, or none that has such settings.
+    """
+    if cause not in EFFECTS:
+        raise InputError(f"no effect {cause!r}; there are: {', '.join(EFFECTS)}")
+    effect = EFFECTS[cause](robot, mechanism)
+    own = effect.settings
+    odd = sorted(set(settings) - set(own))
+    if odd:
+        allowed = ", ".join(own) or "none"
+        raise InputError(f"effect {cause}: unknown setting {', '.join(odd)}; allowed: {allowed}")
+    return EFFECTS[cause](robot, mechanism, **settings)  # type: ignore[arg-type]

@@ -1,0 +1,31 @@
+"""A servo that trails its command in motion.
+
+dq = -T dq/dt
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.samples import Conditions
+
+
+@dataclass(frozen=True)
+class JointLag(Effect):
+    """Each joint is where it should have been T ago."""
+
+    cause: ClassVar[str] = "joint_lag"
+    kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """T of each joint [s]."""
+        return self.each_joint("lag", "s", 5e-3, 0.0, 0.2)
+
+    def columns(self, at: Conditions) -> Array:
+        """(n, m, m) [rad/s]."""
+        return diagonal(-at.velocity)

@@ -1,0 +1,31 @@
+"""A gear ratio, or counts a turn, entered a little wrong.
+
+dq = s q
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.samples import Conditions
+
+
+@dataclass(frozen=True)
+class JointScale(Effect):
+    """Each joint goes farther than it says, in proportion."""
+
+    cause: ClassVar[str] = "joint_scale"
+    kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """s of each joint [1]."""
+        return self.each_joint("scale", "1", 200e-6, -0.05, 0.05)
+
+    def columns(self, at: Conditions) -> Array:
+        """(n, m, m)."""
+        return diagonal(at.joint)

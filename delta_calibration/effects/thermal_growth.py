@@ -1,0 +1,78 @@
+"""Parts that grow with their temperature.
+
+    dL = alpha L (T - 20 deg C)        by the part's own sensor, or
+    dL = growth L (1 - exp(-t / tau))  where no sensor follows the warming
+
+20 deg C is the standard reference temperature (ISO 1): there the part has its drawing's length.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.time_course import TIME_CONSTANTS, course_of
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.samples import Conditions
+
+REFERENCE = 20.0  # [deg C]
+_WARMING = 0.5  # [K] a sensor that moves less says nothing
+
+
+@dataclass(frozen=True)
+class ThermalGrowth(Effect):
+    """A part's dimensions change in proportion to themselves."""
+
+    kind: ClassVar[str] = "structure"
+    stage: ClassVar[Stage] = Stage.STRUCTURE
+    needs: ClassVar[tuple[str, ...]] = ("temperature",)
+    part: ClassVar[str]
+
+    sensor: str = ""  # whose temperature; none: by the clock
+    time_constant: float = 0.0  # [s] of the warming by the clock
+
+    @abstractmethod
+    def lengths(self) -> Array:
+        """What of each geometry parameter grows with the part, (p,) [m]."""
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """alpha [1/K], at most 30e-6 for a metal; or the whole growth [1] by the clock."""
+        if self.sensor:
+            return self.shared("expansion", "1/K", 15e-6, 0.0, 40e-6)
+        return self.shared("growth", "1", 150e-6, -1e-3, 1e-3)
+
+    def columns(self, at: Conditions) -> Array:
+        """(n, p, 1) [m K] or [m]."""
+        if self.sensor:
+            course = at.of_part(self.sensor) - REFERENCE
+        else:
+            course = course_of(at.time, self.time_constant, -1.0)
+        return np.asarray(course[:, None, None] * self.lengths()[:, None])
+
+    def missing(self, at: Conditions) -> str:
+        """The sensor it goes by."""
+        if self.sensor and self.sensor not in at.temperature_parts:
+            return f"the temperature of part {self.sensor!r} is not known"
+        return ""
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """Its own sensor; else every other sensor that moves, and warming by the clock."""
+        if self.part in at.temperature_parts:
+            yield replace(self, sensor=self.part, time_constant=0.0)
+            return
+        for sensor in at.temperature_parts:
+            if np.ptp(at.of_part(sensor)) >= _WARMING:
+                yield replace(self, sensor=sensor, time_constant=0.0)
+        for constant in TIME_CONSTANTS:
+            yield replace(self, sensor="", time_constant=constant)
+
+    def nominal_of(self, cause: str) -> Array:
+        """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""
+        parameters = self.mechanism.parameters
+        return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)

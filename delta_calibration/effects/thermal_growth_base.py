@@ -1,0 +1,25 @@
+"""A base plate that grows with its temperature and carries the motors outward."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from delta_calibration.effects.base import Array
+from delta_calibration.effects.thermal_growth import ThermalGrowth
+
+
+@dataclass(frozen=True)
+class ThermalGrowthBase(ThermalGrowth):
+    """A base plate that grows with its temperature and carries the motors outward."""
+
+    cause: ClassVar[str] = "thermal_growth_base"
+    part: ClassVar[str] = "base"
+
+    def lengths(self) -> Array:
+        """(p,) [m]."""
+        names = self.mechanism.parameters.names
+        radial = [name.startswith(("base_radial", "joint_radial")) for name in names]
+        return np.where(radial, self.robot.dimensions.base_radius, 0.0)

@@ -1,0 +1,43 @@
+"""How what depends on the clock goes: a ramp, a settling towards an end, a step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.samples import Conditions
+
+Array = NDArray[np.float64]
+
+HOUR = 3600.0  # [s]
+TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; a longer one is a ramp to a session
+_STEPS = 24
+_LEAST = 8  # samples either side of a step
+
+
+def course_of(time: Array, time_constant: float, step_at: float) -> Array:
+    """h(time), (n,): hours, the share of a settling that is over, or 0 before a step and 1 after.
+
+    Args:
+        time: since the session's start, (n,) [s].
+        time_constant: of the settling [s]; 0 for a ramp.
+        step_at: moment of the step [s]; negative for none.
+    """
+    if step_at >= 0:
+        return np.asarray((time >= step_at).astype(float))
+    if time_constant > 0:
+        return np.asarray(1 - np.exp(-np.clip(time, 0.0, None) / time_constant))
+    return time / HOUR
+
+
+def courses(at: Conditions) -> Iterator[tuple[float, float]]:
+    """Pairs (time constant, step) worth trying on such samples: steps between poses at rest."""
+    yield 0.0, -1.0
+    for constant in TIME_CONSTANTS:
+        yield constant, -1.0
+    moments = np.unique(at.time[(at.velocity == 0).all(axis=1)])
+    between = (moments[_LEAST:-_LEAST] + moments[_LEAST - 1 : -_LEAST - 1]) / 2
+    for step in between[:: max(1, len(between) // _STEPS)].tolist():
+        yield 0.0, step

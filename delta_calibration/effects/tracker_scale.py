@@ -1,0 +1,32 @@
+"""A tracker that reads too long: wrong air, wrong wavelength.
+
+dy = s y            about -1 ppm/K of wrong air temperature, +0.27 ppm/hPa of wrong pressure
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.samples import Conditions
+
+
+@dataclass(frozen=True)
+class TrackerScale(Effect):
+    """Every distance from the tracker is read too long by the share s."""
+
+    cause: ClassVar[str] = "tracker_scale"
+    kind: ClassVar[str] = "measurement"
+    stage: ClassVar[Stage] = Stage.MEASUREMENT
+    outside: ClassVar[str] = "measure a scale bar, or the robot from a second tracker station"
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """s [1]: tens of ppm at the worst."""
+        return self.shared("scale", "1", 20e-6, -1e-3, 1e-3)
+
+    def columns(self, at: Conditions) -> Array:
+        """The reading itself, (n, 3, 1) [m]."""
+        return at.reading[:, :, None]

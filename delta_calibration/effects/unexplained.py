@@ -1,0 +1,131 @@
+"""Structure that nothing in the catalogue explains: smooth maps of what it moves with.
+
+No cause is claimed. Each joint is moved by a smooth function of where the machine stands, and of
+one condition times a plane over the joints:
+
+    dq_j = sum_f w_jf phi_f(q)       phi: bumps about places of the session (position), or
+                                     condition(c) * (1, q_1, ..., q_m)       (all others)
+
+Joint space serves for all: where the mechanism is regular, any displacement of its platform is
+one of its joints. The bumps with a normal prior on their weights are a Gaussian process seen from
+its inducing points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.time_course import HOUR
+from delta_calibration.parameters import Parameter, ParameterSet
+from delta_calibration.samples import Conditions
+
+UNEXPLAINED = "unexplained"
+POSITION, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = FAMILIES = (
+    "position",
+    "direction",
+    "payload",
+    "time",
+    "temperature",
+    "speed",
+)
+_CENTRES = 30
+_TYPICAL = 0.1e-3  # [rad]
+_REACH = 0.5  # width of a bump over the spread of the places
+
+
+@dataclass(frozen=True)
+class Unexplained(Effect):
+    """A smooth map over `family`; `centres` are the places of its bumps, (f m,) in a row."""
+
+    cause: ClassVar[str] = UNEXPLAINED
+    kind: ClassVar[str] = "unknown"
+    stage: ClassVar[Stage] = Stage.DRIVE
+
+    family: str = POSITION
+    width: float = 0.0  # [rad] of a bump
+    centres: tuple[float, ...] = ()
+
+    @classmethod
+    def over(cls, effect_of: Effect, family: str, joint: Array) -> Unexplained:
+        """The map of a family over a session's places, (n, m) [rad]."""
+        if family != POSITION:
+            return cls(effect_of.robot, effect_of.mechanism, family)
+        centres = spread_out(joint, _CENTRES)
+        width = _REACH * float(np.linalg.norm(joint.std(axis=0)) * np.sqrt(2))
+        flat = tuple(np.round(centres, 6).ravel().tolist())
+        return cls(effect_of.robot, effect_of.mechanism, family, width, flat)
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Weights [rad] of each feature at each joint."""
+        m = self.mechanism.joints
+        count = len(self.centres) // m if self.family == POSITION else self._conditions * (m + 1)
+        return ParameterSet(
+            tuple(
+                Parameter(f"weight_{f}_{j}", "rad", 0.0, _TYPICAL, self.cause, None)
+                for f in range(1, count + 1)
+                for j in range(1, m + 1)
+            )
+        )
+
+    @property
+    def _conditions(self) -> int:
+        return self.mechanism.joints if self.family in (DIRECTION, SPEED) else 1
+
+    def columns(self, at: Conditions) -> Array:
+        """(n, m, f m)."""
+        features = self._features(at)
+        each = features[:, None, :, None] * np.eye(at.joint.shape[1])[:, None, :]
+        return np.asarray(each.reshape(len(at), at.joint.shape[1], -1))
+
+    def _features(self, at: Conditions) -> Array:
+        """(n, f)."""
+        m = at.joint.shape[1]
+        if self.family == POSITION:
+            centres = np.reshape(self.centres, (-1, m))
+            return np.exp(-cdist(at.joint, centres, "sqeuclidean") / (2 * self.width**2))
+        plane = np.column_stack([np.ones(len(at)), at.joint])
+        condition = self._condition(at)
+        return (condition[:, :, None] * plane[:, None, :]).reshape(len(at), -1)
+
+    def _condition(self, at: Conditions) -> Array:
+        """(n, conditions), of the order of one."""
+        if self.family == DIRECTION:
+            return at.direction
+        if self.family == SPEED:
+            return at.velocity
+        if self.family == PAYLOAD:
+            return at.payload[:, None]
+        if self.family == TEMPERATURE:
+            return (at.temperature[:, :1] - at.temperature[0, 0]) / 10.0
+        return at.time[:, None] / HOUR
+
+
+def spread_out(places: Array, count: int) -> Array:
+    """So many of the places, each the farthest from those before it, (count, m)."""
+    chosen = [int(np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1)))]
+    distance = np.linalg.norm(places - places[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(places)) and distance.max() > 0:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return places[chosen]
+
+
+def families(at: Conditions) -> Iterator[str]:
+    """What structure could move with in such data."""
+    yield POSITION
+    if (np.ptp(at.direction, axis=0) > 0).any():
+        yield DIRECTION
+    if np.isfinite(at.payload).all() and np.ptp(at.payload) > 0:
+        yield PAYLOAD
+    yield TIME
+    if at.temperature.shape[1] and np.ptp(at.temperature[:, 0]) > 0:
+        yield TEMPERATURE
+    if (at.velocity != 0).any():
+        yield SPEED

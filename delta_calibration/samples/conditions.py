@@ -1,0 +1,86 @@
+"""Under which conditions each sample was taken: all that an effect may depend on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Joint angles of n samples and what held while they were taken.
+
+    `direction` is the sign of each joint's last motion, 0 where not known; `travel` how far the
+    joint has gone since it last turned round, infinite where not known. What was not recorded is
+    NaN. `reading` and `reading_velocity` are the tracker's: as measured, or as the chain predicts
+    them before its last stage.
+    """
+
+    joint: Array  # (n, m) [rad] by the encoders
+    time: Array  # (n,) [s]
+    velocity: Array  # (n, m) [rad/s]
+    acceleration: Array  # (n, m) [rad/s^2]
+    direction: Array  # (n, m) -1, 0, 1
+    travel: Array  # (n, m) [rad]
+    payload: Array  # (n,) [kg]
+    payload_centre: Array  # (n, 3) [m] in the platform's frame
+    temperature_parts: tuple[str, ...]
+    temperature: Array  # (n, parts) [deg C]
+    reading: Array  # (n, 3) [m] in the tracker's frame
+    reading_velocity: Array  # (n, 3) [m/s]
+
+    def __len__(self) -> int:
+        return len(self.joint)
+
+    def take(self, rows: NDArray[Any] | slice) -> Conditions:
+        """Some of the samples."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
+
+    def of_part(self, part: str) -> Array:
+        """Temperature of a part, (n,) [deg C].
+
+        Raises:
+            InputError: no sensor of that name was recorded.
+        """
+        if part not in self.temperature_parts:
+            known = ", ".join(self.temperature_parts) or "none"
+            raise InputError(f"no temperature of part {part!r}; recorded: {known}")
+        return np.asarray(self.temperature[:, self.temperature_parts.index(part)])
+
+
+def at_rest(joint: Array) -> Conditions:
+    """Joints (n, m) [rad] that stand still, nothing else being known."""
+    n, m = joint.shape
+    still, unknown = np.zeros((n, m)), np.full(n, np.nan)
+    return Conditions(
+        joint=joint,
+        time=np.zeros(n),
+        velocity=still,
+        acceleration=still,
+        direction=still,
+        travel=np.full((n, m), np.inf),
+        payload=unknown,
+        payload_centre=np.full((n, 3), np.nan),
+        temperature_parts=(),
+        temperature=np.zeros((n, 0)),
+        reading=np.full((n, 3), np.nan),
+        reading_velocity=np.zeros((n, 3)),
+    )
+
+
+def joined(first: Conditions, second: Conditions) -> Conditions:
+    """The samples of both, one after the other; the same sensors in both."""
+    both = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in _ARRAYS
+    }
+    return replace(first, **both)
+
+
+_ARRAYS = tuple(field.name for field in fields(Conditions) if field.name != "temperature_parts")

@@ -1,0 +1,103 @@
+"""How the joints moved: speed, acceleration, and which way each has gone since it last turned.
+
+Directions follow the largest excursion: a joint has turned round when it has come back by more
+than `TURNED` from the farthest point of its last stroke, so that the noise of an encoder does not
+turn it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+Array = NDArray[np.float64]
+
+TURNED = 200e-6  # [rad]
+_GAP = 0.25  # [s] across a longer pause there is no speed
+_SMOOTH = 0.1  # [s] over which speeds are taken where samples are denser
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of the joints at the n samples of a stream, in the order of time."""
+
+    time: Array  # (n,) [s]
+    velocity: Array  # (n, m) [rad/s]
+    acceleration: Array  # (n, m) [rad/s^2]
+    direction: Array  # (n, m) -1, 0, 1
+    travel: Array  # (n, m) [rad] since the last turn, infinite before the first
+
+    def at(self, time: Array) -> tuple[Array, Array, Array, Array]:
+        """Velocity, acceleration, direction and travel at other times, each (k, m)."""
+        last = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, None)
+        near = np.clip(np.searchsorted(self.time, time), 0, len(self.time) - 1)
+        near = np.where(time - self.time[last] <= self.time[near] - time, last, near)
+        return (
+            self.velocity[near],
+            self.acceleration[near],
+            self.direction[last],
+            self.travel[last],
+        )
+
+
+def motion_of(time: Array, joint: Array) -> Motion:
+    """Motion of joints (n, m) [rad] at rising times (n,) [s]."""
+    velocity, acceleration = np.zeros_like(joint), np.zeros_like(joint)
+    edges = np.r_[0, np.flatnonzero(np.diff(time) > _GAP) + 1, len(time)]
+    for begin, end in pairwise(edges):
+        if end - begin >= 3:
+            part = slice(begin, end)
+            velocity[part], acceleration[part] = _derivatives(time[part], joint[part])
+    strokes = [_strokes(joint[:, j]) for j in range(joint.shape[1])]
+    direction, travel = (np.column_stack(columns) for columns in zip(*strokes, strict=True))
+    return Motion(time, velocity, acceleration, direction, travel)
+
+
+def _derivatives(time: Array, joint: Array) -> tuple[Array, Array]:
+    """Speed and acceleration of one stretch, by a parabola over the neighbours."""
+    step = float(np.median(np.diff(time)))
+    width = min(max(3, 2 * int(_SMOOTH / step / 2) + 1), len(time) - (len(time) + 1) % 2)
+    first, second = (
+        savgol_filter(joint, width, 2, deriv=order, delta=step, axis=0) for order in (1, 2)
+    )
+    return first, second
+
+
+def _strokes(angle: Array) -> tuple[Array, Array]:
+    """Direction and travel of one joint, each (n,)."""
+    changed = np.flatnonzero(np.diff(angle, prepend=np.nan) != 0)
+    direction, travel = np.zeros(len(changed)), np.full(len(changed), np.inf)
+    stroke = Stroke(float(angle[0]))
+    for row, value in enumerate(angle[changed].tolist()):
+        stroke = stroke.moved(value)
+        direction[row], travel[row] = stroke.direction, stroke.travel(value)
+    held = np.diff(np.append(changed, len(angle)))
+    return np.repeat(direction, held), np.repeat(travel, held)
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Which way a joint goes and from where; the state that play depends on."""
+
+    farthest: float  # [rad] the stroke has come
+    direction: float = 0.0
+    turn: float = np.nan  # [rad] where it began; NaN before the first turn
+
+    def moved(self, angle: float) -> Stroke:
+        """The stroke after the joint has come to `angle` [rad]."""
+        if self.direction == 0.0:
+            gone = angle - self.farthest
+            return self if abs(gone) <= TURNED else Stroke(angle, float(np.sign(gone)))
+        if self.direction * (angle - self.farthest) >= 0:
+            return Stroke(angle, self.direction, self.turn)
+        if self.direction * (self.farthest - angle) <= TURNED:
+            return self
+        return Stroke(angle, -self.direction, self.farthest)
+
+    def travel(self, angle: float) -> float:
+        """How far the joint is from where it last turned [rad]; infinite before."""
+        return abs(angle - self.turn) if np.isfinite(self.turn) else np.inf
