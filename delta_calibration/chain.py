@@ -36,6 +36,7 @@ OFFSET_NAMES = tuple(f"reflector_{axis}" for axis in "xyz")
 
 
 _FRAME = 6  # parameters of the tracker's frame
+_SPREAD = 5.0  # an effect may well be so many times its typical size
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Chain:
             for name in FRAME_NAMES
         )
         own = tuple(
-            replace(p, name=f"{effect.cause}.{p.name}")
+            replace(p, name=f"{effect.cause}.{p.name}", prior=_SPREAD * p.prior)
             for effect in self.effects
             for p in effect.parameters
         )

@@ -1,6 +1,6 @@
 """The evidence of a session: whitened residuals about a fit, and what is nuisance in them.
 
-About the fit everything is linear,
+About a fit everything is linear,
 
     r = A z + X v + noise,      z ~ N(0, 1) where a prior is known,
 
@@ -15,7 +15,7 @@ which is what is left of a and b once all that the nuisance can explain is proje
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,24 +25,33 @@ from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import Effect, Stage
-from delta_calibration.identification import Noise, Solution, whitening
+from delta_calibration.identification import Noise, Problem, whitening
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, Poses, Survey, joined
+from delta_calibration.samples import Conditions, Paths, Survey, joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _AROUND = 9  # readings, about each on a path
 _SPIKE = 6.0  # standard deviations from them beyond which a reading is an outlier
+_TURNING = 2e-3  # [rad] of travel after a turn
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is known beside the readings."""
+
+    robot: Robot
+    noise: Noise
+    weight: Array  # (poses,) of each pose, 0 where it is set aside
 
 
 @dataclass(frozen=True)
 class Evidence:
     """Residuals of n samples, poses first and then the readings of the paths.
 
-    `number` tells independent places and stretches of path from each other: what is held out
-    together.
+    The unit of every whitened coordinate is a standard deviation of its noise.
     """
 
     chain: Chain
@@ -52,17 +61,77 @@ class Evidence:
     whiten: Array  # (n, 3, 3) [1/m], with the root of the robust weight in it
     residual: Array  # (n, 3) whitened, at z = 0
     nuisance: Array  # (n, 3, A)
-    prior: Array  # (A,) 1 where z has a prior, 0 where not
+    precision: Array  # (A,) of z: 1 / variance of its prior, 0 where it has none
     poses: int  # how many of the samples are poses
 
     def __len__(self) -> int:
         return len(self.at)
 
+    @property
+    def size(self) -> int:
+        """Length of a column: three coordinates of each sample."""
+        return 3 * len(self)
+
     @cached_property
-    def _inverse(self) -> tuple[Array, bool]:
-        a = self.nuisance.reshape(-1, self.nuisance.shape[-1])
-        factor: tuple[Array, bool] = cho_factor(a.T @ a + np.diag(self.prior))
+    def _flat(self) -> Array:
+        return self.nuisance.reshape(self.size, -1)
+
+    @cached_property
+    def _factor(self) -> tuple[Array, bool]:
+        normal = self._flat.T @ self._flat + np.diag(self.precision)
+        factor: tuple[Array, bool] = cho_factor(normal)
         return factor
+
+    @property
+    def geometry(self) -> Array:
+        """Whitened columns of the mechanism's dimensions in units of their priors, (3 n, p)."""
+        return self._flat[:, : self.chain.geometry_size]
+
+    @property
+    def column(self) -> Array:
+        """The residuals as one column, (3 n, 1)."""
+        return self.residual.reshape(-1, 1)
+
+    def beside(self, columns: Array, precision: Array) -> Evidence:
+        """The same evidence with more taken for possible: columns (3 n, k), their priors' (k,)."""
+        added = columns.reshape(len(self), 3, -1)
+        return replace(
+            self,
+            nuisance=np.concatenate([self.nuisance, added], axis=-1),
+            precision=np.concatenate([self.precision, precision]),
+        )
+
+    def weigh(self, b: Array) -> Array:
+        """V^-1 b of columns (3 n, j)."""
+        return b - self._flat @ cho_solve(self._factor, self._flat.T @ b)
+
+    def information(self, a: Array) -> Array:
+        """<a, a> of columns (3 n, k), (k, k)."""
+        seen = self._flat.T @ a
+        return np.asarray(a.T @ a - seen.T @ cho_solve(self._factor, seen))
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Residuals as chance would have them if nothing were left out, (3 n, count).
+
+        What has no prior is left out of the draw: it is projected out again anyway.
+        """
+        known = self.precision > 0
+        spread = self._flat[:, known] / np.sqrt(self.precision[known])
+        z = rng.standard_normal((int(known.sum()), count))
+        noise = rng.standard_normal((self.size, count)) * self._believed
+        return np.asarray(noise + spread @ z)
+
+    @cached_property
+    def _believed(self) -> Array:
+        """1 for coordinates of samples that count, 0 for those set aside, (3 n, 1)."""
+        counts = np.abs(self.whiten).sum(axis=(1, 2)) > 0
+        return np.repeat(counts, 3)[:, None].astype(float)
+
+    @cached_property
+    def degrees(self) -> float:
+        """Degrees of freedom of the residuals: coordinates that count less what the data set."""
+        a = cho_solve(self._factor, self._flat.T @ self._flat)
+        return float(self._believed.sum() - np.trace(a))
 
     @cached_property
     def _slopes(self) -> dict[Stage, Array]:
@@ -84,98 +153,99 @@ class Evidence:
         columns = self._slopes[effect.stage] @ (effect.columns(at) * effect.parameters.prior)
         return np.asarray(columns.reshape(3 * len(self), -1))
 
-    def inner(self, a: Array, b: Array) -> Array:
-        """<a, b> of columns (3 n, i) and (3 n, j), (i, j)."""
-        seen = self.nuisance.reshape(-1, self.nuisance.shape[-1])
-        return np.asarray(a.T @ b - (seen.T @ a).T @ cho_solve(self._inverse, seen.T @ b))
+    def best(self) -> Array:
+        """The most likely nuisance z, (A,)."""
+        return np.asarray(cho_solve(self._factor, self._flat.T @ self.column))[:, 0]
 
-    @property
-    def flat(self) -> Array:
-        """The residuals as one column, (3 n, 1)."""
-        return self.residual.reshape(-1, 1)
-
-    def left(self, beside: Array) -> Array:
-        """What remains of the residuals at the best nuisance and effects, whitened, (n, 3).
-
-        Args:
-            beside: columns of effects that are taken for true, (3 n, k).
-        """
-        a = np.concatenate([self.nuisance.reshape(3 * len(self), -1), beside], axis=1)
-        prior = np.concatenate([self.prior, np.zeros(beside.shape[1])])
-        z = np.linalg.solve(a.T @ a + np.diag(prior + 1e-12), a.T @ self.flat)
-        return (self.flat - a @ z).reshape(-1, 3)
+    def left(self) -> Array:
+        """What remains of the residuals at the most likely nuisance, whitened, (n, 3)."""
+        return (self.column[:, 0] - self._flat @ self.best()).reshape(-1, 3)
 
 
-def gather(survey: Survey, robot: Robot, noise: Noise, solution: Solution) -> Evidence:
-    """The evidence of poses and paths about a fit to the poses."""
-    problem, chain, theta = solution.problem, solution.problem.chain, solution.theta
+def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Evidence:
+    """The evidence of poses and paths about a model, and as if its effects were not in it.
+
+    Args:
+        survey: what was measured.
+        problem: that of fitting the poses.
+        theta: of the problem's chain; all is linear about it.
+        cell: noise, robot and what is believed.
+    """
+    chain, base = problem.chain, problem.chain.base_size
     poses, paths = survey.poses, survey.paths
     at = joined(poses.conditions, paths.conditions)
-    x = np.concatenate([solution.pose, chain.pose(paths.conditions, theta)])
-    frame = chain.split(theta)[2]
-    slope = frame.rotation @ chain.point_by_joints(paths.conditions, x[len(poses) :], theta)
-    moving = _whiten_paths(paths.conditions, paths.count, slope, noise, robot)
+    x = chain.pose(at, theta)
     off = at.reading - chain.reading(at, x, theta)
-    moving = moving * _believed(moving, off[len(poses) :], paths.path)
-    root = np.sqrt(solution.weight)[:, None, None]
-    whiten = np.concatenate([root * problem.whiten, moving])
-    base = chain.base_size
-    columns = whiten @ chain.jacobian(at, x, theta)[..., :base] @ problem.basis[:base, :base]
-    missed = (whiten @ off[..., None])[..., 0]
-    z = np.linalg.solve(problem.basis[:base, :base], (theta - problem.theta0)[:base])
-    offsets = _path_offsets(paths.path, moving @ slope * noise.repeatability, len(poses))
+    moving = slice(len(poses), len(at))
+    slope = chain.split(theta)[2].rotation @ chain.point_by_joints(
+        paths.conditions, x[moving], theta
+    )
+    whiten_paths = _whiten_paths(paths, slope, cell)
+    believed = _believed(whiten_paths, off[moving], paths)
+    root = np.sqrt(cell.weight)[:, None, None]
+    whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
+    jacobian = chain.jacobian(at, x, theta)
+    columns = whiten @ jacobian[..., :base] @ problem.basis[:base, :base]
+    rest = _rest_errors(
+        paths.path, believed * whiten_paths @ slope * cell.noise.repeatability, len(poses)
+    )
+    z = np.linalg.solve(problem.basis, theta - problem.theta0)[:base]
+    effects = jacobian[..., base:] @ theta[base:]
     return Evidence(
         chain=chain,
         theta=theta,
         at=at,
         pose=x,
         whiten=whiten,
-        residual=missed + columns @ z,
-        nuisance=np.concatenate([columns, offsets], axis=-1),
-        prior=np.concatenate([problem.has_prior[:base], np.ones(offsets.shape[-1])]).astype(float),
+        residual=(whiten @ (off + effects)[..., None])[..., 0] + columns @ z,
+        nuisance=np.concatenate([columns, rest], axis=-1),
+        precision=np.concatenate([problem.has_prior[:base], np.ones(rest.shape[-1])]).astype(float),
         poses=len(poses),
     )
 
 
-def _whiten_paths(
-    at: Conditions, count: Index, slope: Array, noise: Noise, robot: Robot
-) -> Array:
+def _whiten_paths(paths: Paths, slope: Array, cell: Cell) -> Array:
     """Whitening of averaged readings in motion: tracker and encoders, (n, 3, 3) [1/m]."""
-    if len(at) == 0:
+    if len(paths) == 0:
         return np.zeros((0, 3, 3))
-    covariance = noise.reading(at.reading, robot.tracker)
-    covariance = covariance + robot.joints.encoder**2 * slope @ np.swapaxes(slope, 1, 2)
-    return whitening(covariance / count[:, None, None])
+    covariance = cell.noise.reading(paths.conditions.reading, cell.robot.tracker)
+    covariance = covariance + cell.robot.joints.encoder**2 * slope @ np.swapaxes(slope, 1, 2)
+    return whitening(covariance / paths.count[:, None, None])
 
 
-def _believed(whiten: Array, missed: Array, path: Index) -> Array:
+def _believed(whiten: Array, missed: Array, paths: Paths) -> Array:
     """1 for readings like their neighbours on the path, 0 for spikes, (n, 1, 1).
 
     A reading is compared with the median of those around it: what a model leaves out goes on for
-    longer than a reading or two.
+    longer than a reading or two. Where a joint has just turned round, an average over a stretch of
+    the path says nothing of either side and is left out as well.
     """
+    path, at = paths.path, paths.conditions
+    turning = ((at.velocity != 0) & (at.travel < _TURNING)).any(axis=1)
     whitened = (whiten @ missed[..., None])[..., 0]
     distance = np.zeros(len(path))
     for number in np.unique(path):
         rows = np.flatnonzero(path == number)
-        around = median_filter(whitened[rows], size=(_AROUND, 1), mode="nearest")
+        around = median_filter(whitened[rows], size=(_AROUND, 1), mode="mirror")
         distance[rows] = np.linalg.norm(whitened[rows] - around, axis=1)
     typical = max(1.0, float(np.median(distance)) / _CHI3_MEDIAN) if len(path) else 1.0
-    return np.asarray((distance <= _SPIKE * typical).astype(float)[:, None, None])
+    good = (distance <= _SPIKE * typical) & ~turning
+    return good.astype(float)[:, None, None]
 
 
-def _path_offsets(path: Index, slope: Array, poses: int) -> Array:
-    """Columns of the paths' rest errors in units of their priors, (n, 3, m paths).
+def _rest_errors(path: Index, slope: Array, poses: int) -> Array:
+    """Columns of the paths' rest errors in units of their priors, (n, 3, 2 m paths).
 
     A walk: from one stretch of motion to the next the rest error is another one, or the same still
-    where the machine only turned round; its step has the spread of the difference of two.
+    where the machine only turned round; its step has the spread of the difference of two. And
+    along a stretch the one that a move began with may pass into the one that it ends with.
     """
     numbers, which = np.unique(path, return_inverse=True)
-    own = (which[:, None] >= np.arange(len(numbers))) * np.sqrt(2)
-    columns = (slope[:, :, None, :] * own[:, None, :, None]).reshape(len(path), 3, -1)
+    walk = (which[:, None] >= np.arange(len(numbers))).astype(float)
+    passing = np.zeros_like(walk)
+    for number in range(len(numbers)):
+        rows = which == number
+        passing[rows, number] = np.linspace(-0.5, 0.5, int(rows.sum()))
+    course = np.sqrt(2) * np.concatenate([walk, passing], axis=1)
+    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(path), 3, -1)
     return np.concatenate([np.zeros((poses, 3, columns.shape[-1])), columns])
-
-
-def pose_groups(poses: Poses) -> Index:
-    """Number of the place each pose belongs to, (n,)."""
-    return poses.place

@@ -7,7 +7,7 @@ The play crosses over the first `width` of travel after a turn, and stays at its
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -26,7 +26,7 @@ class Backlash(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
 
-    width: float = 0.0  # [rad] of travel over which the play is crossed
+    width: tuple[float, ...] = ()  # (m,) [rad] of travel over which the play is crossed
 
     @property
     def parameters(self) -> ParameterSet:
@@ -35,7 +35,13 @@ class Backlash(Effect):
 
     def columns(self, at: Conditions) -> Array:
         """(n, m, m)."""
-        crossed = np.ones_like(at.travel)
-        if self.width > 0:
-            crossed = np.clip(2 * at.travel / self.width - 1, -1.0, 1.0)
+        width = np.clip(self.width or np.zeros(at.travel.shape[1]), _LEAST, None)
+        crossed = np.clip(2 * at.travel / width - 1, -1.0, 1.0)
         return diagonal(-at.direction * crossed / 2)
+
+    def refined(self, values: Array) -> Backlash:
+        """A play is crossed over its own gap."""
+        return replace(self, width=tuple(np.clip(values, 0.0, None).tolist()))
+
+
+_LEAST = 1e-9  # [rad]

@@ -29,6 +29,7 @@ from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
+Setting = float | str | tuple[float, ...]
 
 
 class Stage(Enum):
@@ -67,8 +68,13 @@ class Effect(ABC):
         del at
         yield self
 
+    def refined(self, values: Array) -> Effect:
+        """The same effect with the shape that these values of its parameters (k,) go with."""
+        del values
+        return self
+
     @property
-    def settings(self) -> dict[str, float | str]:
+    def settings(self) -> dict[str, Setting]:
         """The fields that are its shape, as a file holds them."""
         own = [f.name for f in fields(self) if f.name not in ("robot", "mechanism")]
         return {name: getattr(self, name) for name in own}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.ball_joint_clearance import BallJointClearance
-from delta_calibration.effects.base import Effect
+from delta_calibration.effects.base import Effect, Setting
 from delta_calibration.effects.dynamic_deflection import DynamicDeflection
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
 from delta_calibration.effects.forearm_compliance import ForearmCompliance
@@ -56,7 +56,7 @@ def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:
 
 
 def effect_named(
-    cause: str, robot: Robot, mechanism: Mechanism, settings: Mapping[str, float | str]
+    cause: str, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]
 ) -> Effect:
     """An effect by its cause, in a shape.
 

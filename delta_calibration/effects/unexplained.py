@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.effects.time_course import HOUR
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
@@ -103,7 +104,7 @@ class Unexplained(Effect):
         if self.family == PAYLOAD:
             return at.payload[:, None]
         if self.family == TEMPERATURE:
-            return (at.temperature[:, :1] - at.temperature[0, 0]) / 10.0
+            return (at.temperature[:, :1] - REFERENCE) / 10.0
         return at.time[:, None] / HOUR
 
 

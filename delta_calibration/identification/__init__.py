@@ -9,7 +9,13 @@ from delta_calibration.identification.fit import (
 )
 from delta_calibration.identification.noise import Noise, whitening
 from delta_calibration.identification.observability import Observability, Redundancy
-from delta_calibration.identification.problem import Problem, Solution, solve
+from delta_calibration.identification.problem import (
+    Problem,
+    Solution,
+    build_problem,
+    robust_weights,
+    solve,
+)
 
 __all__ = [
     "Identification",
@@ -19,9 +25,11 @@ __all__ = [
     "Redundancy",
     "Residuals",
     "Solution",
+    "build_problem",
     "chain_of",
     "identify",
     "prepare",
+    "robust_weights",
     "solve",
     "whitening",
 ]

@@ -161,6 +161,12 @@ def solve(
     return min((_search(problem, loss, z, settled) for z in starts), key=lambda end: end.cost)
 
 
+def robust_weights(residual: Array) -> Array:
+    """Weight of each pose by its whitened residual (n, 3): 1, less beyond 4 sigma, 0 beyond 12."""
+    bend = _bend(residual)
+    return _Loss(bend, _GROSS * bend)(np.linalg.norm(residual, axis=1))[1]
+
+
 def _bend(residual: Array) -> float:
     """Whitened distance from which poses count linearly."""
     typical = float(np.median(np.linalg.norm(residual, axis=1))) / _CHI3_MEDIAN

@@ -1,0 +1,135 @@
+"""The chain with what was found in it, fitted to poses and paths together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
+from delta_calibration.diagnosis.scores import PRECISION
+from delta_calibration.identification import Problem, robust_weights
+from delta_calibration.samples import Survey
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 4
+_SETTLED = 0.05  # standard deviations by which no parameter moves any more
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fit: geometry, frame and the members found so far, about which all is linear."""
+
+    survey: Survey
+    problem: Problem  # of the poses, its chain without effects
+    cell: Cell
+    theta: Array  # (P,) of the chain with the members' effects
+    members: tuple[Candidate, ...] = ()
+
+    @cached_property
+    def extended(self) -> Problem:
+        """The problem with the members' effects in its chain."""
+        effects = tuple(m.effect for m in self.members if m.effect is not None)
+        chain = self.problem.chain.with_effects(effects)
+        own = chain.parameters.prior[chain.base_size :]
+        size, base = len(own) + chain.base_size, chain.base_size
+        basis = np.diag(np.concatenate([np.ones(base), own]))
+        basis[:base, :base] = self.problem.basis
+        return replace(
+            self.problem,
+            chain=chain,
+            theta0=np.concatenate([self.problem.theta0, np.zeros(len(own))]),
+            basis=basis,
+            has_prior=np.concatenate([self.problem.has_prior, np.ones(len(own), dtype=bool)]),
+            free=np.ones(size, dtype=bool),
+        )
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What is left to explain, as if the members were not in the model."""
+        return gather(self.survey, self.extended, self.theta, self.cell)
+
+    @cached_property
+    def beside(self) -> Evidence:
+        """What is left to explain beside the members."""
+        return beside(self.evidence, self.members)
+
+    @property
+    def misfit(self) -> float:
+        """Chi square per degree of freedom with the members in the model."""
+        return float(np.sum(self.beside.left() ** 2) / self.beside.degrees)
+
+    def values(self, member: Candidate) -> Array:
+        """A member's free parameters, (k,), in their own units."""
+        if member.effect is None:
+            return np.asarray(self.theta[list(member.rows)])
+        with_effect = [m for m in self.members if m.effect is not None]
+        each = self.extended.chain.effect_values(self.theta)
+        return np.asarray(each[with_effect.index(member)][list(member.rows)])
+
+
+def beside(evidence: Evidence, members: Sequence[Candidate]) -> Evidence:
+    """The evidence with some explanations taken for possible."""
+    if not members:
+        return evidence
+    columns = np.concatenate([columns_of(m, evidence) for m in members], axis=1)
+    return evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+
+
+def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
+    """The model with these members instead, fitted by Gauss-Newton with robust weights.
+
+    Shapes that go with values (the width of a play) are set to them on the way.
+    """
+    base = model.problem.chain.base_size
+    extra = sum(len(m.effect.parameters) for m in members if m.effect is not None)
+    theta = np.concatenate([model.theta[:base], np.zeros(extra)])
+    now = replace(model, members=members, theta=theta)
+    for _ in range(_ROUNDS):
+        step = _stepped(now)
+        weight = robust_weights(_residual(step))
+        cell = replace(now.cell, weight=weight)
+        moved = np.abs(step.theta - now.theta) / np.diag(now.extended.basis)
+        now = replace(step, cell=cell, members=_refined(step))
+        if moved.max() < _SETTLED:
+            break
+    return now
+
+
+def _stepped(model: Model) -> Model:
+    """One Gauss-Newton step of geometry, frame and members."""
+    problem, base = model.extended, model.problem.chain.base_size
+    z = model.beside.best()
+    theta = problem.theta0.copy()
+    theta[:base] += problem.basis[:base, :base] @ z[:base]
+    sizes = [len(m.rows) for m in model.members]
+    parts = np.split(z[len(z) - sum(sizes) :], np.cumsum(sizes)[:-1]) if sizes else []
+    begin = base
+    for member, v in zip(model.members, parts, strict=True):
+        rows = np.array(member.rows)
+        if member.effect is None:
+            theta[rows] += np.diag(problem.basis)[rows] * v
+        else:
+            theta[begin + rows] = member.effect.parameters.prior[rows] * v
+            begin += len(member.effect.parameters)
+    return replace(model, theta=theta)
+
+
+def _residual(model: Model) -> Array:
+    """Whitened residuals of the poses, none set aside, (n, 3)."""
+    problem = model.extended
+    return problem.residual(model.theta, problem.chain.pose(problem.at, model.theta))
+
+
+def _refined(model: Model) -> tuple[Candidate, ...]:
+    """The members with the shapes that go with their values."""
+    values = iter(model.extended.chain.effect_values(model.theta))
+    return tuple(
+        m if m.effect is None else replace(m, effect=m.effect.refined(next(values)))
+        for m in model.members
+    )

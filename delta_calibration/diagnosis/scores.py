@@ -1,0 +1,187 @@
+"""How well a candidate explains the evidence: by how much, how surely, and at what price.
+
+Two answers for two questions. Whether there is anything: the F test of the group, corrected for
+everything that was tried. What it is: the Bayes factor against nothing, in which an explanation
+pays for every parameter with what it could have explained and did not.
+
+    D = 2 b v - v G v                   decrease of chi square at v, G = <X, X>, b = <X, r>
+    ln B = b' (G + L)^-1 b / 2 - ln det(1 + G / L) / 2        v ~ N(0, 1/L)
+
+A candidate whose shape was searched pays for the search as well: the parametric bootstrap of the
+largest D over all shapes says how many independent tries it was worth, and both answers are
+charged with that number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, f
+
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.evidence import Evidence
+
+Array = NDArray[np.float64]
+
+# An effect may well be five times its typical size, twenty times is not to be expected.
+PRECISION = 1 / 5.0**2
+_EULER = 0.5772
+_RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
+
+
+@dataclass(frozen=True)
+class Score:
+    """A candidate's case."""
+
+    candidate: Candidate
+    value: Array  # (k,) most likely, in units of the priors
+    information: Array  # (k, k)
+    gain: float  # D
+    log_bayes: float  # ln B, less the price of the search
+    log_p: float  # natural logarithm of the F test's p value, times the tries of the search
+    tries: float
+
+    @property
+    def degrees(self) -> int:
+        """Parameters of the candidate."""
+        return len(self.value)
+
+
+@dataclass(frozen=True)
+class _Best:
+    """The best shape so far, and the largest that chance made of any."""
+
+    gain: float
+    candidate: Candidate
+    value: Array  # (k,)
+    information: Array  # (k, k)
+    b: Array  # (k,)
+    chance: Array  # (draws,)
+    shapes: int
+
+    def or_better(self, other: _Best) -> _Best:
+        """The better of both, with what both tried."""
+        better = other if other.gain > self.gain else self
+        chance = np.maximum(self.chance, other.chance)
+        return replace(better, chance=chance, shapes=self.shapes + other.shapes)
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The residuals of an evidence and draws of chance, ready for many candidates."""
+
+    evidence: Evidence
+    weighed: Array  # (3 n, 1 + draws): V^-1 of the residuals, then of each draw
+    noise_degrees: float  # of freedom of the stated noise
+
+    @classmethod
+    def of(
+        cls, evidence: Evidence, noise_degrees: float, draws: int, rng: np.random.Generator
+    ) -> Weighed:
+        """Draw and weigh."""
+        both = np.concatenate([evidence.column, evidence.draw(draws, rng)], axis=1)
+        return cls(evidence, evidence.weigh(both), noise_degrees)
+
+    def explore(self, shapes: Iterable[Sequence[Candidate]]) -> list[Score]:
+        """The best shape of each explanation, charged for the search.
+
+        Args:
+            shapes: for each shape the candidates that share its columns: all of the effect first,
+                then parts of it.
+        """
+        best: list[_Best] = []
+        for group in shapes:
+            columns = columns_of(group[0], self.evidence)
+            information = self.evidence.information(columns)
+            b = columns.T @ self.weighed
+            for i, candidate in enumerate(group):
+                rows = np.searchsorted(group[0].rows, candidate.rows)
+                here = self._shape(candidate, information[np.ix_(rows, rows)], b[rows])
+                if len(best) <= i:
+                    best.append(here)
+                else:
+                    best[i] = best[i].or_better(here)
+        return [self._charged(each) for each in best]
+
+    def _shape(self, candidate: Candidate, information: Array, b: Array) -> _Best:
+        value = most_likely(information, b[:, 0], *bounds_of(candidate, self.evidence))
+        gain = decrease(information, b[:, 0], value)
+        chance = free_decrease(information, b[:, 1:])
+        return _Best(gain, candidate, value, information, b[:, 0], chance, 1)
+
+    def _charged(self, best: _Best) -> Score:
+        tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0
+        return self.score(best.candidate, best.value, best.information, best.b, tries)
+
+    def score(
+        self, candidate: Candidate, value: Array, information: Array, b: Array, tries: float
+    ) -> Score:
+        """The case of a candidate at its most likely values."""
+        gain = decrease(information, b, value)
+        k = len(value)
+        return Score(
+            candidate=candidate,
+            value=value,
+            information=information,
+            gain=gain,
+            log_bayes=log_bayes(information, b, value) - float(np.log(tries)),
+            log_p=min(0.0, self._log_p(gain, k) + float(np.log(tries))),
+            tries=tries,
+        )
+
+    def _log_p(self, gain: float, k: int) -> float:
+        if not np.isfinite(self.noise_degrees):
+            return float(chi2.logsf(gain, k))
+        return float(f.logsf(gain / k, k, self.noise_degrees))
+
+
+def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Array:
+    """v of the largest posterior within its bounds, (k,): the binding ones held one by one."""
+    normal = information + PRECISION * np.eye(len(b))
+    held = np.zeros(len(b), dtype=bool)
+    value = np.zeros(len(b))
+    for _ in range(len(b) + 1):
+        free = ~held
+        if free.any():
+            right = b[free] - normal[np.ix_(free, held)] @ value[held]
+            value[free] = np.linalg.solve(normal[np.ix_(free, free)], right)
+        beyond = np.maximum(lower - value, value - upper)
+        beyond[held] = 0.0
+        if not (beyond > 0).any():
+            break
+        worst = int(np.argmax(beyond))
+        held[worst] = True
+        value[worst] = np.clip(value[worst], lower[worst], upper[worst])
+    return value
+
+
+def decrease(information: Array, b: Array, value: Array) -> float:
+    """D at v."""
+    return float(max(0.0, 2 * b @ value - value @ information @ value))
+
+
+def free_decrease(information: Array, b: Array) -> Array:
+    """D at the best v without prior or bounds, for each column of b (k, j), (j,)."""
+    values, axes = np.linalg.eigh(information)
+    shown = values > _RANK * max(values[-1], 1e-300)
+    return np.asarray(np.sum((axes[:, shown].T @ b) ** 2 / values[shown, None], axis=0))
+
+
+def log_bayes(information: Array, b: Array, value: Array) -> float:
+    """ln B at v: the explained part less the price of the parameters."""
+    explained = b @ value - value @ information @ value / 2 - PRECISION * value @ value / 2
+    price = np.linalg.slogdet(np.eye(len(b)) + information / PRECISION)[1] / 2
+    return float(explained - price)
+
+
+def _tries(largest: Array, k: int) -> float:
+    """Independent tries that the search is worth: of M, the least p has E ln(1/p) = ln M + gamma.
+
+    Args:
+        largest: D over all shapes in each draw of chance, (draws,).
+        k: parameters of a shape.
+    """
+    return float(max(1.0, np.exp(np.mean(-chi2.logsf(largest, k)) - _EULER)))
