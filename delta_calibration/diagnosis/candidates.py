@@ -15,7 +15,7 @@ from delta_calibration.effects.unexplained import UNEXPLAINED, Unexplained, fami
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """An explanation: an effect in one shape, or a dimension that is out of its tolerance.
 
@@ -40,6 +40,11 @@ class Candidate:
         if isinstance(self.effect, Unexplained):
             return f"{self.cause} ({self.effect.family})"
         return self.cause if self.location is None else f"{self.cause} at {self.location}"
+
+    @property
+    def key(self) -> str:
+        """What tells it from others, whatever its shape."""
+        return f"{self.label} {self.rows}" if self.effect is None else self.label
 
     def same_cause(self, other: Candidate) -> bool:
         """Whether both would be reported under one name."""

@@ -46,6 +46,11 @@ class Cell:
     noise: Noise
     weight: Array  # (poses,) of each pose, 0 where it is set aside
 
+    @property
+    def noise_degrees(self) -> float:
+        """Degrees of freedom of the noise estimate; infinite where the robot's file states it."""
+        return 3.0 * self.noise.degrees if self.noise.measured else np.inf
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -91,6 +96,18 @@ class Evidence:
     def column(self) -> Array:
         """The residuals as one column, (3 n, 1)."""
         return self.residual.reshape(-1, 1)
+
+    def take(self, rows: NDArray[np.intp]) -> Evidence:
+        """The evidence of some of the samples."""
+        return replace(
+            self,
+            at=self.at.take(rows),
+            pose=self.pose[rows],
+            whiten=self.whiten[rows],
+            residual=self.residual[rows],
+            nuisance=self.nuisance[rows],
+            poses=int(np.sum(rows < self.poses)),
+        )
 
     def beside(self, columns: Array, precision: Array) -> Evidence:
         """The same evidence with more taken for possible: columns (3 n, k), their priors' (k,)."""
@@ -153,9 +170,30 @@ class Evidence:
         columns = self._slopes[effect.stage] @ (effect.columns(at) * effect.parameters.prior)
         return np.asarray(columns.reshape(3 * len(self), -1))
 
+    @property
+    def believed(self) -> NDArray[np.bool_]:
+        """Samples that are not set aside, (n,)."""
+        return np.asarray(self._believed[::3, 0] > 0)
+
     def best(self) -> Array:
         """The most likely nuisance z, (A,)."""
         return np.asarray(cho_solve(self._factor, self._flat.T @ self.column))[:, 0]
+
+    def missed(self, z: Array) -> Array:
+        """Measured less predicted with the nuisance z, (n, 3) [m]; NaN for what was set aside."""
+        off = self.residual - self.nuisance @ z
+        good = self.believed
+        missed = np.full_like(off, np.nan)
+        missed[good] = np.linalg.solve(self.whiten[good], off[good, :, None])[..., 0]
+        return missed
+
+    @property
+    def variance(self) -> Array:
+        """Of the 3-D distance of a reading from the truth, (n,) [m^2]; NaN for the set aside."""
+        variance = np.full(len(self), np.nan)
+        root = np.linalg.inv(self.whiten[self.believed])
+        variance[self.believed] = np.sum(root**2, axis=(1, 2))
+        return variance
 
     def left(self) -> Array:
         """What remains of the residuals at the most likely nuisance, whitened, (n, 3)."""
@@ -199,7 +237,7 @@ def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Eviden
         whiten=whiten,
         residual=(whiten @ (off + effects)[..., None])[..., 0] + columns @ z,
         nuisance=np.concatenate([columns, rest], axis=-1),
-        precision=np.concatenate([problem.has_prior[:base], np.ones(rest.shape[-1])]).astype(float),
+        precision=np.r_[problem.has_prior[:base], np.ones(rest.shape[-1])].astype(float),
         poses=len(poses),
     )
 

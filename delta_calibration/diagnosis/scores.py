@@ -128,14 +128,9 @@ class Weighed:
             information=information,
             gain=gain,
             log_bayes=log_bayes(information, b, value) - float(np.log(tries)),
-            log_p=min(0.0, self._log_p(gain, k) + float(np.log(tries))),
+            log_p=min(0.0, log_p_of(gain, k, self.noise_degrees) + float(np.log(tries))),
             tries=tries,
         )
-
-    def _log_p(self, gain: float, k: int) -> float:
-        if not np.isfinite(self.noise_degrees):
-            return float(chi2.logsf(gain, k))
-        return float(f.logsf(gain / k, k, self.noise_degrees))
 
 
 def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Array:
@@ -156,6 +151,17 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
         held[worst] = True
         value[worst] = np.clip(value[worst], lower[worst], upper[worst])
     return value
+
+
+def log_p_of(gain: float, k: int, noise_degrees: float) -> float:
+    """ln p of the F test of k parameters that lower chi square by `gain`.
+
+    `noise_degrees` of freedom are those of the noise that chi square is counted in; infinite
+    where it is known.
+    """
+    if not np.isfinite(noise_degrees):
+        return float(chi2.logsf(gain, k))
+    return float(f.logsf(gain / k, k, noise_degrees))
 
 
 def decrease(information: Array, b: Array, value: Array) -> float:

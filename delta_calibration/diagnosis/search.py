@@ -8,7 +8,8 @@ the best shapes of everything that was tried, and every pair of them is tried as
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,13 @@ from delta_calibration.diagnosis.candidates import (
     subsets,
 )
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.scores import (
     Score,
     Weighed,
     decrease,
     log_bayes,
+    log_p_of,
     most_likely,
 )
 from delta_calibration.effects import Effect
@@ -37,7 +40,7 @@ ALPHA = 0.002  # chance that a clean session raises any alarm
 _MOST = 4  # effects at a time
 _DRAWS = 64
 _SHORT = 40  # explanations that swaps and pairs are made of
-_IMPERFECT = 0.01  # share of what a model explains that it may get wrong itself
+_IMPERFECT = 1e-4  # share of what a model explains that it may get wrong itself
 _SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
 
 
@@ -139,3 +142,144 @@ class Together:
         value = most_likely(information, b, self.lower[rows], self.upper[rows])
         price = float(np.log(self.tries[list(members)]).sum())
         return value, decrease(information, b, value), log_bayes(information, b, value) - price
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where the search ended."""
+
+    model: Model
+    first: Scan  # of the session as it came
+    last: Scan  # of what is left beside the members
+    short: tuple[Score, ...]  # the best shape of everything worth a thought
+
+
+def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> Found:
+    """Search until nothing significant is left.
+
+    Args:
+        model: the calibrated machine, without members.
+        effects: the catalogue.
+        rng: of the bootstrap.
+    """
+    degrees = model.cell.noise_degrees
+    first = here = scan(model.beside, effects, degrees, rng)
+    short: dict[str, Score] = {}
+    seen: set[tuple[str, ...]] = {()}
+    while len(model.members) < _MOST:
+        short.update({score.candidate.key: score for score in here.scores[:_SHORT]})
+        best = _worth_it(here, model)
+        if best is None:
+            break
+        members = _improved(model, here, best, tuple(short.values()))
+        keys = tuple(sorted(m.key for m in members))
+        if keys in seen:
+            break
+        seen.add(keys)
+        model = fit(model, members)
+        here = scan(model.beside, effects, degrees, rng, model.members)
+    return Found(model, first, here, tuple(short.values()))
+
+
+def _worth_it(here: Scan, model: Model) -> Score | None:
+    """The best explanation, if chance is out of the question and its parameters pay off."""
+    explained = decrease_of(model)
+    good = [
+        score
+        for score in here.scores
+        if here.significant(score) and _worth(score) > 0 and score.gain > _IMPERFECT * explained
+    ]
+    return max(good, key=_worth, default=None)
+
+
+def decrease_of(model: Model) -> float:
+    """How much chi square the members explain together."""
+    without = float(np.sum(model.evidence.column * model.evidence.weigh(model.evidence.column)))
+    return without - float(np.sum(model.beside.column * model.beside.weigh(model.beside.column)))
+
+
+def _worth(score: Score) -> float:
+    """ln B, less what a map pays."""
+    return score.log_bayes - shadow(score.candidate, score.gain)
+
+
+def shadow(candidate: Candidate, gain: float) -> float:
+    """What a map pays beyond its parameters: a tenth of what it explains."""
+    return (1 - _SHADOW) * gain / 2 if candidate.unexplained else 0.0
+
+
+def _improved(
+    model: Model, here: Scan, best: Score, short: tuple[Score, ...]
+) -> tuple[Candidate, ...]:
+    """The best set of explanations within a few swaps of the members and the best newcomer."""
+    pool = {score.candidate.key: score for score in short}
+    for score in (*(as_score(m, short) for m in model.members), best):
+        pool[score.candidate.key] = score
+    scores = list(pool.values())
+    together = Together.of(model.evidence, scores)
+    where = {score.candidate: i for i, score in enumerate(scores)}
+    start = tuple(sorted(where[c] for c in (*model.members, best.candidate)))
+    worth = _Worth(together, here, model.cell.noise_degrees)
+    chosen = max((start, _best_pair(worth, len(scores))), key=worth)
+    while True:
+        near = max(_neighbours(chosen, len(scores)), key=worth, default=chosen)
+        if worth(near) <= worth(chosen) + 1e-6:
+            return tuple(together.candidates[i] for i in chosen)
+        chosen = near
+
+
+def as_score(member: Candidate, tried: Sequence[Score]) -> Score:
+    """A member to be weighed again, charged with what the search for its cause has cost."""
+    tries = max((s.tries for s in tried if s.candidate.same_cause(member)), default=1.0)
+    k = len(member.rows)
+    return Score(member, np.zeros(k), np.zeros((k, k)), 0.0, 0.0, 0.0, tries)
+
+
+def _best_pair(worth: _Worth, count: int) -> tuple[int, ...]:
+    """The best two of the candidates."""
+    return max(combinations(range(count), 2), key=worth, default=())
+
+
+def _neighbours(chosen: tuple[int, ...], count: int) -> Iterator[tuple[int, ...]]:
+    """The set with one more, one less or one exchanged."""
+    others = [i for i in range(count) if i not in chosen]
+    for out in (None, *chosen):
+        rest = [i for i in chosen if i != out]
+        if out is not None and rest:
+            yield tuple(rest)
+        if out is not None or len(chosen) < _MOST:
+            for i in others:
+                yield tuple(sorted([*rest, i]))
+
+
+@dataclass
+class _Worth:
+    """How much a set of explanations is worth: ln B, if each of them holds beside the others."""
+
+    together: Together
+    here: Scan
+    degrees: float
+    known: dict[tuple[int, ...], float] = field(default_factory=dict)
+
+    def __call__(self, chosen: tuple[int, ...]) -> float:
+        """Minus infinity where one of them is not significant beside the others."""
+        if chosen not in self.known:
+            self.known[chosen] = self._of(chosen)
+        return self.known[chosen]
+
+    def _of(self, chosen: tuple[int, ...]) -> float:
+        if not chosen:
+            return 0.0
+        candidates = self.together.candidates
+        if any(candidates[i].same_cause(candidates[j]) for i, j in combinations(chosen, 2)):
+            return -np.inf
+        _, gain, log_b = self.together.fit(chosen)
+        for i in chosen:
+            rest = tuple(j for j in chosen if j != i)
+            alone = gain - self.together.fit(rest)[1]
+            k = self.together.begin[i + 1] - self.together.begin[i]
+            log_p = log_p_of(alone, k, self.degrees) + float(np.log(self.together.tries[i]))
+            if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < _IMPERFECT * gain:
+                return -np.inf
+            log_b -= shadow(candidates[i], alone)
+        return log_b

@@ -1,0 +1,119 @@
+"""What an explanation is worth on data that the fit has not seen.
+
+Sectors of the workspace are held out in turn, then stretches of time, which hold the payload's and
+the temperature's blocks. A model that predicts them better than without a member has found
+something; how much better, between the error before and the noise, is its gain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.evidence import Evidence
+
+Array = NDArray[np.float64]
+
+_PARTS = 5
+_DRAWS = 400
+_SURE = 0.025  # quantile under which the gain's interval begins
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Squared distance between predicted and measured, each sample by a fit without its part."""
+
+    square: Array  # (n,) [m^2]
+    part: NDArray[np.int64]  # (n,) which part it was held out with
+
+    def rms(self, rows: NDArray[np.bool_]) -> float:
+        """Root mean square of the 3-D distance over some samples [m]."""
+        return float(np.sqrt(np.nanmean(self.square[rows])))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """How much of the avoidable error a member takes away, held out."""
+
+    before: float  # [m]
+    after: float  # [m]
+    share: float  # 1 is all but the noise
+    low: float  # of the 95 % interval of `share`
+    high: float
+
+
+def sectors(evidence: Evidence) -> NDArray[np.int64]:
+    """Sector of the workspace that each sample lies in, (n,): equal numbers of poses in each."""
+    place = evidence.chain.mechanism.position(evidence.pose)
+    bearing = np.arctan2(place[:, 1], place[:, 0])
+    return _parts(bearing, bearing[: evidence.poses])
+
+
+def stretches(evidence: Evidence) -> NDArray[np.int64]:
+    """Stretch of time that each sample lies in, (n,)."""
+    time = evidence.at.time
+    return _parts(time, time[: evidence.poses])
+
+
+def held_out(evidence: Evidence, part: NDArray[np.int64]) -> HeldOut:
+    """Predict every part by a fit to the others.
+
+    Args:
+        evidence: of all samples, what the fit may use in its nuisance.
+        part: what is held out together, (n,).
+    """
+    square = np.full(len(evidence), np.nan)
+    for number in np.unique(part):
+        rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
+        if others.size:
+            missed = evidence.take(rows).missed(evidence.take(others).best())
+            square[rows] = np.sum(missed**2, axis=1)
+    return HeldOut(square, part)
+
+
+def gain(
+    before: HeldOut,
+    after: HeldOut,
+    noise: Array,
+    rows: NDArray[np.bool_],
+    place: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> Gain:
+    """Compare two models on the same held-out samples; the interval is a bootstrap over places.
+
+    Args:
+        before: without the member.
+        after: with it.
+        noise: variance of a reading's 3-D distance, (n,) [m^2].
+        rows: samples that count, (n,).
+        place: samples of one place go together, (n,).
+        rng: of the bootstrap.
+    """
+    numbers, which = np.unique(place[rows], return_inverse=True)
+    totals = np.stack(
+        [np.bincount(which, v[rows]) for v in (before.square, after.square, noise)], axis=1
+    )
+    drawn = rng.integers(0, len(numbers), (_DRAWS, len(numbers)))
+    shares = _share(totals[drawn].sum(axis=1))
+    low, high = np.quantile(shares, [_SURE, 1 - _SURE])
+    return Gain(
+        before=before.rms(rows),
+        after=after.rms(rows),
+        share=float(_share(totals.sum(axis=0)[None])[0]),
+        low=float(low),
+        high=float(high),
+    )
+
+
+def _share(totals: Array) -> Array:
+    """Of the error that is not noise, what is gone; (..., 3) before, after, noise -> (...)."""
+    before, after, noise = totals[:, 0], totals[:, 1], totals[:, 2]
+    avoidable = np.maximum(before - noise, 0.05 * before)
+    return np.asarray(np.clip((before - after) / avoidable, -1.0, 1.0))
+
+
+def _parts(value: Array, of_poses: Array) -> NDArray[np.int64]:
+    edges = np.quantile(of_poses, np.linspace(0, 1, _PARTS + 1)[1:-1])
+    return np.searchsorted(edges, value).astype(np.int64)

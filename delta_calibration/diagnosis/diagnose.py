@@ -1,0 +1,156 @@
+"""From a session to a verdict, in eight steps.
+
+1 clean, 2 baseline, 3 candidates, 4 classes, 5 several effects, 6 confirmation on held-out data,
+7 audit of what is left, 8 what cannot be told and what to measure next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.audit import Audit, audit
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.evidence import Cell
+from delta_calibration.diagnosis.findings import MM, HeldOutModels, of_dimension, of_member
+from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.model import Model, fit
+from delta_calibration.diagnosis.search import ALPHA, Found, find
+from delta_calibration.diagnosis.unseen import unseen
+from delta_calibration.diagnosis.verdict import Held, SessionFacts, UnknownStructure, Verdict
+from delta_calibration.effects import Effect, catalogue
+from delta_calibration.effects.unexplained import Unexplained
+from delta_calibration.identification import chain_of, prepare, solve
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Survey, require_poses
+
+Array = NDArray[np.float64]
+
+_FEWEST = 12  # different places
+_MATERIAL = 0.3  # of the noise that what is left must exceed to matter
+STEPS = ("geometry", "causes", "held-out data", "what is left")
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict, and the model that it extends the calibration to."""
+
+    verdict: Verdict
+    model: Model
+    found: Found
+    audit: Audit
+
+
+def diagnose(
+    survey: Survey,
+    robot: Robot,
+    model: str | None = None,
+    effects: tuple[Effect, ...] | None = None,
+    seed: int = 0,
+    step: Callable[[str], None] = lambda name: None,
+) -> Diagnosis:
+    """Say why the robot does not stand where its model says.
+
+    Args:
+        survey: poses and paths of a session.
+        robot: drawing, tolerances, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+        effects: what is tried; the whole catalogue where not given.
+        seed: of bootstraps.
+        step: is told of each of `STEPS` as it begins.
+
+    Raises:
+        DataError: too few different poses, or of another robot.
+    """
+    rng = np.random.default_rng(seed)
+    step(STEPS[0])
+    start = calibrated(survey, robot, model)
+    if effects is None:
+        effects = catalogue(robot, start.problem.chain.mechanism)
+    step(STEPS[1])
+    found = find(start, effects, rng)
+    step(STEPS[2])
+    held = HeldOutModels(found.model.evidence)
+    said = {m: of_member(found, m, held, rng) for m in found.model.members}
+    members = tuple(m for m, finding in said.items() if finding is not None)
+    if len(members) < len(said):
+        found = replace(found, model=fit(found.model, members))
+    findings = [f for m, f in said.items() if f is not None and not m.unexplained]
+    scatter = scatter_of(found.model.beside)
+    if scatter.outlier is not None:
+        dimension = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
+        findings += [] if dimension is None else [dimension]
+    step(STEPS[3])
+    left = audit(found.model.beside, start.cell.noise_degrees, rng)
+    findings.sort(key=lambda finding: -finding.signal)
+    verdict = Verdict(
+        session=_facts(survey),
+        noise_mm=MM * start.cell.noise.floor,
+        baseline=Held("nominal + frame", held.mm(held.frame)),
+        calibrated=Held("geometry + frame", held.mm(held.geometry)),
+        extended=Held(_name(members), held.mm(held.members(members))),
+        findings=tuple(findings),
+        unknown_structure=_unknown(found.model, left),
+        cannot_tell=unseen(found.model.beside, effects, findings),
+    )
+    return Diagnosis(verdict, found.model, found, left)
+
+
+def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
+    """The machine with its geometry identified and nothing else in the chain.
+
+    Raises:
+        DataError: too few different poses, or of another robot.
+    """
+    require_poses(survey.poses, _FEWEST)
+    _, noise, problem = prepare(survey.poses, robot, chain_of(robot, model))
+    solution = solve(problem)
+    return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
+
+
+def _facts(survey: Survey) -> SessionFacts:
+    poses = survey.poses
+    return SessionFacts(poses.readings, len(poses), poses.duration, poses.rejected.counts())
+
+
+def _name(members: tuple[Candidate, ...]) -> str:
+    return " + ".join(["geometry", "frame", *(m.label for m in members)])
+
+
+def _unknown(model: Model, left: Audit) -> UnknownStructure:
+    """Structure that a smooth map follows, or that the audit finds in what is left."""
+    tests: dict[str, float | None] = dict(left.p)
+    maps = [m for m in model.members if m.unexplained]
+    if maps:
+        return _mapped(model, maps[0], tests)
+    worst = min(left.p, key=lambda name: left.p[name])
+    slight = left.excess < _MATERIAL * model.cell.noise.floor
+    if slight or left.p[worst] * len(left.p) > ALPHA:
+        return UnknownStructure(False, None, None, None, tests)
+    moves = worst.removeprefix("moran_") if worst != "lack_of_fit" else None
+    return UnknownStructure(True, _around(left.worst), moves, MM * left.excess, tests)
+
+
+def _mapped(
+    model: Model, member: Candidate, tests: dict[str, float | None]
+) -> UnknownStructure:
+    """What the map says: how large it is, and where it is largest."""
+    evidence = model.evidence
+    values = model.values(member) / np.array([p.prior for p in member.effect.parameters])
+    moved = (columns_of(member, evidence) @ values).reshape(len(evidence), 3)
+    rows = np.flatnonzero(evidence.believed[: evidence.poses])
+    shift = np.linalg.solve(evidence.whiten[rows], moved[rows, :, None])[..., 0]
+    shift -= shift.mean(axis=0)
+    size = np.linalg.norm(shift, axis=1)
+    place = evidence.chain.mechanism.position(evidence.pose[rows])
+    family = member.effect.family if isinstance(member.effect, Unexplained) else None
+    where = _around(place[int(np.argmax(size))])
+    return UnknownStructure(True, where, family, MM * float(np.sqrt(np.mean(size**2))), tests)
+
+
+def _around(place: Array) -> str:
+    x, y, z = (MM * place).tolist()
+    return f"most around x = {x:.0f}, y = {y:.0f}, z = {z:.0f} mm"

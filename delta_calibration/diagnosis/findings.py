@@ -1,0 +1,187 @@
+"""What is said of a member: cause, place, values with errors, how sure, and its gain held out."""
+
+from __future__ import annotations
+
+import numpy as np
+from delta_calibration.diagnosis.experiments import next_experiment
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.confirm import Gain, HeldOut, gain, held_out, sectors, stretches
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.geometry import Outlier, at_scatter, without_geometry
+from delta_calibration.diagnosis.model import Model, beside
+from delta_calibration.diagnosis.rivals import Standing, equivalents, standing
+from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
+from delta_calibration.diagnosis.search import ALPHA, Found
+from delta_calibration.diagnosis.verdict import Estimate, Finding
+from delta_calibration.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+MM = 1e3
+_MOVING = 0.25  # a signal at rest this small beside the one in motion shows in motion only
+_MOST_OF = 0.5  # of what geometry explains, for one dimension to be named
+
+
+class HeldOutModels:
+    """Held-out errors of one model after another; each is predicted once."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        """Of the models about one fit."""
+        self.evidence = evidence
+        self.parts = sectors(evidence), stretches(evidence)
+        self.frame = self.of(without_geometry(evidence))
+        self.geometry = self.of(evidence)
+        self.poses = (np.arange(len(evidence)) < evidence.poses) & evidence.believed
+        self._with: dict[tuple[int, ...], list[HeldOut]] = {(): self.geometry}
+
+    def of(self, evidence: Evidence) -> list[HeldOut]:
+        """Sectors held out, then stretches of time."""
+        return [held_out(evidence, part) for part in self.parts]
+
+    def members(self, members: tuple[Candidate, ...]) -> list[HeldOut]:
+        """With these members beside the geometry."""
+        key = tuple(id(m) for m in members)
+        if key not in self._with:
+            self._with[key] = self.of(beside(self.evidence, members))
+        return self._with[key]
+
+    def gains(
+        self, before: list[HeldOut], after: list[HeldOut], columns: Array, rng: np.random.Generator
+    ) -> list[Gain]:
+        """What the change is worth where its columns (3 n, k) show."""
+        rows, noise = self._where(columns), self.evidence.variance
+        place = np.round(self.evidence.chain.mechanism.position(self.evidence.pose) / 0.02)
+        _, number = np.unique(place, axis=0, return_inverse=True)
+        pairs = zip(before, after, strict=True)
+        return [gain(b, a, noise, rows, number.reshape(-1), rng) for b, a in pairs]
+
+    def _where(self, columns: Array) -> NDArray[np.bool_]:
+        """The poses; the paths where the columns show in motion only."""
+        size = np.sum(columns.reshape(len(self.evidence), -1) ** 2, axis=1)
+        moving = self.evidence.believed & ~self.poses
+        if moving.any() and size[self.poses].mean() < _MOVING**2 * size[moving].mean():
+            return moving
+        return self.poses
+
+    def mm(self, held: list[HeldOut]) -> float:
+        """Root mean square over the poses, sectors held out [mm]."""
+        return MM * held[0].rms(self.poses)
+
+
+def of_member(
+    found: Found, member: Candidate, held: HeldOutModels, rng: np.random.Generator
+) -> Finding | None:
+    """What is said of a member; None where held-out data do not bear it out."""
+    model = found.model
+    rest = tuple(m for m in model.members if m is not member)
+    evidence = beside(model.evidence, rest)
+    columns = columns_of(member, evidence)
+    before, after = held.members(rest), held.members(model.members)
+    sector, stretch = held.gains(before, after, columns, rng)
+    if sector.low <= 0 or stretch.share <= 0:
+        return None
+    tried = (*found.short, *found.first.scores)
+    stand = standing(model, member, tried)
+    items = _items(model, member)
+    information = evidence.information(columns) + PRECISION * np.eye(len(items))
+    spread = np.sqrt(np.diag(np.linalg.inv(information)) * max(1.0, model.misfit))
+    return _finding(
+        member,
+        items,
+        model.values(member),
+        spread,
+        stand,
+        _log_p(found, member, stand.signal, tried),
+        sector,
+        separated_by(evidence, member, stand.equivalents),
+    )
+
+
+def of_dimension(
+    found: Found, tau: float, outlier: Outlier, held: HeldOutModels, rng: np.random.Generator
+) -> Finding | None:
+    """What is said of a dimension that stands out from the machine's own scatter, if one does."""
+    if outlier.log_p > np.log(ALPHA) or outlier.share < _MOST_OF or outlier.log_bayes <= 0:
+        return None
+    model, candidate = found.model, outlier.candidate
+    evidence = at_scatter(beside(held.evidence, model.members), tau)
+    bare = without_geometry(held.evidence)
+    columns = columns_of(candidate, evidence)
+    alone = held.of(bare.beside(columns, np.full(1, PRECISION)))
+    sector, _ = held.gains(held.frame, alone, columns, rng)
+    signal = columns @ np.array([outlier.value])
+    others = [s.candidate for s in found.first.scores if s.candidate.cause != candidate.cause]
+    stand = Standing(
+        confidence=float(1 / (1 + np.exp(-np.clip(outlier.log_bayes, None, 500.0)))),
+        equivalents=equivalents(evidence, signal, others),
+        signal=outlier.value**2 * outlier.information,
+    )
+    items = _items(model, candidate)
+    nominal = np.array([p.nominal for p in items])
+    return _finding(
+        candidate,
+        items,
+        nominal + outlier.value * np.array([p.prior for p in items]),
+        np.array([1 / np.sqrt(outlier.information + PRECISION)]),
+        stand,
+        outlier.log_p,
+        sector,
+        separated_by(evidence, candidate, stand.equivalents),
+    )
+
+
+def separated_by(
+    evidence: Evidence, member: Candidate, others: tuple[Candidate, ...]
+) -> str | None:
+    """The experiment that parts a cause from the nearest of its class."""
+    return next_experiment(evidence, member, others[0]) if others else None
+
+
+def _finding(
+    member: Candidate,
+    items: list[Parameter],
+    value: Array,
+    spread: Array,
+    stand: Standing,
+    log_p: float,
+    held: Gain,
+    experiment: str | None,
+) -> Finding:
+    estimates = {
+        p.name: Estimate(float(v - p.nominal), float(s * p.prior), p.unit)
+        for p, v, s in zip(items, value, spread, strict=True)
+    }
+    return Finding(
+        cause=member.cause,
+        location=member.location,
+        kind=member.kind,
+        equivalents=tuple(dict.fromkeys(c.cause for c in stand.equivalents)),
+        separated_by=experiment,
+        parameters=estimates,
+        confidence=stand.confidence,
+        p_value=float(np.exp(log_p)),
+        rms_before_mm=MM * held.before,
+        rms_after_mm=MM * held.after,
+        gain=held.share,
+        gain_low=held.low,
+        gain_high=held.high,
+        signal=stand.signal,
+    )
+
+
+def _items(model: Model, member: Candidate) -> list[Parameter]:
+    """The member's free parameters."""
+    if member.effect is None:
+        every = model.problem.chain.mechanism.parameters.items
+    else:
+        every = member.effect.parameters.items
+    return [every[row] for row in member.rows]
+
+
+def _log_p(found: Found, member: Candidate, signal: float, tried: tuple[Score, ...]) -> float:
+    """ln p of the member's signal, charged with everything that was asked and searched."""
+    tries = max((s.tries for s in tried if s.candidate.same_cause(member)), default=1.0)
+    log_p = log_p_of(signal, len(member.rows), found.model.cell.noise_degrees)
+    return min(0.0, log_p + float(np.log(tries * found.first.tests)))

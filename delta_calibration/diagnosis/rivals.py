@@ -1,0 +1,115 @@
+"""How sure a name is: what else would explain the same, and how well.
+
+The confidence in a cause is its share of the probability among all that was tried in its place,
+the other members staying:
+
+    P(s) = exp(ln B_s / c) / sum_a exp(ln B_a / c)        c: chi square per degree of freedom
+
+Two explanations are one class where the signal of the one, as found, lies within 18 degrees of
+what the other can do (cos > 0.95), after all nuisance: no statistics on such data part them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.model import Model, beside
+from delta_calibration.diagnosis.scores import Score
+from delta_calibration.diagnosis.search import Together, as_score, shadow
+
+Array = NDArray[np.float64]
+
+SAME = 0.95  # cosine beyond which two explanations are one class
+_RANK = 1e-9
+_FAR = 500.0  # a ratio of probabilities beyond e to this is the same as this
+_NOTHING = ""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A member among its rivals."""
+
+    confidence: float
+    equivalents: tuple[Candidate, ...]  # other causes of its class, nearest first
+    signal: float  # lambda: squared length of its signal after nuisance
+
+
+def standing(model: Model, member: Candidate, tried: Sequence[Score]) -> Standing:
+    """How a member stands against everything that was tried in its place."""
+    rest = tuple(m for m in model.members if m is not member)
+    evidence = beside(model.evidence, rest)
+    signal = columns_of(member, evidence) @ _scaled(model, member)
+    others = [s for s in tried if not s.candidate.same_cause(member)]
+    others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
+    return Standing(
+        confidence=_confidence(model, member, rest, others, tried),
+        equivalents=equivalents(evidence, signal, [s.candidate for s in others]),
+        signal=float(signal @ evidence.weigh(signal[:, None])[:, 0]),
+    )
+
+
+def equivalents(
+    evidence: Evidence, signal: Array, others: Sequence[Candidate]
+) -> tuple[Candidate, ...]:
+    """The candidates that can do what the signal (3 n,) does, one a cause, nearest first."""
+    weighed = evidence.weigh(signal[:, None])[:, 0]
+    length = float(signal @ weighed)
+    near: dict[str, tuple[float, Candidate]] = {}
+    for candidate in others:
+        if candidate.unexplained:
+            continue
+        columns = columns_of(candidate, evidence)
+        cosine = np.sqrt(_reached(evidence.information(columns), columns.T @ weighed) / length)
+        if cosine > near.get(candidate.cause, (SAME, candidate))[0]:
+            near[candidate.cause] = float(cosine), candidate
+    return tuple(c for _, c in sorted(near.values(), key=lambda pair: -pair[0]))
+
+
+def _reached(information: Array, along: Array) -> float:
+    """Squared length of the projection on columns of this information."""
+    values, axes = np.linalg.eigh(information)
+    shown = values > _RANK * max(float(values[-1]), 1e-300)
+    return float(np.sum((axes[:, shown].T @ along) ** 2 / values[shown]))
+
+
+def _scaled(model: Model, member: Candidate) -> Array:
+    """A member's values in units of the priors, (k,)."""
+    if member.effect is None:
+        items = model.problem.chain.mechanism.parameters.items
+        deviation = model.values(member) - np.array([items[r].nominal for r in member.rows])
+        return np.asarray(deviation / np.array([items[r].prior for r in member.rows]))
+    prior = member.effect.parameters.prior[list(member.rows)]
+    return np.asarray(model.values(member) / prior)
+
+
+def _confidence(
+    model: Model,
+    member: Candidate,
+    rest: tuple[Candidate, ...],
+    others: Sequence[Score],
+    tried: Sequence[Score],
+) -> float:
+    """The member's share of the probability."""
+    own = [as_score(m, tried) for m in (member, *rest)]
+    together = Together.of(model.evidence, [*own, *others])
+    kept = tuple(range(1, len(own)))
+    best = {_NOTHING: together.fit(kept)[2]}
+    for i, candidate in enumerate(together.candidates):
+        if i not in kept:
+            name = candidate.label if candidate.unexplained else candidate.cause
+            best[name] = max(best.get(name, -np.inf), _worth(together, i, kept))
+    name = member.label if member.unexplained else member.cause
+    apart = (np.array(list(best.values())) - best[name]) / max(1.0, model.misfit)
+    return float(1 / np.sum(np.exp(np.clip(apart, None, _FAR))))
+
+
+def _worth(together: Together, one: int, kept: tuple[int, ...]) -> float:
+    """ln B of one candidate beside those that are kept."""
+    _, gain, log_b = together.fit((one, *kept))
+    return log_b - shadow(together.candidates[one], gain - together.fit(kept)[1])

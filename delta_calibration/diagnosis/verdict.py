@@ -1,0 +1,122 @@
+"""The verdict: what is wrong, how sure, what it gains, what cannot be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class SessionFacts:
+    """What the verdict rests on."""
+
+    samples: int
+    poses: int
+    duration_s: float
+    rejected: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Held:
+    """A model and how well it predicts what it has not seen."""
+
+    model: str
+    held_out_rms_mm: float | None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter as found."""
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A cause, where it sits, how sure it is, and what knowing it gains on held-out data."""
+
+    cause: str
+    location: str | None
+    kind: str
+    equivalents: tuple[str, ...]
+    separated_by: str | None
+    parameters: Mapping[str, Estimate]
+    confidence: float
+    p_value: float
+    rms_before_mm: float
+    rms_after_mm: float
+    gain: float
+    gain_low: float  # of its 95 % interval
+    gain_high: float
+    signal: float  # lambda
+
+
+@dataclass(frozen=True)
+class UnknownStructure:
+    """What no cause of the catalogue explains."""
+
+    found: bool
+    where: str | None
+    moves_with: str | None
+    rms_mm: float | None
+    tests: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class CannotTell:
+    """Causes that this session cannot part or see, and what would."""
+
+    between: tuple[str, ...]
+    because: str
+    next: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer to: why does the robot not stand where its model says?"""
+
+    session: SessionFacts
+    noise_mm: float | None
+    baseline: Held
+    calibrated: Held
+    extended: Held
+    findings: tuple[Finding, ...]
+    unknown_structure: UnknownStructure
+    cannot_tell: tuple[CannotTell, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the JSON of the contract; `verdict.schema.json` holds its form."""
+        return {"schema": SCHEMA, **_plain(asdict(self))}
+
+    def sentence(self) -> str:
+        """What an engineer reads first."""
+        if self.findings:
+            first = self.findings[0]
+            where = f" at {first.location}" if first.location else ""
+            also = f", then {', '.join(f.cause for f in self.findings[1:])}" * bool(
+                self.findings[1:]
+            )
+            return (
+                f"{first.cause}{where}{also} ({first.confidence:.0%} sure): held-out error "
+                f"{first.rms_before_mm:.4f} -> {first.rms_after_mm:.4f} mm"
+            )
+        if self.unknown_structure.found:
+            return (
+                "something that no known cause explains; it moves with "
+                f"{self.unknown_structure.moves_with}"
+            )
+        return "the calibrated geometry explains the data"
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, numbers as Python's own, all the way down."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    return value.item() if hasattr(value, "item") else value
