@@ -15,7 +15,7 @@ which is what is left of a and b once all that the nuisance can explain is proje
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,7 @@ class Cell:
     robot: Robot
     noise: Noise
     weight: Array  # (poses,) of each pose, 0 where it is set aside
+    kept: dict[str, Array] = field(default_factory=dict)
 
     @property
     def noise_degrees(self) -> float:
@@ -68,6 +69,10 @@ class Evidence:
     nuisance: Array  # (n, 3, A)
     precision: Array  # (A,) of z: 1 / variance of its prior, 0 where it has none
     poses: int  # how many of the samples are poses
+    by_joints: Array  # (n, 3, m) whitened d(reading) by the joint angles behind the drives
+    by_geometry: Array  # (n, 3, p) the same by geometry
+    seen: Conditions  # with readings as the model has them before the measurement effects
+    kept: dict[str, Array]  # columns of effects that were asked for before
 
     def __len__(self) -> int:
         return len(self.at)
@@ -107,6 +112,10 @@ class Evidence:
             residual=self.residual[rows],
             nuisance=self.nuisance[rows],
             poses=int(np.sum(rows < self.poses)),
+            by_joints=self.by_joints[rows],
+            by_geometry=self.by_geometry[rows],
+            seen=self.seen.take(rows),
+            kept={},
         )
 
     def beside(self, columns: Array, precision: Array) -> Evidence:
@@ -150,25 +159,25 @@ class Evidence:
         a = cho_solve(self._factor, self._flat.T @ self._flat)
         return float(self._believed.sum() - np.trace(a))
 
-    @cached_property
-    def _slopes(self) -> dict[Stage, Array]:
-        """Whitened d(reading) by what each stage hands on, (n, 3, size)."""
-        by_joints, by_geometry = self.chain.slopes(self.at, self.pose, self.theta)
-        return {
-            Stage.DRIVE: self.whiten @ by_joints,
-            Stage.STRUCTURE: self.whiten @ by_geometry,
-            Stage.MEASUREMENT: self.whiten,
-        }
-
-    @cached_property
-    def _seen(self) -> Conditions:
-        return self.chain.seen(self.at, self.pose, self.theta)
-
     def columns(self, effect: Effect) -> Array:
         """Whitened columns of an effect, in units of its parameters' priors, (3 n, k)."""
-        at = self._seen if effect.stage is Stage.MEASUREMENT else self.at
-        columns = self._slopes[effect.stage] @ (effect.columns(at) * effect.parameters.prior)
-        return np.asarray(columns.reshape(3 * len(self), -1))
+        slope = {
+            Stage.DRIVE: self.by_joints,
+            Stage.STRUCTURE: self.by_geometry,
+            Stage.MEASUREMENT: self.whiten,
+        }[effect.stage]
+        columns = slope @ (self._raw(effect) * effect.parameters.prior)
+        return np.asarray(columns.reshape(self.size, -1))
+
+    def _raw(self, effect: Effect) -> Array:
+        """The effect's own columns; those that neither fit nor search changes are kept."""
+        if effect.stage is Stage.MEASUREMENT:
+            return effect.columns(self.seen)
+        if effect.settings:
+            return effect.columns(self.at)
+        if effect.cause not in self.kept:
+            self.kept[effect.cause] = effect.columns(self.at)
+        return self.kept[effect.cause]
 
     @property
     def believed(self) -> NDArray[np.bool_]:
@@ -215,9 +224,8 @@ def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Eviden
     x = chain.pose(at, theta)
     off = at.reading - chain.reading(at, x, theta)
     moving = slice(len(poses), len(at))
-    slope = chain.split(theta)[2].rotation @ chain.point_by_joints(
-        paths.conditions, x[moving], theta
-    )
+    by_joints, by_geometry = chain.slopes(at, x, theta)
+    slope = by_joints[moving]
     whiten_paths = _whiten_paths(paths, slope, cell)
     believed = _believed(whiten_paths, off[moving], paths)
     root = np.sqrt(cell.weight)[:, None, None]
@@ -239,6 +247,10 @@ def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Eviden
         nuisance=np.concatenate([columns, rest], axis=-1),
         precision=np.r_[problem.has_prior[:base], np.ones(rest.shape[-1])].astype(float),
         poses=len(poses),
+        by_joints=whiten @ by_joints,
+        by_geometry=whiten @ by_geometry,
+        seen=chain.seen(at, x, theta),
+        kept=cell.kept,
     )
 
 

@@ -1,0 +1,145 @@
+"""`delta-cal diagnose`: why the robot does not stand where its model says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from delta_calibration.calibration_file import save_extended
+from delta_calibration.cli.fit import describe_poses
+from delta_calibration.cli.options import (
+    SESSION,
+    require_folder,
+    robot_option,
+    seed_option,
+    table,
+    topics_option,
+    write_json,
+)
+from delta_calibration.diagnosis import STEPS, Diagnosis, Finding, Verdict, diagnose
+from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import Survey, survey
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command("diagnose", short_help="name what the model gets wrong")
+@SESSION
+@robot_option
+@click.option("--json", "json_file", type=_FILE, default=None, help="Verdict to write.")
+@click.option(
+    "--out", type=_FILE, default=None,
+    help="Calibration file to write, extended by what was found.",
+)  # fmt: skip
+@click.option(
+    "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
+    help="Mechanism to fit; the robot file's own where not given.",
+)  # fmt: skip
+@seed_option
+@topics_option
+@click.option("-v", "--verbose", is_flag=True, help="Everything that was tried, and how it did.")
+def command(
+    session: Path,
+    robot_file: str,
+    json_file: Path | None,
+    out: Path | None,
+    model: str | None,
+    seed: int,
+    topics: tuple[str, ...],
+    verbose: bool,
+) -> None:
+    """Say what SESSION shows that the calibrated model does not, and what causes it.
+
+    The geometry is identified first. Every effect of the catalogue is then tried on what is left,
+    alone and together; what chance could not have done is named, with its values, how sure the
+    name is and what it gains on data that the fit has not seen. What fits no cause is reported as
+    unknown, and what this session cannot tell is said, with the measurement that would.
+    """
+    for path in (json_file, out):
+        if path is not None:
+            require_folder(path)
+    robot = load_robot(robot_file)
+    seen = survey(read_session(session, Topics.from_options(topics)), robot.joints.names)
+    click.echo(describe_poses(seen.poses))
+    found = _diagnosed(seen, robot, model, seed)
+    click.echo(describe(found.verdict))
+    if verbose:
+        click.echo(tried(found))
+    if json_file is not None:
+        write_json(json_file, found.verdict.as_dict())
+        click.echo(f"written: {json_file}")
+    if out is not None:
+        save_extended(out, found, robot, seen.poses)
+        click.echo(f"written: {out}")
+
+
+def _diagnosed(seen: Survey, robot: Robot, model: str | None, seed: int) -> Diagnosis:
+    """The diagnosis, with a bar that names its step."""
+    with tqdm(total=len(STEPS), delay=1.0, disable=None, leave=False, unit="step") as bar:
+
+        def step(name: str) -> None:
+            bar.update(STEPS.index(name) - bar.n)
+            bar.set_description(name)
+
+        return diagnose(seen, robot, model, seed=seed, step=step)
+
+
+def describe(verdict: Verdict) -> str:
+    """The verdict, for people."""
+    models = [verdict.baseline, verdict.calibrated]
+    if verdict.extended.model != verdict.calibrated.model:
+        models.append(verdict.extended)
+    rows = [(m.model, f"{m.held_out_rms_mm:.4f}") for m in models if m.held_out_rms_mm is not None]
+    lines = [
+        f"verdict: {verdict.sentence()}",
+        "",
+        table(("model", "held-out RMS, 3-D [mm]"), rows),
+        f"noise of a pose: {verdict.noise_mm:.4f} mm",
+        *(line for finding in verdict.findings for line in ("", *_finding(finding))),
+    ]
+    unknown = verdict.unknown_structure
+    if unknown.found:
+        size = f", {unknown.rms_mm:.4f} mm RMS" if unknown.rms_mm is not None else ""
+        lines += [
+            "",
+            f"unexplained structure{size}: moves with {unknown.moves_with}; {unknown.where}",
+        ]
+    if verdict.cannot_tell:
+        lines += ["", "this session cannot tell:"]
+        for entry in verdict.cannot_tell:
+            lines.append(f"  {' / '.join(entry.between)}: {entry.because}; {entry.next}")
+    return "\n".join(lines)
+
+
+def _finding(finding: Finding) -> list[str]:
+    where = f" at {finding.location}" if finding.location else ""
+    values = ", ".join(
+        f"{name} {e.value:.4g}" + (f" +- {e.std:.2g}" if e.std is not None else "") + f" {e.unit}"
+        for name, e in finding.parameters.items()
+    )
+    lines = [
+        f"{finding.cause}{where} ({finding.kind}): {values}",
+        f"  held out {finding.rms_before_mm:.4f} -> {finding.rms_after_mm:.4f} mm, gain "
+        f"{finding.gain:.2f} ({finding.gain_low:.2f} to {finding.gain_high:.2f}); confidence "
+        f"{finding.confidence:.3f}, p = {finding.p_value:.1e}, lambda = {finding.signal:.0f}",
+    ]
+    if finding.equivalents:
+        lines.append(
+            f"  the same on this session: {', '.join(finding.equivalents)}; "
+            f"to part them: {finding.separated_by}"
+        )
+    return lines
+
+
+def tried(found: Diagnosis) -> str:
+    """What was tried on the calibrated model, best first."""
+    rows = [
+        (s.candidate.label, f"{s.gain:.1f}", str(s.degrees), f"{s.log_bayes:.1f}", f"{s.tries:.0f}")
+        for s in found.found.first.scores
+    ]
+    head = ("tried on the calibrated model", "chi square", "parameters", "ln Bayes", "tries")
+    return "\n" + table(head, rows)
