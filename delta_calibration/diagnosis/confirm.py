@@ -17,6 +17,8 @@ from delta_calibration.diagnosis.evidence import Evidence
 Array = NDArray[np.float64]
 
 _PARTS = 5
+_CELL = 0.05  # [m]
+_LEARNABLE = 0.2  # of the information
 _DRAWS = 400
 _SURE = 0.025  # quantile under which the gain's interval begins
 
@@ -55,6 +57,24 @@ def stretches(evidence: Evidence) -> NDArray[np.int64]:
     """Stretch of time that each sample lies in, (n,)."""
     time = evidence.at.time
     return _parts(time, time[: evidence.poses])
+
+
+def scattered(evidence: Evidence) -> NDArray[np.int64]:
+    """One of five parts for each cell of the workspace, (n,); neighbours are in different ones."""
+    cell = np.round(evidence.chain.mechanism.position(evidence.pose) / _CELL).astype(np.int64)
+    return np.asarray((cell @ np.array([1, 2, 4])) % _PARTS)
+
+
+def learnable(evidence: Evidence, columns: Array, part: NDArray[np.int64]) -> bool:
+    """Whether each part leaves enough of what sets the columns (3 n, k) to the others."""
+    whole = np.diag(evidence.information(columns))
+    for number in np.unique(part):
+        others = np.flatnonzero(part != number)
+        seen = columns.reshape(len(evidence), 3, -1)[others].reshape(3 * len(others), -1)
+        known = np.diag(evidence.take(others).information(seen)) if others.size else 0 * whole
+        if (known < _LEARNABLE * whole).any():
+            return False
+    return True
 
 
 def held_out(evidence: Evidence, part: NDArray[np.int64]) -> HeldOut:

@@ -19,8 +19,15 @@ from delta_calibration.diagnosis.findings import MM, HeldOutModels, of_dimension
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.search import ALPHA, Found, find
+from delta_calibration.diagnosis.trust import signal_of, untrusted
 from delta_calibration.diagnosis.unseen import unseen
-from delta_calibration.diagnosis.verdict import Held, SessionFacts, UnknownStructure, Verdict
+from delta_calibration.diagnosis.verdict import (
+    Finding,
+    Held,
+    SessionFacts,
+    UnknownStructure,
+    Verdict,
+)
 from delta_calibration.effects import Effect, catalogue
 from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.identification import chain_of, prepare, solve
@@ -30,7 +37,8 @@ from delta_calibration.samples import Survey, require_poses
 Array = NDArray[np.float64]
 
 _FEWEST = 12  # different places
-_MATERIAL = 0.3  # of the noise that what is left must exceed to matter
+# what is left must exceed these shares, of the noise and of what the members explain, to matter
+_MATERIAL, _SLIGHT = 0.3, 0.2
 STEPS = ("geometry", "causes", "held-out data", "what is left")
 
 
@@ -73,30 +81,47 @@ def diagnose(
     step(STEPS[1])
     found = find(start, effects, rng)
     step(STEPS[2])
-    held = HeldOutModels(found.model.evidence)
-    said = {m: of_member(found, m, held, rng) for m in found.model.members}
-    members = tuple(m for m, finding in said.items() if finding is not None)
-    if len(members) < len(said):
-        found = replace(found, model=fit(found.model, members))
-    findings = [f for m, f in said.items() if f is not None and not m.unexplained]
+    found, held, said = _borne_out(found, rng)
+    members = found.model.members
+    findings = [f for m, f in said.items() if not m.unexplained]
     scatter = scatter_of(found.model.beside)
     if scatter.outlier is not None:
         dimension = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
         findings += [] if dimension is None else [dimension]
     step(STEPS[3])
     left = audit(found.model.beside, start.cell.noise_degrees, rng)
+    before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
+    explained = float(np.sqrt(max(0.0, before**2 - after**2)))
     findings.sort(key=lambda finding: -finding.signal)
     verdict = Verdict(
         session=_facts(survey),
         noise_mm=MM * start.cell.noise.floor,
         baseline=Held("nominal + frame", held.mm(held.frame)),
-        calibrated=Held("geometry + frame", held.mm(held.geometry)),
-        extended=Held(_name(members), held.mm(held.members(members))),
+        calibrated=Held("geometry + frame", held.mm(held.members((), held.sectors))),
+        extended=Held(_name(members), held.mm(held.members(members, held.sectors))),
         findings=tuple(findings),
-        unknown_structure=_unknown(found.model, left),
+        unknown_structure=_unknown(found.model, left, explained),
         cannot_tell=unseen(found.model.beside, effects, findings),
     )
     return Diagnosis(verdict, found.model, found, left)
+
+
+def _borne_out(
+    found: Found, rng: np.random.Generator
+) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
+    """Only the members whose names can be trusted and that hold on data not seen, one by one."""
+    while True:
+        weak = untrusted(found.model)
+        if not weak:
+            held = HeldOutModels(found.model.evidence)
+            said = {m: of_member(found, m, held, rng) for m in found.model.members}
+            good = {m: finding for m, finding in said.items() if finding is not None}
+            weak = tuple(m for m in said if m not in good)
+            if not weak:
+                return found, held, good
+        weakest = min(weak, key=lambda m: signal_of(found.model, m))
+        kept = tuple(m for m in found.model.members if m is not weakest)
+        found = replace(found, model=fit(found.model, kept))
 
 
 def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
@@ -120,14 +145,14 @@ def _name(members: tuple[Candidate, ...]) -> str:
     return " + ".join(["geometry", "frame", *(m.label for m in members)])
 
 
-def _unknown(model: Model, left: Audit) -> UnknownStructure:
+def _unknown(model: Model, left: Audit, explained: float) -> UnknownStructure:
     """Structure that a smooth map follows, or that the audit finds in what is left."""
     tests: dict[str, float | None] = dict(left.p)
     maps = [m for m in model.members if m.unexplained]
     if maps:
         return _mapped(model, maps[0], tests)
     worst = min(left.p, key=lambda name: left.p[name])
-    slight = left.excess < _MATERIAL * model.cell.noise.floor
+    slight = left.excess < max(_MATERIAL * model.cell.noise.floor, _SLIGHT * explained)
     if slight or left.p[worst] * len(left.p) > ALPHA:
         return UnknownStructure(False, None, None, None, tests)
     moves = worst.removeprefix("moran_") if worst != "lack_of_fit" else None

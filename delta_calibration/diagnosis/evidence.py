@@ -297,5 +297,6 @@ def _rest_errors(path: Index, slope: Array, poses: int) -> Array:
         rows = which == number
         passing[rows, number] = np.linspace(-0.5, 0.5, int(rows.sum()))
     course = np.sqrt(2) * np.concatenate([walk, passing], axis=1)
-    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(path), 3, -1)
+    size = slope.shape[2] * course.shape[1]
+    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(path), 3, size)
     return np.concatenate([np.zeros((poses, 3, columns.shape[-1])), columns])

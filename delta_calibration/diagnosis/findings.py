@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from delta_calibration.diagnosis.experiments import next_experiment
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.confirm import Gain, HeldOut, gain, held_out, sectors, stretches
+from delta_calibration.diagnosis.confirm import (
+    Gain,
+    HeldOut,
+    gain,
+    held_out,
+    learnable,
+    scattered,
+    sectors,
+    stretches,
+)
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.experiments import next_experiment
 from delta_calibration.diagnosis.geometry import Outlier, at_scatter, without_geometry
 from delta_calibration.diagnosis.model import Model, beside
 from delta_calibration.diagnosis.rivals import Standing, equivalents, standing
@@ -30,32 +39,54 @@ class HeldOutModels:
     def __init__(self, evidence: Evidence) -> None:
         """Of the models about one fit."""
         self.evidence = evidence
-        self.parts = sectors(evidence), stretches(evidence)
-        self.frame = self.of(without_geometry(evidence))
-        self.geometry = self.of(evidence)
+        self.sectors, self.stretches = sectors(evidence), stretches(evidence)
+        self.scattered = scattered(evidence)
         self.poses = (np.arange(len(evidence)) < evidence.poses) & evidence.believed
-        self._with: dict[tuple[int, ...], list[HeldOut]] = {(): self.geometry}
+        self.frame = held_out(without_geometry(evidence), self.sectors)
+        self._known: dict[tuple[int, ...], HeldOut] = {}
 
-    def of(self, evidence: Evidence) -> list[HeldOut]:
-        """Sectors held out, then stretches of time."""
-        return [held_out(evidence, part) for part in self.parts]
-
-    def members(self, members: tuple[Candidate, ...]) -> list[HeldOut]:
+    def members(self, members: tuple[Candidate, ...], part: NDArray[np.int64]) -> HeldOut:
         """With these members beside the geometry."""
-        key = tuple(id(m) for m in members)
-        if key not in self._with:
-            self._with[key] = self.of(beside(self.evidence, members))
-        return self._with[key]
+        key = (id(part), *(id(m) for m in members))
+        if key not in self._known:
+            self._known[key] = held_out(beside(self.evidence, members), part)
+        return self._known[key]
 
-    def gains(
-        self, before: list[HeldOut], after: list[HeldOut], columns: Array, rng: np.random.Generator
-    ) -> list[Gain]:
+    def gain(
+        self, before: HeldOut, after: HeldOut, columns: Array, rng: np.random.Generator
+    ) -> Gain:
         """What the change is worth where its columns (3 n, k) show."""
         rows, noise = self._where(columns), self.evidence.variance
         place = np.round(self.evidence.chain.mechanism.position(self.evidence.pose) / 0.02)
         _, number = np.unique(place, axis=0, return_inverse=True)
-        pairs = zip(before, after, strict=True)
-        return [gain(b, a, noise, rows, number.reshape(-1), rng) for b, a in pairs]
+        return gain(before, after, noise, rows, number.reshape(-1), rng)
+
+    def of_member(
+        self,
+        members: tuple[Candidate, ...],
+        rest: tuple[Candidate, ...],
+        columns: Array,
+        rng: np.random.Generator,
+    ) -> Gain | None:
+        """What a member adds to the rest; None where held-out data do not bear it out.
+
+        A cause has to hold in sectors of the workspace it was not fitted in, and over time as far
+        as every stretch of time leaves enough to learn it from the others. A map is no more than
+        interpolation, and is asked no more.
+        """
+        unexplained = any(m.unexplained for m in members if m not in rest)
+        part = self.scattered if unexplained else self.sectors
+        first = self.gain(self.members(rest, part), self.members(members, part), columns, rng)
+        if first.low <= 0:
+            return None
+        part = self.stretches
+        if not unexplained and learnable(beside(self.evidence, rest), columns, part):
+            over_time = self.gain(
+                self.members(rest, part), self.members(members, part), columns, rng
+            )
+            if over_time.share <= 0:
+                return None
+        return first
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:
         """The poses; the paths where the columns show in motion only."""
@@ -65,9 +96,9 @@ class HeldOutModels:
             return moving
         return self.poses
 
-    def mm(self, held: list[HeldOut]) -> float:
-        """Root mean square over the poses, sectors held out [mm]."""
-        return MM * held[0].rms(self.poses)
+    def mm(self, held: HeldOut) -> float:
+        """Root mean square over the poses [mm]."""
+        return MM * held.rms(self.poses)
 
 
 def of_member(
@@ -78,9 +109,8 @@ def of_member(
     rest = tuple(m for m in model.members if m is not member)
     evidence = beside(model.evidence, rest)
     columns = columns_of(member, evidence)
-    before, after = held.members(rest), held.members(model.members)
-    sector, stretch = held.gains(before, after, columns, rng)
-    if sector.low <= 0 or stretch.share <= 0:
+    sector = held.of_member(model.members, rest, columns, rng)
+    if sector is None:
         return None
     tried = (*found.short, *found.first.scores)
     stand = standing(model, member, tried)
@@ -109,10 +139,10 @@ def of_dimension(
     evidence = at_scatter(beside(held.evidence, model.members), tau)
     bare = without_geometry(held.evidence)
     columns = columns_of(candidate, evidence)
-    alone = held.of(bare.beside(columns, np.full(1, PRECISION)))
-    sector, _ = held.gains(held.frame, alone, columns, rng)
+    alone = held_out(bare.beside(columns, np.full(1, PRECISION)), held.sectors)
+    sector = held.gain(held.frame, alone, columns, rng)
     signal = columns @ np.array([outlier.value])
-    others = [s.candidate for s in found.first.scores if s.candidate.cause != candidate.cause]
+    others = [s for s in found.first.scores if s.candidate.cause != candidate.cause]
     stand = Standing(
         confidence=float(1 / (1 + np.exp(-np.clip(outlier.log_bayes, None, 500.0)))),
         equivalents=equivalents(evidence, signal, others),

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
-from delta_calibration.diagnosis.scores import PRECISION
+from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.identification import Problem, robust_weights
 from delta_calibration.samples import Survey
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
+_ZOOMS, _POINTS = 3, 9
 _SETTLED = 0.05  # standard deviations by which no parameter moves any more
 
 
@@ -89,7 +90,7 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
     base = model.problem.chain.base_size
     extra = sum(len(m.effect.parameters) for m in members if m.effect is not None)
     theta = np.concatenate([model.theta[:base], np.zeros(extra)])
-    now = replace(model, members=members, theta=theta)
+    now = _sharpened(replace(model, members=members, theta=theta))
     for _ in range(_ROUNDS):
         step = _stepped(now)
         weight = robust_weights(_residual(step))
@@ -120,6 +121,39 @@ def _stepped(model: Model) -> Model:
     return replace(model, theta=theta)
 
 
+def _sharpened(model: Model) -> Model:
+    """The model with searched fields of its members between the points of the search."""
+    members = model.members
+    for i, member in enumerate(members):
+        rest = members[:i] + members[i + 1 :]
+        members = (*members[:i], _sharper(beside(model.evidence, rest), member), *members[i + 1 :])
+    return replace(model, members=members)
+
+
+def _sharper(evidence: Evidence, member: Candidate) -> Candidate:
+    """The best shape within the interval about a member's, by zooming in."""
+    interval = None if member.effect is None else member.effect.interval()
+    if member.effect is None or interval is None:
+        return member
+    weighed = evidence.weigh(evidence.column)
+    name, low, high = interval
+    best = member.effect
+    for _ in range(_ZOOMS):
+        values = np.linspace(low, high, _POINTS)
+        shapes = [replace(best, **{name: float(value)}) for value in values]
+        gains = [_gain(evidence, replace(member, effect=shape), weighed) for shape in shapes]
+        top = int(np.argmax(gains))
+        best = shapes[top]
+        low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
+    return replace(member, effect=best)
+
+
+def _gain(evidence: Evidence, candidate: Candidate, weighed: Array) -> float:
+    """Decrease of chi square by a candidate."""
+    columns = columns_of(candidate, evidence)
+    return float(free_decrease(evidence.information(columns), columns.T @ weighed)[0])
+
+
 def _residual(model: Model) -> Array:
     """Whitened residuals of the poses, none set aside, (n, 3)."""
     problem = model.extended
@@ -129,7 +163,9 @@ def _residual(model: Model) -> Array:
 def _refined(model: Model) -> tuple[Candidate, ...]:
     """The members with the shapes that go with their values."""
     values = iter(model.extended.chain.effect_values(model.theta))
-    return tuple(
-        m if m.effect is None else replace(m, effect=m.effect.refined(next(values)))
-        for m in model.members
-    )
+    return tuple(m if m.effect is None else _reshaped(m, next(values)) for m in model.members)
+
+
+def _reshaped(member: Candidate, values: Array) -> Candidate:
+    effect = None if member.effect is None else member.effect.refined(values)
+    return member if effect is member.effect else replace(member, effect=effect)

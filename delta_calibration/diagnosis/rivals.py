@@ -6,7 +6,8 @@ the other members staying:
     P(s) = exp(ln B_s / c) / sum_a exp(ln B_a / c)        c: chi square per degree of freedom
 
 Two explanations are one class where the signal of the one, as found, lies within 18 degrees of
-what the other can do (cos > 0.95), after all nuisance: no statistics on such data part them.
+what the other can do (cos > 0.95), after all nuisance, and the other leaves no more unexplained
+than chance might.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from delta_calibration.diagnosis.search import Together, as_score, shadow
 Array = NDArray[np.float64]
 
 SAME = 0.95  # cosine beyond which two explanations are one class
+_PARTED = 20.0  # chi square by which data tell two explanations apart beyond doubt
 _RANK = 1e-9
 _FAR = 500.0  # a ratio of probabilities beyond e to this is the same as this
 _NOTHING = ""
@@ -44,41 +46,44 @@ def standing(model: Model, member: Candidate, tried: Sequence[Score]) -> Standin
     """How a member stands against everything that was tried in its place."""
     rest = tuple(m for m in model.members if m is not member)
     evidence = beside(model.evidence, rest)
-    signal = columns_of(member, evidence) @ _scaled(model, member)
+    signal = columns_of(member, evidence) @ scaled(model, member)
     others = [s for s in tried if not s.candidate.same_cause(member)]
     others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
+    length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
     return Standing(
         confidence=_confidence(model, member, rest, others, tried),
-        equivalents=equivalents(evidence, signal, [s.candidate for s in others]),
-        signal=float(signal @ evidence.weigh(signal[:, None])[:, 0]),
+        equivalents=equivalents(evidence, signal, others, max(1.0, model.misfit)),
+        signal=length,
     )
 
 
 def equivalents(
-    evidence: Evidence, signal: Array, others: Sequence[Candidate]
+    evidence: Evidence, signal: Array, others: Sequence[Score], misfit: float = 1.0
 ) -> tuple[Candidate, ...]:
     """The candidates that can do what the signal (3 n,) does, one a cause, nearest first."""
     weighed = evidence.weigh(signal[:, None])[:, 0]
     length = float(signal @ weighed)
     near: dict[str, tuple[float, Candidate]] = {}
-    for candidate in others:
+    for candidate in (score.candidate for score in others):
         if candidate.unexplained:
             continue
         columns = columns_of(candidate, evidence)
-        cosine = np.sqrt(_reached(evidence.information(columns), columns.T @ weighed) / length)
-        if cosine > near.get(candidate.cause, (SAME, candidate))[0]:
-            near[candidate.cause] = float(cosine), candidate
+        share = reached(evidence.information(columns), columns.T @ weighed) / length
+        if share < SAME**2 or (1 - share) * length > _PARTED * misfit:
+            continue
+        if share > near.get(candidate.cause, (0.0, candidate))[0]:
+            near[candidate.cause] = share, candidate
     return tuple(c for _, c in sorted(near.values(), key=lambda pair: -pair[0]))
 
 
-def _reached(information: Array, along: Array) -> float:
+def reached(information: Array, along: Array) -> float:
     """Squared length of the projection on columns of this information."""
     values, axes = np.linalg.eigh(information)
     shown = values > _RANK * max(float(values[-1]), 1e-300)
     return float(np.sum((axes[:, shown].T @ along) ** 2 / values[shown]))
 
 
-def _scaled(model: Model, member: Candidate) -> Array:
+def scaled(model: Model, member: Candidate) -> Array:
     """A member's values in units of the priors, (k,)."""
     if member.effect is None:
         items = model.problem.chain.mechanism.parameters.items

@@ -40,7 +40,8 @@ ALPHA = 0.002  # chance that a clean session raises any alarm
 _MOST = 4  # effects at a time
 _DRAWS = 64
 _SHORT = 40  # explanations that swaps and pairs are made of
-_IMPERFECT = 1e-4  # share of what a model explains that it may get wrong itself
+_IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
+_NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
 _SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
 
 
@@ -166,19 +167,26 @@ def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> F
     first = here = scan(model.beside, effects, degrees, rng)
     short: dict[str, Score] = {}
     seen: set[tuple[str, ...]] = {()}
-    while len(model.members) < _MOST:
+    while True:
         short.update({score.candidate.key: score for score in here.scores[:_SHORT]})
-        best = _worth_it(here, model)
-        if best is None:
-            break
-        members = _improved(model, here, best, tuple(short.values()))
+        members = _next_members(model, here, tuple(short.values()))
         keys = tuple(sorted(m.key for m in members))
         if keys in seen:
-            break
+            return Found(model, first, here, tuple(short.values()))
         seen.add(keys)
         model = fit(model, members)
         here = scan(model.beside, effects, degrees, rng, model.members)
-    return Found(model, first, here, tuple(short.values()))
+
+
+def _next_members(model: Model, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:
+    """The members with the best newcomer, after swaps; the first is taken as it is.
+
+    About a fit without the first of them nothing is linear enough for finer choices.
+    """
+    best = _worth_it(here, model) if len(model.members) < _MOST else None
+    if not model.members:
+        return () if best is None else (best.candidate,)
+    return _improved(model, here, best, short)
 
 
 def _worth_it(here: Scan, model: Model) -> Score | None:
@@ -187,9 +195,14 @@ def _worth_it(here: Scan, model: Model) -> Score | None:
     good = [
         score
         for score in here.scores
-        if here.significant(score) and _worth(score) > 0 and score.gain > _IMPERFECT * explained
+        if here.significant(score) and _worth(score) > 0 and score.gain > _least(explained)
     ]
     return max(good, key=_worth, default=None)
+
+
+def _least(explained: float) -> float:
+    """lambda that one more explanation must have beside what the others explain."""
+    return max(_NAMED, _IMPERFECT * explained) if explained > _NAMED else 0.0
 
 
 def decrease_of(model: Model) -> float:
@@ -209,22 +222,24 @@ def shadow(candidate: Candidate, gain: float) -> float:
 
 
 def _improved(
-    model: Model, here: Scan, best: Score, short: tuple[Score, ...]
+    model: Model, here: Scan, best: Score | None, short: tuple[Score, ...]
 ) -> tuple[Candidate, ...]:
     """The best set of explanations within a few swaps of the members and the best newcomer."""
+    newcomers = [] if best is None else [best]
     pool = {score.candidate.key: score for score in short}
-    for score in (*(as_score(m, short) for m in model.members), best):
+    for score in (*(as_score(m, short) for m in model.members), *newcomers):
         pool[score.candidate.key] = score
     scores = list(pool.values())
     together = Together.of(model.evidence, scores)
     where = {score.candidate: i for i, score in enumerate(scores)}
-    start = tuple(sorted(where[c] for c in (*model.members, best.candidate)))
+    start = tuple(sorted(where[c] for c in (*model.members, *(s.candidate for s in newcomers))))
     worth = _Worth(together, here, model.cell.noise_degrees)
     chosen = max((start, _best_pair(worth, len(scores))), key=worth)
     while True:
         near = max(_neighbours(chosen, len(scores)), key=worth, default=chosen)
         if worth(near) <= worth(chosen) + 1e-6:
-            return tuple(together.candidates[i] for i in chosen)
+            held = np.isfinite(worth(chosen))
+            return tuple(together.candidates[i] for i in chosen) if held else model.members
         chosen = near
 
 
@@ -279,7 +294,7 @@ class _Worth:
             alone = gain - self.together.fit(rest)[1]
             k = self.together.begin[i + 1] - self.together.begin[i]
             log_p = log_p_of(alone, k, self.degrees) + float(np.log(self.together.tries[i]))
-            if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < _IMPERFECT * gain:
+            if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < _least(gain - alone):
                 return -np.inf
             log_b -= shadow(candidates[i], alone)
         return log_b

@@ -68,6 +68,10 @@ class Effect(ABC):
         del at
         yield self
 
+    def interval(self) -> tuple[str, float, float] | None:
+        """A searched field, and the bounds within which the best shape lies about this one."""
+        return None
+
     def refined(self, values: Array) -> Effect:
         """The same effect with the shape that these values of its parameters (k,) go with."""
         del values

@@ -41,3 +41,7 @@ class StickSlip(Effect):
         del at
         for speed in (0.01, 0.03, 0.1, 0.3):
             yield replace(self, speed=speed)
+
+    def interval(self) -> tuple[str, float, float] | None:
+        """Between the neighbours of the search."""
+        return "speed", self.speed / 2, 2 * self.speed

@@ -16,7 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.effects.base import Array, Effect, Stage
-from delta_calibration.effects.time_course import TIME_CONSTANTS, course_of
+from delta_calibration.effects.time_course import TIME_CONSTANTS, around, course_of
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -76,3 +76,7 @@ class ThermalGrowth(Effect):
         """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""
         parameters = self.mechanism.parameters
         return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)
+
+    def interval(self) -> tuple[str, float, float] | None:
+        """About the time constant, where the growth goes by the clock."""
+        return None if self.sensor else around(self.time_constant, -1.0)

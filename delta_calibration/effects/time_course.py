@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 HOUR = 3600.0  # [s]
 TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; a longer one is a ramp to a session
 _STEPS = 24
+_NEAR = 300.0  # [s] of a step of the search
 _LEAST = 8  # samples either side of a step
 
 
@@ -41,3 +42,12 @@ def courses(at: Conditions) -> Iterator[tuple[float, float]]:
     between = (moments[_LEAST:-_LEAST] + moments[_LEAST - 1 : -_LEAST - 1]) / 2
     for step in between[:: max(1, len(between) // _STEPS)].tolist():
         yield 0.0, step
+
+
+def around(time_constant: float, step_at: float) -> tuple[str, float, float] | None:
+    """Which of the two was searched, and where the best of it lies."""
+    if step_at >= 0:
+        return "step_at", max(0.0, step_at - _NEAR), step_at + _NEAR
+    if time_constant > 0:
+        return "time_constant", time_constant / 2, 2 * time_constant
+    return None

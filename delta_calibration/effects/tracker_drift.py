@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.effects.base import Array, Effect, Stage
-from delta_calibration.effects.time_course import course_of, courses
+from delta_calibration.effects.time_course import around, course_of, courses
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -52,3 +52,7 @@ class TrackerDrift(Effect):
         """A ramp, settlings from minutes to an hour, steps."""
         for constant, step in courses(at):
             yield replace(self, time_constant=constant, step_at=step)
+
+    def interval(self) -> tuple[str, float, float] | None:
+        """About the time constant or the moment of the step; a ramp has neither."""
+        return around(self.time_constant, self.step_at)

@@ -54,4 +54,10 @@ class TransmissionError(Effect):
             yield replace(self, cycles=cycles)
 
 
+    def interval(self) -> tuple[str, float, float] | None:
+        """Between the neighbours of the search."""
+        return "cycles", self.cycles - _BETWEEN, self.cycles + _BETWEEN
+
+
 _MOST_CYCLES = 260.0
+_BETWEEN = 1.0

@@ -3,7 +3,8 @@
 No cause is claimed. Each joint is moved by a smooth function of where the machine stands, and of
 one condition times a plane over the joints:
 
-    dq_j = sum_f w_jf phi_f(q)       phi: bumps about places of the session (position), or
+    dq_j = sum_f w_jf phi_f(q)       phi: bumps about places of the session (position),
+                                     bumps along each joint's angle alone (joint angle), or
                                      condition(c) * (1, q_1, ..., q_m)       (all others)
 
 Joint space serves for all: where the mechanism is regular, any displacement of its platform is
@@ -27,8 +28,9 @@ from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
 
 UNEXPLAINED = "unexplained"
-POSITION, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = FAMILIES = (
+POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = (
     "position",
+    "joint angle",
     "direction",
     "payload",
     "time",
@@ -38,6 +40,7 @@ POSITION, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = FAMILIES = (
 _CENTRES = 30
 _TYPICAL = 0.1e-3  # [rad]
 _REACH = 0.5  # width of a bump over the spread of the places
+_ALONG = 12  # bumps along a joint's angle
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,12 @@ class Unexplained(Effect):
     @classmethod
     def over(cls, effect_of: Effect, family: str, joint: Array) -> Unexplained:
         """The map of a family over a session's places, (n, m) [rad]."""
+        if family == JOINT:
+            low, high = joint.min(axis=0), joint.max(axis=0)
+            rows = np.linspace(low, high, _ALONG)
+            step = float((high - low).max()) / (_ALONG - 1)
+            flat = tuple(np.round(rows, 6).ravel().tolist())
+            return cls(effect_of.robot, effect_of.mechanism, family, step, flat)
         if family != POSITION:
             return cls(effect_of.robot, effect_of.mechanism, family)
         centres = spread_out(joint, _CENTRES)
@@ -66,10 +75,13 @@ class Unexplained(Effect):
     def parameters(self) -> ParameterSet:
         """Weights [rad] of each feature at each joint."""
         m = self.mechanism.joints
-        count = len(self.centres) // m if self.family == POSITION else self._conditions * (m + 1)
+        count = {POSITION: len(self.centres) // m, JOINT: len(self.centres)}.get(
+            self.family, self._conditions * (m + 1)
+        )
+        word = self.family.replace(" ", "_")
         return ParameterSet(
             tuple(
-                Parameter(f"weight_{f}_{j}", "rad", 0.0, _TYPICAL, self.cause, None)
+                Parameter(f"{word}_{f}_{j}", "rad", 0.0, _TYPICAL, self.cause, None)
                 for f in range(1, count + 1)
                 for j in range(1, m + 1)
             )
@@ -91,6 +103,9 @@ class Unexplained(Effect):
         if self.family == POSITION:
             centres = np.reshape(self.centres, (-1, m))
             return np.exp(-cdist(at.joint, centres, "sqeuclidean") / (2 * self.width**2))
+        if self.family == JOINT:
+            apart = at.joint[:, :, None] - np.reshape(self.centres, (-1, m)).T
+            return np.exp(-(apart**2) / (2 * self.width**2)).reshape(len(at), -1)
         plane = np.column_stack([np.ones(len(at)), at.joint])
         condition = self._condition(at)
         return (condition[:, :, None] * plane[:, None, :]).reshape(len(at), -1)
@@ -121,6 +136,7 @@ def spread_out(places: Array, count: int) -> Array:
 def families(at: Conditions) -> Iterator[str]:
     """What structure could move with in such data."""
     yield POSITION
+    yield JOINT
     if (np.ptp(at.direction, axis=0) > 0).any():
         yield DIRECTION
     if np.isfinite(at.payload).all() and np.ptp(at.payload) > 0:

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.special import chdtrc, fdtrc
 
 from delta_calibration.robot import Robot, Tracker
 from delta_calibration.samples import Poses
@@ -26,10 +25,8 @@ Index = NDArray[np.int64]
 
 # degrees of freedom from which a spread is measured rather than taken from the robot's file
 _ENOUGH = 20
-_DIFFERS = 0.01  # probability under which poses of one place differ by more than chance
 _GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
-_SOON = 600.0  # [s] between repeats that differ by noise alone
 _LEAST, _MOST = 1e-7, 1e-3  # [rad] between which the repeatability is searched
 
 
@@ -77,15 +74,19 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
-    label = _alike(_without_gross(poses, covariance), covariance)
-    label = _soon(label, poses.time)
-    deviation, degrees = _deviations(poses.point, label)
+    poses = _without_gross(poses, covariance)
+    label, whole = poses.place, _deviations(poses.point, poses.place)[1]
+    deviation, degrees = _by_chance(poses, label, slope)
+    if 3 * degrees < 2 * _ENOUGH:  # too few to tell chance from conditions: true repeats only
+        label = poses.repeat
+        deviation, degrees = _deviations(poses.point, label)
+        whole = degrees
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
         return replace(filed, floor=floor)
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
     repeatability = _repeatability(deviation, np.bincount(label)[label], reading, slope)
-    floor = float(np.sqrt(np.sum(deviation**2) / degrees))
+    floor = float(np.sqrt(np.sum(deviation**2) / whole))
     return Noise(radial, transverse, repeatability, floor, degrees, True)
 
 
@@ -132,40 +133,30 @@ def _without_gross(poses: Poses, covariance: Array) -> Poses:
     return replace(poses, repeat=repeat, place=place)
 
 
-def _alike(poses: Poses, covariance: Array) -> Index:
-    """Number of the group of poses that should agree, (n,).
+def _by_chance(poses: Poses, label: Index, slope: Array) -> tuple[Array, int]:
+    """Deviations within places (n, 3) less what conditions do, and their degrees of freedom.
 
-    Repeats agree by design: same command, same side, same payload. Poses of the same command only
-    are taken together as well, for a better estimate, unless a test at 1 % says that side or
-    payload matters: an F test against the repeats, a chi-square test against the robot file's
-    noise where nothing was repeated.
+    What a warming machine, a drifting tracker, a play or a payload does between two visits of a
+    place is no noise. Whatever it is, it moves the platform smoothly: each joint by a cubic in
+    time, by the sides it was approached from and by the payload, all of which may change over the
+    workspace like a plane. What is left is given the size that chance had before it was fitted.
     """
-    whiten = whitening(covariance)
-    strict, strict_degrees = _deviations(poses.point, poses.repeat)
-    wide, wide_degrees = _deviations(poses.point, poses.place)
-    if wide_degrees == strict_degrees:
-        return poses.repeat
-    within, total = (float(np.sum((whiten @ d[..., None]) ** 2)) for d in (strict, wide))
-    between_degrees = wide_degrees - strict_degrees
-    if strict_degrees == 0:  # nothing but the robot file's noise to compare with
-        chance = chdtrc(3 * wide_degrees, total)
-    else:
-        ratio = ((total - within) / between_degrees) / (within / strict_degrees)
-        chance = fdtrc(3 * between_degrees, 3 * strict_degrees, ratio)
-    return poses.repeat if chance < _DIFFERS else poses.place
-
-
-def _soon(label: Index, time: Array) -> Index:
-    """The groups, cut where more than ten minutes pass between two poses of one, (n,).
-
-    What creeps with temperature or time is no noise. Where too few repeats follow each other so
-    soon, the groups stay whole.
-    """
-    order = np.lexsort((time, label))
-    late = np.r_[True, (np.diff(label[order]) != 0) | (np.diff(time[order]) > _SOON)]
-    cut = np.empty_like(label)
-    cut[order] = np.cumsum(late) - 1
-    return cut if 3 * (len(label) - int(late.sum())) >= _ENOUGH else label
+    clock = 2 * (poses.time - poses.time.min()) / max(float(np.ptp(poses.time)), 1e-9) - 1
+    payload = np.nan_to_num(poses.payload)
+    condition = np.column_stack([clock, clock**2, clock**3, payload, poses.direction])
+    plane = np.column_stack([np.ones(len(poses)), poses.joint])
+    course = (condition[:, :, None] * plane[:, None, :]).reshape(len(poses), -1)
+    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(poses), -1)
+    deviation, whole = _deviations(poses.point, label)
+    within = _deviations(columns, label)[0].reshape(3 * len(poses), -1)
+    scale = np.linalg.norm(within, axis=0)
+    within = within[:, scale > 0] / scale[scale > 0]
+    values, _, rank, _ = np.linalg.lstsq(within, deviation.reshape(-1), rcond=1e-7)
+    left = whole - -(-int(rank) // 3)
+    if left <= 0:
+        return deviation, 0
+    fitted = (within @ values).reshape(-1, 3)
+    return (deviation - fitted) * np.sqrt(whole / left), left
 
 
 def _deviations(values: Array, label: Index) -> tuple[Array, int]:

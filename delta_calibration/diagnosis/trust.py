@@ -1,0 +1,70 @@
+"""When a name is not to be trusted: where it only borrows from what nothing explains."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.model import Model, beside
+from delta_calibration.diagnosis.rivals import reached, scaled
+
+Array = NDArray[np.float64]
+
+_SHADOWED = 0.5  # of a signal that a map could make, for the signal to be in its shadow
+_REMAINS = 0.25  # of what remains unexplained, that a cause must explain at least
+_CLEAR = 3.0  # standard deviations by which chi square exceeds its degrees of freedom
+
+
+def untrusted(model: Model) -> tuple[Candidate, ...]:
+    """Members whose names rest on too little.
+
+    Where much remains that nothing explains, a cause that explains less than a quarter as much may
+    be a part of it under a wrong name. Where a smooth map had to be taken in, a cause that
+    explains less than the map, and that the map could have drawn as well, is a part of the map.
+    """
+    remains = unexplained(model)
+    maps = [m for m in model.members if m.unexplained]
+    return tuple(
+        member
+        for member in model.members
+        if not member.unexplained
+        and (
+            signal_of(model, member) < _REMAINS * remains
+            or any(_in_the_shadow(model, member, other) for other in maps)
+        )
+    )
+
+
+def unexplained(model: Model) -> float:
+    """Chi square beyond what noise accounts for, at rest and in motion; 0 where not sure."""
+    evidence = model.beside
+    left, good = evidence.left(), evidence.believed
+    resting = np.arange(len(evidence)) < evidence.poses
+    share = evidence.degrees / (3 * good.sum())
+    total = 0.0
+    for rows, known in ((resting & good, model.cell.noise_degrees), (~resting & good, np.inf)):
+        degrees = 3 * share * rows.sum()
+        excess = float(np.sum(left[rows] ** 2)) - degrees
+        spread = np.sqrt(2 * degrees + 2 * degrees**2 / known)
+        total += excess if excess > _CLEAR * spread else 0.0
+    return total
+
+
+def signal_of(model: Model, member: Candidate) -> float:
+    """lambda of a member: squared length of its signal beside the others."""
+    evidence = beside(model.evidence, tuple(m for m in model.members if m is not member))
+    signal = columns_of(member, evidence) @ scaled(model, member)
+    return float(signal @ evidence.weigh(signal[:, None])[:, 0])
+
+
+def _in_the_shadow(model: Model, member: Candidate, other: Candidate) -> bool:
+    """Whether a map explains more than a member and could have made most of its signal."""
+    rest = tuple(m for m in model.members if m is not member and m is not other)
+    evidence = beside(model.evidence, rest)
+    signal = columns_of(member, evidence) @ scaled(model, member)
+    weighed = evidence.weigh(signal[:, None])[:, 0]
+    columns = columns_of(other, evidence)
+    drawn = reached(evidence.information(columns), columns.T @ weighed)
+    less = signal_of(model, member) < signal_of(model, other)
+    return less and drawn > _SHADOWED * float(signal @ weighed)
