@@ -16,7 +16,6 @@ with c the conditions of a sample, its encoders' angles q among them. Without ef
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -151,55 +150,54 @@ class Chain:
 
     def jacobian(self, at: Conditions, x: Array, theta: Array) -> Array:
         """d(reading)/d(theta), (n, 3, P), at constant encoder angles."""
+        return self.columns(at, x, theta, *self.slopes(at, x, theta))
+
+    def columns(
+        self, at: Conditions, x: Array, theta: Array, by_joints: Array, by_geometry: Array
+    ) -> Array:
+        """The same with d(reading) by joints and geometry known, as `slopes` gives them."""
         _, offset, frame = self.split(theta)
-        joints, geometry = self.joints(at, theta), self.geometry(at, theta)
-        by_geometry = self.mechanism.identification_jacobian(joints, x, geometry)
-        by_geometry = frame.rotation @ (self.point_by_pose(x, offset) @ by_geometry)
-        by_offset = frame.rotation @ self.mechanism.rotation(x)
         point = self.point(x, offset)
         first = self.geometry_size + 3
         turn = np.broadcast_to(theta[first : first + 3], point.shape)
-        by_frame = [
+        parts = [
+            by_geometry,
+            frame.rotation @ self.mechanism.rotation(x),
             rotations.exp_times_derivative(turn, point),
             np.broadcast_to(np.eye(3), (len(at), 3, 3)),
         ]
-        by_effects = self._by_effects(at, x, theta, by_geometry)
-        return np.concatenate([by_geometry, by_offset, *by_frame, *by_effects], axis=-1)
+        for effect in self.effects:
+            if effect.stage is Stage.MEASUREMENT:
+                parts.append(effect.columns(self.seen(at, x, theta, by_joints)))
+            elif effect.stage is Stage.STRUCTURE:
+                parts.append(by_geometry @ effect.columns_kept(at))
+            else:
+                parts.append(by_joints @ effect.columns_kept(at))
+        return np.concatenate(parts, axis=-1)
 
     def slopes(self, at: Conditions, x: Array, theta: Array) -> tuple[Array, Array]:
         """d(reading) by joint angles behind the drives, (n, 3, m), and by geometry, (n, 3, p)."""
         _, offset, frame = self.split(theta)
-        by_joints = frame.rotation @ self.point_by_joints(at, x, theta)
-        by_geometry = self.mechanism.identification_jacobian(
-            self.joints(at, theta), x, self.geometry(at, theta)
-        )
-        return by_joints, frame.rotation @ (self.point_by_pose(x, offset) @ by_geometry)
+        joints, geometry = self.joints(at, theta), self.geometry(at, theta)
+        by_pose = frame.rotation @ self.point_by_pose(x, offset)
+        by_joints = by_pose @ self.mechanism.velocity_jacobian(joints, x, geometry)
+        return by_joints, by_pose @ self.mechanism.identification_jacobian(joints, x, geometry)
 
-    def seen(self, at: Conditions, x: Array, theta: Array) -> Conditions:
+    def seen(
+        self, at: Conditions, x: Array, theta: Array, by_joints: Array | None = None
+    ) -> Conditions:
         """The conditions with the reading before the last stage, and how fast it moves."""
         _, offset, frame = self.split(theta)
         velocity = np.zeros((len(at), 3))
         moving = np.flatnonzero((at.velocity != 0).any(axis=1))
         if moving.size:
-            slope = self.point_by_joints(at.take(moving), x[moving], theta)
-            velocity[moving] = (slope @ at.velocity[moving, :, None])[..., 0] @ frame.rotation.T
+            slope = (
+                frame.rotation @ self.point_by_joints(at.take(moving), x[moving], theta)
+                if by_joints is None
+                else by_joints[moving]
+            )
+            velocity[moving] = (slope @ at.velocity[moving, :, None])[..., 0]
         return replace(at, reading=frame.apply(self.point(x, offset)), reading_velocity=velocity)
-
-    def _by_effects(
-        self, at: Conditions, x: Array, theta: Array, by_geometry: Array
-    ) -> Iterator[Array]:
-        """d(reading) by each effect's parameters, (n, 3, k)."""
-        stages = {effect.stage for effect in self.effects}
-        before = self.seen(at, x, theta) if Stage.MEASUREMENT in stages else at
-        frame = self.split(theta)[2]
-        for effect in self.effects:
-            if effect.stage is Stage.MEASUREMENT:
-                yield effect.columns(before)
-            elif effect.stage is Stage.STRUCTURE:
-                yield by_geometry @ effect.columns(at)
-            else:
-                by_joints = frame.rotation @ self.point_by_joints(at, x, theta)
-                yield by_joints @ effect.columns(at)
 
     def _at_stage(self, stage: Stage) -> list[tuple[int, Effect]]:
         return [(i, effect) for i, effect in enumerate(self.effects) if effect.stage is stage]
@@ -209,5 +207,5 @@ class Chain:
         values = self.effect_values(theta)
         shift = np.zeros(shape)
         for i, effect in self._at_stage(stage):
-            shift += effect.columns(at) @ values[i]
+            shift += effect.columns_kept(at) @ values[i]
         return shift

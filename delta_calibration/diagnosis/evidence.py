@@ -15,7 +15,7 @@ which is what is left of a and b once all that the nuisance can explain is proje
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.identification import Noise, Problem, whitening
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, Paths, Survey, joined
+from delta_calibration.samples import Conditions, Paths, Survey
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -45,7 +45,6 @@ class Cell:
     robot: Robot
     noise: Noise
     weight: Array  # (poses,) of each pose, 0 where it is set aside
-    kept: dict[str, Array] = field(default_factory=dict)
 
     @property
     def noise_degrees(self) -> float:
@@ -72,7 +71,6 @@ class Evidence:
     by_joints: Array  # (n, 3, m) whitened d(reading) by the joint angles behind the drives
     by_geometry: Array  # (n, 3, p) the same by geometry
     seen: Conditions  # with readings as the model has them before the measurement effects
-    kept: dict[str, Array]  # columns of effects that were asked for before
 
     def __len__(self) -> int:
         return len(self.at)
@@ -115,7 +113,6 @@ class Evidence:
             by_joints=self.by_joints[rows],
             by_geometry=self.by_geometry[rows],
             seen=self.seen.take(rows),
-            kept={},
         )
 
     def beside(self, columns: Array, precision: Array) -> Evidence:
@@ -170,14 +167,10 @@ class Evidence:
         return np.asarray(columns.reshape(self.size, -1))
 
     def _raw(self, effect: Effect) -> Array:
-        """The effect's own columns; those that neither fit nor search changes are kept."""
+        """The effect's own columns."""
         if effect.stage is Stage.MEASUREMENT:
             return effect.columns(self.seen)
-        if effect.settings:
-            return effect.columns(self.at)
-        if effect.cause not in self.kept:
-            self.kept[effect.cause] = effect.columns(self.at)
-        return self.kept[effect.cause]
+        return effect.columns_kept(self.at)
 
     @property
     def believed(self) -> NDArray[np.bool_]:
@@ -209,7 +202,9 @@ class Evidence:
         return (self.column[:, 0] - self._flat @ self.best()).reshape(-1, 3)
 
 
-def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Evidence:
+def gather(
+    survey: Survey, problem: Problem, theta: Array, cell: Cell, guess: Array | None = None
+) -> Evidence:
     """The evidence of poses and paths about a model, and as if its effects were not in it.
 
     Args:
@@ -217,11 +212,12 @@ def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Eviden
         problem: that of fitting the poses.
         theta: of the problem's chain; all is linear about it.
         cell: noise, robot and what is believed.
+        guess: the platform's poses, nearly, (n, k).
     """
     chain, base = problem.chain, problem.chain.base_size
     poses, paths = survey.poses, survey.paths
-    at = joined(poses.conditions, paths.conditions)
-    x = chain.pose(at, theta)
+    at = survey.conditions
+    x = chain.pose(at, theta, guess)
     off = at.reading - chain.reading(at, x, theta)
     moving = slice(len(poses), len(at))
     by_joints, by_geometry = chain.slopes(at, x, theta)
@@ -230,7 +226,7 @@ def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Eviden
     believed = _believed(whiten_paths, off[moving], paths)
     root = np.sqrt(cell.weight)[:, None, None]
     whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
-    jacobian = chain.jacobian(at, x, theta)
+    jacobian = chain.columns(at, x, theta, by_joints, by_geometry)
     columns = whiten @ jacobian[..., :base] @ problem.basis[:base, :base]
     rest = _rest_errors(
         paths.path, believed * whiten_paths @ slope * cell.noise.repeatability, len(poses)
@@ -249,8 +245,7 @@ def gather(survey: Survey, problem: Problem, theta: Array, cell: Cell) -> Eviden
         poses=len(poses),
         by_joints=whiten @ by_joints,
         by_geometry=whiten @ by_geometry,
-        seen=chain.seen(at, x, theta),
-        kept=cell.kept,
+        seen=chain.seen(at, x, theta, by_joints),
     )
 
 

@@ -31,6 +31,7 @@ class Model:
     cell: Cell
     theta: Array  # (P,) of the chain with the members' effects
     members: tuple[Candidate, ...] = ()
+    near: Array | None = None  # (n, k) poses of the platform, nearly
 
     @cached_property
     def extended(self) -> Problem:
@@ -53,7 +54,7 @@ class Model:
     @cached_property
     def evidence(self) -> Evidence:
         """What is left to explain, as if the members were not in the model."""
-        return gather(self.survey, self.extended, self.theta, self.cell)
+        return gather(self.survey, self.extended, self.theta, self.cell, self.near)
 
     @cached_property
     def beside(self) -> Evidence:
@@ -90,7 +91,8 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
     base = model.problem.chain.base_size
     extra = sum(len(m.effect.parameters) for m in members if m.effect is not None)
     theta = np.concatenate([model.theta[:base], np.zeros(extra)])
-    now = _sharpened(replace(model, members=members, theta=theta))
+    near = model.evidence.pose
+    now = _sharpened(replace(model, members=members, theta=theta, near=near))
     for _ in range(_ROUNDS):
         step = _stepped(now)
         weight = robust_weights(_residual(step))
@@ -118,7 +120,7 @@ def _stepped(model: Model) -> Model:
         else:
             theta[begin + rows] = member.effect.parameters.prior[rows] * v
             begin += len(member.effect.parameters)
-    return replace(model, theta=theta)
+    return replace(model, theta=theta, near=model.evidence.pose)
 
 
 def _sharpened(model: Model) -> Model:
@@ -127,7 +129,8 @@ def _sharpened(model: Model) -> Model:
     for i, member in enumerate(members):
         rest = members[:i] + members[i + 1 :]
         members = (*members[:i], _sharper(beside(model.evidence, rest), member), *members[i + 1 :])
-    return replace(model, members=members)
+    changed = any(new is not old for new, old in zip(members, model.members, strict=True))
+    return replace(model, members=members) if changed else model
 
 
 def _sharper(evidence: Evidence, member: Candidate) -> Candidate:

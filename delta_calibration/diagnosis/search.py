@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 ALPHA = 0.002  # chance that a clean session raises any alarm
 _MOST = 4  # effects at a time
 _DRAWS = 64
-_SHORT = 40  # explanations that swaps and pairs are made of
+_SHORT = 30  # explanations that swaps and pairs are made of
 _IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 _NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
 _SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
@@ -234,7 +234,9 @@ def _improved(
     where = {score.candidate: i for i, score in enumerate(scores)}
     start = tuple(sorted(where[c] for c in (*model.members, *(s.candidate for s in newcomers))))
     worth = _Worth(together, here, model.cell.noise_degrees)
-    chosen = max((start, _best_pair(worth, len(scores))), key=worth)
+    chosen = start
+    if newcomers:  # something else shows: two others may have been taken for one
+        chosen = max((start, _best_pair(worth, len(scores))), key=worth)
     while True:
         near = max(_neighbours(chosen, len(scores)), key=worth, default=chosen)
         if worth(near) <= worth(chosen) + 1e-6:

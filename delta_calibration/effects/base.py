@@ -68,6 +68,14 @@ class Effect(ABC):
         del at
         yield self
 
+    def columns_kept(self, at: Conditions) -> Array:
+        """The columns, computed once for these conditions where no shape is searched."""
+        if self.settings or self.stage is Stage.MEASUREMENT:
+            return self.columns(at)
+        if self.cause not in at.kept:
+            at.kept[self.cause] = self.columns(at)
+        return at.kept[self.cause]
+
     def interval(self) -> tuple[str, float, float] | None:
         """A searched field, and the bounds within which the best shape lies about this one."""
         return None

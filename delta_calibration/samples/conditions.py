@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ class Conditions:
     temperature: Array  # (n, parts) [deg C]
     reading: Array  # (n, 3) [m] in the tracker's frame
     reading_velocity: Array  # (n, 3) [m/s]
+    # what was computed of these samples alone, by name: loads are dear and asked for often
+    kept: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.joint)
@@ -83,4 +85,6 @@ def joined(first: Conditions, second: Conditions) -> Conditions:
     return replace(first, **both)
 
 
-_ARRAYS = tuple(field.name for field in fields(Conditions) if field.name != "temperature_parts")
+_ARRAYS = tuple(
+    f.name for f in fields(Conditions) if f.name not in ("temperature_parts", "kept")
+)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
-from delta_calibration.samples.conditions import Conditions
+from delta_calibration.samples.conditions import Conditions, joined
 from delta_calibration.samples.motion import Motion, motion_of
 from delta_calibration.samples.readings import Readings, Rejected, match
 from delta_calibration.samples.still import StillMoments, find_still
@@ -110,6 +111,11 @@ class Survey:
 
     poses: Poses
     paths: Paths
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """Of the poses, then of the paths' readings."""
+        return joined(self.poses.conditions, self.paths.conditions)
 
 
 def collect(session: Session, joint_names: Sequence[str]) -> Poses:
