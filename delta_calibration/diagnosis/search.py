@@ -7,7 +7,9 @@ the best shapes of everything that was tried, and every pair of them is tried as
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -39,6 +41,7 @@ Array = NDArray[np.float64]
 ALPHA = 0.002  # chance that a clean session raises any alarm
 _MOST = 4  # effects at a time
 _DRAWS = 64
+_THREADS = min(4, os.cpu_count() or 1)
 _SHORT = 30  # explanations that swaps and pairs are made of
 _IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 _NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
@@ -70,8 +73,10 @@ def scan(
 ) -> Scan:
     """Score every explanation that is not used already."""
     weighed = Weighed.of(evidence, noise_degrees, _DRAWS, rng)
-    questions = _questions(evidence, effects, used)
-    scores = [score for shapes in questions for score in weighed.explore(shapes)]
+    questions = list(_questions(evidence, effects, used))
+    questions.sort(key=len, reverse=True)  # the long searches first, so that no thread waits
+    with ThreadPoolExecutor(_THREADS) as pool:
+        scores = [score for some in pool.map(weighed.explore, questions) for score in some]
     scores.sort(key=lambda score: -score.log_bayes)
     return Scan(tuple(scores), len(scores))
 

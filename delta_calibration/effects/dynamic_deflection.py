@@ -36,7 +36,7 @@ class DynamicDeflection(Effect):
 
     def columns(self, at: Conditions) -> Array:
         """(n, m, 1) [N m]."""
-        x = pose_of(self.mechanism, at.joint)
+        x = pose_of(self.mechanism, at)
         nominal = self.mechanism.parameters.nominal
         slope = self.mechanism.velocity_jacobian(at.joint, x, nominal)[:, :3]
         force = carried_mass(self.robot, at)[:, None] * platform_acceleration(self.mechanism, at)

@@ -28,9 +28,11 @@ def carried_mass(robot: Robot, at: Conditions) -> Array:
     return robot.masses.platform + 3 * robot.masses.rod + at.payload
 
 
-def pose_of(mechanism: Mechanism, joint: Array) -> Array:
-    """Pose of the nominal machine, (n, k)."""
-    return mechanism.forward(joint, mechanism.parameters.nominal)
+def pose_of(mechanism: Mechanism, at: Conditions) -> Array:
+    """Pose of the nominal machine at the encoders' angles, (n, k)."""
+    if "nominal pose" not in at.kept:
+        at.kept["nominal pose"] = mechanism.forward(at.joint, mechanism.parameters.nominal)
+    return at.kept["nominal pose"]
 
 
 def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Array:
@@ -45,7 +47,7 @@ def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Arra
 
 def gravity_torque(robot: Robot, mechanism: Mechanism, at: Conditions) -> Array:
     """dU/dq, (n, m) [N m]: the platform through the Jacobian, arms and half rods at each joint."""
-    x = pose_of(mechanism, at.joint)
+    x = pose_of(mechanism, at)
     slope = mechanism.velocity_jacobian(at.joint, x, mechanism.parameters.nominal)
     carried = np.einsum("nk,nkm->nm", weight(robot, mechanism, at, x), slope)
     arm = robot.dimensions.arm
@@ -55,7 +57,7 @@ def gravity_torque(robot: Robot, mechanism: Mechanism, at: Conditions) -> Array:
 
 def load_on(robot: Robot, mechanism: Mechanism, at: Conditions, rows: list[int]) -> Array:
     """dU/dg of some of the geometry parameters, (n, rows) [N]."""
-    x = pose_of(mechanism, at.joint)
+    x = pose_of(mechanism, at)
     slope = mechanism.identification_jacobian(at.joint, x, mechanism.parameters.nominal)
     return np.einsum("nk,nkp->np", weight(robot, mechanism, at, x), slope[:, :, rows])
 

@@ -21,6 +21,13 @@ Array = NDArray[np.float64]
 
 def tensions(robot: Robot, mechanism: Mechanism, at: Conditions) -> tuple[Array, Array]:
     """Pull in rods a and b of each pair, two of (n, legs) [N]; equal where they are not parted."""
+    if "tensions" not in at.kept:
+        at.kept["tensions"] = np.stack(_tensions(robot, mechanism, at))
+    a, b = at.kept["tensions"]
+    return a, b
+
+
+def _tensions(robot: Robot, mechanism: Mechanism, at: Conditions) -> tuple[Array, Array]:
     both = -load_on(robot, mechanism, at, _rows(mechanism, "rod_"))
     apart = np.zeros_like(both)
     rows = _rows(mechanism, "rod_mismatch_")

@@ -40,8 +40,8 @@ class TransmissionError(Effect):
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """The file's gear once and twice; then all that the joints' range can part.
 
-        Two harmonics differ over a range R of the joint from about 1/R cycles on; half of that is
-        the step of the search. Beneath a few cycles over the range it is eccentricity.
+        Two harmonics part over a range R of the joint from about 2 pi / R cycles on; three eighths
+        of that is the step of the search. Beneath a few cycles over the range it is eccentricity.
         """
         gear = self.robot.joints.gear_ratio
         yield replace(self, cycles=gear)
@@ -49,7 +49,7 @@ class TransmissionError(Effect):
         span = float(np.ptp(at.joint, axis=0).max())
         if span <= 0:
             return
-        step = np.pi / span / 2
+        step = 0.75 * np.pi / span
         for cycles in np.arange(max(8.0, 4 * np.pi / span), _MOST_CYCLES, step).tolist():
             yield replace(self, cycles=cycles)
 
@@ -60,4 +60,4 @@ class TransmissionError(Effect):
 
 
 _MOST_CYCLES = 260.0
-_BETWEEN = 1.0
+_BETWEEN = 1.5

@@ -26,6 +26,7 @@ Mask = NDArray[np.bool_]
 _FRAME_STEP = 1e-3  # typical size of a parameter without prior [m, rad]
 _STEPS = 60
 _SETTLING = 3
+_ROUGHLY = 0.5  # while the loss is still being fitted
 SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stands still
 _GIVE_UP = 1e9  # damping
 _DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
@@ -147,13 +148,13 @@ def solve(
     z = np.zeros(int(problem.free.sum())) if start is None else start
     bend = _bend(_state(problem, z, _Loss(), None).residual)
     for _ in range(_ROUNDS):
-        found = _search(problem, _Loss(bend), z, settled)
+        found = _search(problem, _Loss(bend), z, max(settled, _ROUGHLY))
         last, bend, z = bend, min(bend, _bend(found.residual)), found.z
         farthest = np.linalg.norm(found.residual, axis=1).max()
         if farthest <= bend or bend > _SHRUNK * last:
             break
     if farthest <= _GROSS * bend:
-        return found
+        return _search(problem, _Loss(bend), found.z, settled)
     # Gross errors can have dragged the offset into a valley of its own: from the drawing again.
     drawing = np.where(problem.offset_rows(), 0.0, z)
     starts = z, _search(problem, _Loss(bend), drawing, settled).z
