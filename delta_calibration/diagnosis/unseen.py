@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from delta_calibration.diagnosis.experiments import next_experiment, visibility
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.experiments import next_experiment, visibility
 from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.verdict import CannotTell, Finding
 from delta_calibration.effects import Effect
@@ -38,9 +38,9 @@ def unseen(
             continue
         blind = _blind(evidence, effect)
         if blind is not None:
-            partner, because, following = blind
+            partners, because, following = blind
             names = reasons.setdefault((because, following), [])
-            names += [n for n in (effect.cause, partner) if n and n not in names]
+            names += [n for n in (effect.cause, *partners) if n not in names]
     said += [
         CannotTell(tuple(names) if len(names) > 1 else (*names, _NOTHING), because, following)
         for (because, following), names in reasons.items()
@@ -48,7 +48,9 @@ def unseen(
     return tuple(said)
 
 
-_NOTHING = "no error at all"
+_NOTHING = "none"
+_WARMER = 1.0  # [K]
+_MOST = 0.8  # of the deviations that stand for an effect
 
 
 def _of_class(finding: Finding) -> CannotTell:
@@ -59,43 +61,58 @@ def _of_class(finding: Finding) -> CannotTell:
     )
 
 
-def _blind(evidence: Evidence, effect: Effect) -> tuple[str, str, str] | None:
-    """Partner, reason and next experiment of an effect of typical size that would not show."""
+def _blind(evidence: Evidence, effect: Effect) -> tuple[tuple[str, ...], str, str] | None:
+    """Partners, reason and next experiment of an effect of typical size that would not show."""
     shape = next(effect.shapes(evidence.at), effect)
     lacking = shape.missing(evidence.at)
-    candidate = next(subsets(shape))
     if lacking:
-        return "", lacking, f"record it: {' and '.join(shape.needs)}"
+        return (), lacking, f"record it: {' and '.join(shape.needs)}"
     bare, beside = visibility(evidence, shape)
     if beside >= _HIDDEN:
         return None
+    candidate = next(subsets(shape))
     following = next_experiment(evidence, candidate, None)
+    constant = _constant(evidence, shape)
     if bare < _SHOWS:
-        return "", _absent(evidence, shape), following
-    because = "the geometry can take its place on these poses"
-    return _partner(evidence, candidate), because, following
+        return (), constant or "a typical one stays under the noise of this session", following
+    because = constant or "on these poses the geometry can take its place"
+    return _partners(evidence, candidate), because, following
 
 
-def _absent(evidence: Evidence, effect: Effect) -> str:
-    """Why nothing of an effect shows."""
+def _constant(evidence: Evidence, effect: Effect) -> str:
+    """What never changed of the conditions that an effect shows by; empty where all did."""
     at = evidence.at
-    if not (at.velocity != 0).any():
+    moving = (at.velocity != 0).any(axis=1)
+    at_rest = at.take(~moving)
+    if not moving.any() and not effect.columns(at_rest).any():
         return "nothing was measured in motion"
-    return "a typical one stays under the noise of this session"
+    if "payload" in effect.needs and np.ptp(at.payload) == 0:
+        return "one payload only"
+    if "direction" in effect.needs and len(np.unique(at_rest.direction, axis=0)) == 1:
+        return "every pose was approached from one side"
+    if "temperature" in effect.needs and not (np.ptp(at.temperature, axis=0) > _WARMER).any():
+        return "the temperature hardly changed"
+    return ""
 
 
-def _partner(evidence: Evidence, candidate: Candidate) -> str:
-    """The cause whose dimensions come nearest to the signal of a typical size."""
+def _partners(evidence: Evidence, candidate: Candidate) -> tuple[str, ...]:
+    """Causes whose dimensions take the place of the signal of a typical size, as geometry fits it.
+
+    The least deviations from the drawing that make the signal, and the causes that most of them
+    (by their squares) belong to.
+    """
     bare = without_geometry(evidence)
     signal = columns_of(candidate, evidence) @ np.ones(len(candidate.rows))
-    weighed = bare.weigh(signal[:, None])[:, 0]
-    causes: dict[str, list[int]] = {}
-    for dimension in dimensions(evidence):
-        causes.setdefault(dimension.cause, []).extend(dimension.rows)
-    reached = {}
-    for cause, rows in causes.items():
-        columns = evidence.geometry[:, rows]
-        along = columns.T @ weighed
-        normal = bare.information(columns) + np.eye(len(rows))
-        reached[cause] = float(along @ np.linalg.solve(normal, along))
-    return max(reached, key=lambda cause: reached[cause])
+    geometry = evidence.geometry
+    normal = bare.information(geometry) + np.eye(geometry.shape[1])
+    deviation = np.linalg.solve(normal, geometry.T @ bare.weigh(signal[:, None]))[:, 0]
+    share: dict[str, float] = {}
+    for one in dimensions(evidence):
+        share[one.cause] = share.get(one.cause, 0.0) + float(deviation[one.rows[0]] ** 2)
+    total, named, reached = sum(share.values()), [], 0.0
+    for cause in sorted(share, key=lambda name: -share[name]):
+        if reached >= _MOST * total:
+            break
+        named.append(cause)
+        reached += share[cause]
+    return tuple(named)
