@@ -16,7 +16,7 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.compensation import Apso, ApsoSettings
 from delta_calibration.plans import make_plan
 from delta_calibration.samples import Poses
-from delta_calibration.simulation import Machine
+from delta_calibration.simulation import Machine, standing
 
 Array = NDArray[np.float64]
 
@@ -66,8 +66,7 @@ def true_errors(
     Seen through the calibration's own frame and reflector offset, as that is the base that the
     cell works in.
     """
-    x = machine.chain.pose(poses.conditions, machine.theta)
-    true = machine.chain.reading(poses.conditions, x, machine.theta)
+    true = machine.reflector_points(poses.conditions)
     reached = calibration.tool_points(true, poses.joint)
     return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
 
@@ -80,7 +79,8 @@ def paper_simulation(machine: Machine, count: int = 181, seed: int = 0) -> tuple
     line = make_plan("line", machine.robot, count=count, both_sides=False)
 
     def point(q: Array) -> Array:
-        return machine.tool_points(q.reshape(-1, q.shape[-1])).reshape((*q.shape[:-1], 3))
+        at = standing(q.reshape(-1, q.shape[-1]))
+        return machine.tool_points(at).reshape((*q.shape[:-1], 3))
 
     swarm = Apso(point, ApsoSettings(bound_rad=machine.robot.limits.correction, seed=seed))
     found = swarm.correct(line.joint, line.target)

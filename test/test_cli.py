@@ -11,10 +11,11 @@ import pytest
 
 from delta_calibration.cli.main import run
 from delta_calibration.plans import make_plan
-from delta_calibration.recording import write_session
+from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
+from delta_calibration.samples import survey
 from delta_calibration.samples.streams import JointStream, Session, TrackerStream
-from delta_calibration.simulation import draw_machine
+from delta_calibration.simulation import draw_machine, hideable_causes, standing
 
 ROBOT = str(Path(__file__).parents[1] / "config" / "srbd.yaml")
 
@@ -81,7 +82,7 @@ def test_compensated_commands_bring_the_true_machine_to_the_targets(cell, method
 
     def shape_error(joints):
         """Errors of the distances between points: free of the frame, the calibration's own."""
-        reached = machine.tool_points(joints)
+        reached = machine.tool_points(standing(joints))
         return np.abs(
             np.linalg.norm(reached[1:] - reached[0], axis=1)
             - np.linalg.norm(targets[1:] - targets[0], axis=1)
@@ -282,6 +283,68 @@ def test_effect_options_are_checked(tmp_path, capsys):
     assert "location" in line_of_error(capsys, [*arguments, "arm_length:leg=3"], 2)
     assert "not a finite number" in line_of_error(capsys, [*arguments, "arm_length:value=much"], 2)
     assert "key=value" in line_of_error(capsys, [*arguments, "arm_length:value"], 2)
+
+
+@pytest.mark.parametrize(
+    ("effect", "said"),
+    [
+        ("backlash:width=1", "effect backlash: unknown option width; allowed: location, value"),
+        ("backlash:value=-1", "gap_1 = -1 rad is not possible; allowed: 0 to 0.05"),
+        ("backlash:location=joint_9", "no location 'joint_9'; allowed: joint_1, joint_2, joint_3"),
+        ("thermal_growth_arm:sensor=oven", "no sensor 'oven'; allowed: arm, base"),
+        ("transmission_error:cycles=0", "cycles 0 is not allowed; more than 0"),
+        ("slack", "effect slack cannot be hidden; causes: geometry, base_joint_position"),
+    ],
+)
+def test_effects_that_cannot_be_are_one_line_and_2(tmp_path, capsys, effect, said):
+    out = tmp_path / "s"
+    arguments = ["simulate", "--robot", ROBOT, "--out", str(out), "--effect", effect]
+    assert run(arguments) == 2
+    text = capsys.readouterr().err.strip()
+    assert len(text.splitlines()) == 1
+    assert said in text
+    assert not out.exists()
+
+
+def test_effects_are_in_the_session_that_is_written(tmp_path, capsys):
+    """The same seed: the same session twice, and it differs by the effects alone."""
+    hidden = ["--effect", "backlash:value=3e-4", "--effect", "tracker_scale:value=5e-5"]
+    arguments = ["simulate", "--robot", ROBOT, "--plan", "line", "--count", "9", "--seed", "4"]
+    sessions = []
+    for name, more in (("plain", []), ("hidden", hidden), ("again", hidden)):
+        assert run([*arguments, *more, "--out", str(tmp_path / name)]) == 0
+        sessions.append(read_session(tmp_path / name).tracker.position)
+    plain, first, again = sessions
+    np.testing.assert_array_equal(first, again)
+    moved = np.linalg.norm(first - plain, axis=1)
+    assert 1e-4 < np.sqrt(np.mean(moved**2)) < 4e-4
+    capsys.readouterr()
+    assert run(["info", str(tmp_path / "hidden")]) == 0
+    assert "effects: backlash:value=3e-4 tracker_scale:value=5e-5" in capsys.readouterr().out
+
+
+def test_a_rich_session_warms_up_for_two_hours_and_can_be_read_back(tmp_path):
+    out = tmp_path / "rich"
+    arguments = ["simulate", "--robot", ROBOT, "--count", "4", "--rate", "10", "--out", str(out)]
+    assert run([*arguments, "--effect", "thermal_growth_arm"]) == 0
+    session = read_session(out)
+    seconds = (session.tracker.stamp_ns[-1] - session.tracker.stamp_ns[0]) * 1e-9
+    assert seconds > 28 * 38.0
+    arm, base = session.temperature
+    assert (arm.part, base.part) == ("arm", "base")
+    share = 1 - np.exp(-seconds / 2400.0)
+    assert arm.celsius[-1] - arm.celsius[0] == pytest.approx(13 * share, rel=0.1)
+    assert sorted(set(session.payload.mass)) == [0.0, 2.0]
+    found = survey(session, load_robot(ROBOT).joints.names)
+    assert len(found.poses) >= 28
+    assert len(set(found.paths.path)) >= 6
+
+
+def test_every_cause_is_in_the_help(capsys):
+    assert run(["simulate", "--help"]) == 0
+    said = capsys.readouterr().out.split()
+    causes = hideable_causes(draw_machine(load_robot(ROBOT), 0).chain)
+    assert [cause for cause in causes if cause not in said] == []
 
 
 def test_an_existing_session_is_not_overwritten(cell, capsys):

@@ -169,13 +169,12 @@ def test_encoders_and_tracker_speak_at_the_rate_with_one_stamp(bench: Bench) -> 
     assert cell.stands_at(np.zeros(3))  # home
     cell.states.clear()
     cell.poses.clear()
-    bench.spin_for(1.0)
-    assert len(cell.poses) == pytest.approx(40, abs=6)
+    assert bench.until(lambda: len(cell.poses) >= 40)
     stamps = [stamp_to_ns(m.header.stamp) for m in cell.states]
     assert set(stamps) & {stamp_to_ns(m.header.stamp) for m in cell.poses} >= set(stamps[1:-1])
     assert np.median(np.diff(stamps)) == pytest.approx(25e6, rel=0.2)
     now = cell.cell.get_clock().now().nanoseconds
-    assert 0 <= now - stamps[-1] < 1e9
+    assert 0 <= now - stamps[-1] < 30e9
     pose = cell.poses[-1]
     assert pose.header.frame_id == "tracker"
     assert (pose.pose.orientation.x, pose.pose.orientation.w) == (0.0, 1.0)
@@ -187,14 +186,14 @@ def test_encoders_and_tracker_speak_at_the_rate_with_one_stamp(bench: Bench) -> 
 
 def test_without_noise_every_reading_is_the_same(bench: Bench) -> None:
     quiet = Upstream(bench, noise=False)
+    assert bench.until(lambda: len(quiet.poses) > 10)
     assert len({m.pose.position.x for m in quiet.poses}) == 1
-    assert len(quiet.poses) > 10
 
 
 def test_the_tracker_has_noise_at_rest(bench: Bench) -> None:
     noisy = Upstream(bench, seed=0)
     noisy.poses.clear()
-    bench.spin_for(1.0)
+    assert bench.until(lambda: len(noisy.poses) > 30)
     points = np.array([[p.pose.position.x, p.pose.position.y] for p in noisy.poses])
     assert len(np.unique(points[:, 0])) == len(points) > 30
     assert points.std(axis=0).max() > 1e-6
@@ -236,9 +235,28 @@ def test_the_truth_is_nowhere_to_be_read(bench: Bench) -> None:
     assert ours == expected | {"/diagnostics"}
     assert not cell.states[-1].velocity
     known = {spec for spec in cell.cell.list_parameters([], 0).names if "." not in spec}
-    assert known <= {"robot", "seed", "scatter", "rate", "noise", "use_sim_time"} | {
-        "start_type_description_service"
-    }
+    assert known <= {"robot", "seed", "scatter", "rate", "noise", "effects", "warm_up"} | {
+        "use_sim_time", "start_type_description_service"
+    }  # fmt: skip
+
+
+def test_hidden_effects_are_in_what_it_says(bench: Bench) -> None:
+    """It warms up, and bends under what is said to be on its platform."""
+    effects = ["none", "thermal_growth_arm", "joint_compliance:value=1e-3"]
+    cell = Upstream(bench, noise=False, effects=effects, warm_up=2.0)
+    assert bench.until(lambda: len(cell.heat) >= 4)
+    assert max(m.temperature for m in cell.heat) > 21.0
+    before = cell.poses[-1].pose.position.z
+    load = bench.node("crane").create_publisher(InertiaStamped, "cell/payload", PAYLOAD)
+    message = InertiaStamped()
+    message.inertia.m = 4.0
+    load.publish(message)
+    # 4 kg turn each joint by a few mrad: some millimetres down
+    assert bench.until(lambda: before - cell.poses[-1].pose.position.z > 1e-3)
+    message.inertia.m = -1.0
+    load.publish(message)
+    bench.spin_for(0.3)
+    assert before - cell.poses[-1].pose.position.z > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -248,6 +266,11 @@ def test_the_truth_is_nowhere_to_be_read(bench: Bench) -> None:
         ("rate", 0.0, "rate"),
         ("scatter", float("nan"), "scatter"),
         ("seed", -1, "seed"),
+        ("warm_up", 0.0, "warm_up"),
+        ("effects", "backlash", "parameter effects: 'backlash' is not of type array"),
+        ("effects", ["slack"], "effect slack cannot be hidden; causes: geometry, .*backlash"),
+        ("effects", ["backlash:value=wide"], r"value 'wide' is not a finite number \(SI: rad\)"),
+        ("effects", ["none", "backlash:value"], "'value' is not of the form key=value"),
     ],
 )
 def test_wrong_parameters_are_refused(

@@ -13,10 +13,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
+from delta_calibration.effects import EFFECTS
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import legs, make_plan, nominal_joints
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, hideable_causes, simulate_session
+from delta_calibration.simulation import (
+    draw_machine,
+    hideable_causes,
+    simulate_session,
+    standing,
+)
 
 ROBOT = load_robot("srbd")
 BASE, PLATFORM, ARM, ROD, HALF = 0.2, 0.055, 0.32, 0.85, 0.04  # [m] the paper's table 1
@@ -31,8 +37,8 @@ def with_tracker(**facts):
 
 def moved_by(**causes):
     """How far hidden causes move the tool of a machine that is else as drawn, (n, 3) [m]."""
-    drawn = draw_machine(ROBOT, 0, 0.0).tool_points(Q)
-    return draw_machine(ROBOT, 0, 0.0, causes).tool_points(Q) - drawn
+    drawn = draw_machine(ROBOT, 0, 0.0).tool_points(standing(Q))
+    return draw_machine(ROBOT, 0, 0.0, causes).tool_points(standing(Q)) - drawn
 
 
 def at(value, leg=None):
@@ -71,9 +77,10 @@ def expected(let_through):
 
 def test_a_machine_without_scatter_is_as_drawn():
     machine = draw_machine(ROBOT, 3, 0.0)
-    np.testing.assert_allclose(machine.tool_points(Q), PLACES, atol=1e-12)
+    np.testing.assert_allclose(machine.tool_points(standing(Q)), PLACES, atol=1e-12)
     offset = replace(ROBOT, tool_offset=np.array([0.02, -0.01, 0.05]))
-    tool = draw_machine(offset, 3, 0.0).tool_points(nominal_joints(offset, PLACES))
+    q = nominal_joints(offset, PLACES)
+    tool = draw_machine(offset, 3, 0.0).tool_points(standing(q))
     np.testing.assert_allclose(tool, PLACES, atol=1e-12)
 
 
@@ -127,9 +134,11 @@ def test_a_hidden_cause_changes_nothing_else_of_the_machine():
     assert change[row] == pytest.approx(3 * 0.15e-3)  # three standard deviations of the part
 
 
-def test_every_cause_that_is_offered_can_be_hidden():
+def test_every_dimension_that_is_offered_can_be_hidden():
     plain = draw_machine(ROBOT, 5)
-    for cause in hideable_causes(ROBOT):
+    causes = [c for c in hideable_causes(plain.chain) if c not in (*EFFECTS, "smr_offset")]
+    assert len(causes) == 7
+    for cause in causes:
         theta = draw_machine(ROBOT, 5, hidden={cause: {"location": "joint_1"}}).theta
         names = [plain.chain.parameters.names[k] for k in np.flatnonzero(theta - plain.theta)]
         assert names
@@ -139,10 +148,10 @@ def test_every_cause_that_is_offered_can_be_hidden():
 @pytest.mark.parametrize(
     ("cause", "options", "message"),
     [
-        ("backlash", {}, r"backlash cannot be hidden; causes: .*arm_length, .*; locations: j"),
+        ("slack", {}, r"slack cannot be hidden; causes: .*arm_length, .*backlash.*; locations: j"),
         ("tracker_frame", {}, "tracker_frame cannot be hidden; causes: "),
         ("arm_length", {"location": "joint_4"}, r"length at joint_4 cannot .*: joint_1, joint_2"),
-        ("arm_length", {"size": "1"}, "unknown option size; allowed: location, value"),
+        ("arm_length", {"size": "1"}, "unknown option size; allowed: location, value, str"),
         ("arm_length", {"value": "big"}, "value 'big' is not a finite number"),
         ("arm_length", {"value": "nan"}, "value 'nan' is not a finite number"),
         ("arm_length", {"value": "0.2mm"}, r"value '0\.2mm' .*SI: m or rad"),
@@ -176,7 +185,7 @@ def test_the_tracker_stands_about_3_m_off():
 def test_noise_has_the_stated_size_along_and_across_the_beam():
     robot = with_tracker(radial=2e-6, transverse=5e-6, transverse_per_metre=3e-6)
     machine, n = draw_machine(robot, 1), 20_000
-    y = machine.readings(np.tile(Q[1], (n, 1)), np.random.default_rng(2))
+    y = machine.readings(standing(np.tile(Q[1], (n, 1))), np.random.default_rng(2))
     beam, distance = y.mean(axis=0), np.linalg.norm(y.mean(axis=0))
     beam = beam / distance
     side = np.cross(beam, [0, 0, 1])
@@ -197,7 +206,7 @@ def test_readings_are_of_the_reflector_in_the_trackers_frame():
         reflector_offset=np.array([0.1, 0.0, -0.05]),
     )  # fmt: skip
     machine = draw_machine(robot, 1, 0.0)
-    y = machine.readings(Q, np.random.default_rng(0))
+    y = machine.readings(standing(Q), np.random.default_rng(0))
     seen, real = y[1:] - y[0], PLACES[1:] - PLACES[0]  # a platform as drawn does not tilt
     np.testing.assert_allclose(seen @ seen.T, real @ real.T, atol=1e-12)
     assert np.linalg.det(seen) == pytest.approx(np.linalg.det(real), rel=1e-9)  # not mirrored

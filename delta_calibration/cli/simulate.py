@@ -9,20 +9,48 @@ import click
 
 from delta_calibration import __version__
 from delta_calibration.cli.options import duration, progress, robot_option, seed_option
-from delta_calibration.errors import InputError
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import draw_machine, effect_options, simulate_session
 
 _RICH_PERIOD = 38.0  # [s] from stop to stop: two hours for the usual number of stops
+_CAUSES = """\b
+Dimensions (strength 3 by default; geometry: all of them at random, 1):
+  joint_zero_offset arm_length forearm_length base_joint_position
+  base_joint_tilt parallelogram_mismatch geometry
+Measurement (strength 1 by default, as all that follow):
+  smr_offset            of the reflector, in a direction that is drawn
+  tracker_scale
+  tracker_drift         value is the shift; settles with time_constant=2400
+                        [s]; 0: a ramp, of an hour; step_at=T [s]: a step
+  timestamp_latency
+Drive:
+  encoder_eccentricity  value is the amplitude
+  transmission_error    value is the amplitude; cycles= a turn, by default
+                        the gear ratio
+  joint_scale backlash joint_compliance joint_lag
+  joint_zero_drift      a ramp, of an hour; or time_constant=, step_at= [s]
+  stick_slip            gone beyond speed=0.1 [rad/s]
+Structure:
+  thermal_growth_arm thermal_growth_base
+                        by sensor=arm or base, their own by default; or by
+                        the clock with time_constant= [s]. The cell warms up
+  thermal_growth_forearm
+                        no thermometer there: by the clock, time_constant=2400
+  forearm_compliance dynamic_deflection ball_joint_clearance
+"""
 
 
-@click.command("simulate", short_help="make a session of a machine that is not built as drawn")
+@click.command(
+    "simulate",
+    short_help="make a session of a machine that is not built as drawn",
+    epilog=_CAUSES,
+)
 @robot_option
 @click.option(
     "--effect", "effects", multiple=True, metavar="NAME[:k=v,...]",
-    help="Cause to hide, e.g. arm_length:location=joint_3,value=0.0002 (SI); may be repeated.",
+    help="Cause to hide, e.g. backlash:location=joint_2,value=0.0003 (SI); may be repeated.",
 )  # fmt: skip
 @click.option(
     "--plan", default="rich", show_default=True, metavar="NAME|CSV",
@@ -55,19 +83,26 @@ def command(
     """Drive a simulated machine through a plan and record the session.
 
     The machine has six rods and parts that deviate by their tolerances, its own tracker frame,
-    tracker noise and joint repeatability. The seed decides all of it.
+    tracker noise and joint repeatability. The seed decides all of it. The session of the plan
+    "rich" lasts two hours, in which the cell warms up: the arms from 20 towards 33 deg C with a
+    time constant of 40 minutes, the base plate slower and by a third of that.
+
+    --effect hides a cause in the machine. All take strength=S, in typical sizes, and most
+    value=V, in SI (rad, m, s, 1/K, rad/(N m), ...); those of single joints location=joint_K.
+    What is not said is drawn: phases, ways of a drift and, with a strength, signs and shares.
     """
     robot = load_robot(robot_file)
-    hidden = dict(_effect(text) for text in effects if text != "none")
+    hidden = [effect_options(text) for text in effects if text != "none"]
     machine = draw_machine(robot, seed, scatter, hidden)
     measured = make_plan(plan, robot, count=count, seed=seed)
-    period = _RICH_PERIOD if plan == "rich" else 0.0
+    rich = plan == "rich"
     total = len(measured) + 2 * len(measured.paths)
 
     def follow(legs: Iterator[Leg]) -> Iterable[Leg]:
         return progress(legs, total, "stop")
 
-    session = simulate_session(machine, measured, seed, rate, period, str(out), follow)
+    period = _RICH_PERIOD if rich else 0.0
+    session = simulate_session(machine, measured, seed, rate, period, str(out), follow, rich)
     provenance = {
         "made_by": f"delta-cal simulate {__version__}",
         "robot": robot.name,
@@ -85,15 +120,3 @@ def command(
         click.echo(
             f"written: {out} ({stops}, {len(tracker.stamp_ns)} readings, {duration(seconds)})"
         )
-
-
-def _effect(text: str) -> tuple[str, dict[str, str]]:
-    """`NAME:k=v,k=v` as a name and its options."""
-    name, _, rest = text.partition(":")
-    options = {}
-    for part in filter(None, rest.split(",")):
-        key, equals, value = part.partition("=")
-        if not equals or not key or not value:
-            raise InputError(f"--effect {text}: {part!r} is not of the form key=value")
-        options[key] = value
-    return name, options

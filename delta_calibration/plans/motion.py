@@ -16,11 +16,15 @@ Array = NDArray[np.float64]
 APPROACH = 0.01  # [rad] how far short of a stop each joint turns round, so that play is taken up
 _JERK_PEAK = 1.875  # peak over mean speed of a minimum-jerk move
 _LEAST_MOVE = 0.05  # [s]
+_ACCELERATION = 5.0  # [rad/s^2] with which a joint comes up to the speed of a path, and stops
 
 
 @dataclass(frozen=True)
 class MotionPath:
-    """A way that is measured in motion: nominal joints at a constant time step."""
+    """A way that is measured in motion: nominal joints at a constant time step.
+
+    It begins and ends at rest: the ways up to speed and down from it come on top of the duration.
+    """
 
     name: str
     joint: Array  # (k, m) [rad]
@@ -80,14 +84,25 @@ def _path_leg(path: MotionPath, robot: Robot, rate: float, dwell: float, payload
     """A path at its own pace, slower where a joint would else exceed its speed."""
     widest = float(np.abs(np.diff(path.joint, axis=0)).max()) * (len(path.joint) - 1)
     duration = max(path.duration, widest / robot.joints.speed)
-    count = max(int(np.ceil(duration * rate)) + 1, 2)
-    share = np.linspace(0, len(path.joint) - 1, count)
+    ramp = min(widest / duration / _ACCELERATION, duration)
+    count = max(int(np.ceil((duration + ramp) * rate)) + 1, 2)
+    share = (len(path.joint) - 1) * _trapezoid(np.linspace(0, duration + ramp, count), ramp)
     moving = np.column_stack(
         [np.interp(share, np.arange(len(path.joint)), column) for column in path.joint.T]
     )
     rest = np.repeat(moving[-1:], round(dwell * rate) + 1, axis=0)
     joint = np.concatenate([moving, rest])
     return Leg(np.arange(len(joint)) / rate, joint, np.arange(len(joint)) >= count, payload)
+
+
+def _trapezoid(time: Array, ramp: float) -> Array:
+    """Share of a way that is behind at times from 0 on; constant speed between two ramps."""
+    if ramp == 0:
+        return np.asarray(time / time[-1])
+    whole = time[-1] - ramp
+    up, down = np.minimum(time, ramp), np.minimum(time[-1] - time, ramp)
+    constant = np.clip(time - ramp, 0, whole - ramp)
+    return np.asarray((up**2 / 2 + constant * ramp + (ramp**2 - down**2) / 2) / (ramp * whole))
 
 
 def _minimum_jerk(begin: Array, end: Array, speed: float, rate: float) -> Array:

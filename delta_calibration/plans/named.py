@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import points
 from delta_calibration.plans.motion import MotionPath, Plan
+from delta_calibration.plans.plan_file import read_plan
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def make_plan(
     payload: float = 0.0,
     seed: int = 0,
 ) -> Plan:
-    """A plan by name, or the tool points of a CSV file with columns x_mm, y_mm, z_mm.
+    """A plan by name, or one from a CSV file: tool points x_mm, y_mm, z_mm, and what they want.
 
     Args:
         name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
@@ -39,9 +40,9 @@ def make_plan(
         robot: decides what can be reached.
         count: of different points; each plan has its own usual number. Cycles, for `iso9283`.
         dwell: at each stop [s].
-        both_sides: each point from both sides, one after the other.
+        both_sides: each point from both sides, one after the other; a file may say otherwise.
         radius: of the disc and of the part of the workspace that is covered [m].
-        payload: on the platform [kg]; the second payload, for `rich`.
+        payload: on the platform [kg], where a file does not say; the second one, for `rich`.
         seed: of the order and of what is drawn.
 
     Raises:
@@ -50,29 +51,28 @@ def make_plan(
     """
     if count is not None and count < 1:
         raise InputError(f"count is {count}; it has to be at least 1")
-    if name_or_csv.lower().endswith(".csv"):
-        targets, name = points.read_points(Path(name_or_csv)), Path(name_or_csv).stem
-    elif name_or_csv in _POINTS:
-        name = name_or_csv
-        targets = _POINTS[name](robot, count, radius, np.random.default_rng(seed))
-    elif name_or_csv == "rich":
-        return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
-    else:
-        raise InputError(
-            f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file"
-        )
     cycles = count or 30 if name_or_csv == "iso9283" else 0
     if cycles:
         both_sides = False  # the standard's cycle fixes the way into each pose
     sides = (1.0, -1.0) if both_sides else (1.0,)
     try:
+        if name_or_csv.lower().endswith(".csv"):
+            return read_plan(Path(name_or_csv), robot, dwell, sides, payload)
+        if name_or_csv == "rich":
+            return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
+        if name_or_csv not in _POINTS:
+            raise InputError(
+                f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file"
+            )
+        targets = _POINTS[name_or_csv](robot, count, radius, np.random.default_rng(seed))
         joint = points.nominal_joints(robot, targets)
     except ReachError as error:
         raise ReachError(f"plan {name_or_csv}: {error}") from error
     direction = np.tile(sides, len(targets))
     targets, joint = (np.repeat(each, len(sides), axis=0) for each in (targets, joint))
     paths = _iso9283_paths(robot, max(cycles // 3, 1)) if cycles else ()
-    return Plan(name, targets, joint, direction, np.full(len(targets), payload), dwell, paths)
+    mass = np.full(len(targets), payload)
+    return Plan(name_or_csv, targets, joint, direction, mass, dwell, paths)
 
 
 def _iso9283_paths(robot: Robot, cycles: int) -> tuple[MotionPath, ...]:
@@ -109,11 +109,17 @@ def _rich(
     mass = np.repeat([0.0, payload, 0.0, payload], [len(block) for block in blocks])
     row, joint = stops[:, 0], points.nominal_joints(robot, places)
     return Plan(
-        "rich", places[row], joint[row], stops[:, 1].astype(float), mass, dwell, _paths(robot)
+        "rich",
+        places[row],
+        joint[row],
+        stops[:, 1].astype(float),
+        mass,
+        dwell,
+        motion_paths(robot),
     )
 
 
-def _paths(robot: Robot) -> tuple[MotionPath, ...]:
+def motion_paths(robot: Robot) -> tuple[MotionPath, ...]:
     """A slow sweep of each joint, and a circle at three speeds both ways round."""
     home = points.nominal_joints(robot, np.array([[0.0, 0.0, points.PLANE - 0.05]]))[0]
     sweep = np.concatenate([np.linspace(-0.25, 0.35, 200), np.linspace(0.35, -0.25, 200)])
@@ -123,7 +129,7 @@ def _paths(robot: Robot) -> tuple[MotionPath, ...]:
     ]
     for path in paths:
         points.require_limits(robot, path.joint, f"{path.name}: sample")
-    turn = np.linspace(0, 2 * np.pi, 200)
+    turn = np.linspace(0, 2 * np.pi, _FINE)
     circle = np.stack(
         [0.2 * np.cos(turn), 0.2 * np.sin(turn), np.full_like(turn, points.PLANE - 0.05)], axis=1
     )

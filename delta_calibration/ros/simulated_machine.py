@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 from delta_calibration.errors import ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.robot import Robot
-from delta_calibration.samples import at_rest
-from delta_calibration.simulation import Machine
+from delta_calibration.samples import Conditions
+from delta_calibration.simulation import PARTS, Climate, Following, Machine
 
 Array = NDArray[np.float64]
 
 STILL_S = 0.1  # [s] a command that stands still for so long has ended the move
 STIR = 1e-7  # [rad] less than this is standing still
 AHEAD = 20  # readings
+AHEAD_S = 1.0  # [s] for which readings drawn ahead are good
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])  # what a reflector's pose says, which has no orientation
+STEADY = Climate()
 
 
 @dataclass(frozen=True)
@@ -34,31 +36,44 @@ class SimulatedMachine:
     """Follows commands at once, beside them by a rest error that is drawn anew for each move.
 
     A move ends when the command has stood still for STILL_S, the next begins when it stirs. What
-    the machine cannot take up is not followed: it stays where it was. Commands are smooth, so that
-    there are no dynamics in it; a probe's orientation has no noise.
+    the machine cannot take up is not followed: it stays where it was. Drives and links have no
+    dynamics but those of its effects, for which speed, direction and travel are kept up command
+    by command. A probe's orientation has no noise.
 
     Args:
         machine: the truth.
         rng: of rest errors and noise.
-        now: time [s] of any steady clock.
+        now: time [s] of any steady clock; the cell was switched on at it.
+        climate: of the cell.
 
     Raises:
         ReachError: the machine cannot be assembled at its home.
     """
 
-    def __init__(self, machine: Machine, rng: np.random.Generator, now: float) -> None:
+    def __init__(
+        self, machine: Machine, rng: np.random.Generator, now: float, climate: Climate = STEADY
+    ) -> None:
         self._machine = machine
         self._rng = rng
+        self._climate = climate
         self._rest_error = machine.rest_error(rng)
         self._wanted = self._held = machine.chain.mechanism.home
-        self._stirred = now
+        self._motion = self._motion_held = Following.standing(self._wanted)
+        self._begun = self._told = self._stirred = now
         self._from = self._wanted
+        self._payload, self._payload_centre = 0.0, np.zeros(3)
         self._ahead: list[Array] = []  # readings of where it stands, not yet asked for
-        self._read_at = np.full_like(self._wanted, np.nan)
-        self.measure()
+        self._read_at, self._read_when = np.full_like(self._wanted, np.nan), now
+        self.measure(now)
 
-    def command(self, joint: Array, now: float) -> None:
+    def command(self, joint: Array, now: float, stamp: float | None = None) -> None:
         """Go to joint angles (m,) [rad].
+
+        Args:
+            joint: where to.
+            now: time [s] of the steady clock.
+            stamp: when it was sent [s] by the sender's clock, which speeds are taken from; by
+                default they are taken from `now`.
 
         Raises:
             ReachError: beyond a joint's limit; it stays where it is.
@@ -68,38 +83,74 @@ class SimulatedMachine:
             if now - self._stirred >= STILL_S:
                 self._rest_error = self._machine.rest_error(self._rng)
             self._from, self._stirred = joint, now
-        self._wanted = joint
+            self._ahead.clear()
+        self._motion = self._motion.moved(joint, now if stamp is None else stamp)
+        self._wanted, self._told = joint, now
 
-    def measure(self) -> Measurement:
-        """Take one reading of everything.
+    def carry(self, mass: float, centre: Array) -> None:
+        """Take a payload [kg] on the platform, its centre (3,) [m] in the platform's frame."""
+        self._payload, self._payload_centre = mass, centre
+        self._ahead.clear()
+
+    def measure(self, now: float | None = None) -> Measurement:
+        """Take one reading of everything, by default at the moment of the last command.
 
         Raises:
             ReachError: it cannot be assembled where it was told to go; it stays where it was.
         """
+        now = self._told if now is None else now
+        if now - self._told > STILL_S:
+            self._motion = self._motion.stopped()
         try:
-            position = self._position(self._wanted)
+            position = self._position(self._wanted, now)
         except ReachError:
-            self._wanted = self._held
+            self._wanted, self._motion = self._held, self._motion_held.stopped()
             raise
-        self._held = self._wanted
+        self._held, self._motion_held = self._wanted, self._motion
         encoders = self._machine.encoders(self._held[None], self._rng)[0]
-        return Measurement(encoders, position, self._orientation(self._held))
+        return Measurement(encoders, position, self._orientation(self._held, now))
 
-    def _position(self, joint: Array) -> Array:
+    def temperatures(self, now: float) -> dict[str, float]:
+        """What the cell's thermometers say [deg C]."""
+        celsius = self._climate.celsius(np.array([now - self._begun]))[0]
+        return dict(zip(PARTS, celsius.tolist(), strict=True))
+
+    def _position(self, joint: Array, now: float) -> Array:
         """One reading (3,) [m]; at rest they are drawn ahead, at little more than one's cost."""
-        actual = joint + self._rest_error
-        same = np.array_equal(actual, self._read_at)
-        if not (same and self._ahead):
-            rows = np.tile(actual, (AHEAD if same else 1, 1))
+        at = self._conditions(joint, now)
+        still = not at.velocity.any()
+        same = still and np.array_equal(at.joint[0], self._read_at)
+        if not (same and self._ahead and now - self._read_when < AHEAD_S):
+            count = AHEAD if same else 1
+            rows = at.take(np.zeros(count, dtype=np.intp))
             self._ahead = list(self._machine.readings(rows, self._rng))
-            self._read_at = actual
+            self._read_at, self._read_when = at.joint[0], now
         return self._ahead.pop()
 
-    def _orientation(self, joint: Array) -> Array:
+    def _conditions(self, joint: Array, now: float) -> Conditions:
+        """Of one reading."""
+        velocity, acceleration = self._motion.derivatives()
+        clock = np.array([now - self._begun])
+        return Conditions(
+            joint=(joint + self._rest_error)[None],
+            time=clock,
+            velocity=velocity[None],
+            acceleration=acceleration[None],
+            direction=self._motion.direction()[None],
+            travel=self._motion.travel(joint)[None],
+            payload=np.array([self._payload]),
+            payload_centre=self._payload_centre[None],
+            temperature_parts=PARTS,
+            temperature=self._climate.celsius(clock),
+            reading=np.full((1, 3), np.nan),
+            reading_velocity=np.zeros((1, 3)),
+        )
+
+    def _orientation(self, joint: Array, now: float) -> Array:
         if self._machine.robot.tracker.measures == "position":
             return UPRIGHT
         chain, theta = self._machine.chain, self._machine.theta
-        x = chain.pose(at_rest((joint + self._rest_error)[None]), theta)
+        x = chain.pose(self._conditions(joint, now), theta)
         frame = chain.split(theta)[2]
         orientation = frame.rotation @ chain.mechanism.rotation(x)[0]
         return rotations.to_quaternion(orientation)

@@ -21,18 +21,22 @@ from sensor_msgs.msg import JointState, Temperature
 
 from delta_calibration.errors import CalibrationError
 from delta_calibration.robot import load_robot
-from delta_calibration.ros.conversions import JointReader, joint_state, pose_stamped
+from delta_calibration.ros.conversions import (
+    JointReader,
+    joint_state,
+    payload,
+    pose_stamped,
+    stamp_to_ns,
+)
 from delta_calibration.ros.diagnostics import Diagnostics
 from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
 from delta_calibration.ros.qos import BY_NAME, COMMAND
 from delta_calibration.ros.runtime import BaseNode, run
 from delta_calibration.ros.simulated_machine import SimulatedMachine, without_noise
-from delta_calibration.simulation import draw_machine
+from delta_calibration.simulation import WARM_UP, Climate, draw_machine, effect_options
 
 NAME = "simulated_tracker"
-AMBIENT = 20.0  # [deg C]
-PARTS = ("arm", "base")  # that carry a thermometer
-AMBIENT_PERIOD_S = 1.0  # [s]
+TEMPERATURE_PERIOD_S = 1.0  # [s]
 SAY_AGAIN_S = 2.0  # [s] between two lines of log on refused commands
 
 SPECS = (
@@ -47,11 +51,27 @@ SPECS = (
     ),
     Spec("rate", 50.0, "rate [Hz] of encoders and tracker", range=(1.0, 1000.0), read_only=True),
     Spec("noise", True, "whether joints, encoders and tracker have noise", read_only=True),
+    Spec(
+        "effects",
+        ("",),
+        "causes to hide in the machine, as delta-cal simulate has them: NAME:key=value,key=value",
+        read_only=True,
+    ),
+    Spec(
+        "warm_up",
+        WARM_UP,
+        "time constant [s] of the arms' warm-up; where no part grows with it, the cell is steady",
+        range=(1.0, 1e6),
+        read_only=True,
+    ),
 )
 
 
 class SimulatedTracker(BaseNode):
-    """Wires a `SimulatedMachine` to the cell's topics; listens to what the drives would get."""
+    """Wires a `SimulatedMachine` to the cell's topics.
+
+    It listens to what the drives would get, and takes for true what is said to be on the platform.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(NAME, **kwargs)
@@ -60,9 +80,11 @@ class SimulatedTracker(BaseNode):
         robot = load_robot(settings.text("robot"))
         seed = settings.integer("seed")
         drawn = robot if settings.flag("noise") else without_noise(robot)
-        machine = draw_machine(drawn, seed, settings.number("scatter"))
+        hidden = [effect_options(text) for text in settings.texts("effects") if text != "none"]
+        machine = draw_machine(drawn, seed, settings.number("scatter"), hidden)
         rng = np.random.default_rng([seed, 1])
-        self._simulated = SimulatedMachine(machine, rng, time.monotonic())
+        climate = Climate(machine.warms, settings.number("warm_up"))
+        self._simulated = SimulatedMachine(machine, rng, time.monotonic(), climate)
         self._reader = JointReader(robot.joints.names)
         self._followed = self._refused = 0
         self._trouble = ""  # why the last command was not followed
@@ -73,11 +95,14 @@ class SimulatedTracker(BaseNode):
         self.create_subscription(
             JointState, "joint_command_compensated", self._on_command, COMMAND
         )
+        topic = BY_NAME["cell/payload"]
+        self.create_subscription(topic.message, topic.name, self._on_payload, topic.reader)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / settings.number("rate"), self._measure, clock=steady)
-        self.create_timer(AMBIENT_PERIOD_S, self._say_temperatures, clock=steady)
+        self.create_timer(TEMPERATURE_PERIOD_S, self._say_temperatures, clock=steady)
         self._diagnostics = Diagnostics(self, self._report)
-        self.get_logger().info(f"machine {seed} of {robot.name}, measured at {AMBIENT:.0f} deg C")
+        state = "warming up from 20 deg C" if machine.warms else "at 20 deg C"
+        self.get_logger().info(f"machine {seed} of {robot.name}, {state}")
 
     def start(self) -> None:
         """Say what is on the platform: nothing."""
@@ -95,18 +120,28 @@ class SimulatedTracker(BaseNode):
 
     def _on_command(self, message: JointState) -> None:
         try:
-            self._simulated.command(self._reader.positions(message), time.monotonic())
+            joint = self._reader.positions(message)
+            sent = stamp_to_ns(message.header.stamp) * 1e-9 or None  # none: by when it came
+            self._simulated.command(joint, time.monotonic(), sent)
         except CalibrationError as error:
             self._refuse(error)
         else:
             self._followed += 1
             self._trouble = ""
 
+    def _on_payload(self, message: InertiaStamped) -> None:
+        try:
+            _, mass, centre = payload(message)
+        except CalibrationError as error:
+            self.get_logger().warn(f"payload as before: {error}")
+        else:
+            self._simulated.carry(mass, centre)
+
     def _measure(self) -> None:
         """One reading of encoders and tracker, at one stamp."""
         stamp = self._now()
         try:
-            seen = self._simulated.measure()
+            seen = self._simulated.measure(time.monotonic())
         except CalibrationError as error:
             self._refuse(error)
             seen = self._simulated.measure()  # where it stayed
@@ -121,8 +156,8 @@ class SimulatedTracker(BaseNode):
         )
 
     def _say_temperatures(self) -> None:
-        for part in PARTS:
-            message = Temperature(temperature=AMBIENT)
+        for part, celsius in self._simulated.temperatures(time.monotonic()).items():
+            message = Temperature(temperature=celsius)
             message.header.stamp = self._now()
             message.header.frame_id = part
             self._heat.publish(message)

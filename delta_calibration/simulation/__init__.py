@@ -1,0 +1,27 @@
+"""A cell without a robot: a machine that is not built as drawn, and the tracker that measures it.
+
+The machine is the chain of measurement run forward with six rods, parameters drawn about the
+drawing and, hidden in it, whatever effects are wanted: the same chain and the same effects that
+are fitted afterwards, with numbers nobody tells them.
+"""
+
+from delta_calibration.simulation.climate import AMBIENT, PARTS, WARM_UP, Climate
+from delta_calibration.simulation.following import Following
+from delta_calibration.simulation.hidden import hideable_causes
+from delta_calibration.simulation.machine import Machine, draw_machine, standing
+from delta_calibration.simulation.options import effect_options
+from delta_calibration.simulation.session import simulate_session
+
+__all__ = [
+    "AMBIENT",
+    "PARTS",
+    "WARM_UP",
+    "Climate",
+    "Following",
+    "Machine",
+    "draw_machine",
+    "effect_options",
+    "hideable_causes",
+    "simulate_session",
+    "standing",
+]

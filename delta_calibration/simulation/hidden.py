@@ -1,0 +1,199 @@
+"""What is wrong with a machine beyond its scatter: causes by name, each with options.
+
+Sizes are `value`, in SI, or `strength`, in typical sizes (those that the fit expects). What is not
+said is drawn by the seed: phases of harmonics and the way in which a tracker drifts, and with a
+strength also signs and each joint's share; always what a machine can have.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Chain
+from delta_calibration.effects import EFFECTS, Effect, effect_named
+from delta_calibration.effects.base import Setting
+from delta_calibration.effects.thermal_growth import ThermalGrowth
+from delta_calibration.errors import InputError
+from delta_calibration.parameters import Parameter
+from delta_calibration.robot import Robot
+from delta_calibration.simulation.climate import PARTS, WARM_UP
+from delta_calibration.simulation.dimensions import (
+    dimension_causes,
+    dimensions,
+    rows_of,
+    shift_of,
+)
+from delta_calibration.simulation.options import (
+    LOCATION,
+    STRENGTH,
+    VALUE,
+    Options,
+    number,
+    require_known,
+    require_one_of,
+    sizes,
+)
+
+Array = NDArray[np.float64]
+Causes = Mapping[str, Options] | Iterable[tuple[str, Options]]
+
+_SHARE = (0.7, 1.3)  # of a typical size that a joint has
+_ABOVE_0 = ("cycles", "speed")
+_COURSES = (("sensor", "time_constant"), ("time_constant", "step_at"))  # one or the other
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """Shifts of a machine's dimensions, and effects in it."""
+
+    shift: Array  # (p + 3,) of the mechanism's geometry and the reflector's place [m, rad]
+    effects: tuple[Effect, ...]
+    values: Array  # (k,) of the effects' parameters
+
+
+def hideable_causes(chain: Chain) -> tuple[str, ...]:
+    """Causes that a machine can hide."""
+    return (*dimension_causes(chain), *EFFECTS)
+
+
+def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
+    """What these causes do to a machine that `chain` describes without them.
+
+    Raises:
+        InputError: a cause or an option that there is not, or a value that is not allowed.
+    """
+    shift = np.zeros(len(dimensions(chain)))
+    found: dict[str, tuple[Effect, Array]] = {}
+    for cause, options in causes.items() if isinstance(causes, Mapping) else causes:
+        rng = np.random.default_rng([seed, 2, zlib.crc32(cause.encode())])
+        if cause not in EFFECTS:
+            _require_place(chain, cause, options)
+            shift = shift + shift_of(chain, cause, options, rng)
+            continue
+        effect = _shaped(cause, robot, chain, options)
+        values = _values(effect, options, rng)
+        if cause in found:
+            other, before = found[cause]
+            if other.settings != effect.settings:
+                raise InputError(f"effect {cause} is given twice, with different settings")
+            values = values + before
+        _require_possible(effect, values)
+        found[cause] = effect, values
+    each = [values for _, values in found.values()]
+    return Hidden(
+        shift,
+        tuple(effect.refined(values) for effect, values in found.values()),
+        np.concatenate([np.zeros(0), *each]),
+    )
+
+
+def _require_place(chain: Chain, cause: str, options: Options) -> None:
+    location = options.get(LOCATION)
+    if rows_of(chain, cause, location):
+        return
+    where = f" at {location}" if location else ""
+    places = ", ".join(dict.fromkeys(p.location for p in dimensions(chain) if p.location))
+    raise InputError(
+        f"effect {cause}{where} cannot be hidden; "
+        f"causes: {', '.join(hideable_causes(chain))}; locations: {places}"
+    )
+
+
+def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
+    """The effect with the settings among the options, or in its usual shape."""
+    plain = EFFECTS[cause](robot, chain.mechanism)
+    # A shape that is an array is no setting of a machine's: it goes with the values.
+    own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
+    places = [LOCATION] if any(p.location for p in plain.parameters) else []
+    require_known(cause, options, (*places, VALUE, STRENGTH, *own))
+    for either in _COURSES:
+        require_one_of(cause, options, either)
+    given = {key: _setting(cause, key, own[key], options) for key in own if key in options}
+    return effect_named(cause, robot, chain.mechanism, given or _usual_shape(plain))
+
+
+def _usual_shape(effect: Effect) -> dict[str, Setting]:
+    """What a cell has: gears of the robot's file, thermometers, a warm-up of forty minutes."""
+    if isinstance(effect, ThermalGrowth) and effect.part in PARTS:
+        return {"sensor": effect.part}
+    if isinstance(effect, ThermalGrowth) or effect.cause == "tracker_drift":
+        return {"time_constant": WARM_UP}
+    if effect.cause == "transmission_error":
+        return {"cycles": effect.robot.joints.gear_ratio}
+    return {}
+
+
+def _setting(cause: str, key: str, usual: Setting, options: Options) -> Setting:
+    """A setting of the type of its usual value.
+
+    Raises:
+        InputError: not a number, one that cannot be, or a sensor that the cell does not have.
+    """
+    text = options[key]
+    if isinstance(usual, str):
+        if text not in PARTS:
+            raise InputError(f"effect {cause}: no {key} {text!r}; allowed: {', '.join(PARTS)}")
+        return text
+    value = number(cause, key, options, "")
+    if value < 0 or (value == 0 and key in _ABOVE_0):
+        least = "more than 0" if key in _ABOVE_0 else "0 or more"
+        raise InputError(f"effect {cause}: {key} {text} is not allowed; {least}")
+    return value
+
+
+def _values(effect: Effect, options: Options, rng: np.random.Generator) -> Array:
+    """Of the effect's parameters, (k,)."""
+    parameters = effect.parameters
+    size = sizes(effect.cause, options, parameters.prior, 1.0, parameters.units[0])
+    # All is drawn, needed or not: a location or a value leaves the rest as it is.
+    share, sign = rng.uniform(*_SHARE, len(size)), rng.choice([-1.0, 1.0], len(size))
+    _, vector = np.unique([_vector(p) for p in parameters], return_inverse=True)
+    size = size * _ways(vector, rng.standard_normal(len(size)))
+    if VALUE not in options:
+        own = np.array([p.location is not None for p in parameters])
+        signed = np.array([_signed(effect, p) for p in parameters])
+        size = size * np.where(own, share[vector], 1.0) * np.where(signed, sign, 1.0)
+    location = options.get(LOCATION)
+    here = np.array([location in (None, p.location) for p in parameters])
+    if not here.any():
+        places = ", ".join(dict.fromkeys(p.location for p in parameters if p.location))
+        raise InputError(f"effect {effect.cause}: no location {location!r}; allowed: {places}")
+    return np.where(here, size, 0.0)
+
+
+def _vector(parameter: Parameter) -> str:
+    """Of which vector a parameter is a part: a harmonic, a shift; its own name if of none."""
+    stem, _, end = parameter.name.rpartition("_")
+    if stem in ("sine", "cosine"):
+        return f"harmonic_{end}"
+    return stem if end in ("x", "y", "z") else parameter.name
+
+
+def _ways(vector: NDArray[np.intp], drawn: Array) -> Array:
+    """Vectors of length one in ways that are drawn, 1 for a vector of one part, (k,).
+
+    Args:
+        vector: number of the vector that each of k parameters is a part of, (k,).
+        drawn: from the normal distribution, (k,).
+    """
+    length = np.sqrt(np.bincount(vector, drawn**2))[vector]
+    return np.where(np.bincount(vector)[vector] > 1, drawn / length, 1.0)
+
+
+def _signed(effect: Effect, parameter: Parameter) -> bool:
+    """Whether it may as well be negative; a cell that warms up does not shrink."""
+    return parameter.lower < 0 and not isinstance(effect, ThermalGrowth)
+
+
+def _require_possible(effect: Effect, values: Array) -> None:
+    for p, value in zip(effect.parameters, values.tolist(), strict=True):
+        if not p.lower <= value <= p.upper:
+            raise InputError(
+                f"effect {effect.cause}: {p.name} = {value:g} {p.unit} is not possible; "
+                f"allowed: {p.lower:g} to {p.upper:g}"
+            )

@@ -1,0 +1,128 @@
+"""A machine as it really is, in front of a tracker."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Chain
+from delta_calibration.effects.thermal_growth import ThermalGrowth
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Conditions, at_rest
+from delta_calibration.simulation.climate import AMBIENT, PARTS
+from delta_calibration.simulation.hidden import Causes, hide
+
+Array = NDArray[np.float64]
+
+TRUTH = "six_rod_delta"
+_DISTANCE = 3.0  # [m] of the tracker from the robot's base
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine as it really is, in front of a tracker; its chain has all effects that it has."""
+
+    robot: Robot
+    chain: Chain
+    theta: Array  # (P,) the truth
+
+    @property
+    def tool(self) -> Array:
+        """Tool centre point in the platform's frame, (3,) [m]."""
+        return self.robot.tool_offset
+
+    @property
+    def warms(self) -> bool:
+        """Whether it grows with its temperature."""
+        return any(isinstance(effect, ThermalGrowth) for effect in self.chain.effects)
+
+    def tool_points(self, at: Conditions) -> Array:
+        """Where the tool truly is in the base, (n, 3) [m]; NaN out of reach.
+
+        With what drives and structure do under these conditions; what the tracker makes of it, and
+        noise, are not in it.
+        """
+        return self.chain.point(self.chain.pose(at, self.theta), self.tool)
+
+    def reflector_points(self, at: Conditions) -> Array:
+        """Where the reflector truly is before the tracker, (n, 3) [m]: what a perfect one reads.
+
+        NaN out of reach.
+        """
+        _, offset, frame = self.chain.split(self.theta)
+        return frame.apply(self.chain.point(self.chain.pose(at, self.theta), offset))
+
+    def readings(self, at: Conditions, rng: np.random.Generator) -> Array:
+        """What the tracker says, (n, 3) [m], with noise along and across its beam.
+
+        Raises:
+            ReachError: joint angles at which the machine cannot be assembled.
+        """
+        x = self.chain.pose(at, self.theta)
+        self.chain.mechanism.require_reach(x, at.joint, "joint command", "rad")
+        true = self.chain.reading(at, x, self.theta)
+        distance = np.linalg.norm(true, axis=1, keepdims=True)
+        beam = true / distance
+        along, across = self.robot.tracker.sigmas(distance)
+        noise = rng.standard_normal(true.shape)
+        radial = np.sum(noise * beam, axis=1, keepdims=True) * beam
+        return np.asarray(true + along * radial + across * (noise - radial))
+
+    def rest_error(self, rng: np.random.Generator) -> Array:
+        """How far from the command the joints come to rest after a move, (m,) [rad]."""
+        return self.robot.joints.repeatability * rng.standard_normal(len(self.robot.joints.names))
+
+    def encoders(self, command: Array, rng: np.random.Generator) -> Array:
+        """What encoders say at commands (n, m) [rad]: the command, as the drive sees no error."""
+        return command + self.robot.joints.encoder * rng.standard_normal(command.shape)
+
+
+def standing(joint: Array, payload: float = 0.0) -> Conditions:
+    """Joints (n, m) [rad] that stand in a cell just switched on, all of it at 20 deg C.
+
+    Neither direction nor travel of the last motion count: play is in its middle.
+    """
+    n = len(joint)
+    return replace(
+        at_rest(joint),
+        payload=np.full(n, payload),
+        payload_centre=np.zeros((n, 3)),
+        temperature_parts=PARTS,
+        temperature=np.full((n, len(PARTS)), AMBIENT),
+    )
+
+
+def draw_machine(robot: Robot, seed: int, scatter: float = 1.0, hidden: Causes = ()) -> Machine:
+    """A machine whose parts deviate by `scatter` times their tolerances, a tracker about 3 m away.
+
+    Args:
+        robot: drawing and tolerances.
+        seed: of everything that is drawn.
+        scatter: 1 is a real machine, 0 one as drawn.
+        hidden: causes to add, by name, each with its options: `value` (SI) or `strength` (in
+            typical sizes), `location` (joint_1 ...), and settings of the effect.
+
+    Raises:
+        InputError: a cause or an option that there is not, or a value that is not allowed.
+    """
+    rng = np.random.default_rng(seed)
+    mechanism = robot.model(TRUTH)
+    parameters = mechanism.parameters
+    drawn = parameters.prior * rng.standard_normal(len(parameters))
+    bearing, turn = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
+    tilt = 0.02 * rng.standard_normal(2)
+    rotation = rotations.exp(np.array([*tilt, 0.0])) @ rotations.about_z(turn)
+    beam = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+    place = _DISTANCE * beam + 0.1 * rng.standard_normal(3)
+    tracker = robot.tracker
+    chain = Chain(mechanism, tracker.reflector_offset, tracker.reflector_offset_prior)
+    offset = tracker.reflector_offset + 1e-3 * scatter * rng.standard_normal(3)
+    theta = chain.join(parameters.nominal + scatter * drawn, offset, Frame(rotation, place))
+    causes = hide(robot, chain, hidden, seed)
+    theta[: len(causes.shift)] += causes.shift
+    return Machine(
+        robot, chain.with_effects(causes.effects), np.concatenate([theta, causes.values])
+    )

@@ -1,0 +1,89 @@
+"""Options of a hidden cause, as text: `NAME:key=value,key=value`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import InputError
+
+Array = NDArray[np.float64]
+Options = Mapping[str, str]
+
+VALUE, STRENGTH, LOCATION = "value", "strength", "location"
+
+
+def effect_options(text: str) -> tuple[str, dict[str, str]]:
+    """`NAME:k=v,k=v` as a name and its options.
+
+    Raises:
+        InputError: text of another form.
+    """
+    name, _, rest = text.partition(":")
+    options: dict[str, str] = {}
+    for part in filter(None, rest.split(",")):
+        key, equals, value = part.partition("=")
+        if not equals or not key or not value:
+            raise InputError(f"effect {text}: {part!r} is not of the form key=value")
+        if key in options:
+            raise InputError(f"effect {text}: {key} is given twice")
+        options[key] = value
+    return name, options
+
+
+def require_known(cause: str, options: Options, allowed: Collection[str]) -> None:
+    """Refuse options that a cause does not have.
+
+    Raises:
+        InputError: names them and what is allowed.
+    """
+    unknown = sorted(set(options) - set(allowed))
+    if unknown:
+        raise InputError(
+            f"effect {cause}: unknown option {', '.join(unknown)}; allowed: {', '.join(allowed)}"
+        )
+
+
+def require_one_of(cause: str, options: Options, either: Collection[str]) -> None:
+    """Refuse options that say the same thing twice.
+
+    Raises:
+        InputError: names those that were given.
+    """
+    given = [key for key in options if key in either]
+    if len(given) > 1:
+        raise InputError(f"effect {cause}: only one of {', '.join(given)} can be given")
+
+
+def number(cause: str, key: str, options: Options, unit: str) -> float:
+    """An option as a number.
+
+    Raises:
+        InputError: not a finite one.
+    """
+    try:
+        value = float(options[key])
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        said = f" (SI: {unit})" if unit else ""
+        raise InputError(f"effect {cause}: {key} {options[key]!r} is not a finite number{said}")
+    return value
+
+
+def sizes(cause: str, options: Options, typical: Array, usual: float, unit: str) -> Array:
+    """Size of each of k parameters of these typical sizes, (k,).
+
+    With `value` the first has that value, and those of another typical size as much in proportion;
+    with `strength` each so many times its typical size, `usual` times by default.
+
+    Raises:
+        InputError: not a finite number, or both given.
+    """
+    require_one_of(cause, options, (VALUE, STRENGTH))
+    if VALUE in options:
+        return np.asarray(number(cause, VALUE, options, unit) * (typical / typical[0]))
+    times = number(cause, STRENGTH, options, "") if STRENGTH in options else usual
+    return np.asarray(times * typical)

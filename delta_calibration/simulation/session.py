@@ -1,0 +1,144 @@
+"""A session of a simulated machine: taken through a plan, and all recorded that a cell records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import ReachError
+from delta_calibration.plans import Leg, Plan, legs
+from delta_calibration.samples import (
+    Conditions,
+    JointStream,
+    PayloadStream,
+    Session,
+    TemperatureStream,
+    TrackerStream,
+    motion_of,
+)
+from delta_calibration.simulation.climate import PARTS, Climate
+from delta_calibration.simulation.machine import Machine
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+# stamps of simulated sessions start here, whatever the clock says
+_EPOCH_NS = 1_700_000_000_000_000_000
+_PAYLOAD_CENTRE = np.array([0.0, 0.0, -0.03])  # [m] in the platform's frame
+_THERMOMETERS = 60.0  # [s] from one temperature to the next
+_FINE = 20.0  # [1/s] at which the motion between slower samples is looked at
+
+
+def simulate_session(
+    machine: Machine,
+    plan: Plan,
+    seed: int,
+    rate: float = 20.0,
+    period: float = 0.0,
+    source: str = "simulated",
+    follow: Callable[[Iterator[Leg]], Iterable[Leg]] = iter,
+    warming: bool = False,
+) -> Session:
+    """Take the machine through a plan and record what a cell records.
+
+    The state of the motion (which way each joint went last and how far, speeds, time, payload,
+    temperatures) is carried through the whole session.
+
+    Args:
+        machine: what is measured.
+        plan: where to.
+        seed: of the noise.
+        rate: of all streams [1/s].
+        period: at least this long from stop to stop [s]; what is waited is not recorded.
+        source: the session's name.
+        follow: is handed the legs and hands them on; for a progress bar.
+        warming: whether the cell was switched on when the session began, and warms up. One whose
+            machine grows with its temperature always does; all others are at 20 deg C.
+
+    Raises:
+        ReachError: the plan leads where the machine cannot go.
+    """
+    rng = np.random.default_rng([seed, 1])
+    climate = Climate(warming or machine.warms)
+    ways, at = _motion(plan, machine, rate, period, climate)
+    encoders, points = [], []
+    end = 0
+    for way in follow(iter(ways)):
+        begin, end = end, end + len(way.time)
+        here = at.take(slice(begin, end))
+        actual = replace(here, joint=way.joint + machine.rest_error(rng))
+        encoders.append(machine.encoders(way.joint, rng))
+        points.append(_readings(machine, actual, rng, plan))
+    stamp_ns = _stamps(at.time)
+    names = machine.robot.joints.names
+    return Session(
+        source=source,
+        command=JointStream(stamp_ns, names, at.joint),
+        states=JointStream(stamp_ns, names, np.concatenate(encoders)),
+        tracker=TrackerStream(stamp_ns, np.concatenate(points), None),
+        temperature=_temperatures(climate, float(at.time[-1])),
+        payload=_payloads(at),
+    )
+
+
+def _motion(
+    plan: Plan, machine: Machine, rate: float, period: float, climate: Climate
+) -> tuple[Sequence[Leg], Conditions]:
+    """The legs of a plan at `rate`, and the conditions of all their samples in a row."""
+    each = max(1, int(np.ceil(_FINE / rate)))
+    fine = list(legs(plan, machine.robot, rate * each))
+    ways = [_thinned(leg, each) for leg in fine]
+    begin = np.cumsum([0.0, *(max(float(way.time[-1]) + 1 / rate, period) for way in ways)])
+    time = np.concatenate([b + leg.time for b, leg in zip(begin[:-1], fine, strict=True)])
+    motion = motion_of(time, np.concatenate([leg.joint for leg in fine]))
+    payload = np.concatenate([np.full(len(way.time), way.payload) for way in ways])
+    kept = np.concatenate([np.arange(len(leg.time)) % each == 0 for leg in fine])
+    n = len(payload)
+    moving = ~np.concatenate([way.resting for way in ways])[:, None]  # a move ends softly
+    return ways, Conditions(
+        joint=np.concatenate([way.joint for way in ways]),
+        time=time[kept],
+        velocity=motion.velocity[kept] * moving,
+        acceleration=motion.acceleration[kept] * moving,
+        direction=motion.direction[kept],
+        travel=motion.travel[kept],
+        payload=payload,
+        payload_centre=np.tile(_PAYLOAD_CENTRE, (n, 1)),
+        temperature_parts=PARTS,
+        temperature=climate.celsius(time[kept]),
+        reading=np.full((n, 3), np.nan),
+        reading_velocity=np.zeros((n, 3)),
+    )
+
+
+def _thinned(leg: Leg, each: int) -> Leg:
+    """Every so many-th sample of a leg."""
+    return Leg(leg.time[::each], leg.joint[::each], leg.resting[::each], leg.payload)
+
+
+def _readings(machine: Machine, at: Conditions, rng: np.random.Generator, plan: Plan) -> Array:
+    try:
+        return machine.readings(at, rng)
+    except ReachError as error:
+        raise ReachError(f"plan {plan.name!r}: {error}") from error
+
+
+def _stamps(time: Array) -> Stamps:
+    return _EPOCH_NS + np.round(time * 1e9).astype(np.int64)
+
+
+def _payloads(at: Conditions) -> PayloadStream:
+    """One message before the first leg with each payload."""
+    change = np.flatnonzero(np.diff(at.payload, prepend=np.nan) != 0)
+    return PayloadStream(_stamps(at.time[change]), at.payload[change], at.payload_centre[change])
+
+
+def _temperatures(climate: Climate, duration: float) -> tuple[TemperatureStream, ...]:
+    time = np.arange(0.0, duration + _THERMOMETERS, _THERMOMETERS)
+    celsius = climate.celsius(time)
+    return tuple(
+        TemperatureStream(part, _stamps(time), celsius[:, k]) for k, part in enumerate(PARTS)
+    )
