@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
+from delta_calibration.effects import Effect, Stage
 from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
-from delta_calibration.samples import at_rest
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,21 @@ class Calibration:
         return self.chain.split(self.theta)[0]
 
     @property
+    def live(self) -> tuple[tuple[Effect, Array], ...]:
+        """Effects with their values that hold from session to session and move the tool."""
+        values = self.chain.effect_values(self.theta)
+        return tuple(
+            (effect, value)
+            for effect, value in zip(self.chain.effects, values, strict=True)
+            if effect.stage is not Stage.MEASUREMENT and not effect.bound_to_session
+        )
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Causes found that are not compensated: they went by the clock of a session."""
+        return tuple(e.cause for e in self.chain.effects if e.bound_to_session)
+
+    @property
     def frame(self) -> Frame:
         """`T_tracker_base`."""
         return self.chain.split(self.theta)[2]
@@ -49,6 +64,6 @@ class Calibration:
         measured.
         """
         _, offset, frame = self.chain.split(self.theta)
-        x = self.chain.pose(at_rest(q), self.theta)
+        x = self.chain.mechanism.forward(q, self.geometry)  # effects turn the platform by nothing
         standoff = self.chain.point(x, offset) - self.chain.point(x, self.robot.tool_offset)
         return frame.inverse().apply(readings) - standoff

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,11 @@ import numpy as np
 
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
+from delta_calibration.chain import Chain
+from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import content_hash, read_document, write_document
-from delta_calibration.errors import ConfigError
+from delta_calibration.effects import effect_named
+from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.identification import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
@@ -23,12 +26,7 @@ _SEAL = "sha256"
 
 def from_identification(found: Identification, robot: Robot, poses: Poses) -> Calibration:
     """The calibration that `save_calibration` would write and `load_calibration` read back."""
-    lower, upper = found.region_joints
-    seal = content_hash(_content(found, robot, poses))
-    return Calibration(
-        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor,
-        poses.source, seal,
-    )  # fmt: skip
+    return _calibration(found, robot, poses, _content(found, robot, poses))
 
 
 def save_calibration(path: Path, found: Identification, robot: Robot, poses: Poses) -> None:
@@ -37,8 +35,36 @@ def save_calibration(path: Path, found: Identification, robot: Robot, poses: Pos
     Raises:
         ConfigError: the file cannot be written.
     """
-    content = _content(found, robot, poses)
+    _write(path, _content(found, robot, poses))
+
+
+def from_diagnosis(found: Diagnosis, robot: Robot, poses: Poses) -> Calibration:
+    """The calibration that `save_extended` would write and `load_calibration` read back."""
+    extended = found.identification
+    return _calibration(extended, robot, poses, _extended(found, robot, poses))
+
+
+def save_extended(path: Path, found: Diagnosis, robot: Robot, poses: Poses) -> None:
+    """Write the calibration that a diagnosis extends the model to: geometry and effects.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    _write(path, _extended(found, robot, poses))
+
+
+def _write(path: Path, content: Mapping[str, Any]) -> None:
     write_document(path, {**content, _SEAL: content_hash(content)})
+
+
+def _calibration(
+    found: Identification, robot: Robot, poses: Poses, content: Mapping[str, Any]
+) -> Calibration:
+    lower, upper = found.region_joints
+    return Calibration(
+        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor,
+        poses.source, content_hash(content),
+    )  # fmt: skip
 
 
 def load_calibration(path: Path, robot: Robot) -> Calibration:
@@ -65,7 +91,8 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         chain = chain_of(robot, data["model"])
     except ConfigError as error:
         raise ConfigError(f"{path}: model: {error}") from error
-    expected = chain.parameters.names
+    chain, values = _with_effects(path, chain, robot, data.get("effects", []))
+    expected = chain.parameters.names[: chain.base_size]
     found = tuple(entry["name"] for entry in data["parameters"])
     if found != expected:
         odd = sorted(set(found) ^ set(expected)) or ["their order"]
@@ -76,7 +103,7 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
     return Calibration(
         robot=robot,
         chain=chain,
-        theta=np.array([entry["value"] for entry in data["parameters"]], dtype=float),
+        theta=np.array([*(entry["value"] for entry in data["parameters"]), *values]),
         region=Region(np.array(region["vertices_m"], dtype=float)),
         joints_lower=np.array(region["joints_lower_rad"], dtype=float),
         joints_upper=np.array(region["joints_upper_rad"], dtype=float),
@@ -84,6 +111,57 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         source=data["provenance"]["session"],
         seal=data[_SEAL],
     )
+
+
+def _with_effects(
+    path: Path, chain: Chain, robot: Robot, entries: Sequence[Mapping[str, Any]]
+) -> tuple[Chain, list[float]]:
+    """The chain with the file's effects on the way, and their values in the order of theta."""
+    effects, values = [], []
+    for number, entry in enumerate(entries, start=1):
+        where = f"{path}: effects: {number}: {entry['cause']}"
+        try:
+            effect = effect_named(entry["cause"], robot, chain.mechanism, entry["settings"])
+        except InputError as error:
+            raise ConfigError(f"{where}: {error}") from error
+        names = [p["name"] for p in entry["parameters"]]
+        if names != list(effect.parameters.names):
+            raise ConfigError(
+                f"{where}: parameters {', '.join(names)}; "
+                f"it has {', '.join(effect.parameters.names)}"
+            )
+        effects.append(effect)
+        values += [float(p["value"]) for p in entry["parameters"]]
+    return chain.with_effects(tuple(effects)), values
+
+
+def _extended(found: Diagnosis, robot: Robot, poses: Poses) -> dict[str, Any]:
+    """The content of a calibration with what a diagnosis found."""
+    extended = found.identification
+    content = _content(extended, robot, poses)
+    base = extended.chain.base_size
+    content["parameters"] = content["parameters"][:base]
+    content["provenance"] = {**content["provenance"], "method": "diagnosis"}
+    content["effects"] = [
+        {
+            "cause": effect.cause,
+            "settings": {
+                name: list(value) if isinstance(value, tuple) else value
+                for name, value in effect.settings.items()
+            },
+            "parameters": [
+                dict(name=p.name, unit=p.unit, value=float(v), std=float(s))
+                for p, v, s in zip(effect.parameters, value, std, strict=True)
+            ],
+        }
+        for effect, value, std in zip(
+            extended.chain.effects,
+            extended.chain.effect_values(extended.theta),
+            extended.chain.effect_values(extended.std),
+            strict=True,
+        )
+    ]
+    return content
 
 
 def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:

@@ -22,7 +22,7 @@ class Fixed:
         self.dq = dq
         self.calls = 0
 
-    def compensate(self, q: np.ndarray) -> Compensated:
+    def compensate(self, q: np.ndarray, at: object = None) -> Compensated:
         self.calls += 1
         inside = q[0, 0] <= EDGE
         dq = self.dq[None] if inside else np.zeros((1, 3))

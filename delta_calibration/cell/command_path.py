@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.compensation import Compensated, Verdict
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 
@@ -33,10 +34,10 @@ BACKWARD = "time went backwards"
 
 
 class Corrects(Protocol):
-    """What the path asks of a compensator: the same command always gets the same answer."""
+    """What the path asks of a compensator: same command and conditions, same answer."""
 
-    def compensate(self, q: Array) -> Compensated:
-        """Correct commands, (n, m) [rad]."""
+    def compensate(self, q: Array, at: Conditions | None = None) -> Compensated:
+        """Correct commands, (n, m) [rad], given under these conditions, (n)."""
         ...
 
 
@@ -59,10 +60,14 @@ class CommandPath:
     Args:
         on_failure: `pass_through` or `hold`.
         ramp_s: time over which a correction comes and goes [s].
+        rate: fastest change of a joint's correction [rad/s]. A play is corrected by a step where
+            the motion turns round; the drives shall not be asked for it at once.
     """
 
-    def __init__(self, on_failure: str = PASS_THROUGH, ramp_s: float = 1.0) -> None:
-        self.set_options(on_failure, ramp_s)
+    def __init__(
+        self, on_failure: str = PASS_THROUGH, ramp_s: float = 1.0, rate: float = np.inf
+    ) -> None:
+        self.set_options(on_failure, ramp_s, rate)
         self.counts: Counter[str] = Counter()
         self.trouble: str | None = None  # what was wrong with the last command, in words
         self._compensator: Corrects | None = None
@@ -78,18 +83,21 @@ class CommandPath:
         self._from: Array | float = 0.0
         self._since_s, self._ramp = -np.inf, 0.0  # [s]
         self._last_stamp: int | None = None
+        self._last_s = -np.inf  # [s] of the last output
 
-    def set_options(self, on_failure: str, ramp_s: float) -> None:
-        """Change what happens on failure, and the length of ramps from the next one on.
+    def set_options(self, on_failure: str, ramp_s: float, rate: float = np.inf) -> None:
+        """Change what happens on failure, the length of ramps from the next one on, and the rate.
 
         Raises:
-            InputError: no such choice, or a negative time.
+            InputError: no such choice, a negative time, or a rate that is not above zero.
         """
         if on_failure not in ON_FAILURE:
             raise InputError(f"on_failure {on_failure!r}; choose from: {', '.join(ON_FAILURE)}")
         if not (np.isfinite(ramp_s) and ramp_s >= 0.0):
             raise InputError(f"ramp_s is {ramp_s}; it has to be finite and not negative")
-        self.on_failure, self.ramp_s = on_failure, ramp_s
+        if not rate > 0.0:
+            raise InputError(f"max_correction_rate is {rate} rad/s; it has to be above 0")
+        self.on_failure, self.ramp_s, self.rate = on_failure, ramp_s, rate
 
     @property
     def loaded(self) -> bool:
@@ -111,7 +119,14 @@ class CommandPath:
             raise DataError("there is no calibration to compensate by: fit or load one first")
         self.enabled = on
 
-    def send(self, q: Array, stamp_ns: int, now_s: float, already: bool = False) -> Sent | None:
+    def send(
+        self,
+        q: Array,
+        stamp_ns: int,
+        now_s: float,
+        already: bool = False,
+        at: Conditions | None = None,
+    ) -> Sent | None:
         """What to send for a command.
 
         Args:
@@ -119,6 +134,7 @@ class CommandPath:
             stamp_ns: of the command.
             now_s: steady time, for the ramp.
             already: whether the command carries the mark of a compensated one.
+            at: what the compensator may need to know beside the command, one sample.
 
         Returns:
             What goes out; None if nothing does.
@@ -134,7 +150,7 @@ class CommandPath:
         if not self.enabled or self._compensator is None:
             self.counts[PASSED] += 1
             return self._ramped(q, np.zeros_like(q), None, now_s)
-        found = self._compensated(self._compensator, q)
+        found = self._compensated(self._compensator, q, at)
         verdict = found.verdicts[0]
         if verdict is Verdict.CORRECTED:
             self.counts[verdict.value] += 1
@@ -168,11 +184,13 @@ class CommandPath:
         self.counts[trouble] += 1
         self.trouble = trouble
 
-    def _compensated(self, compensator: Corrects, q: Array) -> Compensated:
-        """The compensator's answer, remembered while the command stands still."""
-        key = q.tobytes()
+    def _compensated(
+        self, compensator: Corrects, q: Array, at: Conditions | None
+    ) -> Compensated:
+        """The compensator's answer, remembered while command and conditions stand still."""
+        key = q.tobytes() + (b"" if at is None else at.fingerprint())
         if self._cached is None or self._cached[0] != key:
-            self._cached = (key, compensator.compensate(q[None]))
+            self._cached = (key, compensator.compensate(q[None], at))
         return self._cached[1]
 
     def _ramped(self, q: Array, goal: Array, source: object, now_s: float) -> Sent:
@@ -183,6 +201,10 @@ class CommandPath:
         if now_s < self._since_s + self._ramp:
             share = max(now_s - self._since_s, 0.0) / self._ramp
         dq = (1.0 - share) * self._from + share * goal
+        if np.isfinite(self._last_s) and np.isfinite(self.rate):
+            step = self.rate * max(now_s - self._last_s, 0.0)
+            dq = np.clip(dq, self._applied - step, self._applied + step)
+        self._last_s = now_s
         return self._remember(Sent(q + dq, self.enabled or bool(np.any(dq))), dq, source)
 
     def _remember(self, sent: Sent, correction: Array | float, source: object) -> Sent:

@@ -10,15 +10,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from delta_calibration.calibration import Calibration
-from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cell.capture import Capture
-from delta_calibration.cell.command_path import PASS_THROUGH, CommandPath
+from delta_calibration.cell.command_path import PASS_THROUGH, CommandPath, Sent
 from delta_calibration.cell.fitting import Fitted, fit
 from delta_calibration.cell.health import Health, Level, Watch
+from delta_calibration.cell.surroundings import Surroundings
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.robot import load_robot
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import Session
+
+Array = NDArray[np.float64]
 
 SOURCE = "captured"
 NAMED = 3  # troubles told at once
@@ -33,6 +40,8 @@ class Settings:
     method: str = "newton"
     on_failure: str = PASS_THROUGH
     ramp_s: float = 1.0  # [s]
+    rate: float = 5.0  # [rad/s] fastest change of a correction
+    temperature_timeout_s: float = 300.0  # [s]
     model: str = ""  # mechanism to fit; empty for the robot file's
     capture_limit: int = 1_000_000  # messages
     seed: int = 0
@@ -50,13 +59,25 @@ class Desk:
         self.robot = load_robot(settings.robot)
         self._model = self.robot.model(settings.model or None).name
         self.capture = Capture(self.robot.joints.names, settings.capture_limit)
-        self.path = CommandPath(settings.on_failure, settings.ramp_s)
+        self.path = CommandPath(settings.on_failure, settings.ramp_s, settings.rate)
+        self.around = Surroundings(
+            len(self.robot.joints.names), settings.temperature_timeout_s
+        )
+        self._by_conditions = False
         self.watch = Watch()
         self.fitted: Fitted | None = None
         self.calibration: Calibration | None = None
         self._capture_since_s = 0.0
         if settings.calibration:
             self.reload(settings.calibration)
+
+    def send(self, q: Array, stamp_ns: int, now_s: float, already: bool) -> Sent | None:
+        """What goes to the drives for a command (m,) [rad]; see `CommandPath.send`."""
+        at = None
+        if self._by_conditions and np.isfinite(q).all():
+            self.around.moved(q, stamp_ns)
+            at = self.around.at(q, now_s)
+        return self.path.send(q, stamp_ns, now_s, already, at)
 
     def start_capture(self, now_s: float) -> str:
         """Begin to keep what is measured."""
@@ -76,8 +97,13 @@ class Desk:
         counts = ", ".join(f"{n} {stream}" for stream, n in self.capture.counts.items())
         return f"captured {counts}{notes}"
 
-    def prepare_fit(self) -> Callable[[], tuple[Fitted, JointCompensator]]:
+    def prepare_fit(
+        self, way: Callable[[Session, Robot, str, int], Fitted] = fit
+    ) -> Callable[[], tuple[Fitted, JointCompensator]]:
         """The work of a fit to what is held now; may be done on another thread.
+
+        Args:
+            way: `fit`, or `diagnosed` to extend the model as well.
 
         Raises:
             DataError: nothing was captured.
@@ -87,7 +113,7 @@ class Desk:
         session = self.capture.session(SOURCE)
 
         def work() -> tuple[Fitted, JointCompensator]:
-            fitted = fit(session, self.robot, self._model, self.settings.seed)
+            fitted = way(session, self.robot, self._model, self.settings.seed)
             return fitted, self._compensator(fitted.calibration)
 
         return work
@@ -105,7 +131,7 @@ class Desk:
         if not path:
             raise InputError("parameter output: is empty; it names the calibration file to write")
         file = Path(path).expanduser()
-        save_calibration(file, self.fitted.found, self.robot, self.fitted.poses)
+        self.fitted.save(file, self.robot)
         return f"saved to {file}"
 
     def reload(self, path: str) -> str:
@@ -153,6 +179,9 @@ class Desk:
             "on failure": self.path.on_failure,
             "calibration": "none" if calibration is None else calibration.seal[:12],
             "calibration made from": "" if calibration is None else calibration.source,
+            "effects compensated": ""
+            if calibration is None
+            else ", ".join(effect.cause for effect, _ in calibration.live),
             "correction [rad]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
             "command took longer than its period": self.watch.late,
@@ -172,9 +201,17 @@ class Desk:
 
     def _load(self, calibration: Calibration, compensator: JointCompensator) -> None:
         self.calibration = calibration
+        self._by_conditions = compensator.needs_conditions
         self.path.load(compensator)
 
     def _loaded_sentence(self) -> str:
+        calibration = self.calibration
+        if calibration is not None and calibration.left_out:
+            went = ", ".join(calibration.left_out)
+            return f"{self._loaded()}; not compensated, as it went by that session's clock: {went}"
+        return self._loaded()
+
+    def _loaded(self) -> str:
         if self.path.enabled:
             return f"loaded; compensation is on and goes over to it in {self.path.ramp_s:g} s"
         return "loaded, not enabled"

@@ -3,25 +3,47 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.calibration_file import from_identification
+from delta_calibration.calibration_file import (
+    from_diagnosis,
+    from_identification,
+    save_calibration,
+    save_extended,
+)
+from delta_calibration.diagnosis import Diagnosis, diagnose
 from delta_calibration.identification import Identification, identify
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses, Session, collect
+from delta_calibration.samples import Poses, Session, collect, survey
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A calibration with what it was made from."""
+    """A calibration with what it was made from; by a diagnosis where there is one."""
 
     found: Identification
     poses: Poses
     calibration: Calibration
+    diagnosis: Diagnosis | None = None
+
+    def save(self, path: Path, robot: Robot) -> None:
+        """Write the calibration file, whole or not at all.
+
+        Raises:
+            ConfigError: the file cannot be written.
+        """
+        if self.diagnosis is None:
+            save_calibration(path, self.found, robot, self.poses)
+        else:
+            save_extended(path, self.diagnosis, robot, self.poses)
 
     def sentence(self) -> str:
         """The result in a line: rank, held-out residuals and the noise below which none can be."""
         found, seen = self.found, self.found.observability
+        if self.diagnosis is not None:
+            verdict = self.diagnosis.verdict
+            return f"{len(self.poses)} poses; {verdict.sentence()}"
         return (
             f"{len(self.poses)} poses, rank {seen.rank} of {seen.columns} parameters; "
             f"held-out RMS {found.frame_only.held_out * 1e3:.4f} mm with the frame only, "
@@ -45,3 +67,21 @@ def fit(session: Session, robot: Robot, model: str | None, seed: int) -> Fitted:
     poses = collect(session, robot.joints.names)
     found = identify(poses, robot, model, seed)
     return Fitted(found, poses, from_identification(found, robot, poses))
+
+
+def diagnosed(session: Session, robot: Robot, model: str | None, seed: int) -> Fitted:
+    """Identify the robot and extend its model by what a session shows to be missing.
+
+    Args:
+        session: what was captured.
+        robot: drawing, priors, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+        seed: of bootstraps.
+
+    Raises:
+        CalibrationError: the session does not hold the answer; says why.
+    """
+    seen = survey(session, robot.joints.names)
+    found = diagnose(seen, robot, model, seed=seed)
+    calibration = from_diagnosis(found, robot, seen.poses)
+    return Fitted(found.identification, seen.poses, calibration, found)

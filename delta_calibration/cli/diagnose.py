@@ -125,7 +125,7 @@ def _finding(finding: Finding) -> list[str]:
         f"{finding.cause}{where} ({finding.kind}): {values}",
         f"  held out {finding.rms_before_mm:.4f} -> {finding.rms_after_mm:.4f} mm, gain "
         f"{finding.gain:.2f} ({finding.gain_low:.2f} to {finding.gain_high:.2f}); confidence "
-        f"{finding.confidence:.3f}, p = {finding.p_value:.1e}, lambda = {finding.signal:.0f}",
+        f"{finding.confidence:.3f}, p {_chance(finding.p_value)}, lambda = {finding.signal:.0f}",
     ]
     if finding.equivalents:
         lines.append(
@@ -133,6 +133,10 @@ def _finding(finding: Finding) -> list[str]:
             f"to part them: {finding.separated_by}"
         )
     return lines
+
+
+def _chance(p: float) -> str:
+    return f"= {p:.1e}" if p > 0 else "< 1e-300"
 
 
 def tried(found: Diagnosis) -> str:

@@ -1,14 +1,19 @@
 """From a nominal joint command to the one that puts the tool where the nominal robot meant it.
 
-For a nominal command q the target is p* = FK_nominal(q); the answer is q + dq with FK_identified(q
-+ dq) = p*. Every path to it is guarded: a command that fails a guard gets no correction, and the
-reason.
+For a nominal command q the target is p* = FK_nominal(q); the answer is the command that brings the
+identified chain there, taken backward stage by stage:
+
+    FK(q_b, g + S(c) v) = p*        the joint angles q_b behind the drives (APSO, Newton)
+    q + dq + D(c) v = q_b           what the drives have to be told (a few fixed-point steps)
+
+with c the conditions of the command. Measurement effects are the tracker's and do not enter. Every
+path is guarded: a command that fails a guard gets no correction, and the reason.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -16,16 +21,18 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.apso import Apso, ApsoSettings
-from delta_calibration.compensation.base import Compensator, Correction, Flags
+from delta_calibration.compensation.base import Compensator, Correction, Flags, joined
 from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton, available
 from delta_calibration.compensation.newton import Newton, NewtonSettings
+from delta_calibration.effects import Stage
 from delta_calibration.errors import InputError
-from delta_calibration.samples import at_rest
+from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
 
 METHODS = ("apso", "newton")
 _REACHED = 1e-6  # [m] by the model; a correction that ends farther off is none
+_DRIVE_STEPS, _DRIVE_SETTLED = 20, 1e-10  # [rad]
 
 
 class Verdict(Enum):
@@ -38,6 +45,7 @@ class Verdict(Enum):
     OUTSIDE_REGION = "outside the calibrated region"
     SINGULAR = "near a singularity"
     NOT_REACHED = "no correction within the bound reaches the target"
+    MISSING_CONDITION = "a condition that the model needs is not known"
 
 
 @dataclass(frozen=True)
@@ -88,20 +96,34 @@ class JointCompensator:
         self.calibration = calibration
         self.robot = calibration.robot
         self.method = method
+        self._seed, self._compile = seed, compiled
         self._nominal = self.robot.model("rotary_delta")
-        mechanism, tool = calibration.chain.mechanism, self.robot.tool_offset
-        self._fast = self._fast_nominal = None
-        if compiled and available(mechanism):
-            self._fast = CompiledGeometry(mechanism, calibration.geometry, tool)
-            self._fast_nominal = CompiledGeometry(
-                self._nominal, self._nominal.parameters.nominal, tool
-            )
-        self._solver = self._make_solver(seed)
+        self._drive = [pair for pair in calibration.live if pair[0].stage is Stage.DRIVE]
+        self._structure = [pair for pair in calibration.live if pair[0].stage is Stage.STRUCTURE]
+        self._fast_nominal: CompiledGeometry | None = None
+        self._model = self._at_geometry(calibration.geometry)
+        if self._model.fast is not None:
+            nominal = self._nominal.parameters.nominal
+            self._fast_nominal = CompiledGeometry(self._nominal, nominal, self.robot.tool_offset)
 
     @property
     def compiled(self) -> bool:
         """Whether compiled functions do the work: asked for, and there for this mechanism."""
-        return self._fast is not None
+        return self._model.fast is not None
+
+    @property
+    def needs_conditions(self) -> bool:
+        """Whether the answer depends on more than the command: direction, payload, speed ..."""
+        return bool(self._drive or self._structure)
+
+    def missing(self, at: Conditions) -> str:
+        """What of the conditions the model needs is not known; empty where all is.
+
+        A joint that has not moved yet is on neither side of its play: the middle is right for it.
+        """
+        at = replace(at, direction=np.ones_like(at.direction))
+        texts = (effect.missing(at) for effect, _ in self.calibration.live)
+        return "; ".join(dict.fromkeys(text for text in texts if text))
 
     def warm_up(self) -> None:
         """Take the first command's delay now: compensate one at home and forget it."""
@@ -114,28 +136,20 @@ class JointCompensator:
         return self._nominal.forward(q, self._nominal.parameters.nominal) + self.robot.tool_offset
 
     def point(self, q: Array) -> Array:
-        """Tool points of the identified robot, (..., m) -> (..., 3) [m]; NaN without a pose."""
-        if self._fast is not None:
-            return self._fast.point(q)
-        flat = q.reshape(-1, q.shape[-1])
-        chain = self.calibration.chain
-        x = chain.pose(at_rest(flat), self.calibration.theta)
-        point = chain.point(x, self.robot.tool_offset)
-        return point.reshape((*q.shape[:-1], 3))
+        """Tool points of the identified geometry, (..., m) -> (..., 3) [m]; NaN without a pose."""
+        return self._model.point(q)
 
     def jacobian(self, q: Array) -> Array:
-        """d(tool point)/dq of the identified robot, (..., m) -> (..., 3, m) [m/rad]."""
-        if self._fast is not None:
-            return self._fast.jacobian(q)
-        flat = q.reshape(-1, q.shape[-1])
-        chain, geometry = self.calibration.chain, self.calibration.geometry
-        x = chain.pose(at_rest(flat), self.calibration.theta)
-        slope = chain.point_by_pose(x, self.robot.tool_offset)
-        slope = slope @ chain.mechanism.velocity_jacobian(flat, x, geometry)
-        return slope.reshape((*q.shape[:-1], 3, q.shape[-1]))
+        """d(tool point)/dq of the identified geometry, (..., m) -> (..., 3, m) [m/rad]."""
+        return self._model.jacobian(q)
 
-    def compensate(self, q: Array) -> Compensated:
+    def compensate(self, q: Array, at: Conditions | None = None) -> Compensated:
         """Correct commands, (n, m) [rad].
+
+        Args:
+            q: nominal commands.
+            at: the conditions they are given under, (n); their joint angles are not used. Where
+                none are given the joints stand still and nothing else is known.
 
         Raises:
             InputError: q is of another shape.
@@ -143,14 +157,19 @@ class JointCompensator:
         joints = len(self.robot.joints.names)
         if q.ndim != 2 or q.shape[1] != joints:
             raise InputError(f"commands have shape {q.shape}; it has to be (n, {joints})")
-        target = self.targets(np.where(np.isfinite(q), q, 0.0))
+        known = np.where(np.isfinite(q), q, 0.0)
+        at = at_rest(known) if at is None else replace(at, joint=known)
+        target = self.targets(known)
         verdicts = self._guard(q, target)
+        if self.needs_conditions and self.missing(at):
+            verdicts = [_unless(v, Verdict.MISSING_CONDITION) for v in verdicts]
         usable = np.array([verdict is Verdict.CORRECTED for verdict in verdicts], dtype=bool)
-        found = Correction.none(0, q.shape[1])
+        found = Correction.none(0, joints)
         if usable.any():
-            found = self._solver.correct(q[usable], target[usable])
+            found = self._correct(q[usable], target[usable], at.take(usable))
         whole = found.spread(usable)
-        reached = usable & (whole.error <= _REACHED)
+        bound = self.robot.limits.correction
+        reached = usable & (whole.error <= _REACHED) & (np.abs(whole.dq) <= bound).all(axis=1)
         within = self._within(q + whole.dq)
         good = reached & within
         correction = np.where(good[:, None], whole.dq, 0.0)
@@ -159,14 +178,35 @@ class JointCompensator:
         error = np.where(good, whole.error, np.inf)
         return Compensated(q + correction, correction, error, whole.evaluations, tuple(verdicts))
 
-    def _make_solver(self, seed: int) -> Compensator:
-        bound = self.robot.limits.correction
-        if self.method == "apso":
-            return Apso(self.point, ApsoSettings(bound_rad=bound, seed=seed))
-        settings = NewtonSettings(bound_rad=bound)
-        if self._fast is not None:
-            return CompiledNewton(self._fast, settings)
-        return Newton(self.point, self.jacobian, settings)
+    def _correct(self, q: Array, target: Array, at: Conditions) -> Correction:
+        """Back through geometry and drives for usable commands."""
+        if self._structure:
+            shift = sum(effect.columns(at) @ value for effect, value in self._structure)
+            rows = [
+                self._at_geometry(self.calibration.geometry + row).solver.correct(
+                    q[i : i + 1], target[i : i + 1]
+                )
+                for i, row in enumerate(np.asarray(shift))
+            ]
+            behind = joined(rows, q.shape[1])
+        else:
+            behind = self._model.solver.correct(q, target)
+        return replace(behind, dq=self._before_drives(q + behind.dq, at) - q)
+
+    def _before_drives(self, behind: Array, at: Conditions) -> Array:
+        """What the drives have to be told for joints to stand at `behind`, (n, m) [rad]."""
+        command = behind
+        for _ in range(_DRIVE_STEPS if self._drive else 0):
+            now = replace(at, joint=command)
+            shift = sum(effect.columns(now) @ value for effect, value in self._drive)
+            last, command = command, behind - np.asarray(shift)
+            if np.abs(command - last).max(initial=0.0) < _DRIVE_SETTLED:
+                break
+        return command
+
+    def _at_geometry(self, geometry: Array) -> _Geometry:
+        """The ways to compensate a machine of one geometry."""
+        return _Geometry(self.calibration, geometry, self.method, self._seed, self._compile)
 
     def _guard(self, q: Array, target: Array) -> list[Verdict]:
         """The first guard that each command fails, `CORRECTED` where it passes all."""
@@ -203,3 +243,52 @@ class JointCompensator:
 
 def _finite(rows: Array) -> Flags:
     return np.asarray(np.isfinite(rows).all(axis=1))
+
+
+def _unless(verdict: Verdict, other: Verdict) -> Verdict:
+    """The other verdict for what would have been corrected."""
+    return other if verdict is Verdict.CORRECTED else verdict
+
+
+class _Geometry:
+    """Model and solver at one geometry, compiled where that is wanted and can be had.
+
+    Making a compiled one costs a fraction of a millisecond once the functions are loaded, so that
+    a geometry that changes with temperature or payload is made anew for each command.
+    """
+
+    def __init__(
+        self, calibration: Calibration, geometry: Array, method: str, seed: int, compiled: bool
+    ) -> None:
+        self._chain, self._geometry = calibration.chain, geometry
+        self._tool = calibration.robot.tool_offset
+        self.fast: CompiledGeometry | None = None
+        if compiled and available(self._chain.mechanism):
+            self.fast = CompiledGeometry(self._chain.mechanism, geometry, self._tool)
+        self.solver = self._solver(method, calibration.robot.limits.correction, seed)
+
+    def point(self, q: Array) -> Array:
+        """Tool points, (..., m) -> (..., 3) [m]; NaN without a pose."""
+        if self.fast is not None:
+            return self.fast.point(q)
+        flat = q.reshape(-1, q.shape[-1])
+        x = self._chain.mechanism.forward(flat, self._geometry)
+        return self._chain.point(x, self._tool).reshape((*q.shape[:-1], 3))
+
+    def jacobian(self, q: Array) -> Array:
+        """d(tool point)/dq, (..., m) -> (..., 3, m) [m/rad]."""
+        if self.fast is not None:
+            return self.fast.jacobian(q)
+        flat = q.reshape(-1, q.shape[-1])
+        x = self._chain.mechanism.forward(flat, self._geometry)
+        slope = self._chain.point_by_pose(x, self._tool)
+        slope = slope @ self._chain.mechanism.velocity_jacobian(flat, x, self._geometry)
+        return slope.reshape((*q.shape[:-1], 3, q.shape[-1]))
+
+    def _solver(self, method: str, bound: float, seed: int) -> Compensator:
+        if method == "apso":
+            return Apso(self.point, ApsoSettings(bound_rad=bound, seed=seed))
+        settings = NewtonSettings(bound_rad=bound)
+        if self.fast is not None:
+            return CompiledNewton(self.fast, settings)
+        return Newton(self.point, self.jacobian, settings)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.audit import Audit, audit
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Cell
+from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import MM, HeldOutModels, of_dimension, of_member
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.model import Model, fit
@@ -30,7 +31,7 @@ from delta_calibration.diagnosis.verdict import (
 )
 from delta_calibration.effects import Effect, catalogue
 from delta_calibration.effects.unexplained import Unexplained
-from delta_calibration.identification import chain_of, prepare, solve
+from delta_calibration.identification import Identification, chain_of, prepare, solve
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey, require_poses
 
@@ -50,6 +51,7 @@ class Diagnosis:
     model: Model
     found: Found
     audit: Audit
+    identification: Identification  # the same model as a fit has it, effects in its chain
 
 
 def diagnose(
@@ -103,7 +105,7 @@ def diagnose(
         unknown_structure=_unknown(found.model, left, explained),
         cannot_tell=unseen(found.model.beside, effects, findings),
     )
-    return Diagnosis(verdict, found.model, found, left)
+    return Diagnosis(verdict, found.model, found, left, extended(found.model, held, seed))
 
 
 def _borne_out(

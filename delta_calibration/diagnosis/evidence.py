@@ -177,6 +177,10 @@ class Evidence:
         """Samples that are not set aside, (n,)."""
         return np.asarray(self._believed[::3, 0] > 0)
 
+    def covariance(self) -> Array:
+        """Of the nuisance z given the residuals and its priors, (A, A)."""
+        return np.asarray(cho_solve(self._factor, np.eye(len(self.precision))))
+
     def best(self) -> Array:
         """The most likely nuisance z, (A,)."""
         return np.asarray(cho_solve(self._factor, self._flat.T @ self.column))[:, 0]

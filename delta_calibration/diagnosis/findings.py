@@ -20,7 +20,7 @@ from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment
 from delta_calibration.diagnosis.geometry import Outlier, at_scatter, without_geometry
 from delta_calibration.diagnosis.model import Model, beside
-from delta_calibration.diagnosis.rivals import Standing, equivalents, standing
+from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import ALPHA, Found
 from delta_calibration.diagnosis.verdict import Estimate, Finding
@@ -143,10 +143,12 @@ def of_dimension(
     sector = held.gain(held.frame, alone, columns, rng)
     signal = columns @ np.array([outlier.value])
     others = [s for s in found.first.scores if s.candidate.cause != candidate.cause]
+    length = outlier.value**2 * outlier.information
+    apart = float(np.clip(outlier.log_bayes, None, 500.0))
     stand = Standing(
-        confidence=float(1 / (1 + np.exp(-np.clip(outlier.log_bayes, None, 500.0)))),
+        confidence=named(length) / (1 + float(np.exp(-apart))),
         equivalents=equivalents(evidence, signal, others),
-        signal=outlier.value**2 * outlier.information,
+        signal=length,
     )
     items = _items(model, candidate)
     nominal = np.array([p.nominal for p in items])

@@ -3,7 +3,10 @@
 The confidence in a cause is its share of the probability among all that was tried in its place,
 the other members staying:
 
-    P(s) = exp(ln B_s / c) / sum_a exp(ln B_a / c)        c: chi square per degree of freedom
+    P(s) = (1 - exp(-lambda / 40)) exp(ln B_s / c) / sum_a exp(ln B_a / c)
+
+c being chi square per degree of freedom. The first factor is for what was not tried: a weak
+signal of any origin has something of some cause in it, and names need lambda of 80 to 160.
 
 Two explanations are one class where the signal of the one, as found, lies within 18 degrees of
 what the other can do (cos > 0.95), after all nuisance, and the other leaves no more unexplained
@@ -28,6 +31,7 @@ Array = NDArray[np.float64]
 
 SAME = 0.95  # cosine beyond which two explanations are one class
 _PARTED = 20.0  # chi square by which data tell two explanations apart beyond doubt
+_NAMING = 40.0
 _RANK = 1e-9
 _FAR = 500.0  # a ratio of probabilities beyond e to this is the same as this
 _NOTHING = ""
@@ -51,10 +55,15 @@ def standing(model: Model, member: Candidate, tried: Sequence[Score]) -> Standin
     others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
     return Standing(
-        confidence=_confidence(model, member, rest, others, tried),
+        confidence=named(length) * _confidence(model, member, rest, others, tried),
         equivalents=equivalents(evidence, signal, others, max(1.0, model.misfit)),
         signal=length,
     )
+
+
+def named(signal: float) -> float:
+    """How far a signal of this lambda is enough for a name."""
+    return float(1 - np.exp(-signal / _NAMING))
 
 
 def equivalents(

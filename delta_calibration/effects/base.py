@@ -99,6 +99,11 @@ class Effect(ABC):
             return "the direction of the last motion is not known"
         return ""
 
+    @property
+    def bound_to_session(self) -> bool:
+        """Whether it goes by the clock of the session it was found in, and ends with it."""
+        return False
+
     def each_joint(
         self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf
     ) -> ParameterSet:

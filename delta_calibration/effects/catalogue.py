@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.ball_joint_clearance import BallJointClearance
@@ -22,6 +23,7 @@ from delta_calibration.effects.timestamp_latency import TimestampLatency
 from delta_calibration.effects.tracker_drift import TrackerDrift
 from delta_calibration.effects.tracker_scale import TrackerScale
 from delta_calibration.effects.transmission_error import TransmissionError
+from delta_calibration.effects.unexplained import UNEXPLAINED, Unexplained
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
@@ -63,12 +65,17 @@ def effect_named(
     Raises:
         InputError: no effect of that cause, or none that has such settings.
     """
-    if cause not in EFFECTS:
-        raise InputError(f"no effect {cause!r}; there are: {', '.join(EFFECTS)}")
-    effect = EFFECTS[cause](robot, mechanism)
+    known = {**EFFECTS, UNEXPLAINED: Unexplained}
+    if cause not in known:
+        raise InputError(f"no effect {cause!r}; there are: {', '.join(known)}")
+    effect = known[cause](robot, mechanism)
     own = effect.settings
     odd = sorted(set(settings) - set(own))
     if odd:
         allowed = ", ".join(own) or "none"
         raise InputError(f"effect {cause}: unknown setting {', '.join(odd)}; allowed: {allowed}")
-    return EFFECTS[cause](robot, mechanism, **settings)  # type: ignore[arg-type]
+    shape: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list | tuple) else value
+        for name, value in settings.items()
+    }
+    return known[cause](robot, mechanism, **shape)

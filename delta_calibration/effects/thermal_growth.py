@@ -57,7 +57,8 @@ class ThermalGrowth(Effect):
 
     def missing(self, at: Conditions) -> str:
         """The sensor it goes by."""
-        if self.sensor and self.sensor not in at.temperature_parts:
+        recorded = self.sensor in at.temperature_parts
+        if self.sensor and not (recorded and np.isfinite(at.of_part(self.sensor)).all()):
             return f"the temperature of part {self.sensor!r} is not known"
         return ""
 
@@ -80,3 +81,8 @@ class ThermalGrowth(Effect):
     def interval(self) -> tuple[str, float, float] | None:
         """About the time constant, where the growth goes by the clock."""
         return None if self.sensor else around(self.time_constant, -1.0)
+
+    @property
+    def bound_to_session(self) -> bool:
+        """Growth by the clock; by a sensor it holds on."""
+        return not self.sensor

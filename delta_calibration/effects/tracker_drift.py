@@ -56,3 +56,8 @@ class TrackerDrift(Effect):
     def interval(self) -> tuple[str, float, float] | None:
         """About the time constant or the moment of the step; a ramp has neither."""
         return around(self.time_constant, self.step_at)
+
+    @property
+    def bound_to_session(self) -> bool:
+        """A drift by the clock says nothing of another day."""
+        return True

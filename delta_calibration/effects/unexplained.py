@@ -88,6 +88,20 @@ class Unexplained(Effect):
         )
 
     @property
+    def bound_to_session(self) -> bool:
+        """Where it goes by the clock."""
+        return self.family == TIME
+
+    def missing(self, at: Conditions) -> str:
+        """The condition that it moves with."""
+        if self.family == PAYLOAD and not np.isfinite(at.payload).all():
+            return "the payload is not known"
+        known = at.temperature.shape[1] > 0 and np.isfinite(at.temperature[:, 0]).all()
+        if self.family == TEMPERATURE and not known:
+            return "no temperature is known"
+        return ""
+
+    @property
     def _conditions(self) -> int:
         return self.mechanism.joints if self.family in (DIRECTION, SPEED) else 1
 

@@ -8,7 +8,12 @@ from delta_calibration.identification.fit import (
     prepare,
 )
 from delta_calibration.identification.noise import Noise, whitening
-from delta_calibration.identification.observability import Observability, Redundancy
+from delta_calibration.identification.observability import (
+    Observability,
+    Redundancy,
+    observe,
+    strong_correlations,
+)
 from delta_calibration.identification.problem import (
     Problem,
     Solution,
@@ -28,8 +33,10 @@ __all__ = [
     "build_problem",
     "chain_of",
     "identify",
+    "observe",
     "prepare",
     "robust_weights",
     "solve",
+    "strong_correlations",
     "whitening",
 ]

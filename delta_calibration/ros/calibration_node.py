@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 from delta_calibration.cell.background import Background
 from delta_calibration.cell.command_path import Sent
 from delta_calibration.cell.desk import Desk
-from delta_calibration.cell.fitting import Fitted
+from delta_calibration.cell.fitting import Fitted, diagnosed, fit
 from delta_calibration.cell.health import Health, Level
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.errors import CalibrationError, DataError
@@ -79,7 +79,9 @@ class CalibrationNode(SafeLifecycleNode):
         for name, order in orders.items():
             self.create_service(Trigger, f"~/{name}", partial(self._obey, order))
         self.create_service(SetBool, "~/enable", self._on_enable)
-        allow_deferred(self.create_service(Trigger, "~/fit", self._on_fit))
+        for name, way in (("fit", fit), ("diagnose", diagnosed)):
+            service = self.create_service(Trigger, f"~/{name}", partial(self._on_fit, way))
+            allow_deferred(service)
 
     # --- lifecycle
 
@@ -150,7 +152,7 @@ class CalibrationNode(SafeLifecycleNode):
             self._send(desk, message, desk.path.refuse(str(error)))
             raise
         already = message.header.frame_id == MARK
-        sent = desk.path.send(q, stamp_ns, now_s, already)
+        sent = desk.send(q, stamp_ns, now_s, already)
         if already:
             self._out.publish(message)
         else:
@@ -186,10 +188,14 @@ class CalibrationNode(SafeLifecycleNode):
         desk.capture.add_tracker(reading.stamp_ns, reading.position, reading.quaternion)
 
     def _on_temperature(self, desk: Desk, message: Any) -> None:
-        desk.capture.add_temperature(*conversions.temperature(message))
+        part, stamp_ns, celsius = conversions.temperature(message)
+        desk.around.is_warm(part, celsius, time.monotonic())
+        desk.capture.add_temperature(part, stamp_ns, celsius)
 
     def _on_payload(self, desk: Desk, message: Any) -> None:
-        desk.capture.add_payload(*conversions.payload(message))
+        stamp_ns, mass, centre = conversions.payload(message)
+        desk.around.carries(mass, centre)
+        desk.capture.add_payload(stamp_ns, mass, centre)
 
     # --- services
 
@@ -215,11 +221,11 @@ class CalibrationNode(SafeLifecycleNode):
             raise DataError(f"the node is {self.state}; configure it first")
         return self._desk
 
-    def _on_fit(self, _request: Any, response: Any) -> Any:
+    def _on_fit(self, way: Callable[..., Fitted], _request: Any, response: Any) -> Any:
         try:
             if self._job is not None:
                 raise DataError("a fit is running already")
-            self._job = Background(self._require_desk().prepare_fit())
+            self._job = Background(self._require_desk().prepare_fit(way))
         except CalibrationError as error:
             response.message, response.success = str(error), False
             self._log_answer(response)
@@ -258,7 +264,11 @@ class CalibrationNode(SafeLifecycleNode):
     def _on_change(self, _names: tuple[str, ...]) -> None:
         if self._desk is not None:
             on_failure, ramp_s = self._settings.text("on_failure"), self._settings.number("ramp_s")
-            self._desk.path.set_options(on_failure, ramp_s)
+            rate = self._settings.number("max_correction_rate")
+            self._desk.path.set_options(on_failure, ramp_s, rate)
+            self._desk.around.temperature_timeout_s = self._settings.number(
+                "temperature_timeout_s"
+            )
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         health = self._health()

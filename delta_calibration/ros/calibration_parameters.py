@@ -20,6 +20,18 @@ SPECS = (
     ),
     Spec("ramp_s", 1.0, "time [s] over which corrections come and go", range=(0.0, 60.0)),
     Spec(
+        "max_correction_rate",
+        5.0,
+        "fastest change [rad/s] of a joint's correction",
+        range=(1e-4, 100.0),
+    ),
+    Spec(
+        "temperature_timeout_s",
+        300.0,
+        "age [s] beyond which a temperature is not known any more",
+        range=(1.0, 86400.0),
+    ),
+    Spec(
         "model",
         "",
         "mechanism that ~/fit fits, empty for the robot file's; from configure on",
@@ -45,6 +57,8 @@ def desk_settings(table: ParameterTable) -> Settings:
         method=table.text("method"),
         on_failure=table.text("on_failure"),
         ramp_s=table.number("ramp_s"),
+        rate=table.number("max_correction_rate"),
+        temperature_timeout_s=table.number("temperature_timeout_s"),
         model=table.text("model"),
         capture_limit=table.integer("capture_limit"),
         seed=table.integer("seed"),

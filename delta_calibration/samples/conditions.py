@@ -45,6 +45,11 @@ class Conditions:
         """Some of the samples."""
         return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
 
+    def fingerprint(self) -> bytes:
+        """The same for the same conditions but for the time."""
+        rest = [getattr(self, name).tobytes() for name in _ARRAYS if name != "time"]
+        return b"".join([*rest, *(part.encode() for part in self.temperature_parts)])
+
     def of_part(self, part: str) -> Array:
         """Temperature of a part, (n,) [deg C].
 

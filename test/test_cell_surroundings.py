@@ -1,0 +1,63 @@
+"""Conditions of a live command: motion from the stream, what is carried, how warm it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from delta_calibration.cell.surroundings import Surroundings
+from delta_calibration.samples import motion_of
+
+MS = 1_000_000
+
+
+def stream(around: Surroundings, time: np.ndarray, q: np.ndarray) -> None:
+    for t, row in zip(time, q, strict=True):
+        around.moved(row, round(t * 1e9))
+
+
+def test_motion_is_that_of_the_whole_stream_seen_at_once() -> None:
+    time = np.arange(0.0, 3.0, 0.001)
+    q = 0.3 * np.sin(2.0 * time[:, None] + np.array([0.0, 1.0, 2.0]))
+    around = Surroundings(3)
+    stream(around, time, q)
+    at, whole = around.at(q[-1], 0.0), motion_of(time, q)
+    np.testing.assert_array_equal(at.direction[0], whole.direction[-1])
+    np.testing.assert_allclose(at.travel[0], whole.travel[-1], atol=1e-12)
+    rate = 0.6 * np.cos(2.0 * time[-1] + np.array([0.0, 1.0, 2.0]))
+    # a parabola over 0.1 s of a third derivative of 2.4 rad/s^3 is off by so much at its end
+    np.testing.assert_allclose(at.velocity[0], rate, atol=2.4 * 0.1**2 / 6)
+    np.testing.assert_allclose(at.acceleration[0], -4 * q[-1], atol=2.4 * 0.1)
+
+
+def test_after_a_pause_the_joints_stand_but_their_play_stays_where_it_was() -> None:
+    around = Surroundings(1)
+    stream(around, np.array([0.0, 0.01, 0.02]), np.array([[0.0], [0.01], [0.02]]))
+    assert around.at(np.array([0.02]), 0.0).velocity[0, 0] == pytest.approx(1.0)
+    around.moved(np.array([0.02]), 5000 * MS)
+    at = around.at(np.array([0.02]), 5.0)
+    assert at.velocity[0, 0] == 0
+    assert at.direction[0, 0] == 1
+
+
+def test_stamps_that_do_not_rise_give_no_speed() -> None:
+    around = Surroundings(1)
+    for stamp in (10 * MS, 20 * MS, 20 * MS, 5 * MS):
+        around.moved(np.array([stamp * 1e-9]), stamp)
+        assert np.isfinite(around.at(np.array([0.0]), 0.0).velocity).all()
+    assert around.at(np.array([0.0]), 0.0).velocity[0, 0] == 0
+
+
+def test_what_was_never_heard_is_not_known_and_what_is_old_no_more() -> None:
+    around = Surroundings(3, temperature_timeout_s=10.0)
+    q = np.zeros(3)
+    at = around.at(q, 0.0)
+    assert np.isnan(at.payload).all()
+    assert at.temperature_parts == ()
+    assert (at.direction == 0).all()
+    around.carries(2.0, np.array([0.0, 0.0, -0.03]))
+    around.is_warm("arm", 31.0, 0.0)
+    at = around.at(q, 9.0)
+    assert at.payload[0] == 2.0
+    assert at.of_part("arm")[0] == 31.0
+    assert np.isnan(around.at(q, 11.0).of_part("arm")[0])
