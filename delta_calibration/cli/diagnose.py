@@ -142,7 +142,7 @@ def _chance(p: float) -> str:
 def tried(found: Diagnosis) -> str:
     """What was tried on the calibrated model, best first."""
     rows = [
-        (s.candidate.label, f"{s.gain:.1f}", str(s.degrees), f"{s.log_bayes:.1f}", f"{s.tries:.0f}")
+        (s.candidate.label, *(f"{v:.1f}" for v in (s.gain, s.degrees, s.log_bayes, s.tries)))
         for s in found.found.first.scores
     ]
     head = ("tried on the calibrated model", "chi square", "parameters", "ln Bayes", "tries")

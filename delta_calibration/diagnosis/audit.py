@@ -82,7 +82,7 @@ def _on_the_way(evidence: Evidence) -> NDArray[np.bool_]:
     since = time - moving[np.clip(after - 1, 0, None)]
     until = moving[np.clip(after, None, len(moving) - 1)] - time
     within = (since >= 0) & (until >= 0) & (np.maximum(since, until) < _SOON / 2)
-    return within & (within.mean() < _EXCEPTION)
+    return np.asarray(within & (within.mean() < _EXCEPTION))
 
 
 def _neighbourhoods(

@@ -19,6 +19,7 @@ from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import MM, HeldOutModels, of_dimension, of_member
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.model import Model, fit
+from delta_calibration.diagnosis.rivals import scaled
 from delta_calibration.diagnosis.search import ALPHA, Found, find
 from delta_calibration.diagnosis.trust import signal_of, untrusted
 from delta_calibration.diagnosis.unseen import unseen
@@ -166,8 +167,7 @@ def _mapped(
 ) -> UnknownStructure:
     """What the map says: how large it is, and where it is largest."""
     evidence = model.evidence
-    values = model.values(member) / np.array([p.prior for p in member.effect.parameters])
-    moved = (columns_of(member, evidence) @ values).reshape(len(evidence), 3)
+    moved = (columns_of(member, evidence) @ scaled(model, member)).reshape(len(evidence), 3)
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
     shift = np.linalg.solve(evidence.whiten[rows], moved[rows, :, None])[..., 0]
     shift -= shift.mean(axis=0)

@@ -126,7 +126,7 @@ class Evidence:
 
     def weigh(self, b: Array) -> Array:
         """V^-1 b of columns (3 n, j)."""
-        return b - self._flat @ cho_solve(self._factor, self._flat.T @ b)
+        return np.asarray(b - self._flat @ cho_solve(self._factor, self._flat.T @ b))
 
     def information(self, a: Array) -> Array:
         """<a, a> of columns (3 n, k), (k, k)."""
@@ -279,7 +279,7 @@ def _believed(whiten: Array, missed: Array, paths: Paths) -> Array:
         distance[rows] = np.linalg.norm(whitened[rows] - around, axis=1)
     typical = max(1.0, float(np.median(distance)) / _CHI3_MEDIAN) if len(path) else 1.0
     good = (distance <= _SPIKE * typical) & ~turning
-    return good.astype(float)[:, None, None]
+    return np.asarray(good.astype(float)[:, None, None])
 
 
 def _rest_errors(path: Index, slope: Array, poses: int) -> Array:

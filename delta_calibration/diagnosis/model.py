@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +144,8 @@ def _sharper(evidence: Evidence, member: Candidate) -> Candidate:
     best = member.effect
     for _ in range(_ZOOMS):
         values = np.linspace(low, high, _POINTS)
-        shapes = [replace(best, **{name: float(value)}) for value in values]
+        fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
+        shapes = [replace(best, **field) for field in fields]
         gains = [_gain(evidence, replace(member, effect=shape), weighed) for shape in shapes]
         top = int(np.argmax(gains))
         best = shapes[top]

@@ -166,7 +166,7 @@ def log_p_of(gain: float, k: int, noise_degrees: float) -> float:
 
 def decrease(information: Array, b: Array, value: Array) -> float:
     """D at v."""
-    return float(max(0.0, 2 * b @ value - value @ information @ value))
+    return max(0.0, float(2 * b @ value - value @ information @ value))
 
 
 def free_decrease(information: Array, b: Array) -> Array:

@@ -65,7 +65,7 @@ def effect_named(
     Raises:
         InputError: no effect of that cause, or none that has such settings.
     """
-    known = {**EFFECTS, UNEXPLAINED: Unexplained}
+    known: dict[str, type[Effect]] = {**EFFECTS, UNEXPLAINED: Unexplained}
     if cause not in known:
         raise InputError(f"no effect {cause!r}; there are: {', '.join(known)}")
     effect = known[cause](robot, mechanism)

@@ -40,4 +40,4 @@ class DynamicDeflection(Effect):
         nominal = self.mechanism.parameters.nominal
         slope = self.mechanism.velocity_jacobian(at.joint, x, nominal)[:, :3]
         force = carried_mass(self.robot, at)[:, None] * platform_acceleration(self.mechanism, at)
-        return -np.einsum("nk,nkm->nm", force, slope)[:, :, None]
+        return np.asarray(-np.einsum("nk,nkm->nm", force, slope)[:, :, None])

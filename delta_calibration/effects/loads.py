@@ -59,7 +59,8 @@ def load_on(robot: Robot, mechanism: Mechanism, at: Conditions, rows: list[int])
     """dU/dg of some of the geometry parameters, (n, rows) [N]."""
     x = pose_of(mechanism, at)
     slope = mechanism.identification_jacobian(at.joint, x, mechanism.parameters.nominal)
-    return np.einsum("nk,nkp->np", weight(robot, mechanism, at, x), slope[:, :, rows])
+    load = np.einsum("nk,nkp->np", weight(robot, mechanism, at, x), slope[:, :, rows])
+    return np.asarray(load)
 
 
 def platform_acceleration(mechanism: Mechanism, at: Conditions) -> Array:

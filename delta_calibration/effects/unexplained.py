@@ -116,10 +116,11 @@ class Unexplained(Effect):
         m = at.joint.shape[1]
         if self.family == POSITION:
             centres = np.reshape(self.centres, (-1, m))
-            return np.exp(-cdist(at.joint, centres, "sqeuclidean") / (2 * self.width**2))
+            near = np.exp(-cdist(at.joint, centres, "sqeuclidean") / (2 * self.width**2))
+            return np.asarray(near)
         if self.family == JOINT:
             apart = at.joint[:, :, None] - np.reshape(self.centres, (-1, m)).T
-            return np.exp(-(apart**2) / (2 * self.width**2)).reshape(len(at), -1)
+            return np.asarray(np.exp(-(apart**2) / (2 * self.width**2)).reshape(len(at), -1))
         plane = np.column_stack([np.ones(len(at)), at.joint])
         condition = self._condition(at)
         return (condition[:, :, None] * plane[:, None, :]).reshape(len(at), -1)

@@ -84,7 +84,7 @@ def at_rest(joint: Array) -> Conditions:
 
 def joined(first: Conditions, second: Conditions) -> Conditions:
     """The samples of both, one after the other; the same sensors in both."""
-    both = {
+    both: dict[str, Any] = {
         name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in _ARRAYS
     }
     return replace(first, **both)

@@ -243,7 +243,8 @@ def _motion(session: Session, names: Sequence[str], start_ns: int) -> Motion:
         return motion_of(np.zeros(1), np.zeros((1, len(names))))
     columns = [stream.names.index(name) for name in names]
     stamps, order = np.unique(stream.stamp_ns, return_index=True)
-    return motion_of((stamps - start_ns) * 1e-9, stream.position[order][:, columns])
+    time = np.asarray((stamps - start_ns) * 1e-9, dtype=np.float64)
+    return motion_of(time, stream.position[order][:, columns])
 
 
 def require_poses(poses: Poses, least: int) -> None:

@@ -1,0 +1,109 @@
+"""The cell of the demonstration: its nodes as processes, and what they measured part by part."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import numpy as np
+
+from delta_calibration.cli.children import Children
+from delta_calibration.errors import DataError
+from delta_calibration.plans import Plan
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses
+
+RATE = 50.0  # [1/s] of commands, states and tracker
+RADIUS = 0.45  # [m] of the disc
+STOPS = {"identify": 48, "line": 37, "disc": 36}
+_RAMP = 0.2  # [s] over which corrections come in: before the first stop is reached
+_DWELL = 0.25  # [s]
+_TIMEOUT = 200.0  # [s] of one plan
+
+Say = Callable[[str], None]
+
+
+class LiveCell:
+    """Recorder, simulated machine and calibration node, running; a context manager."""
+
+    def __init__(
+        self,
+        robot_file: str,
+        robot: Robot,
+        session: Path,
+        calibration: Path,
+        seed: int,
+        method: str,
+        effects: tuple[str, ...] = (),
+    ) -> None:
+        """A cell that records to `session`, writes `calibration` and hides `effects`."""
+        self._robot_file, self._robot = robot_file, robot
+        self._session, self._calibration = session, calibration
+        self._seed, self._method, self._effects = seed, method, effects
+        self.begun: dict[str, int] = {}  # when each part began [ns]
+        self.domain = 1 + os.getpid() % 100
+        self._children = Children(self.domain, session.parent / "logs")
+
+    def __enter__(self) -> LiveCell:
+        self._children.__enter__()
+        common: dict[str, object] = {"robot": self._robot_file}
+        said = f"robot={self._robot.name}, robot_sha256={self._robot.hash}, seed={self._seed}"
+        provenance = f"[{said}, made_by=demo]"
+        self._children.start(
+            "session_recorder", {"output": self._session, "provenance": provenance}
+        )
+        machine = {**common, "seed": self._seed, "rate": RATE}
+        if self._effects:
+            machine["effects"] = f"[{', '.join(repr(effect) for effect in self._effects)}]"
+        self._children.start("simulated_tracker", machine)
+        node = {"autostart": True, "method": self._method, "ramp_s": _RAMP}
+        self._children.start(
+            "calibration_node", {**common, **node, "output": self._calibration}
+        )
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._children.__exit__(*error)
+
+    def measure(self, part: str, plan: str, both_sides: bool) -> None:
+        """Take the machine through a plan; its stops are found under the name of the part."""
+        self.begun[part] = time.time_ns()
+        self._children.plan(
+            {
+                "robot": self._robot_file, "plan": plan, "count": STOPS[plan], "dwell": _DWELL,
+                "rate": RATE, "both_sides": both_sides, "radius": RADIUS, "seed": self._seed,
+                "subscribers": 2,  # the calibration node and the recorder
+            },
+            _TIMEOUT,
+        )  # fmt: skip
+
+    def order(self, service: str, value: bool | None = None) -> str:
+        """Call a service of the calibration node; its answer's message."""
+        return self._children.call(f"/calibration_node/{service}", value)
+
+
+def part_of(poses: Poses, begun: dict[str, int], part: str) -> Poses:
+    """The stops from the begin of one part to the begin of the next."""
+    # By when a stop began: the last of a part lasts into the next, while its plan starts up.
+    stamp = poses.start_ns + (poses.time - poses.count / (2 * RATE)) * 1e9
+    end = min((other for other in begun.values() if other > begun[part]), default=np.inf)
+    keep = np.flatnonzero((stamp >= begun[part]) & (stamp < end))
+    if keep.size == 0:
+        raise DataError(f"{poses.source}: no stops were recorded in the part {part!r} of the demo")
+    return poses.take(keep)
+
+
+def at_targets(poses: Poses, plan: Plan, sides: int = 1) -> Poses:
+    """One stop a side for each target: what stands still elsewhere (the way in) is left out."""
+    # Uncompensated or compensated, the joints are nearer to the plan's than any way in is.
+    distance = np.abs(poses.joint[:, None] - plan.joint).max(axis=-1)
+    return poses.take(np.unique(np.argsort(distance, axis=0)[:sides]))
+
+
+def clock() -> Say:
+    """Says lines with the time since now."""
+    begin = time.monotonic()
+    return lambda text: click.echo(f"[{time.monotonic() - begin:5.1f} s] {text}")

@@ -1,0 +1,90 @@
+"""The second act of the demonstration: something is hidden in the machine, found and named."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.live_cell import RADIUS, STOPS, LiveCell, Say, at_targets, part_of
+from delta_calibration.cli.options import table
+from delta_calibration.plans import make_plan
+from delta_calibration.recording import read_session
+from delta_calibration.robot import Robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, effect_options
+from delta_calibration.trial import Errors, true_errors
+
+# What stops from both sides under one payload can show; strengths of a real machine.
+_HIDDEN = (
+    "backlash:strength=1.0",
+    "transmission_error:strength=0.8",
+    "encoder_eccentricity:strength=1.5",
+)
+
+
+def second_act(
+    robot_file: str, robot: Robot, out: Path, seed: int, method: str, say: Say
+) -> dict[str, object]:
+    """Hide, measure, diagnose, extend, measure again; what came of it, as data."""
+    draw = time.time_ns() % 2**31  # nobody knows what is hidden before it is said at the end
+    effect = _HIDDEN[int(np.random.default_rng(draw).integers(len(_HIDDEN)))]
+    files = out / "session_2", out / "extended.yaml"
+    with LiveCell(robot_file, robot, *files, seed, method, (effect,)) as cell:
+        say("second act: something is hidden in the machine that no geometry explains")
+        cell.order("start_capture")
+        say(f"measuring the workspace: {STOPS['identify']} places from both sides")
+        cell.measure("identify", "identify", True)
+        cell.order("stop_capture")
+        say(cell.order("fit"))
+        say(cell.order("enable", True))
+        time.sleep(1.5)  # the correction is ramped in
+        say("measuring the line with geometry compensated, from both sides")
+        cell.measure("calibrated", "line", True)
+        say("diagnosing")
+        told = cell.order("diagnose")
+        say(told)
+        cell.order("save")
+        time.sleep(1.5)
+        say("measuring the line with the extended model")
+        cell.measure("extended", "line", True)
+    rows, figures = _compared(robot, out, seed, effect, cell.begun)
+    click.echo("\n" + table(("error [mm], line from both sides", "max", "mean", "3 std"), rows))
+    found = [e.cause for e in load_calibration(files[1], robot).chain.effects]
+    hidden = effect.partition(":")[0]
+    before, after = (figures[name]["mean_mm"] for name in ("calibrated", "extended"))
+    click.echo(
+        f"\nhidden (drawn with {draw}): {effect}; found: {', '.join(found) or 'nothing'}; "
+        f"mean error of the line {before:.4f} -> {after:.4f} mm\n"
+    )
+    return {"draw": draw, "hidden": effect, "found": found, "right": found == [hidden], **figures}
+
+
+def _compared(
+    robot: Robot, out: Path, seed: int, effect: str, begun: dict[str, int]
+) -> tuple[list[tuple[str, str, str, str]], dict[str, dict[str, float | int]]]:
+    """Errors against the truth with geometry and with the extended model."""
+    poses = collect(read_session(out / "session_2"), robot.joints.names)
+    machine = draw_machine(robot, seed, 1.0, [effect_options(effect)])
+    extended = load_calibration(out / "extended.yaml", robot)
+    plain = replace(extended, chain=extended.chain.with_effects(()))
+    plain = replace(plain, theta=extended.theta[: plain.chain.base_size])
+    plan = make_plan("line", robot, count=STOPS["line"], both_sides=False, radius=RADIUS)
+    rows, figures = [], {}
+    names = {"calibrated": "geometry compensated", "extended": "extended model"}
+    for part, name in names.items():
+        stops = at_targets(part_of(poses, begun, part), plan, sides=2)
+        errors = true_errors(plain, machine, stops, plan.target)
+        figures[part] = errors.in_mm()
+        rows.append(_row(f"{name}, simulated truth", errors))
+    return rows, figures
+
+
+def _row(name: str, errors: Errors) -> tuple[str, str, str, str]:
+    values = (errors.maximum, errors.mean, errors.three_std)
+    first, second, third = (f"{v * 1e3:.4f}" for v in values)
+    return name, first, second, third
