@@ -1,9 +1,9 @@
 """How sure a name is: what else would explain the same, and how well.
 
-The confidence in a cause is its share of the probability among all that was tried in its place,
-the other members staying:
+The confidence in a cause and those of its class is their share of the probability among all that
+was tried in their place, the other members staying:
 
-    P(s) = (1 - exp(-lambda / 40)) exp(ln B_s / c) / sum_a exp(ln B_a / c)
+    P = (1 - exp(-lambda / 40)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
 c being chi square per degree of freedom. The first factor is for what was not tried: a weak
 signal of any origin has something of some cause in it, and names need lambda of 80 to 160.
@@ -33,7 +33,6 @@ SAME = 0.95  # cosine beyond which two explanations are one class
 _PARTED = 20.0  # chi square by which data tell two explanations apart beyond doubt
 _NAMING = 40.0
 _RANK = 1e-9
-_FAR = 500.0  # a ratio of probabilities beyond e to this is the same as this
 _NOTHING = ""
 
 
@@ -54,9 +53,11 @@ def standing(model: Model, member: Candidate, tried: Sequence[Score]) -> Standin
     others = [s for s in tried if not s.candidate.same_cause(member)]
     others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
+    same = equivalents(evidence, signal, others, max(1.0, model.misfit))
+    causes = {member.cause, *(candidate.cause for candidate in same)}
     return Standing(
-        confidence=named(length) * _confidence(model, member, rest, others, tried),
-        equivalents=equivalents(evidence, signal, others, max(1.0, model.misfit)),
+        confidence=named(length) * _confidence(model, rest, others, tried, member, causes),
+        equivalents=same,
         signal=length,
     )
 
@@ -104,23 +105,26 @@ def scaled(model: Model, member: Candidate) -> Array:
 
 def _confidence(
     model: Model,
-    member: Candidate,
     rest: tuple[Candidate, ...],
     others: Sequence[Score],
     tried: Sequence[Score],
+    member: Candidate,
+    causes: set[str],
 ) -> float:
-    """The member's share of the probability."""
-    own = [as_score(m, tried) for m in (member, *rest)]
-    together = Together.of(model.evidence, [*own, *others])
-    kept = tuple(range(1, len(own)))
+    """Share of the probability that falls to the member's class of causes."""
+    first = [as_score(m, tried) for m in (member, *rest)]
+    together = Together.of(model.evidence, [*first, *others])
+    kept = tuple(range(1, len(first)))
     best = {_NOTHING: together.fit(kept)[2]}
     for i, candidate in enumerate(together.candidates):
         if i not in kept:
             name = candidate.label if candidate.unexplained else candidate.cause
             best[name] = max(best.get(name, -np.inf), _worth(together, i, kept))
-    name = member.label if member.unexplained else member.cause
-    apart = (np.array(list(best.values())) - best[name]) / max(1.0, model.misfit)
-    return float(1 / np.sum(np.exp(np.clip(apart, None, _FAR))))
+    own = {member.label} if member.unexplained else causes
+    worth = np.array(list(best.values())) / max(1.0, model.misfit)
+    share = np.exp(worth - worth.max())
+    among = np.array([name in own for name in best])
+    return float(share[among].sum() / share.sum())
 
 
 def _worth(together: Together, one: int, kept: tuple[int, ...]) -> float:

@@ -1,10 +1,10 @@
 """Sessions of machines that hide something, made without any code of the detector.
 
-The detector knows effects as columns of a linearised chain; here a machine is six distances
-between points, a play is an operator with a state, weight is energy, lag is a differential
-equation. Only the streams of a session are the package's.
+`hide({"backlash": 1.0}, seed=7)` gives a `Trial`: `session` is what a detector may see, `causes`
+are what is hidden (names, locations, true values), `truth` is where the machine stands without
+noise at places held out, `signal` how much the causes move the measured points.
 """
 
-from blind.session import Hidden, Trial, hide
+from blind.session import Hidden, Trial, Truth, hide
 
-__all__ = ["Hidden", "Trial", "hide"]
+__all__ = ["Hidden", "Trial", "Truth", "hide"]

@@ -1,14 +1,16 @@
 """A rotary Delta of six separate rods, solved for many samples at once.
 
-Ball joints are points, a rod is a distance between two of them, the platform lies where all six
-distances are right: Newton's method on distances (not on their squares), the platform turned from
-the left by small rotations. Whatever may change from sample to sample (a rod that stretches, an arm
-that grows) is an argument of the solution, not of the machine.
+Ball joints are points, a rod is a distance between two of them, and the platform lies where all
+six distances are right. Its orientation is a Gibbs vector g (tangent of half the angle), so that
+R b = b + 2 (g x b + g x (g x b)) / (1 + g.g) is exact and has no singularity near upright. What
+may change from sample to sample (a rod that stretches, an arm that grows) is an argument of the
+solution, not of the machine.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,19 +19,19 @@ from scipy.spatial.transform import Rotation
 Array = NDArray[np.float64]
 
 RADIUS, PLATFORM, ARM, ROD, HALF = 0.2, 0.055, 0.32, 0.85, 0.04  # [m] SRBD
-PLATFORM_KG, ARM_KG, ARM_CENTRE, ROD_KG = 1.2, 1.6, 0.45, 0.18
-GRAVITY = 9.81  # [m/s^2]
 SIDES = np.array([-1.0, 1.0])
 LEGS: Array = Rotation.from_rotvec(
     np.array([[0.0, 0.0, 2 * np.pi / 3 * leg] for leg in range(3)])
 ).as_matrix()
+_CLOSED = 1e-13  # [m] and half radians
+_MOST = 25
 
 
 @dataclass(frozen=True)
 class Build:
     """How a machine was built; lengths [m], angles [rad]; one row a leg."""
 
-    hinge: Array  # (3, 3) of the motor's axis, in the leg's directions
+    hinge: Array  # (3, 3) of the motor's axis, in the leg's directions: outward, along, up
     tilt: Array  # (3, 3) rotation vector of the hinge
     zero: Array  # (3,)
     arm: Array  # (3,)
@@ -39,6 +41,23 @@ class Build:
     platform: Array  # (3, 3) middle of the platform's pair, in the leg's directions
     ball: Array  # (3, 2)
     platform_line: Array  # (3, 3)
+
+    @cached_property
+    def arms(self) -> tuple[Array, Array, Array]:
+        """Arm at angle 0 and at -90 degrees, both (3, 3), and rods' ends at its end (3, 2, 3)."""
+        turned = LEGS @ Rotation.from_rotvec(self.tilt).as_matrix()
+        line = Rotation.from_rotvec(self.elbow_line).apply([0.0, 1.0, 0.0])
+        ends = (SIDES * self.elbow)[:, :, None] * line[:, None]
+        foot = np.einsum("lij,lj->li", LEGS, self.hinge)
+        fixed = foot[:, None] + np.einsum("lij,lsj->lsi", turned, ends)
+        return turned[:, :, 0], turned[:, :, 2], fixed
+
+    @cached_property
+    def balls(self) -> Array:
+        """Ball joints of the platform in its own directions, (3, 2, 3) [m]."""
+        line = Rotation.from_rotvec(self.platform_line).apply([0.0, 1.0, 0.0])
+        local = self.platform[:, None] + (SIDES * self.ball)[:, :, None] * line[:, None]
+        return np.einsum("lij,lsj->lsi", LEGS, local)
 
 
 def drawing() -> Build:
@@ -59,6 +78,7 @@ def drawing() -> Build:
 
 def manufactured(rng: np.random.Generator, scatter: float) -> Build:
     """A machine as built: every part off by `scatter` times a good workshop's tolerance."""
+    # Turned about its own line a pair stays the same pair.
     no_y = np.array([1.0, 0.0, 1.0])
 
     def off(size: float, *shape: int) -> Array:
@@ -82,115 +102,140 @@ def manufactured(rng: np.random.Generator, scatter: float) -> Build:
 
 @dataclass(frozen=True)
 class Changed:
-    """What differs from the build in each sample: arms, rods, hinges, all (n, ...) [m]."""
+    """What differs from the build in each sample [m]; first axis n, or 1 for all alike."""
 
     arm: Array  # (n, 3) longer by
     rod: Array  # (n, 3, 2) longer by
     outward: Array  # (n, 3) hinge farther out by
 
     @classmethod
-    def nothing(cls, n: int) -> Changed:
+    def nothing(cls, n: int = 1) -> Changed:
         """The machine as built."""
         return cls(np.zeros((n, 3)), np.zeros((n, 3, 2)), np.zeros((n, 3)))
 
+    def and_arm(self, more: Array) -> Changed:
+        """The same with arms longer by more, (n, 3)."""
+        return replace(self, arm=self.arm + more)
+
     def and_rod(self, more: Array) -> Changed:
-        """The same with rods longer by more."""
+        """The same with rods longer by more, (n, 3, 2)."""
         return replace(self, rod=self.rod + more)
+
+    def and_outward(self, more: Array) -> Changed:
+        """The same with hinges farther out by more, (n, 3)."""
+        return replace(self, outward=self.outward + more)
+
+    def take(self, rows: NDArray[np.int64]) -> Changed:
+        """Some of the samples."""
+
+        def some(values: Array) -> Array:
+            return values if len(values) == 1 else values[rows]
+
+        return Changed(some(self.arm), some(self.rod), some(self.outward))
 
 
 @dataclass(frozen=True)
 class Stand:
-    """Where the platform is: place (n, 3) [m], orientation (n, 3, 3), and all ball joints."""
+    """Where the platform is, and what moves with it."""
 
-    place: Array
-    turn: Array
-    elbows: Array  # (n, 3, 2, 3)
-    balls: Array  # (n, 3, 2, 3)
+    place: Array  # (n, 3) [m]
+    gibbs: Array  # (n, 3)
+    inverse: Array  # (n, 6, 6) of the closure's slope near here, for what is to be solved nearby
+    elbows: Array  # (n, 3, 2, 3) [m]
+    arms: Array  # (n, 3, 3) middle of the elbow of each arm [m]
+    balls: Array  # (3, 2, 3) of the platform in its own directions
 
+    def point(self, local: Array) -> Array:
+        """A point fixed to the platform, (3,) -> (n, 3) [m]."""
+        return self.place + turned(self.gibbs, local[None])[:, 0]
 
-def elbows(q: Array, build: Build, changed: Changed) -> Array:
-    """Ball joints at the elbows, (n, 3, 2, 3) [m]."""
-    angle = q + build.zero
-    along = np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=-1)
-    line = Rotation.from_rotvec(build.elbow_line).apply([0.0, 1.0, 0.0])  # (3, 3)
-    side = (SIDES * build.elbow)[:, :, None] * line[:, None]  # (3, 2, 3)
-    reach = (build.arm + changed.arm)[..., None] * along
-    local = reach[:, :, None] + side
-    tilt = Rotation.from_rotvec(build.tilt).as_matrix()
-    local = np.einsum("lij,nlsj->nlsi", tilt, local) + build.hinge[:, None]
-    local[..., 0] += changed.outward[:, :, None]
-    return np.einsum("lij,nlsj->nlsi", LEGS, local)
+    def ends(self) -> Array:
+        """Ball joints of the platform, (n, 3, 2, 3) [m]."""
+        flat = self.balls.reshape(6, 3)
+        return (self.place[:, None] + turned(self.gibbs, flat)).reshape(-1, 3, 2, 3)
 
-
-def platform_balls(build: Build) -> Array:
-    """Ball joints of the platform in its own directions, (3, 2, 3) [m]."""
-    line = Rotation.from_rotvec(build.platform_line).apply([0.0, 1.0, 0.0])
-    local = build.platform[:, None] + (SIDES * build.ball)[:, :, None] * line[:, None]
-    return np.einsum("lij,lsj->lsi", LEGS, local)
+    def take(self, rows: NDArray[np.int64]) -> Stand:
+        """Some of the samples."""
+        return Stand(
+            self.place[rows], self.gibbs[rows], self.inverse[rows], self.elbows[rows],
+            self.arms[rows], self.balls,
+        )  # fmt: skip
 
 
-def assemble(q: Array, build: Build, changed: Changed | None = None) -> Stand:
-    """Put the platform where all six rods fit, (n, 3) [rad] -> a stand for each."""
-    n = len(q)
-    changed = changed or Changed.nothing(n)
-    e, b = elbows(q, build, changed), platform_balls(build)
-    length = (build.rod + changed.rod).reshape(n, 6)
-    place = np.tile([0.0, 0.0, -0.75], (n, 1))
-    place[:, 2] = e[..., 2].mean(axis=(1, 2)) - 0.7
-    turn = np.tile(np.eye(3), (n, 1, 1))
-    for _ in range(30):
-        arms = np.einsum("nij,lsj->nlsi", turn, b).reshape(n, 6, 3)
-        gap = place[:, None] + arms - e.reshape(n, 6, 3)
-        distance = np.linalg.norm(gap, axis=2)
-        unit = gap / distance[..., None]
-        slope = np.concatenate([unit, np.cross(arms, unit)], axis=2)
-        step = np.linalg.solve(slope, (length - distance)[..., None])[..., 0]
-        place = place + step[:, :3]
-        turn = Rotation.from_rotvec(step[:, 3:]).as_matrix() @ turn
-        if np.abs(step).max() < 1e-13:
-            break
-    balls = place[:, None, None] + np.einsum("nij,lsj->nlsi", turn, b)
-    return Stand(place, turn, e, balls)
+def turned(gibbs: Array, local: Array) -> Array:
+    """Points (k, 3) turned by each of n Gibbs vectors, (n, k, 3)."""
+    x, y, z = gibbs.T
+    nothing = np.zeros_like(x)
+    cross = np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=1).reshape(-1, 3, 3)
+    share = 2 / (1 + np.sum(gibbs**2, axis=1))
+    turn = np.eye(3) + share[:, None, None] * (cross + cross @ cross)
+    return local @ turn.transpose(0, 2, 1)
 
 
-def energy(
-    q: Array, build: Build, changed: Changed, payload: Array, centre: Array
-) -> Array:
-    """Potential energy of everything that moves, (n,) [J]; `centre` (3,) of the payload."""
-    stand = assemble(q, build, changed)
-    tool = stand.place[:, 2] + (stand.turn @ centre)[:, 2]
-    angle = q + build.zero
-    arms = -np.sin(angle) * (build.arm + changed.arm) * ARM_CENTRE
-    rods = (stand.elbows[..., 2] + stand.balls[..., 2]) / 2
-    return GRAVITY * (
-        PLATFORM_KG * stand.place[:, 2]
-        + payload * tool
-        + ARM_KG * arms.sum(axis=1)
-        + ROD_KG * rods.sum(axis=(1, 2))
-    )
+def gaps(place: Array, gibbs: Array, elbows: Array, balls: Array, length: Array) -> Array:
+    """Closure: how much too long each rod would have to be, (n, 6) [m]."""
+    rods = place[:, None] + turned(gibbs, balls) - elbows
+    return (np.einsum("nki,nki->nk", rods, rods) - length**2) / (2 * length)
 
 
-def torques(q: Array, build: Build, changed: Changed, payload: Array, centre: Array) -> Array:
-    """dE/dq by differences of the energy, (n, 3) [N m]."""
-    h = 1e-5
-    each = []
-    for joint in range(3):
-        d = h * (np.arange(3) == joint)
-        up, down = (energy(q + s * d, build, changed, payload, centre) for s in (1, -1))
-        each.append((up - down) / (2 * h))
-    return np.stack(each, axis=1)
+def assemble(
+    q: Array, build: Build, changed: Changed | None = None, near: Stand | None = None
+) -> Stand:
+    """Close the mechanism at joint angles q, (n, 3) [rad].
+
+    The slope of the closure is inverted once, at the start; with a start a millimetre away every
+    step gains three digits, so that what is wrong by tens of micrometres costs three cheap steps.
+    """
+    changed = Changed.nothing() if changed is None else changed
+    arms, elbows = _elbows(q, build, changed)
+    flat, balls = elbows.reshape(len(q), 6, 3), build.balls.reshape(6, 3)
+    length = (build.rod + changed.rod).reshape(-1, 6)
+    if near is None:
+        place, gibbs = _start(arms, build, length), np.zeros((len(q), 3))
+        inverse = _inverse(place, gibbs, flat, balls)
+    else:
+        place, gibbs, inverse = near.place, near.gibbs, near.inverse
+    for _ in range(_MOST):
+        wrong = gaps(place, gibbs, flat, balls, length)
+        step = -(inverse @ wrong[..., None])[..., 0]
+        place, gibbs = place + step[:, :3], gibbs + step[:, 3:]
+        if np.abs(step).max() < _CLOSED:
+            return Stand(place, gibbs, inverse, elbows, arms, build.balls)
+    raise ArithmeticError(f"the mechanism does not close: last step {np.abs(step).max():.1e}")
 
 
-def pulls(q: Array, build: Build, changed: Changed, payload: Array, centre: Array) -> Array:
-    """Tension of each rod, -dE/dl by differences of the energy, (n, 3, 2) [N]."""
-    h = 1e-6
-    tension = np.zeros((len(q), 3, 2))
-    for leg in range(3):
-        for side in range(2):
-            d = np.zeros((3, 2))
-            d[leg, side] = h
-            up, down = (
-                energy(q, build, changed.and_rod(s * d), payload, centre) for s in (1, -1)
-            )
-            tension[:, leg, side] = -(up - down) / (2 * h)
-    return tension
+def _elbows(q: Array, build: Build, changed: Changed) -> tuple[Array, Array]:
+    """Middle of each elbow (n, 3, 3), and its ball joints (n, 3, 2, 3) [m]."""
+    level, up, fixed = build.arms
+    angle, reach = q + build.zero, build.arm + changed.arm
+    arm = (reach * np.cos(angle))[..., None] * level - (reach * np.sin(angle))[..., None] * up
+    arm = arm + changed.outward[..., None] * LEGS[:, :, 0]
+    return arm + fixed.mean(axis=1), arm[:, :, None] + fixed
+
+
+def _start(arms: Array, build: Build, length: Array) -> Array:
+    """Upright platform from the mean rod of each pair: where three spheres meet below, (n, 3)."""
+    one, two, three = np.moveaxis(arms - build.balls.mean(axis=1), 1, 0)
+    r = length.reshape(-1, 3, 2).mean(axis=2)
+    a, b = two - one, three - one
+    x = a / np.linalg.norm(a, axis=1, keepdims=True)
+    along = np.sum(b * x, axis=1, keepdims=True)
+    y = b - along * x
+    across = np.linalg.norm(y, axis=1, keepdims=True)
+    y = y / across
+    d = np.linalg.norm(a, axis=1)
+    r1, r2, r3 = (r[:, k] for k in range(3))
+    u = (r1**2 - r2**2 + d**2) / (2 * d)
+    i, j = along[:, 0], across[:, 0]
+    v = (r1**2 - r3**2 + i**2 + j**2 - 2 * i * u) / (2 * j)
+    w = np.sqrt(r1**2 - u**2 - v**2)
+    down = -np.cross(x, y)
+    return one + u[:, None] * x + v[:, None] * y + w[:, None] * down
+
+
+def _inverse(place: Array, gibbs: Array, elbows: Array, balls: Array) -> Array:
+    """Inverse slope of the closure by place and Gibbs vector, (n, 6, 6)."""
+    arms = turned(gibbs, balls)
+    rods = place[:, None] + arms - elbows
+    unit = rods / np.linalg.norm(rods, axis=2, keepdims=True)
+    return np.linalg.inv(np.concatenate([unit, 2 * np.cross(arms, unit)], axis=2))

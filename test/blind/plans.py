@@ -1,133 +1,254 @@
-"""What a blind session commands: stops from one side or both, payloads, sweeps, circles."""
+"""What a blind session commands: stops from both sides under two payloads, sweeps, circles.
+
+Every motion is a smooth function of time, so that speed and acceleration are known at each sample.
+A stop is a move to a point a little beside the pose, a slow approach from there, and a dwell; the
+tracker reads at 20 Hz. Poor plans leave out what parts one cause from another.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blind.machine import assemble, drawing
+from blind.machine import ARM, LEGS, PLATFORM, RADIUS, ROD
 
 Array = NDArray[np.float64]
+Path = Callable[[Array], Array]  # times (n,) [s] -> joints (n, 3) [rad]
 
-RATE = 20.0  # [1/s]
-_APPROACH = 0.02  # [rad]
-_READINGS = 8  # a stop
+RATE = 20.0  # [1/s] readings
+_HOURS = 2.0
+_HEAVY = 2.0  # [kg]
+_BESIDE = 0.05  # [rad] where the slow approach begins
+_LOWEST = np.radians(-30.0)  # [rad] with the approach still above the joints' limit
+_MOVE, _APPROACH, _LEAD = 0.5, 0.4, 1.0  # [s]; to the start of a motion
+_DWELL = 20  # readings
+_HOME = np.full(3, 0.116)
+_SWEEP, _SWEEP_TIME = 0.3, 40.0  # [rad] to either side, [s] one way
+_CIRCLE, _LEVEL = 0.14, -0.70  # [m]
+_SPEEDS = (0.06, 0.18, 0.5)  # [m/s]
+_DELTA = 1e-3  # [s] step of the differences by time
 
 
 @dataclass(frozen=True)
 class Item:
-    """One thing to do: a stop (its way there, then readings) or a measured motion."""
+    """One thing to do: a stop with its way there, or a measured motion."""
 
+    begin: float  # [s] of the session
     time: Array  # (n,) [s] from its start
     command: Array  # (n, 3) [rad]
+    velocity: Array  # (n, 3) [rad/s]
+    acceleration: Array  # (n, 3) [rad/s^2]
+    still: NDArray[np.bool_]  # (n,) arrived
     seen: NDArray[np.bool_]  # (n,) whether the tracker reads
     payload: float  # [kg]
-    begin: float  # [s] of the session
-    moving: bool
+    side: float  # +1, -1: from where a stop is approached; 0 for a motion
 
 
-def rich(rng: np.random.Generator, hours: float = 2.0) -> list[Item]:
-    """Two hours: 40 places from both sides under two payloads, repeats, sweeps, circles."""
-    places = _places(rng, 40)
-    visits = [(p, side) for p in range(40) for side in (1.0, -1.0)]
-    stops: list[tuple[int, float, float]] = []
-    for block in range(4):
-        payload = 2.0 * (block % 2)
-        chosen = [v for i, v in enumerate(visits) if i % 2 == block // 2]
-        again = [visits[i] for i in rng.integers(0, len(visits), 8)]
-        order = rng.permutation(len(chosen) + len(again))
-        mixed = [(chosen + again)[i] for i in order]
-        stops += [(p, side, payload) for p, side in mixed]
-    items = _stops(places, stops, hours * 3600)
-    return items + _motions(hours * 3600)
+@dataclass(frozen=True)
+class Visit:
+    """A pose, the side it is approached from, and what is carried."""
+
+    goal: Array  # (3,) [rad]
+    side: float
+    payload: float  # [kg]
 
 
-def poor(rng: np.random.Generator) -> list[Item]:
-    """Sixty poses in half an hour: one side, one payload, nothing in motion."""
-    places = _places(rng, 60)
-    return _stops(places, [(p, 1.0, 0.0) for p in range(60)], 1800.0)
+def rich(rng: np.random.Generator) -> list[Item]:
+    """Two hours: 40 places from both sides under two payloads, 30 repeats, sweeps, circles."""
+    return _items(_visits(rng, sides=(1.0, -1.0), payloads=(0.0, _HEAVY)), sweeps(), circles())
 
 
-def one_sided(rng: np.random.Generator) -> list[Item]:
-    """Rich, but every pose approached from the same side and nothing in motion."""
-    places = _places(rng, 45)
-    stops = [(p, 1.0, 2.0 * (i // 45 % 2)) for i, p in enumerate(np.tile(np.arange(45), 4))]
-    return _stops(places, [(int(p), s, m) for p, s, m in stops], 7200.0)
-
-
-def one_payload(rng: np.random.Generator) -> list[Item]:
-    """Rich, but with no payload ever."""
-    return [Item(i.time, i.command, i.seen, 0.0, i.begin, i.moving) for i in rich(rng)]
+def no_sweeps(rng: np.random.Generator) -> list[Item]:
+    """Rich, without the slow sweeps."""
+    return _items(_visits(rng, (1.0, -1.0), (0.0, _HEAVY)), [], circles())
 
 
 def still(rng: np.random.Generator) -> list[Item]:
-    """Rich, without anything in motion."""
-    return [item for item in rich(rng) if not item.moving]
+    """Rich, without any measured motion."""
+    return _only_still(_items(_visits(rng, (1.0, -1.0), (0.0, _HEAVY)), [], []))
 
 
-PLANS = {"rich": rich, "poor": poor, "one_sided": one_sided, "one_payload": one_payload,
-         "still": still}  # fmt: skip
+def one_payload(rng: np.random.Generator) -> list[Item]:
+    """Rich, but nothing is ever carried."""
+    return _items(_visits(rng, (1.0, -1.0), (0.0, 0.0)), sweeps(), circles())
 
 
-def _places(rng: np.random.Generator, count: int) -> Array:
+def one_sided(rng: np.random.Generator) -> list[Item]:
+    """Rich, but every pose is approached from the same side, and nothing measured in motion."""
+    return _only_still(_items(_visits(rng, (1.0, 1.0), (0.0, _HEAVY)), [], []))
+
+
+def poor(rng: np.random.Generator) -> list[Item]:
+    """Sixty poses in half an hour: one side, one payload, nothing measured in motion."""
+    visits = [Visit(goal, 1.0, 0.0) for goal in places(rng, 60)]
+    return _only_still(_items(visits, [], [], hours=0.5))
+
+
+PLANS: dict[str, Callable[[np.random.Generator], list[Item]]] = {
+    "rich": rich, "no_sweeps": no_sweeps, "still": still, "one_payload": one_payload,
+    "one_sided": one_sided, "poor": poor, "no_temperatures": rich,
+}  # fmt: skip
+
+
+def held_out(rng: np.random.Generator, hours: float, payloads: Sequence[float]) -> list[Item]:
+    """Other places, sides, payloads and speeds in the same hours, to judge predictions by."""
+    visits = [
+        Visit(goal, float(rng.choice([-1.0, 1.0])), float(rng.choice(payloads)))
+        for goal in places(rng, 60)
+    ]
+    motions = [_round(0.11, -0.74, speed, way) for speed, way in ((0.1, 1), (0.35, -1))]
+    return _items(visits, [], motions, hours)
+
+
+def places(rng: np.random.Generator, count: int) -> Array:
     """Joint angles of places all over the workspace, (count, 3) [rad]."""
-    bearing, reach = rng.uniform(0, 2 * np.pi, count), 0.4 * np.sqrt(rng.uniform(0, 1, count))
-    height = rng.uniform(-0.86, -0.62, count)
-    points = np.stack([reach * np.cos(bearing), reach * np.sin(bearing), height], axis=1)
-    return joints_at(points)
+    drawn = 4 * count
+    bearing = rng.uniform(0, 2 * np.pi, drawn)
+    reach, height = 0.4 * np.sqrt(rng.random(drawn)), rng.uniform(-0.86, -0.62, drawn)
+    q = joints_at(np.stack([reach * np.cos(bearing), reach * np.sin(bearing), height], axis=1))
+    return q[q.min(axis=1) > _LOWEST][:count]
 
 
 def joints_at(points: Array) -> Array:
-    """Joints that bring the machine as drawn to points, by search, (n, 3)."""
-    build = drawing()
-    q = np.full(points.shape, 0.2)
-    for _ in range(30):
-        h = 1e-6
-        here = assemble(q, build).place
-        slope = np.stack(
-            [(assemble(q + h * e, build).place - here) / h for e in np.eye(3)], axis=-1
-        )
-        step = np.linalg.solve(slope, (points - here)[..., None])[..., 0]
-        q = q + np.clip(step, -0.3, 0.3)
-        if np.abs(step).max() < 1e-11:
-            break
-    return q
+    """What the controller commands for points: the machine as drawn, arms outward, (n, 3)."""
+    joints = []
+    for leg in LEGS:
+        outward, aside, up = (points @ leg).T
+        outward = outward + PLATFORM - RADIUS
+        far2 = outward**2 + aside**2 + up**2
+        bend = (far2 + ARM**2 - ROD**2) / (2 * ARM * np.hypot(outward, up))
+        joints.append(np.arctan2(-up, outward) - np.arccos(bend))
+    return np.stack(joints, axis=1)
 
 
-def _stops(places: Array, stops: list[tuple[int, float, float]], length: float) -> list[Item]:
-    every = length / len(stops)
-    items = []
-    for number, (place, side, payload) in enumerate(stops):
-        goal = places[place]
-        way = goal - side * _APPROACH * np.linspace(1.0, 0.0, 6)[:, None]
-        command = np.concatenate([way, np.tile(goal, (_READINGS, 1))])
-        time = np.concatenate([0.3 * np.arange(6), 2.0 + np.arange(_READINGS) / RATE])
-        seen = np.arange(len(time)) >= 6
-        items.append(Item(time, command, seen, payload, number * every, False))
+def _visits(
+    rng: np.random.Generator, sides: tuple[float, float], payloads: tuple[float, float]
+) -> list[Visit]:
+    """Four blocks of time, payloads in turn; places, sides and repeats shuffled within each."""
+    goals = places(rng, 40)
+    every = [(goal, side) for goal in goals for side in sides]
+    visits: list[Visit] = []
+    again = [every[k] for k in rng.choice(len(every), 10, replace=False)] * 3
+    for payload in payloads:
+        todo = every + (again if not visits else [])
+        visits += [Visit(*todo[k], payload) for k in rng.permutation(len(todo))]
+    light, heavy = visits[: len(every) + len(again)], visits[len(every) + len(again) :]
+    a, b = len(light) // 2, len(heavy) // 2
+    return light[:a] + heavy[:b] + light[a:] + heavy[b:]
+
+
+def _items(
+    visits: list[Visit],
+    slow: list[tuple[Path, float]],
+    fast: list[tuple[Path, float]],
+    hours: float = _HOURS,
+) -> list[Item]:
+    every, here, items = hours * 3600 / (len(visits) + 0.25), _HOME, []
+    for number, visit in enumerate(visits):
+        items.append(_stop(here, visit, number * every))
+        here = visit.goal
+    begin = len(visits) * every
+    for path, duration in slow + fast:
+        way = _line(here, path(np.zeros(1))[0], _LEAD)
+        whole = _joined([(way, _LEAD), (path, duration)])
+        items.append(_item(begin, whole, _LEAD + duration, 0.0, 0.0, np.inf))
+        begin += items[-1].time[-1] + 1 / RATE
+        here = items[-1].command[-1]
     return items
 
 
-def _motions(begin: float) -> list[Item]:
-    """A slow sweep of each joint there and back, circles at three speeds both ways round."""
-    items = []
-    home = np.full(3, 0.1)
-    for joint in range(3):
-        turn = np.linspace(0, 2 * np.pi, int(40 * RATE))
-        sweep = home - 0.3 * np.cos(turn)[:, None] * (np.arange(3) == joint)
-        items.append(sweep)
-    for period in (24.0, 8.0, 4.0):
-        for way in (1, -1):
-            turn = way * np.linspace(0, 2 * np.pi, int(period * RATE))
-            points = np.stack(
-                [0.2 * np.cos(turn), 0.2 * np.sin(turn), np.full_like(turn, -0.72)], axis=1
-            )
-            items.append(joints_at(points))
-    result = []
-    for command in items:
-        time = np.arange(len(command)) / RATE
-        seen = np.ones(len(time), dtype=bool)
-        result.append(Item(time, command, seen, 0.0, begin, True))
-        begin += time[-1] + 5.0
-    return result
+def _only_still(items: list[Item]) -> list[Item]:
+    return [replace(item, seen=item.still) for item in items]
+
+
+def _stop(here: Array, visit: Visit, begin: float) -> Item:
+    beside = visit.goal - visit.side * _BESIDE
+    there, rest = _line(here, beside, _MOVE), _line(beside, visit.goal, _APPROACH)
+    way, arrived = _joined([(there, _MOVE), (rest, _APPROACH)]), _MOVE + _APPROACH
+    return _item(begin, way, arrived + _DWELL / RATE, visit.payload, visit.side, arrived)
+
+
+def _item(
+    begin: float, path: Path, duration: float, payload: float, side: float, arrived: float
+) -> Item:
+    time = np.arange(round(duration * RATE)) / RATE
+    before, command, after = (path(time + s * _DELTA) for s in (-1, 0, 1))
+    return Item(
+        begin=begin,
+        time=time,
+        command=command,
+        velocity=(after - before) / (2 * _DELTA),
+        acceleration=(after - 2 * command + before) / _DELTA**2,
+        still=time > arrived - 0.1 / RATE,
+        seen=np.ones(len(time), dtype=bool),
+        payload=payload,
+        side=side,
+    )
+
+
+def _line(start: Array, goal: Array, duration: float) -> Path:
+    """From rest to rest with the least jerk."""
+
+    def path(time: Array) -> Array:
+        return start + _smooth(time / duration)[:, None] * (goal - start)
+
+    return path
+
+
+def _smooth(u: Array) -> Array:
+    u = np.clip(u, 0.0, 1.0)
+    return u**3 * (10 - 15 * u + 6 * u**2)
+
+
+def _joined(parts: list[tuple[Path, float]]) -> Path:
+    """One path after the other; each waits at its ends."""
+
+    def path(time: Array) -> Array:
+        result, begin = parts[0][0](time), 0.0
+        for (_, before), (following, _) in pairwise(parts):
+            begin += before
+            result = np.where((time >= begin)[:, None], following(time - begin), result)
+        return result
+
+    return path
+
+
+def sweeps() -> list[tuple[Path, float]]:
+    """Each joint in turn, slowly there and back, the others standing."""
+    motions = []
+    for joint in np.eye(3):
+        low, high = _HOME - _SWEEP * joint, _HOME + _SWEEP * joint
+        there, back = _line(low, high, _SWEEP_TIME), _line(high, low, _SWEEP_TIME)
+        motions.append((_joined([(there, _SWEEP_TIME), (back, _SWEEP_TIME)]), 2 * _SWEEP_TIME))
+    return motions
+
+
+def circles() -> list[tuple[Path, float]]:
+    """A circle at three speeds, both ways round."""
+    return [_round(_CIRCLE, _LEVEL, speed, way) for speed in _SPEEDS for way in (1, -1)]
+
+
+def _round(radius: float, level: float, speed: float, way: int) -> tuple[Path, float]:
+    """Round twice, or once where it takes long, after and before a second of speeding up."""
+    turns = 1 if speed < 0.1 else 2
+    steady = 2 * np.pi * turns * radius / speed
+    duration = steady + 1.0
+
+    def path(time: Array) -> Array:
+        time = np.clip(time, 0.0, duration)
+        gained = _gained(time) - _gained(time - steady)
+        angle = way * gained * speed / radius
+        ring = [radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, level)]
+        return joints_at(np.stack(ring, axis=1))
+
+    return path, duration
+
+
+def _gained(time: Array) -> Array:
+    """Integral of the smooth rise to speed 1 within a second, [s]."""
+    u = np.clip(time, 0.0, 1.0)
+    return u**4 * (2.5 - 3 * u + u**2) + np.clip(time - 1.0, 0.0, None)

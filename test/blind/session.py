@@ -1,18 +1,20 @@
-"""A session with something hidden in it."""
+"""A session with something hidden in it, and the truth to judge what is found."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from blind.causes import ACTS, BUILT, UNKNOWN, State, World, misbuilt
-from blind.machine import Build, Changed, assemble, manufactured
-from blind.plans import PLANS, Item
+from blind.cause import Cause
+from blind.causes import draw
+from blind.cell import Cell, Measured
+from blind.plans import PLANS, held_out
+from blind.signal import Left, Signal, left, signal
+from blind.world import CENTRE, State, World
 from delta_calibration.samples import (
     JointStream,
     PayloadStream,
@@ -25,166 +27,167 @@ Array = NDArray[np.float64]
 
 NAMES = ("joint_1", "joint_2", "joint_3")
 _START_NS = 1_750_000_000_000_000_000
+_ROOM = 20.0  # [deg C]
 _REST = 12e-6  # [rad] where a joint comes to rest, one draw a move
 _ENCODER = 3e-6  # [rad]
-_RADIAL, _ACROSS, _PER_METRE = 3e-6, 2e-6, 2e-6  # [m], [m], [m/m]
-_GROSS = 0.002  # share of readings that are clipped or bounced
+_SENSOR = 0.02  # [K]
+_SENSED = 30.0  # [s] between two temperatures
+_STIRRED = 1e-9  # [m]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the machine does at places and in conditions that the session did not see.
+
+    `point` is where the tracker would see the reflector without any noise, `plain` the same for
+    the machine without its hidden causes; stops (one row each) and measured motions.
+    """
+
+    session: Session  # the same as streams; readings that repeat exactly would look frozen
+    time: Array  # (n,) [s]
+    command: Array  # (n, 3) [rad]
+    velocity: Array  # (n, 3) [rad/s]
+    side: Array  # (n,) -1 or 1 from where approached, 0 in motion
+    payload: Array  # (n,) [kg]
+    point: Array  # (n, 3) [m]
+    plain: Array  # (n, 3) [m]
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """What the judge knows."""
+    """What the judge knows, by the names of the causes."""
 
     causes: tuple[str, ...]
     location: dict[str, str | None]
-    values: dict[str, Any]
-    signal_um: float  # root mean square by which the hidden effects move the readings at rest
+    values: dict[str, Mapping[str, float | str]]
+    signal_um: float
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A session and what is hidden in it."""
+    """A session, what is hidden in it, and how much it does there."""
 
     session: Session
-    hidden: Hidden
+    causes: tuple[Cause, ...]
+    signals: Signal
+    cell: Cell = field(repr=False)
+    measured: Measured = field(repr=False)
+    _seed: int = field(repr=False)
+    _sensors: tuple[str, ...] = field(repr=False)
+
+    @property
+    def signal(self) -> float:
+        """RMS by which the causes move the points, at stops or in motion: the larger [um]."""
+        return max(self.signals.still, self.signals.moving)
+
+    @cached_property
+    def left(self) -> Left:
+        """What a calibration leaves of that, worked out when asked for."""
+        return left(self.cell, self.measured)
+
+    @cached_property
+    def truth(self) -> Truth:
+        """The machine at places held out, worked out when asked for."""
+        carried = sorted({item.payload for item in self.measured.world.items})
+        rng = np.random.default_rng([self._seed, 4])
+        return _truth(self.cell, carried, self._sensors, rng)
+
+    @property
+    def hidden(self) -> Hidden:
+        """The same by the names of the causes."""
+        return Hidden(
+            tuple(cause.name for cause in self.causes),
+            {cause.name: cause.location for cause in self.causes},
+            {cause.name: cause.values for cause in self.causes},
+            self.signal,
+        )
 
 
 def hide(
-    causes: Mapping[str, float],
+    causes: Mapping[str, float] | Iterable[str],
     seed: int,
     plan: str = "rich",
     scatter: float = 1.0,
-    temperatures: bool = True,
+    sensors: tuple[str, ...] = ("arm", "base"),
 ) -> Trial:
-    """A session of a machine with these causes, each with its strength, in it.
+    """A session of a machine with these causes in it; the same for the same arguments.
+
+    Machine, plan and noise depend on the seed and not on the causes.
 
     Args:
-        causes: name -> strength in units of a real machine's typical size; `unknown:KIND` for what
-            is in no catalogue.
-        seed: of the machine, the plan and the noise.
-        plan: one of `PLANS`.
+        causes: as `causes.draw` reads them, each with its strength (1 where only named) in units
+            of a real machine's typical size.
+        seed: of the machine, the plan, the causes and the noise.
+        plan: one of `plans.PLANS`.
         scatter: size of the manufacturing errors in units of the tolerances.
-        temperatures: whether the sensors are recorded.
+        sensors: parts whose temperature is recorded: arm, base, forearm.
     """
-    rng = np.random.default_rng(seed)
-    build, location = manufactured(rng, scatter), {}
-    for cause, strength in causes.items():
-        if cause in BUILT:
-            build, leg = misbuilt(build, cause, strength, rng)
-            location[cause] = f"joint_{leg + 1}"
-    items = PLANS[plan](rng)
-    world = _world(items, build)
-    state = State(world.command.copy(), Changed.nothing(len(world.time)))
-    for cause, strength in causes.items():
-        act = ACTS.get(cause) or UNKNOWN.get(cause.removeprefix("unknown:"))
-        if act is not None:
-            act(world, state, strength, rng)
-            location[cause] = None
-    tracker = _Tracker(rng)
-    clean = tracker.sees(world.command, Changed.nothing(len(world.time)), world, State(
-        world.command, Changed.nothing(len(world.time))))  # fmt: skip
-    moved = tracker.sees(state.joint, state.changed, world, state)
-    resting = np.concatenate([i.seen for i in items]) & ~world.moving
-    signal = float(np.sqrt(np.mean(np.sum((moved - clean)[resting] ** 2, axis=1))))
-    session = _recorded(items, world, state, tracker, rng, temperatures)
-    hidden = Hidden(tuple(causes), location, dict(state.said), 1e6 * signal)
-    return Trial(session, hidden)
+    asked = causes if isinstance(causes, Mapping) else dict.fromkeys(causes, 1.0)
+    of_cell, of_plan, of_causes, of_noise = (np.random.default_rng([seed, k]) for k in range(4))
+    hidden = tuple(draw(name, strength, of_causes) for name, strength in asked.items())
+    items = PLANS[plan](of_plan)
+    cell = Cell.drawn(hidden, of_cell, scatter, items[-1].begin)
+    measured = cell.measure(items)
+    rest = _REST * of_noise.standard_normal((len(items), 3))[measured.world.item]
+    seen = cell.tracker.sees(measured.world, _moved(measured.state, rest))
+    noisy = seen + cell.tracker.noise(seen, of_noise)
+    sensors = () if plan == "no_temperatures" else sensors
+    session = _streams(measured.world, noisy, _ENCODER, sensors, of_noise)
+    return Trial(session, hidden, signal(measured), cell, measured, seed, sensors)
 
 
-def _world(items: list[Item], build: Build) -> World:
-    time = np.concatenate([i.begin + i.time for i in items])
-    warm = 1 - np.exp(-time / 2400.0)
-    return World(
-        time=time,
-        item=np.repeat(np.arange(len(items)), [len(i.time) for i in items]),
-        command=np.concatenate([i.command for i in items]),
-        moving=np.repeat([i.moving for i in items], [len(i.time) for i in items]),
-        payload=np.repeat([i.payload for i in items], [len(i.time) for i in items]),
-        centre=np.array([0.0, 0.0, -0.03]),
-        arm=13.0 * warm,
-        base=4.5 * (1 - np.exp(-time / 3600.0)),
-        forearm=8.0 * (1 - np.exp(-time / 1500.0)),
-        build=build,
+def _moved(state: State, by: Array) -> State:
+    return State(
+        state.joint + by, state.changed, state.late, state.offset, state.shift, state.distortions
     )
 
 
-class _Tracker:
-    """A tracker three metres off, a reflector somewhere on the platform."""
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        bearing = rng.uniform(0, 2 * np.pi)
-        self.turn = Rotation.from_rotvec([0.02, -0.01, rng.uniform(0, 2 * np.pi)])
-        self.place = np.array([3.0 * np.cos(bearing), 3.0 * np.sin(bearing), 0.4])
-        self.reflector = 0.03 * rng.standard_normal(3)
-
-    def sees(self, joint: Array, changed: Changed, world: World, state: State) -> Array:
-        """Readings without noise, (n, 3) [m]."""
-        stand = assemble(joint, world.build, changed)
-        point = stand.place + stand.turn @ self.reflector
-        reading = self.turn.apply(point) + self.place
-        if state.late:
-            reading = self._late(reading, world, state.late)
-        reading = reading * (1 + state.scale)
-        return reading if state.drift is None else state.drift(reading, world.time)
-
-    def _late(self, reading: Array, world: World, late: float) -> Array:
-        """What was true `late` before the stamp."""
-        result = reading.copy()
-        for number in np.unique(world.item[world.moving]):
-            rows = np.flatnonzero(world.item == number)
-            t = world.time[rows]
-            speed = np.gradient(reading[rows], t, axis=0, edge_order=2)
-            bend = np.gradient(speed, t, axis=0, edge_order=2)
-            result[rows] = reading[rows] - late * speed + late**2 / 2 * bend
-        return result
-
-    def noise(self, reading: Array, rng: np.random.Generator) -> Array:
-        """Along the beam little, across it with the distance; now and then gross."""
-        distance = np.linalg.norm(reading, axis=1, keepdims=True)
-        beam = reading / distance
-        noise = (_ACROSS + _PER_METRE * distance) * rng.standard_normal(reading.shape)
-        noise -= np.sum(noise * beam, axis=1, keepdims=True) * beam
-        noise += _RADIAL * rng.standard_normal(distance.shape) * beam
-        gross = rng.random(len(reading)) < _GROSS
-        noise[gross] += rng.uniform(-1e-3, 1e-3, (int(gross.sum()), 3))
-        return noise
+def _truth(
+    cell: Cell, payloads: Sequence[float], sensors: tuple[str, ...], rng: np.random.Generator
+) -> Truth:
+    measured = cell.measure(held_out(rng, cell.length / 3600, payloads))
+    world = measured.world
+    stirred = _STIRRED * rng.standard_normal(measured.reading.shape)
+    last = np.diff(world.item, append=-1) != 0
+    rows = np.flatnonzero(np.where(world.still, last, world.side == 0))
+    return Truth(
+        session=_streams(world, measured.reading + stirred, 0.0, sensors, rng),
+        time=world.time[rows],
+        command=world.command[rows],
+        velocity=world.velocity[rows],
+        side=world.side[rows],
+        payload=world.payload[rows],
+        point=measured.reading[rows],
+        plain=measured.plain[rows],
+    )
 
 
-def _recorded(
-    items: list[Item],
-    world: World,
-    state: State,
-    tracker: _Tracker,
+def _streams(
+    world: World, reading: Array, encoder: float, sensors: tuple[str, ...],
     rng: np.random.Generator,
-    temperatures: bool,
-) -> Session:
-    rest = _REST * rng.standard_normal((len(items), 3))
-    joint = state.joint + rest[world.item]
-    seen = np.concatenate([i.seen for i in items])
-    reading = tracker.sees(joint, state.changed, world, state)
-    reading = reading + tracker.noise(reading, rng)
-    stamp = _START_NS + np.round(world.time * 1e9).astype(np.int64)
-    encoder = world.command + _ENCODER * rng.standard_normal(world.command.shape)
-    change = np.flatnonzero(np.r_[True, np.diff(world.payload) != 0])
+) -> Session:  # fmt: skip
+    stamp = _stamps(world.time)
+    angle = world.command + encoder * rng.standard_normal(world.command.shape)
+    carried = np.flatnonzero(np.diff(world.payload, prepend=-1.0))
+    upright = np.tile([0.0, 0.0, 0.0, 1.0], (int(world.seen.sum()), 1))
+    sensed = np.arange(0.0, world.time.max() + _SENSED, _SENSED)
+    noise = _SENSOR * (encoder > 0) * rng.standard_normal((len(sensors), len(sensed)))
     return Session(
         source="blind",
         command=JointStream(stamp, NAMES, world.command),
-        states=JointStream(stamp, NAMES, encoder),
-        tracker=TrackerStream(stamp[seen], reading[seen], None),
-        temperature=_sensors(world, rng) if temperatures else (),
+        states=JointStream(stamp, NAMES, angle),
+        tracker=TrackerStream(stamp[world.seen], reading[world.seen], upright),
+        temperature=tuple(
+            TemperatureStream(
+                part, _stamps(sensed), _ROOM + world.warming.by_sensor(part, sensed) + noise[k]
+            )
+            for k, part in enumerate(sensors)
+        ),
         payload=PayloadStream(
-            stamp[change], world.payload[change], np.tile(world.centre, (len(change), 1))
+            stamp[carried], world.payload[carried], np.tile(CENTRE, (len(carried), 1))
         ),
     )
 
 
-def _sensors(world: World, rng: np.random.Generator) -> tuple[TemperatureStream, ...]:
-    """Two sensors, a minute behind their part; none on the forearms."""
-    time = np.arange(0.0, world.time.max() + 60, 60.0)
-    late = np.clip(time - 60.0, 0, None)
-    stamp = _START_NS + np.round(time * 1e9).astype(np.int64)
-    arm, base = 13.0 * (1 - np.exp(-late / 2400)), 4.5 * (1 - np.exp(-late / 3600))
-    return tuple(
-        TemperatureStream(part, stamp, 20.0 + t + 0.03 * rng.standard_normal(len(time)))
-        for part, t in (("arm", arm), ("base", base))
-    )
+def _stamps(time: Array) -> NDArray[np.int64]:
+    return _START_NS + np.round(time * 1e9).astype(np.int64)

@@ -1,0 +1,43 @@
+"""What a hidden cause is: a name, what it does, and its true values for the judge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.machine import Build
+from blind.world import Act, State, World
+
+Array = NDArray[np.float64]
+
+
+def nothing(world: World, state: State) -> None:
+    """For what is in the build already."""
+
+
+def as_built(build: Build) -> Build:
+    """For what leaves the build as it is."""
+    return build
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause with its sizes drawn; it can act on any session of the machine."""
+
+    name: str
+    act: Act = nothing
+    values: Mapping[str, float | str] = field(default_factory=dict)  # SI
+    location: str | None = None  # joint_1, ... where it is not shared
+    rebuild: Callable[[Build], Build] = as_built
+
+
+# (rng, strength, legs that have it (3,) of 0 and 1) -> the cause
+Draw = Callable[[np.random.Generator, float, Array], Cause]
+
+
+def of_legs(name: str, values: Array) -> dict[str, float]:
+    """Values of the legs that have any, by name."""
+    return {f"{name}_{leg + 1}": float(v) for leg, v in enumerate(values) if v}

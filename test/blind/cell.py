@@ -1,0 +1,63 @@
+"""A machine with its causes, before its tracker: what any plan would measure, without noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.cause import Cause
+from blind.machine import Build, manufactured
+from blind.plans import Item
+from blind.tracker import Tracker
+from blind.world import State, Warming, World
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Readings without noise, with and without the causes."""
+
+    world: World
+    state: State
+    reading: Array  # (n, 3) [m]
+    plain: Array  # (n, 3) [m]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One machine, and how long its session takes: what drifts drifts over that."""
+
+    build: Build
+    plain: Build  # before the causes
+    causes: tuple[Cause, ...]
+    tracker: Tracker
+    warming: Warming
+    length: float  # [s]
+
+    @classmethod
+    def drawn(
+        cls, causes: tuple[Cause, ...], rng: np.random.Generator, scatter: float, length: float
+    ) -> Cell:
+        """A machine of the workshop, the causes put in."""
+        plain = manufactured(rng, scatter)
+        build = plain
+        for cause in causes:
+            build = cause.rebuild(build)
+        return cls(build, plain, causes, Tracker.drawn(rng), Warming.drawn(rng), length)
+
+    def measure(self, items: Sequence[Item]) -> Measured:
+        """Carry out a plan."""
+        world = self._world(items, self.build)
+        state = State.untouched(world)
+        for cause in self.causes:
+            cause.act(world, state)
+        plain = world if self.build is self.plain else self._world(items, self.plain)
+        without = self.tracker.sees(plain, State.untouched(plain))
+        return Measured(world, state, self.tracker.sees(world, state), without)
+
+    def _world(self, items: Sequence[Item], build: Build) -> World:
+        return World(items, build, self.warming, self.length)

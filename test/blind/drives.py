@@ -1,0 +1,195 @@
+"""What hides in a drive, behind its encoder: what the joint does that the encoder does not say.
+
+Play and friction are run over the whole commanded motion, moves between poses included. Sizes at
+strength 1 are those of a real drive; each of the three has its own.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from blind.cause import Cause, Draw, of_legs
+from blind.world import State, World
+
+Array = NDArray[np.float64]
+
+_GAP = 0.29e-3  # [rad] one minute of arc
+_FRICTION = 60e-6  # [rad] by which static friction twists the drive
+_PRESLIDING = 0.4e-3  # [rad] over which friction builds up
+_STRIBECK = 0.05  # [rad/s] above which friction falls to ...
+_COULOMB = 0.2  # ... this share
+_GEAR, _WAVE = 33.0, 100.0  # motor turns a joint turn: planetary gear, harmonic drive
+_RIPPLE = 0.15e-3  # [rad]
+_ECCENTRIC = 0.2e-3  # [rad]
+_SCALE = 200e-6
+_CREEP = 0.1e-3  # [rad]
+_LAG = 3e-3  # [s]
+_GIVE = 1 / 2.5e4  # [rad/(N m)]
+_FINE = 8  # steps between two samples
+
+
+def uneven(rng: np.random.Generator, legs: Array) -> Array:
+    """One drive is not like the other: 0.7 to 1.3 of the typical, (3,)."""
+    return legs * rng.uniform(0.7, 1.3, 3)
+
+
+def either(rng: np.random.Generator, legs: Array) -> Array:
+    """The same with either sign, (3,)."""
+    return uneven(rng, legs) * rng.choice([-1.0, 1.0], 3)
+
+
+def backlash(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Play: the joint stays until the motor has crossed the gap, then goes with it."""
+    gap = strength * _GAP * uneven(rng, legs)
+
+    def act(world: World, state: State) -> None:
+        for leg in np.flatnonzero(gap):
+            state.joint[:, leg] += _play(world.command[:, leg], gap[leg] / 2)
+
+    return Cause("backlash", act, of_legs("gap", gap))
+
+
+def _play(motor: Array, half: float) -> Array:
+    """Joint less motor, (n,), begun in the middle of the gap."""
+    at, result = float(motor[0]), []
+    for angle in motor.tolist():
+        at = min(max(at, angle - half), angle + half)
+        result.append(at - angle)
+    return np.array(result)
+
+
+def stick_slip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """LuGre friction twists the drive: bristles bend as it creeps, and let go with speed."""
+    size = strength * _FRICTION * uneven(rng, legs)
+
+    def act(world: World, state: State) -> None:
+        for leg in np.flatnonzero(size):
+            bent = _bristles(world.time, world.command[:, leg])
+            state.joint[:, leg] -= size[leg] * bent
+
+    return Cause("stick_slip", act, of_legs("friction", size))
+
+
+def _bristles(time: Array, motor: Array) -> Array:
+    """Their bend in units of static friction's, (n,): z' = v - |v| z / g(v), step by step."""
+    bend, result = 0.0, [0.0]
+    steps = np.diff(motor)
+    speed = np.abs(steps) / np.diff(time)
+    holds = _COULOMB + (1 - _COULOMB) * np.exp(-((speed / _STRIBECK) ** 2))
+    for step, hold in zip(steps.tolist(), holds.tolist(), strict=True):
+        if step:
+            end = math.copysign(hold, step)
+            bend = end + (bend - end) * math.exp(-abs(step) / (_PRESLIDING * hold))
+        result.append(bend)
+    return np.array(result)
+
+
+def joint_lag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Each servo trails its command: T y' = u - y, stepped finely through time."""
+    constant = strength * _LAG * legs * rng.uniform(0.3, 1.7, 3)
+
+    def act(world: World, state: State) -> None:
+        for number in range(len(world.items)):
+            rows = np.flatnonzero(world.item == number)
+            t, u = world.time[rows], world.command[rows]
+            step = (t[1] - t[0]) / _FINE
+            fine = CubicSpline(t, u)(t[0] + step * np.arange(_FINE * (len(t) - 1) + 1))
+            for leg in np.flatnonzero(constant):
+                behind = _behind(fine[:, leg], step, constant[leg])
+                state.joint[rows, leg] -= behind[::_FINE]
+
+    return Cause("joint_lag", act, of_legs("lag", constant))
+
+
+def _behind(u: Array, step: float, constant: float) -> Array:
+    """u - y from rest, (n,), exact for a u that is straight between its samples."""
+    keeps = math.exp(-step / constant)
+    slope = np.diff(u, prepend=u[0]) / step
+    return np.asarray(lfilter([constant * (1 - keeps)], [1.0, -keeps], slope))
+
+
+def encoder_eccentricity(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """A code disc off its axis: the read head sees the circle's points from beside its centre."""
+    size, bearing = strength * _ECCENTRIC * uneven(rng, legs), rng.uniform(0, 2 * np.pi, 3)
+
+    def act(world: World, state: State) -> None:
+        angle = world.command - bearing
+        state.joint += np.arctan2(size * np.sin(angle), 1 + size * np.cos(angle))
+
+    return Cause("encoder_eccentricity", act, of_legs("size", size) | of_legs("bearing", bearing))
+
+
+def transmission_error(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """A gear that is not round: once and twice a turn of the motor, on and on as it turns."""
+    size, phase = strength * _RIPPLE * uneven(rng, legs), rng.uniform(0, 2 * np.pi, (2, 3))
+    wave = bool(rng.random() < 0.5)
+    ratio, main = (_WAVE, 2) if wave else (_GEAR, int(rng.integers(1, 3)))
+    shares = np.where(np.array([1, 2]) == main, 1.0, 0.25)
+
+    def act(world: World, state: State) -> None:
+        motor = ratio * world.command
+        for turns in (1, 2):
+            state.joint += size * shares[turns - 1] * np.sin(turns * motor + phase[turns - 1])
+
+    return Cause("transmission_error", act, {"cycles": ratio * main, **of_legs("size", size)})
+
+
+def joint_scale(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Counts a turn entered wrong."""
+    scale = strength * _SCALE * either(rng, legs)
+
+    def act(world: World, state: State) -> None:
+        state.joint += scale * world.command
+
+    return Cause("joint_scale", act, of_legs("scale", scale))
+
+
+def joint_zero_drift(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """A coupling that creeps all the while, or slips once."""
+    size, slips, when = strength * _CREEP * either(rng, legs), rng.random() < 0.5, rng.random()
+
+    def act(world: World, state: State) -> None:
+        share = world.time / world.length
+        course = share > 0.25 + 0.5 * when if slips else share
+        state.joint += size * course[:, None]
+
+    said = {"kind": "step" if slips else "ramp", "share": 0.25 + 0.5 * when if slips else 1.0}
+    return Cause("joint_zero_drift", act, {**of_legs("drift", size), **said})
+
+
+def joint_compliance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Each drive a spring that gives way to the slope of the potential energy."""
+    give = strength * _GIVE * uneven(rng, legs)
+
+    def act(world: World, state: State) -> None:
+        state.joint -= give * world.moments(state.changed)
+
+    return Cause("joint_compliance", act, of_legs("give", give))
+
+
+def dynamic_deflection(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """The same springs under what it takes to move the masses."""
+    give = strength * _GIVE * uneven(rng, legs)
+
+    def act(world: World, state: State) -> None:
+        state.joint -= give * world.pushes()
+
+    return Cause("dynamic_deflection", act, of_legs("give", give))
+
+
+DRIVES: dict[str, Draw] = {
+    "backlash": backlash,
+    "stick_slip": stick_slip,
+    "joint_lag": joint_lag,
+    "encoder_eccentricity": encoder_eccentricity,
+    "transmission_error": transmission_error,
+    "joint_scale": joint_scale,
+    "joint_zero_drift": joint_zero_drift,
+    "joint_compliance": joint_compliance,
+    "dynamic_deflection": dynamic_deflection,
+}

@@ -1,0 +1,111 @@
+"""How much a cause shows: raw, after a frame, and after what a calibration would fit anyway."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.cell import Cell, Measured
+from blind.machine import Build, assemble
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-5  # [m], [rad] of the differences
+_OFFSET = 0.05  # [m] how far off the centre a reflector is expected
+_FREE = 1.0  # [m], [rad] how far off the frame may be: no matter
+_THIN = 10  # of the readings in motion every tenth is looked at
+# [m], [rad] how far off each dimension is expected to be
+_EXPECTED = {
+    "hinge": 0.25e-3, "tilt": 0.5e-3, "zero": 0.8e-3, "arm": 0.15e-3, "rod": 0.2e-3,
+    "elbow": 0.03e-3, "elbow_line": 0.5e-3, "platform": 0.25e-3, "ball": 0.03e-3,
+    "platform_line": 0.5e-3,
+}  # fmt: skip
+_AT_REST, _IN_MOTION = 5e-6, 8e-6  # [m] an axis, of a stop's mean and of a reading in motion
+
+
+@dataclass(frozen=True)
+class Signal:
+    """RMS of the 3-D distance by which the causes move the measured points [um]."""
+
+    still: float  # at stops
+    moving: float  # in motion; 0 where nothing is measured in motion
+    fitted: float  # at stops, after the best rigid frame
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a calibration leaves of the causes; tolerances hold its geometry near the drawing."""
+
+    still: float  # [um] RMS at stops
+    moving: float  # [um] RMS in motion
+    # lambda: squared, in noise's standard deviations, summed over the stops and over a tenth of
+    # the readings in motion as though each had noise of its own
+    strength: float
+
+
+def signal(measured: Measured) -> Signal:
+    """Before anything but a frame is fitted."""
+    world, moved = measured.world, measured.reading - measured.plain
+    still = world.still & world.seen
+    after = after_frame(measured.reading[still], measured.plain[still])
+    return Signal(_rms(moved[still]), _rms(moved[~world.still & world.seen]), _rms(after))
+
+
+def left(cell: Cell, measured: Measured) -> Left:
+    """After frame, reflector offset and geometry, by least squares with the tolerances as rows."""
+    world = measured.world
+    rows, still = _looked_at(measured)
+    sigma = np.where(still, _AT_REST, _IN_MOTION)
+    columns = np.stack(list(_columns(cell, world.command[rows])), axis=-1)
+    slopes = (columns / sigma[:, None, None]).reshape(3 * len(rows), -1)
+    effect = ((measured.reading - measured.plain)[rows] / sigma[:, None]).reshape(-1)
+    slopes = np.vstack([slopes, np.eye(slopes.shape[1])])
+    effect = np.append(effect, np.zeros(slopes.shape[1]))
+    remains = effect - slopes @ np.linalg.lstsq(slopes, effect, rcond=None)[0]
+    metres = remains[: 3 * len(rows)].reshape(-1, 3) * sigma[:, None]
+    return Left(_rms(metres[still]), _rms(metres[~still]), float(remains @ remains))
+
+
+def after_frame(reading: Array, plain: Array) -> Array:
+    """What a rigid motion leaves of the difference, (n, 3) [m]."""
+    a, b = reading - reading.mean(axis=0), plain - plain.mean(axis=0)
+    u, _, v = np.linalg.svd(b.T @ a)
+    turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    return np.asarray(a - b @ turn)
+
+
+def _rms(difference: Array) -> float:
+    if len(difference) == 0:
+        return 0.0
+    return 1e6 * float(np.sqrt(np.mean(np.sum(difference**2, axis=1))))
+
+
+def _looked_at(measured: Measured) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """The last row of each stop and every tenth in motion, and which are stops."""
+    world = measured.world
+    last = world.still & (np.diff(world.item, append=-1) != 0)
+    motion = np.flatnonzero(~world.still & world.seen)[::_THIN]
+    rows = np.sort(np.append(np.flatnonzero(last), motion))
+    return rows, world.still[rows]
+
+
+def _columns(cell: Cell, command: Array) -> Iterator[Array]:
+    """How the reading moves with all that is fitted, in units of what is expected, (n, 3) each."""
+    build, tracker, turn = cell.plain, cell.tracker, cell.tracker.turn.as_matrix().T
+    stand = assemble(command, build)
+    here = stand.point(tracker.reflector)
+    for axis in np.eye(3):
+        yield np.tile(_FREE * axis, (len(here), 1))
+        yield _FREE * np.cross(axis, here) @ turn
+        yield _OFFSET * (stand.point(tracker.reflector + axis) - here) @ turn
+    for part in (field.name for field in fields(Build)):
+        value = getattr(build, part)
+        for where in np.ndindex(value.shape):
+            off = value.copy()
+            off[where] += _STEP
+            moved = assemble(command, replace(build, **{part: off}), None, stand)
+            slope = (moved.point(tracker.reflector) - here) @ turn / _STEP
+            yield _EXPECTED[part] * slope

@@ -1,0 +1,181 @@
+"""What holds during a session, sample by sample, and what the causes act on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.machine import Build, Changed, Stand, assemble
+from blind.plans import Item
+from blind.weight import inertia, tensions, torques
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+CENTRE = np.array([0.0, 0.0, -0.03])  # [m] of the payload, below the platform
+_RISE = {"arm": (11, 15), "base": (3.5, 6), "forearm": (6, 9)}  # [K]
+_CONSTANT = {"arm": (2000, 2800), "base": (3000, 4500), "forearm": (1200, 1800)}  # [s]
+_KNOT = 0.05  # [rad] loads bend by 1 in 3000 of themselves over so much travel
+
+
+@dataclass(frozen=True)
+class Warming:
+    """How far above the start each part is, [K] over time [s]: first order, part by part."""
+
+    rise: dict[str, float]  # [K]
+    constant: dict[str, float]  # [s]
+    lag: float  # [s] a sensor behind its part
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> Warming:
+        """A machine that warms by 11 to 15 K at the arms, less elsewhere."""
+        return cls(
+            {part: rng.uniform(*span) for part, span in _RISE.items()},
+            {part: rng.uniform(*span) for part, span in _CONSTANT.items()},
+            rng.uniform(20, 90),
+        )
+
+    def of(self, part: str, time: Array) -> Array:
+        """Of the part itself, (n,) [K]."""
+        return self.rise[part] * -np.expm1(-time / self.constant[part])
+
+    def by_sensor(self, part: str, time: Array) -> Array:
+        """What its sensor says: a first-order lag of a first-order rise, (n,) [K]."""
+        slow, quick = self.constant[part], self.lag
+        share = (slow * np.exp(-time / slow) - quick * np.exp(-time / quick)) / (slow - quick)
+        return self.rise[part] * (1 - share)
+
+
+@dataclass(frozen=True)
+class World:
+    """All samples of a session, moves between poses included."""
+
+    items: Sequence[Item]
+    build: Build
+    warming: Warming
+    length: float  # [s] of the session of this machine
+
+    def _all(self, name: str) -> Array:
+        return np.concatenate([getattr(item, name) for item in self.items])
+
+    def _each(self, values: list[float]) -> Array:
+        return np.repeat(values, [len(item.time) for item in self.items])
+
+    @cached_property
+    def item(self) -> Index:
+        """Number of the item, (n,)."""
+        return self._each(list(range(len(self.items)))).astype(np.int64)
+
+    @cached_property
+    def time(self) -> Array:
+        """(n,) [s]."""
+        return self._each([item.begin for item in self.items]) + self._all("time")
+
+    @cached_property
+    def command(self) -> Array:
+        """(n, 3) [rad]."""
+        return self._all("command")
+
+    @cached_property
+    def velocity(self) -> Array:
+        """(n, 3) [rad/s]."""
+        return self._all("velocity")
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """(n, 3) [rad/s^2]."""
+        return self._all("acceleration")
+
+    @cached_property
+    def still(self) -> NDArray[np.bool_]:
+        """Arrived at a stop, (n,)."""
+        return self._all("still").astype(bool)
+
+    @cached_property
+    def seen(self) -> NDArray[np.bool_]:
+        """Read by the tracker, (n,)."""
+        return self._all("seen").astype(bool)
+
+    @cached_property
+    def payload(self) -> Array:
+        """(n,) [kg]."""
+        return self._each([item.payload for item in self.items])
+
+    @cached_property
+    def side(self) -> Array:
+        """From where the stop is approached, (n,) -1, 0, 1."""
+        return self._each([item.side for item in self.items])
+
+    @cached_property
+    def stand(self) -> Stand:
+        """The machine as built at its commands."""
+        return assemble(self.command, self.build)
+
+    @cached_property
+    def travel(self) -> Array:
+        """Joint travel so far; a step between items, so that nothing is interpolated across."""
+        step = np.linalg.norm(np.diff(self.command, axis=0, prepend=self.command[:1]), axis=1)
+        return np.cumsum(step) + self.item
+
+    def spread(self, of_rows: Callable[[Index], Array]) -> Array:
+        """A slow function of the joints, worked out at some rows and interpolated in between."""
+        edge = np.flatnonzero(np.diff(self.item))
+        near = np.flatnonzero(np.diff(np.floor(self.travel / _KNOT)))
+        rows = np.unique(np.r_[0, edge, edge + 1, near, len(self.item) - 1])
+        values = of_rows(rows)
+        flat = values.reshape(len(rows), -1).T
+        filled = [np.interp(self.travel, self.travel[rows], column) for column in flat]
+        return np.stack(filled, axis=1).reshape(-1, *values.shape[1:])
+
+    def moments(self, changed: Changed) -> Array:
+        """Of gravity at the joints, (n, 3) [N m]."""
+
+        def at(rows: Index) -> Array:
+            q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
+            return torques(q, self.build, changed.take(rows), payload, CENTRE, near)
+
+        return self.spread(at)
+
+    def pulls(self, changed: Changed) -> Array:
+        """Tension of the rods, (n, 3, 2) [N]."""
+
+        def at(rows: Index) -> Array:
+            q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
+            return tensions(q, self.build, changed.take(rows), payload, CENTRE, near)
+
+        return self.spread(at)
+
+    def pushes(self) -> Array:
+        """Moments of inertia forces at the joints, (n, 3) [N m]."""
+        rows = np.flatnonzero(~self.still)
+        result = np.zeros_like(self.command)
+        result[rows] = inertia(
+            self.command[rows], self.velocity[rows], self.acceleration[rows], self.build,
+            self.payload[rows], CENTRE, self.stand.take(rows),
+        )  # fmt: skip
+        return result
+
+
+@dataclass
+class State:
+    """What the causes act on, one after the other."""
+
+    joint: Array  # (n, 3) behind the drives [rad]
+    changed: Changed
+    late: float = 0.0  # [s] how much older than its stamp a reading is
+    offset: Array | None = None  # (3,) [m] more of the reflector's offset
+    shift: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (n, 3) [m] in the base
+    # (reading, time) -> reading, in the tracker's frame
+    distortions: tuple[Callable[[Array, Array], Array], ...] = ()
+
+    @classmethod
+    def untouched(cls, world: World) -> State:
+        """A machine that does what it is told."""
+        return cls(world.command.copy(), Changed.nothing())
+
+
+Act = Callable[[World, State], None]
