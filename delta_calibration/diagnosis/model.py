@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
-from delta_calibration.identification import Problem, robust_weights
+from delta_calibration.identification import Problem, robust_weights, solve
 from delta_calibration.samples import Survey
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
 _ZOOMS, _POINTS = 3, 9
+_FAIR = 0.1  # of the information
 _SETTLED = 0.05  # standard deviations by which no parameter moves any more
 
 
@@ -102,7 +103,38 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
         now = replace(step, cell=cell, members=_refined(step))
         if moved.max() < _SETTLED:
             break
-    return now
+    return _settled(now)
+
+
+def _settled(model: Model) -> Model:
+    """The model at rest on the poses, what shows in motion only held where it is.
+
+    Where the platform hardly tilts, the reflector's offset lies in a curved valley: steps that
+    take everything for linear end beside its floor. The search of the fit follows it.
+    """
+    problem, base = model.extended, model.problem.chain.base_size
+    free = np.ones(len(model.theta), dtype=bool)
+    begin = base
+    for member in model.members:
+        if member.effect is None:
+            continue
+        size = len(member.effect.parameters)
+        shows = _shows_at_rest(model.evidence, member)
+        free[begin : begin + size] = [row in member.rows and shows for row in range(size)]
+        begin += size
+    held = np.where(free, problem.theta0, model.theta)
+    start = replace(problem, theta0=held).only(free)
+    solution = solve(start, start.unknowns(model.theta))
+    cell = replace(model.cell, weight=solution.weight)
+    return replace(model, theta=solution.theta, cell=cell, near=None)
+
+
+def _shows_at_rest(evidence: Evidence, member: Candidate) -> bool:
+    """Whether the poses hold a fair part of what is known of a member."""
+    whole = np.diag(evidence.information(columns_of(member, evidence)))
+    resting = evidence.take(np.arange(evidence.poses))
+    alone = np.diag(resting.information(columns_of(member, resting)))
+    return bool((alone > _FAIR * whole).all())
 
 
 def _stepped(model: Model) -> Model:

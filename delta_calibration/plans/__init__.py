@@ -7,6 +7,7 @@ dwell.
 
 from delta_calibration.plans.motion import Leg, MotionPath, Plan, legs
 from delta_calibration.plans.named import make_plan
+from delta_calibration.plans.plan_file import read_plan, write_plan
 from delta_calibration.plans.points import CUBE, LINE_HALF, PLANE, nominal_joints, read_points
 
 __all__ = [
@@ -19,5 +20,7 @@ __all__ = [
     "legs",
     "make_plan",
     "nominal_joints",
+    "read_plan",
     "read_points",
+    "write_plan",
 ]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ Array = NDArray[np.float64]
 
 LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
+COLUMNS = ("x_mm", "y_mm", "z_mm")
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
 
 
@@ -33,6 +35,12 @@ def nominal_joints(robot: Robot, targets: Array) -> Array:
     model.require_reach(joint, targets, "point", "m")
     require_limits(robot, joint, "point")
     return joint
+
+
+def tool_points(robot: Robot, joint: Array) -> Array:
+    """Where the drawing has the tool at joints (n, m) [rad], (n, 3) [m]; NaN out of reach."""
+    model = robot.model("rotary_delta")
+    return model.forward(joint, model.parameters.nominal) + robot.tool_offset
 
 
 def require_limits(robot: Robot, joint: Array, what: str) -> None:
@@ -57,28 +65,67 @@ def read_points(path: Path) -> Array:
     Raises:
         InputError: no such file, a column missing, a value that is no finite number, or no row.
     """
-    wanted = ("x_mm", "y_mm", "z_mm")
+    return np.array([row.point for row in read_rows(path)])
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of a CSV file of tool points."""
+
+    file: Path
+    line: int
+    text: Mapping[str, str | None]  # by the names of the columns; None where the line is short
+
+    @property
+    def point(self) -> list[float]:
+        """The tool point [m]."""
+        return [1e-3 * self.number(name) for name in COLUMNS]
+
+    def number(self, column: str) -> float:
+        """The finite number in a column.
+
+        Raises:
+            InputError: another text.
+        """
+        text = self.text[column] or ""
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise self.wrong(column, "is not a finite number")
+        return value
+
+    def wrong(self, column: str, problem: str) -> InputError:
+        """What is wrong with the value in a column."""
+        text = self.text[column] or ""
+        return InputError(f"{self.file}: line {self.line}: {column}: {text!r} {problem}")
+
+
+def read_rows(path: Path) -> list[Row]:
+    """The lines of a CSV file that has columns x_mm, y_mm, z_mm at least.
+
+    Raises:
+        InputError: no such file, a column missing, a line too long, or no line.
+    """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, skipinitialspace=True)
             found = reader.fieldnames or []
-            missing = [name for name in wanted if name not in found]
+            missing = [name for name in COLUMNS if name not in found]
             if missing:
                 raise InputError(
-                    f"{path}: column {', '.join(missing)} missing; expected {', '.join(wanted)}, "
-                    f"found {', '.join(found) or 'nothing'}"
+                    f"{path}: column {', '.join(missing)} missing; expected "
+                    f"{', '.join(COLUMNS)}, found {', '.join(found) or 'nothing'}"
                 )
-            rows = [
-                [_number(path, reader.line_num, name, row[name]) for name in wanted]
-                for row in _of_one_length(path, reader, found)
-            ]
+            rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     if not rows:
         raise InputError(f"{path}: no points in it")
-    return np.array(rows) * 1e-3
+    return rows
 
 
 def line(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
@@ -113,7 +160,7 @@ def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gene
     r, angle = widest * np.sqrt(draws[:, 0]), 2 * np.pi * draws[:, 1]
     height = PLANE - 0.15 + 0.25 * draws[:, 2]
     points = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)
-    points = np.concatenate([ring, points[_usable(robot, points)]])
+    points = np.concatenate([ring, points[usable(robot, points)]])
     if len(points) < wanted:
         raise InputError(
             f"only {len(points)} of {wanted} points could be placed; choose a smaller radius"
@@ -131,24 +178,22 @@ def _rim(robot: Robot, widest: float) -> Array:
             ray = np.stack(
                 [radii * np.cos(a), radii * np.sin(a), np.full_like(radii, height)], axis=1
             )
-            usable = _usable(robot, ray)
-            if usable.any():
-                rim.append(ray[np.argmax(usable)])
+            good = usable(robot, ray)
+            if good.any():
+                rim.append(ray[np.argmax(good)])
     return np.array(rim).reshape(-1, 3)
 
 
-def _usable(robot: Robot, points: Array) -> NDArray[np.bool_]:
+def usable(robot: Robot, points: Array) -> NDArray[np.bool_]:
     """Points within reach and joint limits, well away from singularities, (n,)."""
     model = robot.model("rotary_delta")
     nominal, x = model.parameters.nominal, points - robot.tool_offset
     joint = model.inverse(x, nominal)
     room = 2 * APPROACH  # the way into a stop must be within the limits too
     inside = (joint > robot.joints.lower + room) & (joint < robot.joints.upper - room)
-    usable = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
-    usable[usable] = (
-        model.condition(joint[usable], x[usable], nominal) < robot.limits.condition / 2
-    )
-    return usable
+    good = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
+    good[good] = model.condition(joint[good], x[good], nominal) < robot.limits.condition / 2
+    return good
 
 
 def _of_one_length(
@@ -163,14 +208,3 @@ def _of_one_length(
                 f"{len(columns)} columns; decimals take a point, not a comma"
             )
         yield row
-
-
-def _number(path: Path, line: int, name: str, text: str | None) -> float:
-    text = text or ""  # None where the row is short
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"{path}: line {line}: {name}: {text!r} is not a finite number")
-    return value

@@ -1,0 +1,111 @@
+"""How well some samples part two explanations of what they say.
+
+With G their information beside geometry and frame, and v the parameters of the first at a typical
+size,
+
+    lambda = E v' (G_11 - G_12 (G_22 + L)^-1 G_21) v        cos^2 = 1 - lambda / E v' G_11 v
+
+lambda is the signal that the second cannot take over, and cos what of the signal it can: 1 where
+both move the samples alike. L keeps the second to sizes that are to be expected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.foresight import Mask, Products
+from delta_calibration.diagnosis.rivals import SAME
+from delta_calibration.diagnosis.scores import PRECISION
+
+Array = NDArray[np.float64]
+
+ALIKE = SAME  # cosine from which two explanations are too much alike to be told apart
+NAMED = 80.0  # lambda from which a cause can be named
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """How far apart two explanations are."""
+
+    cosine: float
+    signal: float  # lambda of the first beside the second
+
+    @property
+    def parted(self) -> bool:
+        """Whether a typical size of the first would be told from the second."""
+        return self.cosine < ALIKE and self.signal >= NAMED
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A first explanation, and a second or, where that is None, the geometry alone."""
+
+    first: Candidate
+    second: Candidate | None
+
+    @property
+    def outside(self) -> str:
+        """What would part them that no motion of the cell can; empty where nothing is known."""
+        effects = (c.effect for c in (self.first, self.second) if c is not None)
+        known = (effect.outside for effect in effects if effect is not None and effect.outside)
+        return next(known, "")
+
+    def nuisance(self, size: int) -> Mask:
+        """Which of the unknowns that all samples share are not asked about, (size,)."""
+        nuisance = np.ones(size, dtype=bool)
+        for candidate in (self.first, self.second):
+            if candidate is not None and candidate.effect is None:
+                nuisance[list(candidate.rows)] = False
+        return nuisance
+
+    def columns(self, evidence: Evidence) -> Array:
+        """Whitened columns of both side by side, (3 n, k)."""
+        both = [self.first] if self.second is None else [self.first, self.second]
+        return np.concatenate([columns_of(c, evidence) for c in both], axis=1)
+
+    def products(self, evidence: Evidence) -> Products:
+        """Of the columns of both."""
+        return Products.of(evidence, self.columns(evidence))
+
+    def contrast(self, products: Products, precision: Array, geometry: int) -> Contrast:
+        """Of samples with these products.
+
+        Args:
+            products: of this pair, over any samples.
+            precision: of what the samples share, (s,).
+            geometry: how many of those are the mechanism's dimensions.
+        """
+        alone, left = self.signals(products, precision, geometry)
+        if alone <= 0:
+            return Contrast(1.0, 0.0)
+        return Contrast(float(np.sqrt(np.clip(1 - left / alone, 0, 1))), max(left, 0.0))
+
+    def signals(self, products: Products, precision: Array, geometry: int) -> tuple[float, float]:
+        """Signal of the first by itself, and beside the second."""
+        nuisance = self.nuisance(len(precision))
+        k = len(self.first.rows)
+        information = products.information(precision, nuisance)
+        alone = left = information[:k, :k]
+        if self.second is None:
+            nuisance[:geometry] = False
+            alone = products.information(precision, nuisance)
+        else:
+            across = information[:k, k:]
+            other = information[k:, k:] + PRECISION * np.eye(len(information) - k)
+            left = left - across @ np.linalg.solve(other, across.T)
+        typical = _typical(self.first)
+        return float(np.sum(typical * alone)), float(np.sum(typical * left))
+
+
+def _typical(candidate: Candidate) -> Array:
+    """E v v' of parameters at their prior: of either sign where they may have it, (k, k)."""
+    mean = np.zeros(len(candidate.rows))
+    if candidate.effect is not None:
+        items = candidate.effect.parameters.items
+        mean[:] = [items[row].lower == 0 for row in candidate.rows]
+    return np.asarray(np.outer(mean, mean) + np.diag(1 - mean))

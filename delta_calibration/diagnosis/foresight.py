@@ -1,0 +1,192 @@
+"""What samples would tell that are not taken yet, beside those that are.
+
+All that tests need are inner products, and those of independent samples add up: with N the
+whitened columns of geometry, reflector offset and frame, which all samples share, and X those of
+an explanation,
+
+    G = X'X - X'N (N'N + P)^-1 N'X        each product a sum over what was and will be measured
+
+What only some of the samples have for nuisance, such as the rest errors of their paths, is
+projected out of those beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.distance import cdist
+
+from delta_calibration.chain import Chain
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.samples import Conditions, joined
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+AT_REST = -1  # the path of a sample that is on none
+_REST = 50e-6  # [rad] by which the joints may be off their command along a path
+_COMPARED = 400  # samples of a session among which the nearest is looked for
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is to be measured: conditions, and the path that each of n samples is on."""
+
+    at: Conditions  # reading and its speed are not looked at
+    path: Index  # (n,) `AT_REST` for a stop, which is a move of its own
+
+    def __len__(self) -> int:
+        return len(self.path)
+
+    def take(self, rows: NDArray[Any]) -> Samples:
+        """Some of the samples."""
+        return Samples(self.at.take(rows), self.path[rows])
+
+
+def together(parts: Sequence[Samples]) -> Samples:
+    """All of them one after the other, each path one of its own."""
+    at, path = parts[0].at, [parts[0].path]
+    for part in parts[1:]:
+        at = joined(at, part.at)
+        first = 1 + max(int(each.max(initial=AT_REST)) for each in path)
+        path.append(np.where(part.path == AT_REST, AT_REST, part.path + first))
+    return Samples(at, np.concatenate(path))
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """A fit, about which it is foreseen what samples would tell."""
+
+    chain: Chain
+    theta: Array  # (P,)
+    scale: Array  # (s, s) from the unknowns that all samples share, z, to theta
+    precision: Array  # (s,) of z: 1 / variance of its prior, 0 where it has none
+    whiten: Callable[[Samples, Array], Array]  # of samples and poses, (n, 3, 3) [1/m]
+
+    @classmethod
+    def about(cls, evidence: Evidence) -> Foresight:
+        """About the fit of a session, with noise like that of its samples nearby."""
+        chain, size = evidence.chain, evidence.chain.base_size
+        return cls(
+            chain, evidence.theta, _scale(evidence), evidence.precision[:size], _Noise(evidence)
+        )
+
+    def pose(self, samples: Samples) -> Array:
+        """Where the machine stands at the samples, (n, k); NaN rows out of reach."""
+        return self.chain.pose(samples.at, self.theta)
+
+    def evidence(self, samples: Samples, x: Array) -> Evidence:
+        """The samples, all within reach and at x (n, k), as evidence; their residuals are zero."""
+        at, whiten = samples.at, self.whiten(samples, x)
+        by_joints, by_geometry = self.chain.slopes(at, x, self.theta)
+        slope = self.chain.columns(at, x, self.theta, by_joints, by_geometry)
+        columns = whiten @ slope[..., : len(self.precision)] @ self.scale
+        seen = self.chain.seen(at, x, self.theta, by_joints)
+        by_joints, by_geometry = whiten @ by_joints, whiten @ by_geometry
+        rest = _rest_errors(samples.path, _REST * by_joints)
+        return Evidence(
+            chain=self.chain,
+            theta=self.theta,
+            at=at,
+            pose=x,
+            whiten=whiten,
+            residual=np.zeros((len(at), 3)),
+            nuisance=np.concatenate([columns, rest], axis=-1),
+            precision=np.concatenate([self.precision, np.ones(rest.shape[-1])]),
+            poses=int(np.sum(samples.path == AT_REST)),
+            by_joints=by_joints,
+            by_geometry=by_geometry,
+            seen=seen,
+        )
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """Whitening of new samples by that of the nearest one of their kind in a session."""
+
+    evidence: Evidence
+
+    def __call__(self, samples: Samples, x: Array) -> Array:
+        """(n, 3, 3) [1/m]."""
+        del x
+        good = np.flatnonzero(self.evidence.believed)
+        resting = good < self.evidence.poses
+        whiten = np.zeros((len(samples.path), 3, 3))
+        for on_path in (False, True):
+            new = np.flatnonzero((samples.path != AT_REST) == on_path)
+            like = good[~resting] if on_path and not resting.all() else good[resting]
+            if not like.size:
+                like = good
+            like = like[:: max(1, len(like) // _COMPARED)]
+            distance = cdist(samples.at.joint[new], self.evidence.at.joint[like])
+            whiten[new] = self.evidence.whiten[like[distance.argmin(axis=1)]]
+        return whiten
+
+
+def _scale(evidence: Evidence) -> Array:
+    """S with d(theta) = S z of the nuisance's first columns, read off one sample."""
+    chain, size = evidence.chain, evidence.chain.base_size
+    row = [int(np.flatnonzero(evidence.believed)[0])]
+    slope = chain.jacobian(evidence.at.take(np.array(row)), evidence.pose[row], evidence.theta)[0]
+    scaled = np.linalg.solve(evidence.whiten[row[0]], evidence.nuisance[row[0], :, :size])
+    offset, shift = slice(size - 9, size - 6), slice(size - 3, size)
+    prior = chain.parameters.prior[:size]
+    step = float(scaled[:, shift].trace() / 3)  # a shift of the frame shifts the reading
+    scale = np.diag(np.where(np.isfinite(prior), prior, step))
+    scale[shift, offset] = scaled[:, offset] - slope[:, offset] @ scale[offset, offset]
+    return scale
+
+
+def _rest_errors(path: Index, slope: Array) -> Array:
+    """Columns of each path's joint offset and of one that grows on it, (n, 3, 2 m paths)."""
+    columns = [np.zeros((len(path), 3, 0))]
+    for number in np.unique(path[path != AT_REST]):
+        on = path == number
+        along = np.zeros(len(path))
+        along[on] = np.linspace(-0.5, 0.5, int(on.sum()))
+        columns += [on[:, None, None] * slope, along[:, None, None] * slope]
+    return np.concatenate(columns, axis=-1)
+
+
+@dataclass(frozen=True)
+class Products:
+    """Inner products of whitened columns over some samples."""
+
+    shared: Array  # (s, s) N'N
+    across: Array  # (s, k) N'X
+    own: Array  # (k, k) X'X
+
+    @classmethod
+    def of(cls, evidence: Evidence, columns: Array) -> Products:
+        """Of columns (3 n, k); nuisance beyond what all samples share is projected out."""
+        size = evidence.chain.base_size
+        nuisance = evidence.nuisance.reshape(len(columns), -1)
+        every = np.concatenate([nuisance[:, :size], columns], axis=1)
+        normal = every.T @ every
+        rest = nuisance[:, size:]
+        if rest.shape[1]:
+            factor = cho_factor(rest.T @ rest + np.diag(evidence.precision[size:]))
+            seen = rest.T @ every
+            normal -= seen.T @ cho_solve(factor, seen)
+        return cls(normal[:size, :size], normal[:size, size:], normal[size:, size:])
+
+    def __add__(self, other: Products) -> Products:
+        return Products(
+            self.shared + other.shared, self.across + other.across, self.own + other.own
+        )
+
+    def times(self, count: float) -> Products:
+        """Of so many times as many samples."""
+        return Products(count * self.shared, count * self.across, count * self.own)
+
+    def information(self, precision: Array, nuisance: Mask) -> Array:
+        """G, (k, k), with some of the shared unknowns (s,) taken for possible."""
+        normal = self.shared[np.ix_(nuisance, nuisance)] + np.diag(precision[nuisance])
+        across = self.across[nuisance]
+        return np.asarray(self.own - across.T @ cho_solve(cho_factor(normal), across))

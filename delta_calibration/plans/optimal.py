@@ -1,0 +1,258 @@
+"""D-optimal measurement: the stops that tell the most about what is asked.
+
+With A_i the whitened rows of stop i, M = M_0 + sum_i A_i' A_i their information and M_0 that of
+the priors (and of what was measured before), the stops are chosen for the largest
+
+    log det M                   of everything, for a fit
+    log det M - log det M_n     of what is asked beside nuisance n (D_s-optimal), for a contrast
+
+first one after the other, then by exchanges (Fedorov) until none gains. By Sylvester's identity a
+stop adds log det(1 + A_i M^-1 A_i'), a 3 x 3 determinant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from delta_calibration.chain import Chain
+from delta_calibration.diagnosis.foresight import AT_REST, Foresight, Samples
+from delta_calibration.errors import InputError
+from delta_calibration.geometry import Frame
+from delta_calibration.identification import (
+    Noise,
+    Observability,
+    build_problem,
+    chain_of,
+    whitening,
+)
+from delta_calibration.identification.observability import observe
+from delta_calibration.plans.motion import APPROACH, Plan
+from delta_calibration.plans.points import tool_points, usable
+from delta_calibration.robot import Robot
+from delta_calibration.samples import at_rest
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_TRACKER = 3.0  # [m] of the tracker from the base, where nothing is known
+_READINGS = 20  # averaged at a stop
+_ON_PATH = 4  # averaged on a path
+_WEAK = 1e-6  # precision of what has no prior: the frame, to a metre
+_CANDIDATES = 2000
+_DRAWS = 20  # of as many candidates as are needed
+_PASSES = 8  # of exchanges
+_GAIN = 1e-6  # of an exchange worth making
+_RANDOM = 20  # random plans to compare with
+
+
+def choose(
+    rows: Array,
+    start: Array,
+    count: int,
+    asked: int,
+    follow: Callable[[range], Iterable[int]] = iter,
+) -> Index:
+    """The stops that tell the most, each at most once, (count,).
+
+    Args:
+        rows: whitened, of each candidate, (N, 3, P).
+        start: information that is there already, (P, P), positive definite.
+        count: of stops.
+        asked: the last so many of the P columns are what is asked about; P for all.
+        follow: is handed the steps and hands them on; for a progress bar.
+    """
+    chosen: list[int] = []
+    information = start.copy()
+    swapped = 0
+    for step in follow(range(count * (1 + _PASSES))):
+        out: int | None = None
+        if step >= count:
+            if step % count == 0:
+                if step > count and not swapped:
+                    break
+                swapped = 0
+            out = chosen.pop(0)
+            information -= rows[out].T @ rows[out]
+        gains = _gains(rows, information, asked)
+        gains[chosen] = -np.inf
+        best = int(np.argmax(gains))
+        if out is not None and gains[best] <= gains[out] + _GAIN:
+            best = out
+        swapped += best != out
+        chosen.append(best)
+        information += rows[best].T @ rows[best]
+    return np.array(chosen, dtype=np.int64)
+
+
+def _gains(rows: Array, information: Array, asked: int) -> Array:
+    """What each candidate adds to the criterion, (N,)."""
+    size = len(information)
+    gains = _log_det(rows, information)
+    if asked < size:
+        rest = size - asked
+        gains -= _log_det(rows[..., :rest], information[:rest, :rest])
+    return gains
+
+
+def _log_det(rows: Array, information: Array) -> Array:
+    seen = rows @ np.linalg.inv(information) @ np.swapaxes(rows, 1, 2)
+    return np.asarray(np.linalg.slogdet(np.eye(3) + seen)[1])
+
+
+def foresight_of(robot: Robot, known: tuple[Chain, Array] | None = None) -> Foresight:
+    """What stops would tell of a robot, with the noise of its file.
+
+    Args:
+        robot: drawing, tolerances, noise.
+        known: chain and theta of a calibration; where not given, the drawing with the tracker
+            three metres away.
+    """
+    if known is None:
+        chain = chain_of(robot)
+        place = Frame(np.eye(3), np.array([_TRACKER, 0.0, 0.0]))
+        theta = chain.join(chain.mechanism.parameters.nominal, chain.offset, place)
+    else:
+        chain, theta = known
+    nowhere = at_rest(np.zeros((0, chain.mechanism.joints)))
+    none = np.zeros((0, 3))
+    problem = build_problem(chain, nowhere, none, np.zeros((0, 3, 3)), theta)
+    size = chain.base_size
+    return Foresight(
+        chain,
+        theta,
+        problem.basis[:size, :size],
+        np.where(problem.has_prior, 1.0, _WEAK)[:size],
+        _FiledNoise(robot, chain, theta),
+    )
+
+
+@dataclass(frozen=True)
+class _FiledNoise:
+    """Whitening of stops and of readings in motion by the noise that the robot's file states."""
+
+    robot: Robot
+    chain: Chain
+    theta: Array
+
+    def __call__(self, samples: Samples, x: Array) -> Array:
+        """(n, 3, 3) [1/m]."""
+        at, joints = samples.at, self.robot.joints
+        noise = Noise(1.0, 1.0, joints.repeatability, 0.0, 0, False)
+        rotation = self.chain.split(self.theta)[2].rotation
+        slope = rotation @ self.chain.point_by_joints(at, x, self.theta)
+        reading = noise.reading(self.chain.reading(at, x, self.theta), self.robot.tracker)
+        resting = (samples.path == AT_REST)[:, None, None]
+        spread = np.where(resting, joints.repeatability, joints.encoder / np.sqrt(_ON_PATH))
+        readings = np.where(resting, _READINGS, _ON_PATH)
+        covariance = reading / readings + spread**2 * slope @ np.swapaxes(slope, 1, 2)
+        return whitening(covariance)
+
+
+def candidates(robot: Robot, count: int, radius: float | None, rng: np.random.Generator) -> Array:
+    """Joint angles spread over all that the robot can take, (count, m) [rad].
+
+    Within the limits of the joints, with room for the way into a stop, and where the drawing is
+    well conditioned: that also bounds how far its ball joints are turned.
+
+    Args:
+        robot: limits and drawing.
+        count: of poses.
+        radius: of the tool from the axis [m]; None for no limit.
+        rng: decides which ones.
+
+    Raises:
+        InputError: too small a radius.
+    """
+    lower = robot.joints.lower + 2 * APPROACH
+    upper = robot.joints.upper - 2 * APPROACH
+    draws = qmc.Halton(len(lower), scramble=False).random(_DRAWS * count)
+    joint = lower + (upper - lower) * np.mod(draws + rng.random(len(lower)), 1.0)
+    place = tool_points(robot, joint)
+    good = usable(robot, place)
+    if radius is not None:
+        good &= np.hypot(place[:, 0], place[:, 1]) <= radius
+    if good.sum() < count:
+        raise InputError(
+            f"only {int(good.sum())} of {count} poses to choose from lie within the limits; "
+            "choose a larger radius or fewer stops"
+        )
+    return np.asarray(joint[good][:count])
+
+
+@dataclass(frozen=True)
+class OptimalPlan:
+    """Stops for a fit of the geometry, and how good they are."""
+
+    plan: Plan
+    candidates: int  # poses that they were chosen from
+    log_det: float
+    random_log_det: float  # mean of as many random stops
+    observability: Observability
+
+    @property
+    def worth(self) -> float:
+        """How many times as many random stops would tell as much."""
+        return float(np.exp((self.log_det - self.random_log_det) / self.observability.rank))
+
+
+def optimal_plan(
+    robot: Robot,
+    count: int = 40,
+    *,
+    dwell: float = 1.0,
+    radius: float | None = None,
+    seed: int = 0,
+    follow: Callable[[range], Iterable[int]] = iter,
+) -> OptimalPlan:
+    """The D-optimal stops to fit geometry, reflector offset and frame, each from both sides.
+
+    Args:
+        robot: drawing, tolerances, limits.
+        count: of different stops.
+        dwell: at each [s].
+        radius: of the tool from the axis [m]; None for no limit.
+        seed: of the candidates and of the order.
+        follow: is handed the steps and hands them on; for a progress bar.
+
+    Raises:
+        InputError: fewer stops than a fit needs, or too small a radius.
+    """
+    rng = np.random.default_rng(seed)
+    foresight = foresight_of(robot)
+    joint = candidates(robot, max(_CANDIDATES, 2 * count), radius, rng)
+    samples = Samples(at_rest(joint), np.full(len(joint), AT_REST))
+    rows = foresight.evidence(samples, foresight.pose(samples)).nuisance
+    start = np.diag(foresight.precision)
+    chosen = rng.permutation(choose(rows, start, count, len(start), follow))
+    by_chance = [
+        _information(rows, start, rng.choice(len(rows), count, replace=False))
+        for _ in range(_RANDOM)
+    ]
+    names = foresight.chain.parameters.names
+    sides = np.array([1.0, -1.0])
+    stops = np.repeat(joint[chosen], len(sides), axis=0)
+    return OptimalPlan(
+        Plan(
+            name="identify",
+            target=tool_points(robot, stops),
+            joint=stops,
+            direction=np.tile(sides, count),
+            payload=np.zeros(len(stops)),
+            dwell=dwell,
+        ),
+        len(rows),
+        _information(rows, start, chosen),
+        float(np.mean(by_chance)),
+        observe(rows[chosen] @ np.linalg.inv(foresight.scale), np.diag(foresight.scale), names),
+    )
+
+
+def _information(rows: Array, start: Array, chosen: Index) -> float:
+    """log det M of some stops."""
+    flat = rows[chosen].reshape(-1, rows.shape[-1])
+    return float(np.linalg.slogdet(start + flat.T @ flat)[1])

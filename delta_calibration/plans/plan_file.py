@@ -1,0 +1,148 @@
+"""A plan as a CSV file: tool points, and where wanted the side, the load and the motion.
+
+    x_mm, y_mm, z_mm                the tool point, base frame
+    direction                       1 or -1: the side that each joint comes from
+    payload_kg                      on the platform
+    path, duration_s                only where the points are driven through without a stop: the
+                                    path's name, and how long the whole of it takes
+
+Only the first three columns have to be there. Stops come first, then paths.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import InputError, ReachError
+from delta_calibration.plans.motion import MotionPath, Plan
+from delta_calibration.plans.points import COLUMNS, Row, nominal_joints, read_rows, tool_points
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+DIRECTION, PAYLOAD, PATH, DURATION = "direction", "payload_kg", "path", "duration_s"
+
+
+def read_plan(path: Path, robot: Robot, dwell: float, sides: Sequence[float], mass: float) -> Plan:
+    """The plan of a file.
+
+    Args:
+        path: of the CSV file.
+        robot: decides what can be reached.
+        dwell: at each stop [s].
+        sides: from which each point is approached, where the file does not say.
+        mass: on the platform [kg], where the file does not say.
+
+    Raises:
+        InputError: no such file, or one of another form.
+        ReachError: a point out of the robot's reach or joint limits.
+    """
+    rows = read_rows(path)
+    on_path = [bool(row.text.get(PATH)) for row in rows]
+    count = on_path.index(True) if any(on_path) else len(rows)
+    if count == 0:
+        raise rows[0].wrong(PATH, "is not preceded by a stop; a plan begins with one")
+    if not all(on_path[count:]):
+        late = rows[count + on_path[count:].index(False)]
+        raise late.wrong(PATH, "is empty after a path; stops come before paths")
+    stops = rows[:count]
+    if DIRECTION in stops[0].text:
+        each, sides = [_direction(row) for row in stops], ()
+    else:
+        each = list(sides) * count
+    again = max(len(sides), 1)
+    target = np.array([row.point for row in stops])
+    joint = nominal_joints(robot, target)
+    return Plan(
+        name=path.stem,
+        target=np.repeat(target, again, axis=0),
+        joint=np.repeat(joint, again, axis=0),
+        direction=np.array(each),
+        payload=np.repeat([_payload(row, mass) for row in stops], again),
+        dwell=dwell,
+        paths=tuple(_paths(rows[count:], robot)),
+    )
+
+
+def write_plan(path: Path, plan: Plan, robot: Robot) -> None:
+    """Write a plan as a file that `read_plan` reads back, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    head = [*COLUMNS, DIRECTION, PAYLOAD]
+    blank = []
+    if plan.paths:
+        head += [PATH, DURATION]
+        blank = ["", ""]
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        with beside.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(head)
+            for target, side, mass in zip(plan.target, plan.direction, plan.payload, strict=True):
+                writer.writerow([*_in_mm(target), f"{side:.0f}", f"{mass:g}", *blank])
+            for name, motion in zip(_names(plan.paths), plan.paths, strict=True):
+                for point in tool_points(robot, motion.joint):
+                    writer.writerow([*_in_mm(point), "", "", name, f"{motion.duration:.6g}"])
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _in_mm(point: Array) -> list[str]:
+    return [f"{1e3 * v:.6f}" for v in point]
+
+
+def _names(paths: Sequence[MotionPath]) -> Iterator[str]:
+    """Names of paths, numbered where one is driven several times."""
+    seen: dict[str, int] = {}
+    for path in paths:
+        seen[path.name] = seen.get(path.name, 0) + 1
+        yield path.name if seen[path.name] == 1 else f"{path.name}_{seen[path.name]}"
+
+
+def _direction(row: Row) -> float:
+    side = row.number(DIRECTION)
+    if side not in (1.0, -1.0):
+        raise row.wrong(DIRECTION, "is not allowed; allowed: 1, -1")
+    return side
+
+
+def _payload(row: Row, otherwise: float) -> float:
+    if PAYLOAD not in row.text:
+        return otherwise
+    mass = row.number(PAYLOAD)
+    if mass < 0:
+        raise row.wrong(PAYLOAD, "is negative")
+    return mass
+
+
+def _paths(rows: Sequence[Row], robot: Robot) -> Iterator[MotionPath]:
+    for name, group in groupby(rows, key=lambda row: row.text[PATH]):
+        way = list(group)
+        if DURATION not in way[0].text:
+            raise InputError(
+                f"{way[0].file}: column {DURATION} missing; a path needs it beside its points"
+            )
+        duration = way[0].number(DURATION)
+        if duration <= 0:
+            raise way[0].wrong(DURATION, "is not positive")
+        if len(way) < 2:
+            raise way[0].wrong(PATH, "has one point only; a path needs two or more")
+        for row in way:
+            if row.number(DURATION) != duration:
+                raise row.wrong(
+                    DURATION, f"differs from the {duration:g} that the path began with"
+                )
+        try:
+            joint = nominal_joints(robot, np.array([row.point for row in way]))
+        except ReachError as error:
+            raise ReachError(f"path {name}: {error}") from error
+        yield MotionPath(str(name), joint, duration)
