@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -20,6 +22,7 @@ from delta_calibration.compensation import METHODS, Compensated, JointCompensato
 from delta_calibration.errors import DataError, InputError, ReachError
 from delta_calibration.plans import nominal_joints, read_points
 from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import Conditions, at_rest, motion_of
 
 Array = NDArray[np.float64]
 
@@ -35,11 +38,29 @@ _BATCH = 64  # commands searched side by side
 @click.option("--method", type=click.Choice(METHODS), default="apso", show_default=True)
 @click.argument("targets", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
+@click.option(
+    "--payload", type=click.FloatRange(min=0.0), default=None, metavar="KG",
+    help="What the platform will carry at its centre; for a calibration with loads in it.",
+)  # fmt: skip
+@click.option(
+    "--temperature", "temperatures", multiple=True, metavar="PART=DEGREES",
+    help="How warm a part will be; for a calibration with growth in it. As often as needed.",
+)  # fmt: skip
 @seed_option
 def command(
-    robot_file: str, calibration_file: Path, method: str, targets: Path, out: Path, seed: int
+    robot_file: str,
+    calibration_file: Path,
+    method: str,
+    targets: Path,
+    out: Path,
+    payload: float | None,
+    temperatures: tuple[str, ...],
+    seed: int,
 ) -> None:
     """Correct the joint commands for the tool points in TARGETS (CSV: x_mm, y_mm, z_mm).
+
+    The machine is taken to stop at each point, and to come to it from the one before: play is
+    taken back by that direction, and from its middle where a joint has not moved yet.
 
     Writes the joints [rad] and error_mm: how far the tool stays from the target *by the identified
     model*; not what a tracker would measure.
@@ -50,12 +71,19 @@ def command(
     calibration = load_calibration(calibration_file, robot)
     compensator = JointCompensator(calibration, method, seed, compiled=len(points) > _BATCH)
     nominal = _nominal(robot, points, targets)
-    parts = np.array_split(nominal, max(len(nominal) // _BATCH, 1))
+    at = _conditions(nominal, payload, _by_part(temperatures))
+    parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
     found = Compensated.joined(
-        [compensator.compensate(part) for part in progress(parts, len(parts), "part")]
+        [
+            compensator.compensate(nominal[rows], at.take(rows))
+            for rows in progress(parts, len(parts), "part")
+        ]
     )
+    _refuse_unknown(found, calibration_file)
     _refuse_uncorrected(found, targets)
     _write(out, robot.joints.names, found)
+    for cause in calibration.left_out:
+        click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
     click.echo(
         f"written: {out} ({len(points)} commands by {method}, largest correction "
         f"{np.degrees(np.abs(found.correction).max()):.3f} degrees; error by the model at most "
@@ -68,6 +96,40 @@ def _nominal(robot: Robot, points: Array, targets: Path) -> Array:
         return nominal_joints(robot, points)
     except ReachError as error:
         raise ReachError(f"{targets}: {error}") from error
+
+
+def _by_part(given: Sequence[str]) -> dict[str, float]:
+    """Temperatures [deg C] by part."""
+    by_part = {}
+    for text in given:
+        part, _, number = text.partition("=")
+        try:
+            celsius = float(number)
+        except ValueError:
+            celsius = np.nan
+        if not part or not np.isfinite(celsius):
+            raise InputError(f"--temperature {text}: PART=DEGREES is expected, such as arm=27.5")
+        by_part[part] = celsius
+    return by_part
+
+
+def _conditions(joint: Array, payload: float | None, warm: dict[str, float]) -> Conditions:
+    """Stops at joints (n, m) [rad], one after the other."""
+    n = len(joint)
+    stops = motion_of(np.arange(n, dtype=float), joint)
+    at = replace(at_rest(joint), direction=stops.direction, travel=stops.travel)
+    if payload is not None:
+        at = replace(at, payload=np.full(n, payload), payload_centre=np.zeros((n, 3)))
+    celsius = np.tile(np.array(list(warm.values()), dtype=float), (n, 1))
+    return replace(at, temperature_parts=tuple(warm), temperature=celsius)
+
+
+def _refuse_unknown(found: Compensated, file: Path) -> None:
+    if found.missing:
+        raise InputError(
+            f"{file}: a calibration with effects: {found.missing}; "
+            "--payload KG and --temperature PART=DEGREES say it"
+        )
 
 
 def _refuse_uncorrected(found: Compensated, targets: Path) -> None:

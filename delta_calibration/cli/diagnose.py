@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from delta_calibration.calibration_file import save_extended
+from delta_calibration.calibration import Calibration
+from delta_calibration.calibration_file import load_calibration, save_extended
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.options import (
     SESSION,
@@ -30,6 +31,10 @@ _FILE = click.Path(path_type=Path)
 @click.command("diagnose", short_help="name what the model gets wrong")
 @SESSION
 @robot_option
+@click.option(
+    "--calibration", "in_force", type=_FILE, default=None,
+    help="What the robot is compensated by: held against the session in the drawing's place.",
+)  # fmt: skip
 @click.option("--json", "json_file", type=_FILE, default=None, help="Verdict to write.")
 @click.option(
     "--out", type=_FILE, default=None,
@@ -45,6 +50,7 @@ _FILE = click.Path(path_type=Path)
 def command(
     session: Path,
     robot_file: str,
+    in_force: Path | None,
     json_file: Path | None,
     out: Path | None,
     model: str | None,
@@ -63,9 +69,10 @@ def command(
         if path is not None:
             require_folder(path)
     robot = load_robot(robot_file)
+    calibration = None if in_force is None else load_calibration(in_force, robot)
     seen = survey(read_session(session, Topics.from_options(topics)), robot.joints.names)
     click.echo(describe_poses(seen.poses))
-    found = _diagnosed(seen, robot, model, seed)
+    found = _diagnosed(seen, robot, model, seed, calibration)
     click.echo(describe(found.verdict))
     if verbose:
         click.echo(tried(found))
@@ -77,7 +84,9 @@ def command(
         click.echo(f"written: {out}")
 
 
-def _diagnosed(seen: Survey, robot: Robot, model: str | None, seed: int) -> Diagnosis:
+def _diagnosed(
+    seen: Survey, robot: Robot, model: str | None, seed: int, calibration: Calibration | None
+) -> Diagnosis:
     """The diagnosis, with a bar that names its step."""
     with tqdm(total=len(STEPS), delay=1.0, disable=None, leave=False, unit="step") as bar:
 
@@ -85,7 +94,9 @@ def _diagnosed(seen: Survey, robot: Robot, model: str | None, seed: int) -> Diag
             bar.update(STEPS.index(name) - bar.n)
             bar.set_description(name)
 
-        return diagnose(seen, robot, model, seed=seed, step=step)
+        return diagnose(
+            seen, robot, model, seed=seed, calibration=calibration, step=step
+        )
 
 
 def describe(verdict: Verdict) -> str:

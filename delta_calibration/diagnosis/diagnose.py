@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit, audit
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.confirm import held_out
 from delta_calibration.diagnosis.evidence import Cell
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import MM, HeldOutModels, of_dimension, of_member
-from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.geometry import scatter_of, without_geometry
 from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.rivals import scaled
 from delta_calibration.diagnosis.search import ALPHA, Found, find
@@ -61,6 +64,7 @@ def diagnose(
     model: str | None = None,
     effects: tuple[Effect, ...] | None = None,
     seed: int = 0,
+    calibration: Calibration | None = None,
     step: Callable[[str], None] = lambda name: None,
 ) -> Diagnosis:
     """Say why the robot does not stand where its model says.
@@ -71,6 +75,8 @@ def diagnose(
         model: name of a mechanism; the robot file's own where not given.
         effects: what is tried; the whole catalogue where not given.
         seed: of bootstraps.
+        calibration: what the robot is compensated by; held against the session as the baseline in
+            the place of the drawing.
         step: is told of each of `STEPS` as it begins.
 
     Raises:
@@ -78,6 +84,8 @@ def diagnose(
     """
     rng = np.random.default_rng(seed)
     step(STEPS[0])
+    if calibration is not None:
+        model = calibration.chain.mechanism.name
     start = calibrated(survey, robot, model)
     if effects is None:
         effects = catalogue(robot, start.problem.chain.mechanism)
@@ -99,7 +107,7 @@ def diagnose(
     verdict = Verdict(
         session=_facts(survey),
         noise_mm=MM * start.cell.noise.floor,
-        baseline=Held("nominal + frame", held.mm(held.frame)),
+        baseline=_baseline(held, calibration),
         calibrated=Held("geometry + frame", held.mm(held.members((), held.sectors))),
         extended=Held(_name(members), held.mm(held.members(members, held.sectors))),
         findings=tuple(findings),
@@ -137,6 +145,20 @@ def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
     _, noise, problem = prepare(survey.poses, robot, chain_of(robot, model))
     solution = solve(problem)
     return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
+
+
+def _baseline(held: HeldOutModels, calibration: Calibration | None) -> Held:
+    """The drawing, or the calibration in force, in the best frame."""
+    if calibration is None:
+        return Held("nominal + frame", held.mm(held.frame))
+    evidence, items = held.evidence, calibration.chain.mechanism.parameters
+    known = evidence.geometry @ ((calibration.geometry - items.nominal) / items.prior)
+    values = calibration.chain.effect_values(calibration.theta)
+    for effect, value in zip(calibration.chain.effects, values, strict=True):
+        known = known + evidence.columns(effect) @ (value / effect.parameters.prior)
+    fixed = replace(evidence, residual=evidence.residual - known.reshape(-1, 3))
+    square = held_out(without_geometry(fixed), held.sectors)
+    return Held(f"calibration of {Path(calibration.source).name} + frame", held.mm(square))
 
 
 def _facts(survey: Survey) -> SessionFacts:
