@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime, timezone
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,34 +16,50 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import content_hash, read_document, write_document
-from delta_calibration.effects import effect_named
+from delta_calibration.effects import Effect, effect_named
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.identification import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses
+from delta_calibration.samples import Poses, at_rest
 
+LEAST_SQUARES, DIAGNOSIS = "least_squares", "diagnosis"
 _SEAL = "sha256"
 
 
-def from_identification(found: Identification, robot: Robot, poses: Poses) -> Calibration:
+def from_identification(
+    found: Identification, robot: Robot, poses: Poses, method: str = LEAST_SQUARES
+) -> Calibration:
     """The calibration that `save_calibration` would write and `load_calibration` read back."""
-    return _calibration(found, robot, poses, _content(found, robot, poses))
+    lower, upper = found.region_joints
+    return Calibration(
+        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor,
+        poses.source, content_hash(_content(found, robot, poses, method)),
+    )  # fmt: skip
 
 
-def save_calibration(path: Path, found: Identification, robot: Robot, poses: Poses) -> None:
+def save_calibration(
+    path: Path, found: Identification, robot: Robot, poses: Poses, method: str = LEAST_SQUARES
+) -> None:
     """Write a calibration, whole or not at all.
+
+    Args:
+        path: the file.
+        found: geometry, frame, and the effects in its chain.
+        robot: what was identified.
+        poses: what it was identified from.
+        method: how, in a word.
 
     Raises:
         ConfigError: the file cannot be written.
     """
-    _write(path, _content(found, robot, poses))
+    content = _content(found, robot, poses, method)
+    write_document(path, {**content, _SEAL: content_hash(content)})
 
 
 def from_diagnosis(found: Diagnosis, robot: Robot, poses: Poses) -> Calibration:
     """The calibration that `save_extended` would write and `load_calibration` read back."""
-    extended = found.identification
-    return _calibration(extended, robot, poses, _extended(found, robot, poses))
+    return from_identification(found.identification, robot, poses, DIAGNOSIS)
 
 
 def save_extended(path: Path, found: Diagnosis, robot: Robot, poses: Poses) -> None:
@@ -50,21 +68,7 @@ def save_extended(path: Path, found: Diagnosis, robot: Robot, poses: Poses) -> N
     Raises:
         ConfigError: the file cannot be written.
     """
-    _write(path, _extended(found, robot, poses))
-
-
-def _write(path: Path, content: Mapping[str, Any]) -> None:
-    write_document(path, {**content, _SEAL: content_hash(content)})
-
-
-def _calibration(
-    found: Identification, robot: Robot, poses: Poses, content: Mapping[str, Any]
-) -> Calibration:
-    lower, upper = found.region_joints
-    return Calibration(
-        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor,
-        poses.source, content_hash(content),
-    )  # fmt: skip
+    save_calibration(path, found.identification, robot, poses, DIAGNOSIS)
 
 
 def load_calibration(path: Path, robot: Robot) -> Calibration:
@@ -92,7 +96,10 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
     except ConfigError as error:
         raise ConfigError(f"{path}: model: {error}") from error
     chain, values = _with_effects(path, chain, robot, data.get("effects", []))
-    expected = chain.parameters.names[: chain.base_size]
+    try:
+        expected = chain.parameters.names[: chain.base_size]
+    except InputError as error:  # an effect that is there twice
+        raise ConfigError(f"{path}: effects: {error}") from error
     found = tuple(entry["name"] for entry in data["parameters"])
     if found != expected:
         odd = sorted(set(found) ^ set(expected)) or ["their order"]
@@ -117,32 +124,84 @@ def _with_effects(
     path: Path, chain: Chain, robot: Robot, entries: Sequence[Mapping[str, Any]]
 ) -> tuple[Chain, list[float]]:
     """The chain with the file's effects on the way, and their values in the order of theta."""
-    effects, values = [], []
-    for number, entry in enumerate(entries, start=1):
-        where = f"{path}: effects: {number}: {entry['cause']}"
-        try:
-            effect = effect_named(entry["cause"], robot, chain.mechanism, entry["settings"])
-        except InputError as error:
-            raise ConfigError(f"{where}: {error}") from error
-        names = [p["name"] for p in entry["parameters"]]
-        if names != list(effect.parameters.names):
-            raise ConfigError(
-                f"{where}: parameters {', '.join(names)}; "
-                f"it has {', '.join(effect.parameters.names)}"
-            )
+    effects: list[Effect] = []
+    values: list[float] = []
+    for number, entry in enumerate(entries):
+        where = f"{path}: effects[{number}]: {entry['cause']}"
+        effect = _effect(where, entry, chain, robot)
         effects.append(effect)
         values += [float(p["value"]) for p in entry["parameters"]]
     return chain.with_effects(tuple(effects)), values
 
 
-def _extended(found: Diagnosis, robot: Robot, poses: Poses) -> dict[str, Any]:
-    """The content of a calibration with what a diagnosis found."""
-    extended = found.identification
-    content = _content(extended, robot, poses)
-    base = extended.chain.base_size
-    content["parameters"] = content["parameters"][:base]
-    content["provenance"] = {**content["provenance"], "method": "diagnosis"}
-    content["effects"] = [
+def _effect(where: str, entry: Mapping[str, Any], chain: Chain, robot: Robot) -> Effect:
+    """One effect, in the shape and with the parameters that the file says."""
+    try:
+        plain = effect_named(entry["cause"], robot, chain.mechanism, {})
+        for name, value in entry["settings"].items():
+            _require_kind(name, value, plain.settings.get(name, value))
+        effect = effect_named(entry["cause"], robot, chain.mechanism, entry["settings"])
+        expected = effect.parameters
+        _try(effect, chain)
+    except InputError as error:
+        raise ConfigError(f"{where}: {error}") from error
+    for what, known in (("name", expected.names), ("unit", expected.units)):
+        found = [p[what] for p in entry["parameters"]]
+        if found != list(known):
+            raise ConfigError(
+                f"{where}: parameters: {what}s {', '.join(found)}; it has {', '.join(known)}"
+            )
+    return effect
+
+
+def _require_kind(name: str, value: object, usual: object) -> None:
+    found, expected = _kind(value), _kind(usual)
+    if found != expected:
+        raise InputError(f"settings.{name}: {value!r} is not allowed; {expected} is expected")
+
+
+def _kind(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return "a list of numbers"
+    return "a text" if isinstance(value, str) else "a number"
+
+
+def _try(effect: Effect, chain: Chain) -> None:
+    """Refuse a shape in which the effect cannot be evaluated at home, everything being known.
+
+    Raises:
+        InputError: lists of a wrong length, a width or speed of zero, ...
+    """
+    parts = tuple(value for value in effect.settings.values() if isinstance(value, str) and value)
+    home = chain.mechanism.home[None]
+    at = replace(
+        at_rest(home),
+        direction=np.ones_like(home),
+        payload=np.zeros(1),
+        payload_centre=np.zeros((1, 3)),
+        temperature_parts=parts,
+        temperature=np.full((1, len(parts)), 20.0),
+        reading=np.ones((1, 3)),
+    )
+    try:
+        with np.errstate(all="raise", under="ignore"):
+            whole = bool(np.isfinite(effect.columns(at) @ np.zeros(len(effect.parameters))).all())
+    except (ValueError, ArithmeticError):
+        whole = False
+    if not whole:
+        raise InputError("settings: it cannot be evaluated with these")
+
+
+def _effects(found: Identification) -> list[dict[str, Any]]:
+    """What is in the chain beside the geometry."""
+    chain = found.chain
+    each = zip(
+        chain.effects,
+        chain.effect_values(found.theta),
+        chain.effect_values(found.std),
+        strict=True,
+    )
+    return [
         {
             "cause": effect.cause,
             "settings": {
@@ -151,26 +210,21 @@ def _extended(found: Diagnosis, robot: Robot, poses: Poses) -> dict[str, Any]:
             },
             "parameters": [
                 dict(name=p.name, unit=p.unit, value=float(v), std=float(s))
-                for p, v, s in zip(effect.parameters, value, std, strict=True)
+                for p, v, s in zip(effect.parameters, values, std, strict=True)
             ],
         }
-        for effect, value, std in zip(
-            extended.chain.effects,
-            extended.chain.effect_values(extended.theta),
-            extended.chain.effect_values(extended.std),
-            strict=True,
-        )
+        for effect, values, std in each
     ]
-    return content
 
 
-def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:
+def _content(found: Identification, robot: Robot, poses: Poses, method: str) -> dict[str, Any]:
     lower, upper = found.region_joints
-    return {
+    base = found.chain.base_size
+    content = {
         "schema": 1,
         "robot": {"name": robot.name, "sha256": robot.hash},
         "model": found.chain.mechanism.name,
-        "provenance": _provenance(found, poses),
+        "provenance": _provenance(found, poses, method),
         "noise": {
             "floor_mm": found.noise.floor * 1e3,
             "degrees_of_freedom": found.noise.degrees,
@@ -182,7 +236,7 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
         "residuals": {"frame_only": _residuals(found.frame_only), "full": _residuals(found.full)},
         "parameters": [
             dict(name=p.name, unit=p.unit, nominal=p.nominal, value=float(v), std=float(s))
-            for p, v, s in zip(found.parameters, found.theta, found.std, strict=True)
+            for p, v, s in islice(zip(found.parameters, found.theta, found.std, strict=True), base)
         ],
         "observability": {
             "rank": found.observability.rank,
@@ -197,15 +251,16 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
             "joints_upper_rad": upper.tolist(),
         },
     }
+    return {**content, "effects": _effects(found)} if found.chain.effects else content
 
 
-def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
+def _provenance(found: Identification, poses: Poses, method: str) -> Mapping[str, Any]:
     start = datetime.fromtimestamp(poses.start_ns * 1e-9, tz=timezone.utc)
     return {
         "package_version": __version__,
         "session": Path(poses.source).name,
         "session_start": start.isoformat(timespec="seconds"),
-        "method": "least_squares",
+        "method": method,
         "seed": found.seed,
         "poses": len(poses),
         "readings": poses.readings,

@@ -18,6 +18,7 @@ from delta_calibration.calibration_file import (
     save_calibration,
 )
 from delta_calibration.documents import content_hash
+from delta_calibration.effects import effect_named
 from delta_calibration.errors import ConfigError
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
@@ -288,3 +289,130 @@ def test_writing_again_replaces_the_whole_file(fitted, written):
     save_calibration(written, replace(found, seed=9), ROBOT, poses)
     assert content_of(written)["provenance"]["seed"] == 9
     assert os.listdir(written.parent) == [written.name]
+
+
+# Effects
+
+
+SHAPES = {
+    "backlash": {"width": (1e-4, 2e-4, 3e-4)},
+    "thermal_growth_arm": {"sensor": "arm"},
+    "transmission_error": {"cycles": 66.5},
+    "unexplained": {"family": "position", "width": 0.3, "centres": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)},
+}
+
+
+@pytest.fixture(scope="module")
+def extended(fitted):
+    """The fit with effects on the way, each parameter a number of its own."""
+    found, poses = fitted
+    mechanism = found.chain.mechanism
+    effects = tuple(effect_named(c, ROBOT, mechanism, shape) for c, shape in SHAPES.items())
+    chain = found.chain.with_effects(effects)
+    more = sum(len(effect.parameters) for effect in effects)
+    covariance = np.zeros((len(found.theta) + more,) * 2)
+    covariance[: len(found.theta), : len(found.theta)] = found.covariance
+    covariance[np.diag_indices_from(covariance)] += 1e-10 * np.arange(len(covariance))
+    theta = np.concatenate([found.theta, 1e-5 * np.arange(1, more + 1)])
+    return replace(found, chain=chain, theta=theta, covariance=covariance), poses
+
+
+@pytest.fixture
+def with_effects(extended, tmp_path):
+    path = tmp_path / "extended.yaml"
+    save_calibration(path, extended[0], ROBOT, extended[1], "diagnosis")
+    return path
+
+
+def test_effects_come_back_with_their_shapes_values_and_standard_errors(extended, with_effects):
+    found, poses = extended
+    read = load_calibration(with_effects, ROBOT)
+    np.testing.assert_array_equal(read.theta, found.theta)
+    assert [e.cause for e in read.chain.effects] == list(SHAPES)
+    for effect in read.chain.effects:
+        assert SHAPES[effect.cause].items() <= effect.settings.items()
+    assert read.chain.parameters.names == found.parameters.names
+    data = content_of(with_effects)
+    assert data["provenance"]["method"] == "diagnosis"
+    assert len(data["parameters"]) == found.chain.base_size
+    gap = data["effects"][0]["parameters"][1]
+    row = found.parameters.row("backlash.gap_2")
+    assert gap == {
+        "name": "gap_2",
+        "unit": "rad",
+        "value": found.theta[row],
+        "std": pytest.approx(np.sqrt(found.covariance[row, row])),
+    }
+    made = from_identification(found, ROBOT, poses, "diagnosis")
+    assert made.seal == read.seal
+
+
+def test_a_fit_writes_no_effects(written):
+    assert "effects" not in content_of(written)
+    assert content_of(written)["provenance"]["method"] == "least_squares"
+    assert load_calibration(written, ROBOT).live == ()
+
+
+def test_the_seal_covers_effects(with_effects):
+    text = with_effects.read_text(encoding="utf-8")
+    changed = text.replace("cycles: 66.5", "cycles: 33.5")
+    assert changed != text
+    with_effects.write_text(changed, encoding="utf-8")
+    assert refusal(with_effects).startswith("sha256: the content was changed")
+
+
+def of_cause(data, cause):
+    return next(entry for entry in data["effects"] if entry["cause"] == cause)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d["effects"][0].update(cause="gremlins"), "gremlins: no effect 'gremlins'; "),
+        (lambda d: d["effects"][0]["settings"].update(depth=1.0), "unknown setting depth"),
+        (
+            lambda d: of_cause(d, "transmission_error")["settings"].update(cycles="many"),
+            "transmission_error: settings.cycles: 'many' is not allowed; a number is expected",
+        ),
+        (
+            lambda d: of_cause(d, "thermal_growth_arm")["settings"].update(sensor=3.0),
+            "settings.sensor: 3.0 is not allowed; a text is expected",
+        ),
+        (
+            lambda d: d["effects"][0]["settings"].update(width=[1e-4, 2e-4]),
+            "effects[0]: backlash: settings: it cannot be evaluated",
+        ),
+        (
+            lambda d: of_cause(d, "unexplained")["settings"].update(width=0.0),
+            "unexplained: settings: it cannot be evaluated",
+        ),
+        (
+            lambda d: d["effects"][0]["parameters"].pop(),
+            "names gap_1, gap_2; it has gap_1, gap_2,",
+        ),
+        (
+            lambda d: d["effects"][0]["parameters"][0].update(name="gap_9"),
+            "names gap_9, gap_2, gap_3; it has gap_1",
+        ),
+        (
+            lambda d: d["effects"][0]["parameters"][0].update(unit="m"),
+            "units m, rad, rad; it has rad, rad, rad",
+        ),
+        (
+            lambda d: d["effects"][0]["parameters"][0].update(value=float("nan")),
+            "effects[0].parameters[0].value: nan is not a finite number",
+        ),
+        (
+            lambda d: d["effects"][0]["parameters"][0].update(std=-1.0),
+            "effects[0].parameters[0].std: -1.0 is not allowed; at least 0",
+        ),
+        (
+            lambda d: of_cause(d, "transmission_error")["settings"].update(cycles=float("inf")),
+            "effects[2].settings.cycles: inf is not a finite number",
+        ),
+        (lambda d: d["effects"].append(d["effects"][0]), "effects: parameter names must differ"),
+        (lambda d: d["effects"][0].pop("settings"), "effects[0]: missing key settings"),
+    ],
+)
+def test_effects_that_cannot_be_are_refused_though_the_seal_fits(with_effects, change, message):
+    assert message in refusal(sealed(with_effects, change))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from delta_calibration.cell import command_path
 from delta_calibration.cell.command_path import HOLD, PASS_THROUGH, CommandPath
 from delta_calibration.compensation import Compensated, Verdict
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.samples import Conditions, at_rest
 
 Q = np.array([0.1, 0.2, 0.3])
 DQ = np.array([0.01, -0.02, 0.005])
@@ -198,7 +201,72 @@ def test_after_a_reset_nothing_is_compensated_or_held() -> None:
     assert path.counts[command_path.BACKWARD] == 0
 
 
-@pytest.mark.parametrize("options", [("stop", 1.0), (HOLD, -1.0), (HOLD, np.nan)])
+class Sided:
+    """Corrects by half a gap on the side that a joint has come from; knows nothing of no side."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def compensate(self, q: np.ndarray, at: Conditions | None = None) -> Compensated:
+        self.calls += 1
+        assert at is not None
+        known = bool((at.direction != 0).all())
+        dq = GAP / 2 * at.direction if known else np.zeros((1, 3))
+        verdict = Verdict.CORRECTED if known else Verdict.MISSING_CONDITION
+        missing = "" if known else "which way it went is not known"
+        return Compensated(
+            q + dq, dq, np.zeros(1), np.ones(1, dtype=np.int64), (verdict,), missing
+        )
+
+
+GAP = 1e-3  # [rad]
+
+
+def going(direction: float) -> Conditions:
+    return replace(at_rest(Q[None]), direction=np.full((1, 3), direction))
+
+
+def test_a_step_of_the_correction_is_spread_at_the_rate_that_is_allowed() -> None:
+    path = CommandPath(ramp_s=0.0, rate=0.02)  # 1 mrad takes 50 ms
+    path.load(Sided())
+    path.enable(True)
+    begin = path.send(Q, 0, 10.0, at=going(1.0)).joint - Q
+    np.testing.assert_allclose(begin, GAP / 2)
+    sent = [
+        path.send(Q, k, 10.0 + k * 0.01, at=going(-1.0)).joint - Q for k in range(1, 9)
+    ]  # 100 Hz
+    expected = np.maximum(GAP / 2 - 2e-4 * np.arange(1, 9), -GAP / 2)
+    np.testing.assert_allclose(np.array(sent), expected[:, None] * np.ones(3), atol=1e-15)
+    path.set_options(PASS_THROUGH, 0.0)
+    np.testing.assert_allclose(path.send(Q, 9, 10.09, at=going(1.0)).joint - Q, GAP / 2)
+
+
+def test_the_same_command_under_other_conditions_is_solved_anew_and_a_dwell_once() -> None:
+    path = CommandPath(ramp_s=0.0)
+    path.load(Sided())
+    path.enable(True)
+    for k, direction in enumerate((1.0, 1.0, -1.0, -1.0, -1.0, 1.0)):
+        at = replace(going(direction), time=np.array([float(k)]))
+        sent = path.send(Q, k, float(k), at=at)
+        np.testing.assert_allclose(sent.joint - Q, direction * GAP / 2)
+    assert path._compensator.calls == 3
+
+
+@pytest.mark.parametrize("on_failure", [PASS_THROUGH, HOLD])
+def test_a_condition_that_is_missing_is_named_and_the_policy_followed(on_failure: str) -> None:
+    path = CommandPath(on_failure, 0.0)
+    path.load(Sided())
+    path.enable(True)
+    good = path.send(Q, 0, 0.0, at=going(1.0))
+    sent = path.send(Q + 0.1, 1, 1.0, at=going(0.0))
+    np.testing.assert_array_equal(sent.joint, good.joint if on_failure == HOLD else Q + 0.1)
+    assert path.trouble == (f"{Verdict.MISSING_CONDITION.value}: which way it went is not known")
+    assert path.counts[Verdict.MISSING_CONDITION.value] == 1
+
+
+@pytest.mark.parametrize(
+    "options", [("stop", 1.0), (HOLD, -1.0), (HOLD, np.nan), (HOLD, 1.0, 0.0), (HOLD, 1.0, np.nan)]
+)
 def test_options_that_are_none_are_refused(options: tuple[str, float]) -> None:
     with pytest.raises(InputError):
         CommandPath(*options)

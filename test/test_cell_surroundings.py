@@ -53,11 +53,65 @@ def test_what_was_never_heard_is_not_known_and_what_is_old_no_more() -> None:
     q = np.zeros(3)
     at = around.at(q, 0.0)
     assert np.isnan(at.payload).all()
+    assert np.isnan(at.payload_centre).all()
     assert at.temperature_parts == ()
+    assert at.temperature.shape == (1, 0)
     assert (at.direction == 0).all()
-    around.carries(2.0, np.array([0.0, 0.0, -0.03]))
+    around.carries(2.0, np.array([0.0, 0.0, -0.03]), 0.0)
+    around.is_warm("base", 25.0, 5.0)
     around.is_warm("arm", 31.0, 0.0)
     at = around.at(q, 9.0)
     assert at.payload[0] == 2.0
+    np.testing.assert_array_equal(at.payload_centre, [[0.0, 0.0, -0.03]])
     assert at.of_part("arm")[0] == 31.0
-    assert np.isnan(around.at(q, 11.0).of_part("arm")[0])
+    at = around.at(q, 11.0)
+    assert np.isnan(at.of_part("arm")[0])
+    assert at.of_part("base")[0] == 25.0
+    assert around.at(q, 1e9).payload[0] == 2.0  # said once, and holds
+    around.set_timeouts(20.0, 30.0)
+    assert around.at(q, 11.0).of_part("arm")[0] == 31.0
+    assert around.at(q, 29.0).payload[0] == 2.0
+    assert np.isnan(around.at(q, 31.0).payload[0])
+
+
+def test_the_first_command_and_the_second_are_taken_as_they_come() -> None:
+    around = Surroundings(2)
+    q = np.array([0.3, 0.4])
+    around.moved(q, 10 * MS)
+    at = around.at(q, 0.0)
+    for nothing in (at.velocity, at.acceleration, at.direction):
+        np.testing.assert_array_equal(nothing, [[0.0, 0.0]])
+    around.moved(q + np.array([0.001, 0.0]), 20 * MS)
+    at = around.at(q, 0.0)
+    np.testing.assert_allclose(at.velocity, [[0.1, 0.0]], atol=1e-9)
+    assert not at.acceleration.any()
+    np.testing.assert_array_equal(at.direction, [[1.0, 0.0]])
+
+
+def test_a_command_that_repeats_the_last_stands_still() -> None:
+    around = Surroundings(1)
+    stream(around, np.arange(5) * 0.01, np.arange(5.0)[:, None] * 0.01)
+    around.moved(np.array([0.04]), 50 * MS)
+    at = around.at(np.array([0.04]), 0.0)
+    assert at.velocity[0, 0] == at.acceleration[0, 0] == 0
+    assert at.direction[0, 0] == 1
+
+
+def test_after_a_reset_the_motion_is_forgotten_and_the_rest_is_not() -> None:
+    around = Surroundings(1)
+    around.carries(1.5, np.zeros(3), 0.0)
+    stream(around, np.arange(5) * 0.01, np.arange(5.0)[:, None] * 0.01)
+    around.reset()
+    at = around.at(np.array([0.04]), 0.0)
+    np.testing.assert_array_equal(at.velocity, [[0.0]])
+    np.testing.assert_array_equal(at.direction, [[0.0]])
+    assert at.payload[0] == 1.5
+
+
+def test_a_stream_far_in_the_past_or_of_odd_periods_gives_its_speed() -> None:
+    around = Surroundings(1)
+    time = 1.7e9 + np.cumsum(np.random.default_rng(0).uniform(0.001, 0.03, 60))
+    for t in time:
+        around.moved(np.array([0.5 * (t - 1.7e9)]), round(t * 1e9))
+    at = around.at(np.zeros(1), 0.0)
+    np.testing.assert_allclose(at.velocity, 0.5, rtol=1e-4)

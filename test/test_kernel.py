@@ -16,7 +16,11 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.compensation import JointCompensator, Newton, NewtonSettings, Verdict
 from delta_calibration.compensation import compiled as compiled_module
-from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton
+from delta_calibration.compensation.compiled import (
+    CompiledDrawing,
+    CompiledGeometry,
+    CompiledNewton,
+)
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import MECHANISMS
@@ -140,6 +144,30 @@ def test_condition_is_the_mechanisms(machine):
     expected = machine.mechanism.condition(q, x, machine.geometry)
     assert np.nanmax(expected[np.isfinite(expected)]) > 5  # not only the middle
     np.testing.assert_allclose(machine.compiled.condition(q), expected, rtol=1e-8)
+
+
+def test_another_geometry_of_the_same_machine_is_that_machine(machine):
+    q, other = commands(50), Machine(machine.mechanism.name, seed=9, scale=3.0)
+    before = machine.compiled.point(q)
+    found = machine.compiled.at(other.geometry)
+    for name in ("pose", "point", "jacobian", "condition"):
+        np.testing.assert_array_equal(getattr(found, name)(q), getattr(other.compiled, name)(q))
+    np.testing.assert_array_equal(machine.compiled.point(q), before)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.0])
+def test_a_compiled_drawing_is_the_mechanism_at_any_geometry(scale):
+    plain, quick = Machine("rotary_delta", 3, scale), CompiledDrawing(
+        ROBOT.dimensions, ROBOT.tolerances
+    )  # fmt: skip
+    q, g = commands(50), plain.geometry
+    q[7] = np.nan
+    with np.errstate(invalid="ignore"):
+        x = plain.mechanism.forward(q, g)
+        found = quick.forward(q, g)
+    np.testing.assert_allclose(found, x, rtol=0, atol=1e-12)
+    slope = plain.mechanism.velocity_jacobian(q, x, g)
+    np.testing.assert_allclose(quick.velocity_jacobian(q, found, g), slope, rtol=0, atol=1e-12)
 
 
 SETTINGS = {

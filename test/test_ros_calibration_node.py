@@ -25,16 +25,19 @@ from calibration_bench import (  # noqa: F401
     session_fixture,
 )
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PointStamped
+from extended_bench import Effects, with_effects
+from geometry_msgs.msg import InertiaStamped, PointStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.parameter import Parameter
 from ros_helpers import Bench, bench_fixture  # noqa: F401
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 
+from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cell.desk import Desk
 from delta_calibration.ros.calibration_node import MARK
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp, stamp_to_ns
+from delta_calibration.ros.qos import PAYLOAD, STREAM_OUT
 from delta_calibration.samples import at_rest
 
 pytestmark = pytest.mark.ros
@@ -217,3 +220,100 @@ def test_transitions_out_of_state_are_answered_false(bench: Bench) -> None:
         assert not answer.result().success
     assert cell.node.state == "active"
     assert cell.give(Q) is not None
+
+
+# An extended calibration
+
+GAP = 4e-4  # [rad]
+
+
+def extended(desk: Desk, folder: Path, effects: Effects) -> Path:
+    """A calibration file with effects in it."""
+    path = folder / "extended.yaml"
+    save_calibration(
+        path, with_effects(desk.fitted.found, ROBOT, effects), ROBOT, desk.fitted.poses
+    )
+    return path
+
+
+def come(cell: Cell, begin: np.ndarray, stamp_ns: int) -> np.ndarray:
+    """The correction at Q after a move there from `begin`, and a moment at rest."""
+    way = [begin + share * (Q - begin) for share in np.linspace(0.0, 1.0, 6)] + [Q] * 3
+    for k, q in enumerate(way):
+        out = cell.give(q, stamp_ns + k * 20_000_000)
+    return positions(out) - Q
+
+
+def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
+    bench: Bench, desk: Desk, tmp_path: Path
+) -> None:
+    effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": ({}, 1e-3)}
+    cell = Cell(bench, calibration=extended(desk, tmp_path, effects), ramp_s=0.0)
+    assert cell.value("effects compensated") == "backlash"
+    assert cell.value("effects left out").startswith("joint_zero_drift: found in the session, not")
+    inward = -np.sign(Q) * 0.02  # stays within the region
+    yes, _ = cell.call("enable", True)
+    assert yes
+    unknown = positions(cell.give(Q, T0_NS)) - Q
+    outward = come(cell, Q + inward, T0_NS + 10**9)
+    cell.give(Q + inward, T0_NS + 2 * 10**9)
+    back = come(cell, Q - inward, T0_NS + 3 * 10**9)
+    np.testing.assert_allclose(outward - back, GAP * np.sign(-inward), atol=1e-7)
+    np.testing.assert_allclose(unknown, (outward + back) / 2, atol=1e-7)
+    cell.node.trigger_deactivate()
+    cell.node.trigger_activate()  # who knows where it was moved meanwhile
+    assert cell.call("enable", True)[0]
+    np.testing.assert_allclose(positions(cell.give(Q, T0_NS)) - Q, unknown, atol=1e-7)
+
+
+def test_a_correction_that_steps_is_held_to_the_rate_of_the_parameter(
+    bench: Bench, desk: Desk, tmp_path: Path
+) -> None:
+    path = extended(desk, tmp_path, {"backlash": ({}, GAP)})
+    cell = Cell(bench, calibration=path, ramp_s=0.0)
+    assert cell.call("enable", True)[0]
+    inward = -np.sign(Q) * 0.02
+    before = come(cell, Q + inward, T0_NS)
+    cell.node.set_parameters([Parameter("max_correction_rate", value=1e-4)])
+    turned = positions(cell.give(Q + 0.1 * inward, T0_NS + 10**9)) - (Q + 0.1 * inward)
+    free = GAP / 2 * np.ones(3)
+    assert (np.abs(turned - before) < free).all()  # 0.2 mrad take 2 s, the next command is sooner
+    cell.node.set_parameters([Parameter("max_correction_rate", value=100.0)])
+    bench.spin_for(0.05)
+    turned = positions(cell.give(Q + 0.1 * inward, T0_NS + 2 * 10**9)) - (Q + 0.1 * inward)
+    assert (np.abs(turned - before) > free).all()
+
+
+def test_what_a_model_needs_to_know_is_asked_for_on_diagnostics(
+    bench: Bench, desk: Desk, tmp_path: Path
+) -> None:
+    effects: Effects = {
+        "joint_compliance": ({}, 4e-5),
+        "thermal_growth_arm": ({"sensor": "arm"}, 23e-6),
+    }
+    cell = Cell(bench, calibration=extended(desk, tmp_path, effects), ramp_s=0.0)
+    assert cell.call("enable", True)[0]
+    np.testing.assert_array_equal(positions(cell.give(Q)), Q)
+    said = "the payload is not known; the temperature of part 'arm' is not known"
+    assert cell.diagnosed(said)
+    carried = cell.world.create_publisher(InertiaStamped, "cell/payload", PAYLOAD)
+    warm = cell.world.create_publisher(Temperature, "cell/temperature", STREAM_OUT)
+    assert bench.until(lambda: carried.get_subscription_count() and warm.get_subscription_count())
+    arm = Temperature(temperature=30.0)
+    arm.header.frame_id = "arm"
+    corrections = []
+    for mass in (0.0, 3.0):
+        load = InertiaStamped()
+        load.inertia.m = mass
+        carried.publish(load)
+        warm.publish(arm)
+        bench.spin_for(0.3)
+        corrections.append(positions(cell.give(Q)) - Q)
+    assert (corrections[1] < corrections[0] - CLEARLY).all()  # a smaller angle is a higher arm
+    cell.node.set_parameters(
+        [Parameter("temperature_timeout_s", value=1.0), Parameter("on_failure", value="hold")]
+    )
+    bench.spin_for(1.2)
+    held = positions(cell.give(Q + 1e-3))
+    np.testing.assert_allclose(held, Q + corrections[1], atol=1e-12)
+    assert cell.diagnosed("the temperature of part 'arm' is not known")

@@ -4,7 +4,8 @@
 
 dq* is the compensator's correction, or zero where there is none. Whenever that changes (switched
 on or off, another calibration, the edge of the region) a new ramp begins at t_0 from dq_0, the
-correction that was applied last: the drives never see a jump of it.
+correction that was applied last: the drives never see a jump of it. Where dq* itself steps, as
+that of a play does when the motion turns round, |d(dq)/dt| has a bound.
 """
 
 from __future__ import annotations
@@ -156,6 +157,8 @@ class CommandPath:
             self.counts[verdict.value] += 1
             return self._ramped(q, found.correction[0], self._compensator, now_s)
         self._count(verdict.value)
+        if verdict is Verdict.MISSING_CONDITION:
+            self.trouble = f"{verdict.value}: {found.missing}"
         if self.on_failure == HOLD:
             return self._instead()
         return self._ramped(q, np.zeros_like(q), None, now_s)
@@ -184,9 +187,7 @@ class CommandPath:
         self.counts[trouble] += 1
         self.trouble = trouble
 
-    def _compensated(
-        self, compensator: Corrects, q: Array, at: Conditions | None
-    ) -> Compensated:
+    def _compensated(self, compensator: Corrects, q: Array, at: Conditions | None) -> Compensated:
         """The compensator's answer, remembered while command and conditions stand still."""
         key = q.tobytes() + (b"" if at is None else at.fingerprint())
         if self._cached is None or self._cached[0] != key:
@@ -201,7 +202,7 @@ class CommandPath:
         if now_s < self._since_s + self._ramp:
             share = max(now_s - self._since_s, 0.0) / self._ramp
         dq = (1.0 - share) * self._from + share * goal
-        if np.isfinite(self._last_s) and np.isfinite(self.rate):
+        if np.isfinite(self.rate):
             step = self.rate * max(now_s - self._last_s, 0.0)
             dq = np.clip(dq, self._applied - step, self._applied + step)
         self._last_s = now_s

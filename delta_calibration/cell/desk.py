@@ -19,7 +19,7 @@ from delta_calibration.cell.capture import Capture
 from delta_calibration.cell.command_path import PASS_THROUGH, CommandPath, Sent
 from delta_calibration.cell.fitting import Fitted, fit
 from delta_calibration.cell.health import Health, Level, Watch
-from delta_calibration.cell.surroundings import Surroundings
+from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.robot import Robot, load_robot
@@ -41,7 +41,8 @@ class Settings:
     on_failure: str = PASS_THROUGH
     ramp_s: float = 1.0  # [s]
     rate: float = 5.0  # [rad/s] fastest change of a correction
-    temperature_timeout_s: float = 300.0  # [s]
+    temperature_timeout_s: float = TEMPERATURE_TIMEOUT_S
+    payload_timeout_s: float = 0.0  # [s]; 0 for none
     model: str = ""  # mechanism to fit; empty for the robot file's
     capture_limit: int = 1_000_000  # messages
     seed: int = 0
@@ -61,7 +62,9 @@ class Desk:
         self.capture = Capture(self.robot.joints.names, settings.capture_limit)
         self.path = CommandPath(settings.on_failure, settings.ramp_s, settings.rate)
         self.around = Surroundings(
-            len(self.robot.joints.names), settings.temperature_timeout_s
+            len(self.robot.joints.names),
+            settings.temperature_timeout_s,
+            settings.payload_timeout_s,
         )
         self._by_conditions = False
         self.watch = Watch()
@@ -73,11 +76,36 @@ class Desk:
 
     def send(self, q: Array, stamp_ns: int, now_s: float, already: bool) -> Sent | None:
         """What goes to the drives for a command (m,) [rad]; see `CommandPath.send`."""
-        at = None
-        if self._by_conditions and np.isfinite(q).all():
-            self.around.moved(q, stamp_ns)
-            at = self.around.at(q, now_s)
+        if not np.isfinite(q).all():
+            return self.path.send(q, stamp_ns, now_s, already)
+        self.around.moved(q, stamp_ns)  # while nothing is compensated, too: the play remembers
+        at = self.around.at(q, now_s) if self._by_conditions else None
         return self.path.send(q, stamp_ns, now_s, already, at)
+
+    def is_warm(self, part: str, stamp_ns: int, celsius: float, now_s: float) -> None:
+        """Temperature of a part [deg C]."""
+        self.around.is_warm(part, celsius, now_s)
+        self.capture.add_temperature(part, stamp_ns, celsius)
+
+    def carries(self, stamp_ns: int, mass: float, centre: Array, now_s: float) -> None:
+        """What is on the platform from now on: mass [kg], centre of mass (3,) [m]."""
+        self.around.carries(mass, centre, now_s)
+        self.capture.add_payload(stamp_ns, mass, centre)
+
+    def reset(self) -> None:
+        """Forget the motion so far, as after a pause of unknown length; compensation is off."""
+        self.path.reset()
+        self.around.reset()
+
+    @property
+    def left_out(self) -> str:
+        """What the calibration holds and nothing is done about, as a sentence, or nothing."""
+        if self.calibration is None or not self.calibration.left_out:
+            return ""
+        causes = ", ".join(self.calibration.left_out)
+        return (
+            f"{causes}: found in the session, not compensated, as it goes by that session's clock"
+        )
 
     def start_capture(self, now_s: float) -> str:
         """Begin to keep what is measured."""
@@ -182,6 +210,7 @@ class Desk:
             "effects compensated": ""
             if calibration is None
             else ", ".join(effect.cause for effect, _ in calibration.live),
+            "effects left out": self.left_out,
             "correction [rad]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
             "command took longer than its period": self.watch.late,
@@ -205,11 +234,7 @@ class Desk:
         self.path.load(compensator)
 
     def _loaded_sentence(self) -> str:
-        calibration = self.calibration
-        if calibration is not None and calibration.left_out:
-            went = ", ".join(calibration.left_out)
-            return f"{self._loaded()}; not compensated, as it went by that session's clock: {went}"
-        return self._loaded()
+        return "; ".join(filter(None, (self._loaded(), self.left_out)))
 
     def _loaded(self) -> str:
         if self.path.enabled:

@@ -2,12 +2,8 @@
 
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
-from delta_calibration.compensation.compensator import (
-    METHODS,
-    Compensated,
-    JointCompensator,
-    Verdict,
-)
+from delta_calibration.compensation.compensator import Compensated, JointCompensator, Verdict
+from delta_calibration.compensation.machine import METHODS
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 
 __all__ = [

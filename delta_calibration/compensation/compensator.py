@@ -1,13 +1,8 @@
 """From a nominal joint command to the one that puts the tool where the nominal robot meant it.
 
-For a nominal command q the target is p* = FK_nominal(q); the answer is the command that brings the
-identified chain there, taken backward stage by stage:
-
-    FK(q_b, g + S(c) v) = p*        the joint angles q_b behind the drives (APSO, Newton)
-    q + dq + D(c) v = q_b           what the drives have to be told (a few fixed-point steps)
-
-with c the conditions of the command. Measurement effects are the tracker's and do not enter. Every
-path is guarded: a command that fails a guard gets no correction, and the reason.
+For a nominal command q the target is p* = FK_nominal(q); the answer is the command q + dq that
+brings the identified chain there, under the conditions that the command is given in. Every path to
+it is guarded: a command that fails a guard gets no correction, and the reason.
 """
 
 from __future__ import annotations
@@ -20,19 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation.apso import Apso, ApsoSettings
-from delta_calibration.compensation.base import Compensator, Correction, Flags, joined
-from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton, available
-from delta_calibration.compensation.newton import Newton, NewtonSettings
-from delta_calibration.effects import Stage
+from delta_calibration.compensation.backward import Backward
+from delta_calibration.compensation.base import Correction, Flags
+from delta_calibration.compensation.compiled import CompiledGeometry
+from delta_calibration.compensation.machine import Machine
 from delta_calibration.errors import InputError
 from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
-
-METHODS = ("apso", "newton")
-_REACHED = 1e-6  # [m] by the model; a correction that ends farther off is none
-_DRIVE_STEPS, _DRIVE_SETTLED = 20, 1e-10  # [rad]
 
 
 class Verdict(Enum):
@@ -58,6 +48,7 @@ class Compensated:
     model_error: Array
     evaluations: NDArray[np.int64]  # (n,) of the model
     verdicts: tuple[Verdict, ...]  # (n,)
+    missing: str = ""  # what was not known, in words
 
     @classmethod
     def joined(cls, parts: Sequence[Compensated]) -> Compensated:
@@ -68,6 +59,7 @@ class Compensated:
             model_error=np.concatenate([part.model_error for part in parts]),
             evaluations=np.concatenate([part.evaluations for part in parts]),
             verdicts=tuple(verdict for part in parts for verdict in part.verdicts),
+            missing=next((part.missing for part in parts if part.missing), ""),
         )
 
 
@@ -91,20 +83,20 @@ class JointCompensator:
         Raises:
             InputError: no such method.
         """
-        if method not in METHODS:
-            raise InputError(f"no method {method!r}; choose from: {', '.join(METHODS)}")
         self.calibration = calibration
         self.robot = calibration.robot
         self.method = method
-        self._seed, self._compile = seed, compiled
+        tool, bound = self.robot.tool_offset, self.robot.limits.correction
         self._nominal = self.robot.model("rotary_delta")
-        self._drive = [pair for pair in calibration.live if pair[0].stage is Stage.DRIVE]
-        self._structure = [pair for pair in calibration.live if pair[0].stage is Stage.STRUCTURE]
+        self._model = Machine(
+            calibration.chain, calibration.geometry, tool, method, bound, seed, compiled=compiled
+        )
+        self._effects = tuple(effect for effect, _ in calibration.live)
+        self._backward = Backward(calibration, self._model)
         self._fast_nominal: CompiledGeometry | None = None
-        self._model = self._at_geometry(calibration.geometry)
         if self._model.fast is not None:
             nominal = self._nominal.parameters.nominal
-            self._fast_nominal = CompiledGeometry(self._nominal, nominal, self.robot.tool_offset)
+            self._fast_nominal = CompiledGeometry(self._nominal, nominal, tool)
 
     @property
     def compiled(self) -> bool:
@@ -114,7 +106,7 @@ class JointCompensator:
     @property
     def needs_conditions(self) -> bool:
         """Whether the answer depends on more than the command: direction, payload, speed ..."""
-        return bool(self._drive or self._structure)
+        return self._backward.stages
 
     def missing(self, at: Conditions) -> str:
         """What of the conditions the model needs is not known; empty where all is.
@@ -122,7 +114,7 @@ class JointCompensator:
         A joint that has not moved yet is on neither side of its play: the middle is right for it.
         """
         at = replace(at, direction=np.ones_like(at.direction))
-        texts = (effect.missing(at) for effect, _ in self.calibration.live)
+        texts = (effect.missing(at) for effect in self._effects)
         return "; ".join(dict.fromkeys(text for text in texts if text))
 
     def warm_up(self) -> None:
@@ -161,52 +153,28 @@ class JointCompensator:
         at = at_rest(known) if at is None else replace(at, joint=known)
         target = self.targets(known)
         verdicts = self._guard(q, target)
-        if self.needs_conditions and self.missing(at):
-            verdicts = [_unless(v, Verdict.MISSING_CONDITION) for v in verdicts]
+        missing = self.missing(at)
+        for row in self._lacking(at) if missing else ():
+            verdicts[row] = _unless(verdicts[row], Verdict.MISSING_CONDITION)
         usable = np.array([verdict is Verdict.CORRECTED for verdict in verdicts], dtype=bool)
         found = Correction.none(0, joints)
         if usable.any():
-            found = self._correct(q[usable], target[usable], at.take(usable))
+            found = self._backward.correct(at.take(usable), target[usable])
         whole = found.spread(usable)
-        bound = self.robot.limits.correction
-        reached = usable & (whole.error <= _REACHED) & (np.abs(whole.dq) <= bound).all(axis=1)
-        within = self._within(q + whole.dq)
-        good = reached & within
+        bounded = (np.abs(whole.dq) <= self.robot.limits.correction).all(axis=1)
+        reached = whole.converged & bounded
+        good = reached & self._within(q + whole.dq)
         correction = np.where(good[:, None], whole.dq, 0.0)
-        for row in np.flatnonzero(usable & ~good):
+        for row in np.flatnonzero(usable & ~good).tolist():
             verdicts[row] = Verdict.JOINT_LIMIT if reached[row] else Verdict.NOT_REACHED
         error = np.where(good, whole.error, np.inf)
-        return Compensated(q + correction, correction, error, whole.evaluations, tuple(verdicts))
+        return Compensated(
+            q + correction, correction, error, whole.evaluations, tuple(verdicts), missing
+        )
 
-    def _correct(self, q: Array, target: Array, at: Conditions) -> Correction:
-        """Back through geometry and drives for usable commands."""
-        if self._structure:
-            shift = sum(effect.columns(at) @ value for effect, value in self._structure)
-            rows = [
-                self._at_geometry(self.calibration.geometry + row).solver.correct(
-                    q[i : i + 1], target[i : i + 1]
-                )
-                for i, row in enumerate(np.asarray(shift))
-            ]
-            behind = joined(rows, q.shape[1])
-        else:
-            behind = self._model.solver.correct(q, target)
-        return replace(behind, dq=self._before_drives(q + behind.dq, at) - q)
-
-    def _before_drives(self, behind: Array, at: Conditions) -> Array:
-        """What the drives have to be told for joints to stand at `behind`, (n, m) [rad]."""
-        command = behind
-        for _ in range(_DRIVE_STEPS if self._drive else 0):
-            now = replace(at, joint=command)
-            shift = sum(effect.columns(now) @ value for effect, value in self._drive)
-            last, command = command, behind - np.asarray(shift)
-            if np.abs(command - last).max(initial=0.0) < _DRIVE_SETTLED:
-                break
-        return command
-
-    def _at_geometry(self, geometry: Array) -> _Geometry:
-        """The ways to compensate a machine of one geometry."""
-        return _Geometry(self.calibration, geometry, self.method, self._seed, self._compile)
+    def _lacking(self, at: Conditions) -> list[int]:
+        """Commands of which something is missing."""
+        return [row for row in range(len(at)) if self.missing(at.take(slice(row, row + 1)))]
 
     def _guard(self, q: Array, target: Array) -> list[Verdict]:
         """The first guard that each command fails, `CORRECTED` where it passes all."""
@@ -248,47 +216,3 @@ def _finite(rows: Array) -> Flags:
 def _unless(verdict: Verdict, other: Verdict) -> Verdict:
     """The other verdict for what would have been corrected."""
     return other if verdict is Verdict.CORRECTED else verdict
-
-
-class _Geometry:
-    """Model and solver at one geometry, compiled where that is wanted and can be had.
-
-    Making a compiled one costs a fraction of a millisecond once the functions are loaded, so that
-    a geometry that changes with temperature or payload is made anew for each command.
-    """
-
-    def __init__(
-        self, calibration: Calibration, geometry: Array, method: str, seed: int, compiled: bool
-    ) -> None:
-        self._chain, self._geometry = calibration.chain, geometry
-        self._tool = calibration.robot.tool_offset
-        self.fast: CompiledGeometry | None = None
-        if compiled and available(self._chain.mechanism):
-            self.fast = CompiledGeometry(self._chain.mechanism, geometry, self._tool)
-        self.solver = self._solver(method, calibration.robot.limits.correction, seed)
-
-    def point(self, q: Array) -> Array:
-        """Tool points, (..., m) -> (..., 3) [m]; NaN without a pose."""
-        if self.fast is not None:
-            return self.fast.point(q)
-        flat = q.reshape(-1, q.shape[-1])
-        x = self._chain.mechanism.forward(flat, self._geometry)
-        return self._chain.point(x, self._tool).reshape((*q.shape[:-1], 3))
-
-    def jacobian(self, q: Array) -> Array:
-        """d(tool point)/dq, (..., m) -> (..., 3, m) [m/rad]."""
-        if self.fast is not None:
-            return self.fast.jacobian(q)
-        flat = q.reshape(-1, q.shape[-1])
-        x = self._chain.mechanism.forward(flat, self._geometry)
-        slope = self._chain.point_by_pose(x, self._tool)
-        slope = slope @ self._chain.mechanism.velocity_jacobian(flat, x, self._geometry)
-        return slope.reshape((*q.shape[:-1], 3, q.shape[-1]))
-
-    def _solver(self, method: str, bound: float, seed: int) -> Compensator:
-        if method == "apso":
-            return Apso(self.point, ApsoSettings(bound_rad=bound, seed=seed))
-        settings = NewtonSettings(bound_rad=bound)
-        if self.fast is not None:
-            return CompiledNewton(self.fast, settings)
-        return Newton(self.point, self.jacobian, settings)

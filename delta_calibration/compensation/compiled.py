@@ -6,6 +6,7 @@ program that does not compensate at a high rate need not pay for either.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -20,14 +21,23 @@ from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms import Mechanism, RotaryDelta, SixRodDelta
 from delta_calibration.mechanisms import rotary_delta as three
 from delta_calibration.mechanisms import six_rod_delta as six
-from delta_calibration.mechanisms.delta_leg import LEG_FRAMES, LEGS, arm_direction, tilt_vector
+from delta_calibration.mechanisms.delta_leg import (
+    LEG_FRAMES,
+    LEGS,
+    DeltaDimensions,
+    DeltaTolerances,
+    arm_direction,
+    tilt_vector,
+)
 
 Array = NDArray[np.float64]
+
+_DELTAS = (RotaryDelta, SixRodDelta)  # these and no kind of them, which may close otherwise
 
 
 def available(mechanism: Mechanism) -> bool:
     """Whether there is a compiled form of this mechanism and numba to compile it; loads numba."""
-    if type(mechanism) not in (RotaryDelta, SixRodDelta):  # a kind of them may close otherwise
+    if type(mechanism) not in _DELTAS:
         return False
     try:
         _kernel()
@@ -46,18 +56,30 @@ class CompiledGeometry:
             InputError: no compiled form of this mechanism.
             ImportError: no numba that can be used.
         """
-        if type(mechanism) is SixRodDelta:
-            leg = three.legs(mechanism.three_spheres(geometry))
-            rods = _rods(three.legs(geometry))
-        elif type(mechanism) is RotaryDelta:
-            leg, rods = three.legs(geometry), np.zeros((0, 7))
-        else:
+        if type(mechanism) not in _DELTAS:
             raise InputError(f"no compiled form of the mechanism {mechanism.name!r}")
         self._kernel = _kernel()
+        self._mechanism = mechanism
         self._size = mechanism.pose_size
-        self._geometry = (_legs(leg), rods, np.array(offset, dtype=np.float64))
-        self._centre = (*self._geometry[:2], np.zeros(3))
+        self._offset = np.array(offset, dtype=np.float64)
         self._typical = _typical_gain(mechanism)
+        self._set(geometry)
+
+    def at(self, geometry: Array) -> CompiledGeometry:
+        """The same machine with other dimensions (p,); a third of a millisecond for six rods."""
+        other = copy(self)
+        other._set(geometry)
+        return other
+
+    def _set(self, geometry: Array) -> None:
+        mechanism = self._mechanism
+        if isinstance(mechanism, SixRodDelta):
+            leg = three.legs(mechanism.three_spheres(geometry))
+            rods = _rods(three.legs(geometry))
+        else:
+            leg, rods = three.legs(geometry), np.zeros((0, 7))
+        self._geometry = (_legs(leg), rods, self._offset)
+        self._centre = (*self._geometry[:2], np.zeros(3))
 
     def pose(self, q: Array) -> Array:
         """Platform's pose, (..., 3) -> (..., k) [m, rad]; NaN rows where there is none."""
@@ -103,6 +125,36 @@ class CompiledNewton:
         """Step to the correction of every command; see `Newton.correct`."""
         q, target, usable = checked_commands(q, target)
         return self.geometry.newton(q[usable], target[usable], self.settings).spread(usable)
+
+
+class CompiledDrawing(RotaryDelta):
+    """Three spheres, quick where they are as drawn: loads are computed there, command by command.
+
+    At any other geometry it is a `RotaryDelta` like all others.
+    """
+
+    def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
+        """From the drawing and the expected errors of the parts.
+
+        Raises:
+            ImportError: no numba that can be used.
+        """
+        super().__init__(dimensions, tolerances)
+        self._drawn = self.parameters.nominal
+        plain = RotaryDelta(dimensions, tolerances)
+        self._compiled = CompiledGeometry(plain, self._drawn, np.zeros(3))
+
+    def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
+        """Platform's place, (n, 3) [m]; NaN rows out of reach."""
+        if np.array_equal(g, self._drawn):
+            return self._compiled.pose(q)
+        return super().forward(q, g, guess)
+
+    def velocity_jacobian(self, q: Array, x: Array, g: Array) -> Array:
+        """dx/dq, (n, 3, 3) [m/rad]."""
+        if np.array_equal(g, self._drawn):
+            return self._compiled.jacobian(q)
+        return super().velocity_jacobian(q, x, g)
 
 
 def _kernel() -> Any:

@@ -93,6 +93,8 @@ class CalibrationNode(SafeLifecycleNode):
         self._desk = desk
         self._listen()
         self.get_logger().info(f"configured for {desk.robot.name}")
+        if desk.left_out:
+            self.get_logger().warn(desk.left_out)
 
     def _listen(self) -> None:
         take: dict[str, Callable[[Desk, Any], None]] = {
@@ -113,7 +115,7 @@ class CalibrationNode(SafeLifecycleNode):
     def activate(self) -> None:
         """Begin to send, uncompensated."""
         if self._desk is not None:
-            self._desk.path.reset()
+            self._desk.reset()
         self._active = True
 
     def deactivate(self) -> None:
@@ -135,8 +137,8 @@ class CalibrationNode(SafeLifecycleNode):
 
     def _receive(self, topic: str, take: Callable[[Desk, Any], None], message: Any) -> None:
         """Hand a message on; one that is of no use is counted and told."""
-        # What is on the platform is said once, and has to be known before the node is active.
-        if self._desk is None or not (self._active or topic == "cell/payload"):
+        # The payload is said once, a temperature seldom: known before the node is active.
+        if self._desk is None or not (self._active or topic.startswith("cell/")):
             return
         try:
             take(self._desk, message)
@@ -188,14 +190,10 @@ class CalibrationNode(SafeLifecycleNode):
         desk.capture.add_tracker(reading.stamp_ns, reading.position, reading.quaternion)
 
     def _on_temperature(self, desk: Desk, message: Any) -> None:
-        part, stamp_ns, celsius = conversions.temperature(message)
-        desk.around.is_warm(part, celsius, time.monotonic())
-        desk.capture.add_temperature(part, stamp_ns, celsius)
+        desk.is_warm(*conversions.temperature(message), time.monotonic())
 
     def _on_payload(self, desk: Desk, message: Any) -> None:
-        stamp_ns, mass, centre = conversions.payload(message)
-        desk.around.carries(mass, centre)
-        desk.capture.add_payload(stamp_ns, mass, centre)
+        desk.carries(*conversions.payload(message), time.monotonic())
 
     # --- services
 
@@ -263,12 +261,11 @@ class CalibrationNode(SafeLifecycleNode):
 
     def _on_change(self, _names: tuple[str, ...]) -> None:
         if self._desk is not None:
-            on_failure, ramp_s = self._settings.text("on_failure"), self._settings.number("ramp_s")
-            rate = self._settings.number("max_correction_rate")
-            self._desk.path.set_options(on_failure, ramp_s, rate)
-            self._desk.around.temperature_timeout_s = self._settings.number(
-                "temperature_timeout_s"
-            )
+            number, on_failure = self._settings.number, self._settings.text("on_failure")
+            rate = number("max_correction_rate")
+            self._desk.path.set_options(on_failure, number("ramp_s"), rate)
+            timeouts = number("temperature_timeout_s"), number("payload_timeout_s")
+            self._desk.around.set_timeouts(*timeouts)
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         health = self._health()

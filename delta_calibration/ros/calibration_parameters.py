@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from delta_calibration.cell.command_path import ON_FAILURE, PASS_THROUGH
 from delta_calibration.cell.desk import Settings
+from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S
 from delta_calibration.compensation import METHODS
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.ros.parameters import ParameterTable, Spec
@@ -27,9 +28,15 @@ SPECS = (
     ),
     Spec(
         "temperature_timeout_s",
-        300.0,
+        TEMPERATURE_TIMEOUT_S,
         "age [s] beyond which a temperature is not known any more",
         range=(1.0, 86400.0),
+    ),
+    Spec(
+        "payload_timeout_s",
+        0.0,
+        "the same of the payload; 0 for one that holds until it is said anew",
+        range=(0.0, 86400.0),
     ),
     Spec(
         "model",
@@ -59,6 +66,7 @@ def desk_settings(table: ParameterTable) -> Settings:
         ramp_s=table.number("ramp_s"),
         rate=table.number("max_correction_rate"),
         temperature_timeout_s=table.number("temperature_timeout_s"),
+        payload_timeout_s=table.number("payload_timeout_s"),
         model=table.text("model"),
         capture_limit=table.integer("capture_limit"),
         seed=table.integer("seed"),

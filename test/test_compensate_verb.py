@@ -1,0 +1,103 @@
+"""`delta-cal compensate` with a calibration that has effects in it."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from extended_bench import Effects, with_effects
+
+from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cli.main import run
+from delta_calibration.identification import identify
+from delta_calibration.plans import make_plan, nominal_joints
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, simulate_session
+
+ROBOT = load_robot("srbd")
+GAP = 4e-4
+POINTS = np.array(
+    [[0.0, 0.0, -711.0], [50.0, 0.0, -711.0], [100.0, 0.0, -711.0], [50.0, 0.0, -711.0]]
+)
+EFFECTS: Effects = {
+    "backlash": ({}, GAP),
+    "joint_compliance": ({}, 4e-5),
+    "thermal_growth_arm": ({"sensor": "arm"}, 23e-6),
+    "joint_zero_drift": ({}, 1e-4),
+}
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    """A fit, and the same with effects, as files beside the targets."""
+    folder = tmp_path_factory.mktemp("cell")
+    plan = make_plan("identify", ROBOT, count=15, dwell=0.4, both_sides=False)
+    poses = collect(simulate_session(draw_machine(ROBOT, 5), plan, 5), ROBOT.joints.names)
+    found = identify(poses, ROBOT, "rotary_delta")
+    for name, effects in (
+        ("plain", {}),
+        ("play", {"backlash": EFFECTS["backlash"]}),
+        ("all", EFFECTS),
+    ):
+        save_calibration(
+            folder / f"{name}.yaml", with_effects(found, ROBOT, effects), ROBOT, poses
+        )
+    rows = "".join(f"{x},{y},{z}\n" for x, y, z in POINTS)
+    (folder / "targets.csv").write_text("x_mm,y_mm,z_mm\n" + rows)
+    return folder
+
+
+def arguments(cell: Path, name: str, *more: str) -> list[str]:
+    return [
+        "compensate", "--robot", "srbd", "--calibration", str(cell / f"{name}.yaml"),
+        "--method", "newton", str(cell / "targets.csv"), "--out", str(cell / f"{name}.csv"), *more,
+    ]  # fmt: skip
+
+
+def commands(cell: Path, name: str, *more: str) -> np.ndarray:
+    assert run(arguments(cell, name, *more)) == 0
+    with (cell / f"{name}.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert max(float(row["error_mm"]) for row in rows) < 1e-3
+    return np.array([[float(row[name]) for name in ROBOT.joints.names] for row in rows])
+
+
+def test_play_is_taken_back_by_the_point_before(cell):
+    shift = commands(cell, "play") - commands(cell, "plain")
+    joint = nominal_joints(ROBOT, POINTS * 1e-3)
+    way = np.sign(np.diff(joint, axis=0, prepend=joint[:1]))
+    assert set(way.ravel()) == {-1.0, 0.0, 1.0}
+    np.testing.assert_allclose(shift, GAP / 2 * way, atol=1e-8)
+
+
+def test_payload_and_temperature_are_asked_for_and_taken_part(cell, capsys):
+    for given, missing in (
+        ([], "the payload is not known; the temperature of part 'arm' is not known"),
+        (["--payload", "2"], "the temperature of part 'arm' is not known"),
+        (["--temperature", "arm=20", "--temperature", "base=20"], "the payload is not known"),
+    ):
+        assert run(arguments(cell, "all", *given)) == 2
+        said = capsys.readouterr().err.strip().splitlines()[-1]
+        assert f"all.yaml: a calibration with effects: {missing}; --payload" in said
+        assert not (cell / "all.csv").exists()
+    cold = commands(cell, "all", "--payload", "0", "--temperature", "arm=20")
+    assert "not compensated: joint_zero_drift" in capsys.readouterr().out
+    heavy = commands(cell, "all", "--payload", "3", "--temperature", "arm=20")
+    warm = commands(cell, "all", "--payload", "0", "--temperature", "arm=45")
+    assert (heavy < cold - 1e-5).all()  # a smaller angle is a higher arm
+    assert np.abs(warm - cold).max() > 1e-5
+
+
+@pytest.mark.parametrize("text", ["arm", "arm=", "arm=warm", "=20", "arm=nan"])
+def test_a_temperature_that_is_none_is_refused(cell, capsys, text):
+    assert run(arguments(cell, "all", "--temperature", text)) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert f"--temperature {text}: PART=DEGREES is expected, such as arm=27.5" in said
+
+
+def test_a_payload_below_nothing_is_refused(cell, capsys):
+    assert run(arguments(cell, "all", "--payload", "-1")) == 2
+    assert "--payload" in capsys.readouterr().err
