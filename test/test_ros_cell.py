@@ -44,7 +44,7 @@ def test_a_cell_measures_itself_and_gets_better(launch: Launch, tmp_path: Path) 
         return caller.output
 
     def measure(**parameters: object) -> None:
-        plan = {"robot": robot, "dwell": 0.3, "both_sides": False, "subscribers": 2, **parameters}
+        plan = {"robot": robot, "dwell": 0.6, "both_sides": False, "subscribers": 2, **parameters}
         node = launch(f"{NODES}.measurement_plan", **plan)
         assert node.end(PATIENCE_S) == 0, node.output
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class Cell:
     tracker: Tracker
     warming: Warming
     length: float  # [s]
+    scatter: float  # manufacturing errors in units of the tolerances
 
     @classmethod
     def drawn(
@@ -47,7 +48,12 @@ class Cell:
         build = plain
         for cause in causes:
             build = cause.rebuild(build)
-        return cls(build, plain, causes, Tracker.drawn(rng), Warming.drawn(rng), length)
+        tracker, warming = Tracker.drawn(rng), Warming.drawn(rng)
+        return cls(build, plain, causes, tracker, warming, length, scatter)
+
+    def only(self, cause: Cause) -> Cell:
+        """The same machine with one of its causes alone."""
+        return replace(self, causes=(cause,), build=cause.rebuild(self.plain))
 
     def measure(self, items: Sequence[Item]) -> Measured:
         """Carry out a plan."""

@@ -86,6 +86,13 @@ class Trial:
         return left(self.cell, self.measured)
 
     @cached_property
+    def strengths(self) -> dict[str, float]:
+        """lambda of each cause by itself, as `Left.strength`."""
+        items = self.measured.world.items
+        cells = {cause.name: self.cell.only(cause) for cause in self.causes}
+        return {name: left(cell, cell.measure(items)).strength for name, cell in cells.items()}
+
+    @cached_property
     def truth(self) -> Truth:
         """The machine at places held out, worked out when asked for."""
         carried = sorted({item.payload for item in self.measured.world.items})

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from blind.cell import Cell, Measured
 from blind.machine import Build, assemble
+from blind.world import World
 
 Array = NDArray[np.float64]
 
 _STEP = 1e-5  # [m], [rad] of the differences
 _OFFSET = 0.05  # [m] how far off the centre a reflector is expected
 _FREE = 1.0  # [m], [rad] how far off the frame may be: no matter
-_THIN = 10  # of the readings in motion every tenth is looked at
+_THIN = 4  # of the readings in motion every fourth is looked at, and stands for all four
 # [m], [rad] how far off each dimension is expected to be
 _EXPECTED = {
     "hinge": 0.25e-3, "tilt": 0.5e-3, "zero": 0.8e-3, "arm": 0.15e-3, "rod": 0.2e-3,
@@ -24,6 +25,7 @@ _EXPECTED = {
     "platform_line": 0.5e-3,
 }  # fmt: skip
 _AT_REST, _IN_MOTION = 5e-6, 8e-6  # [m] an axis, of a stop's mean and of a reading in motion
+_REST = 12e-6  # [rad] of each joint, the same all along a motion
 
 
 @dataclass(frozen=True)
@@ -37,13 +39,14 @@ class Signal:
 
 @dataclass(frozen=True)
 class Left:
-    """What a calibration leaves of the causes; tolerances hold its geometry near the drawing."""
+    """What a calibration leaves of the causes.
+
+    Its geometry is held near the drawing by what the machine's own scatter is.
+    """
 
     still: float  # [um] RMS at stops
-    moving: float  # [um] RMS in motion
-    # lambda: squared, in noise's standard deviations, summed over the stops and over a tenth of
-    # the readings in motion as though each had noise of its own
-    strength: float
+    moving: float  # [um] RMS in measured motions
+    strength: float  # lambda: squared, in standard deviations of the noise, summed over all seen
 
 
 def signal(measured: Measured) -> Signal:
@@ -51,15 +54,17 @@ def signal(measured: Measured) -> Signal:
     world, moved = measured.world, measured.reading - measured.plain
     still = world.still & world.seen
     after = after_frame(measured.reading[still], measured.plain[still])
-    return Signal(_rms(moved[still]), _rms(moved[~world.still & world.seen]), _rms(after))
+    return Signal(_rms(moved[still]), _rms(moved[_in_motion(world)]), _rms(after))
 
 
 def left(cell: Cell, measured: Measured) -> Left:
-    """After frame, reflector offset and geometry, by least squares with the tolerances as rows."""
+    """After frame, reflector offset and geometry, by least squares with the scatter as rows."""
     world = measured.world
     rows, still = _looked_at(measured)
-    sigma = np.where(still, _AT_REST, _IN_MOTION)
-    columns = np.stack(list(_columns(cell, world.command[rows])), axis=-1)
+    sigma = np.where(still, _AT_REST, _IN_MOTION / np.sqrt(_THIN))
+    known = list(_columns(cell, world.command[rows]))
+    known += _rest_errors(cell, world.command[rows], np.where(still, -1, world.item[rows]))
+    columns = np.stack(known, axis=-1)
     slopes = (columns / sigma[:, None, None]).reshape(3 * len(rows), -1)
     effect = ((measured.reading - measured.plain)[rows] / sigma[:, None]).reshape(-1)
     slopes = np.vstack([slopes, np.eye(slopes.shape[1])])
@@ -83,13 +88,28 @@ def _rms(difference: Array) -> float:
     return 1e6 * float(np.sqrt(np.mean(np.sum(difference**2, axis=1))))
 
 
+def _in_motion(world: World) -> NDArray[np.bool_]:
+    """Readings of the measured motions; moves between stops are too quick to be of use."""
+    return ~world.still & world.seen & (world.side == 0)
+
+
 def _looked_at(measured: Measured) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """The last row of each stop and every tenth in motion, and which are stops."""
+    """The last row of each stop and every fourth in motion, and which are stops."""
     world = measured.world
     last = world.still & (np.diff(world.item, append=-1) != 0)
-    motion = np.flatnonzero(~world.still & world.seen)[::_THIN]
+    motion = np.flatnonzero(_in_motion(world))[::_THIN]
     rows = np.sort(np.append(np.flatnonzero(last), motion))
     return rows, world.still[rows]
+
+
+def _rest_errors(cell: Cell, command: Array, motion: NDArray[np.int64]) -> list[Array]:
+    """How the reading moves with each motion's own error of each joint, (n, 3) each."""
+    slopes = list(_slopes(cell, command, "zero"))
+    return [
+        np.where((motion == number)[:, None], _REST * slope, 0.0)
+        for number in np.unique(motion[motion >= 0])
+        for slope in slopes
+    ]
 
 
 def _columns(cell: Cell, command: Array) -> Iterator[Array]:
@@ -102,10 +122,17 @@ def _columns(cell: Cell, command: Array) -> Iterator[Array]:
         yield _FREE * np.cross(axis, here) @ turn
         yield _OFFSET * (stand.point(tracker.reflector + axis) - here) @ turn
     for part in (field.name for field in fields(Build)):
-        value = getattr(build, part)
-        for where in np.ndindex(value.shape):
-            off = value.copy()
-            off[where] += _STEP
-            moved = assemble(command, replace(build, **{part: off}), None, stand)
-            slope = (moved.point(tracker.reflector) - here) @ turn / _STEP
-            yield _EXPECTED[part] * slope
+        for slope in _slopes(cell, command, part):
+            yield cell.scatter * _EXPECTED[part] * slope
+
+
+def _slopes(cell: Cell, command: Array, part: str) -> Iterator[Array]:
+    """d(reading) by each number of a part of the build, (n, 3)."""
+    build, tracker, turn = cell.plain, cell.tracker, cell.tracker.turn.as_matrix().T
+    stand = assemble(command, build)
+    here, value = stand.point(tracker.reflector), getattr(build, part)
+    for where in np.ndindex(value.shape):
+        off = value.copy()
+        off[where] += _STEP
+        moved = assemble(command, replace(build, **{part: off}), None, stand)
+        yield (moved.point(tracker.reflector) - here) @ turn / _STEP

@@ -1,0 +1,104 @@
+"""Runs the study: `make study`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+for library in ("OPENBLAS", "MKL", "OMP"):  # one thread a process: the matrices are small
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+# The libraries read these variables when they are loaded, hence the imports after them.
+# ruff: noqa: E402
+import click
+from distributed import Client, LocalCluster, as_completed
+from study.judge import judge
+from study.page import page
+from study.trials import tasks
+from tqdm import tqdm
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--scheduler", metavar="ADDRESS", help="Dask cluster; its workers need this checkout.")
+@click.option("--workers", type=click.IntRange(1), help="Of the local cluster; as many as cores.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option(
+    "--share", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True,
+    help="Of the trials: 0.1 for a tenth of each kind.",
+)  # fmt: skip
+@click.option("--only", multiple=True, metavar="GROUP", help="Kinds of trials; may be repeated.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("out/study.jsonl"), show_default=True,
+    help="Outcomes, a line each; those that are there are not run again.",
+)  # fmt: skip
+@click.option("--page", "document", type=click.Path(path_type=Path), help="Write the tables here.")
+def study(
+    scheduler: str | None,
+    workers: int | None,
+    seed: int,
+    share: float,
+    only: tuple[str, ...],
+    out: Path,
+    document: Path | None,
+) -> None:
+    """Put the diagnosis on trial."""
+    wanted = [t for t in tasks(seed, share) if not only or t.group in only]
+    known = {line["key"] for line in _lines(out)}
+    todo = [task.key for task in wanted if task.key not in known]
+    if todo:
+        _cut_to_whole_lines(out)
+        _run(todo, out, scheduler, workers)
+    keys = {task.key for task in wanted}
+    text = page([line for line in _lines(out) if line["key"] in keys], seed, share)
+    if document is None:
+        click.echo(text)
+    else:
+        document.write_text(text, encoding="utf-8")
+
+
+def _lines(path: Path) -> list[dict[str, object]]:
+    """Outcomes that are there; a last line that was cut off is not."""
+    if not path.exists():
+        return []
+    rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    return [json.loads(row) for row in rows if row.endswith("\n")]
+
+
+def _cut_to_whole_lines(path: Path) -> None:
+    """So that what is added begins on a line of its own, whatever ended the last run."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
+    whole = path.read_bytes()
+    os.truncate(path, whole.rfind(b"\n") + 1)
+
+
+def _run(todo: list[str], out: Path, scheduler: str | None, workers: int | None) -> None:
+    """All trials, each outcome kept as soon as it is there."""
+    if scheduler is not None:
+        with Client(scheduler) as client:
+            _keep(client, todo, out)
+        return
+    count = workers or os.cpu_count() or 1
+    with (
+        LocalCluster(count, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        _keep(client, todo, out)
+
+
+def _keep(client: Client, todo: Iterable[str], out: Path) -> None:
+    futures = client.map(judge, list(todo), pure=False)
+    with out.open("a", encoding="utf-8") as file:
+        for future in tqdm(as_completed(futures), total=len(futures), unit="trial"):
+            if future.status == "error":
+                click.echo(f"trial failed: {future.exception()!r}", err=True)
+                continue
+            file.write(json.dumps(future.result()) + "\n")
+            file.flush()
+            future.release()
+
+
+if __name__ == "__main__":
+    study()

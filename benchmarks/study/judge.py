@@ -1,0 +1,159 @@
+"""One trial: a session is made, diagnosed, and what was said is held against the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from blind import Trial, hide
+
+from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
+from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.model import Model, fit
+from delta_calibration.effects import catalogue, effect_named
+from delta_calibration.errors import InputError
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import Survey, survey
+from study.trials import Task
+
+_UM = 1e6
+_WEAKEST, _MOST = 0.01, 5.0  # strengths that a real machine could have
+# hidden value -> parameter of the finding that should hold it, a number for each joint appended
+_SAME = {
+    "backlash": {"gap": "gap"},
+    "joint_lag": {"lag": "lag"},
+    "joint_compliance": {"give": "compliance"},
+    "timestamp_latency": {"latency": "latency"},
+    "thermal_growth_arm": {"expansion": "growth"},
+    "thermal_growth_base": {"expansion": "growth"},
+    "joint_scale": {"scale": "scale"},
+    "forearm_compliance": {"give": "rod_compliance"},
+}
+
+
+def judge(key: str) -> dict[str, Any]:
+    """The outcome of a trial, ready for JSON."""
+    task = Task.of_key(key)
+    trial = _scaled(task)
+    robot = load_robot("srbd")
+    effects = tuple(e for e in catalogue(robot, robot.model()) if e.cause != task.without)
+    begin = time.perf_counter()
+    seen = survey(trial.session, robot.joints.names)
+    found = diagnose(seen, robot, effects=effects, seed=task.seed)
+    took = time.perf_counter() - begin
+    return {
+        "key": key,
+        "group": task.group,
+        "plan": task.plan,
+        "seed": task.seed,
+        "hidden": trial.strengths,
+        "location": trial.hidden.location,
+        "findings": [_said(finding) for finding in found.verdict.findings],
+        "unknown": found.verdict.unknown_structure.found,
+        "moves_with": found.verdict.unknown_structure.moves_with,
+        "cannot_tell": [list(item.between) for item in found.verdict.cannot_tell],
+        "noise_um": 1e3 * (found.verdict.noise_mm or 0.0),
+        "error_um": _errors(trial, seen, robot, found),
+        "intervals": _intervals(trial, found),
+        "seconds": took,
+    }
+
+
+def _scaled(task: Task) -> Trial:
+    """The session, its causes as strong as is wanted, within what a machine could have."""
+    plain = _hide(task, {cause: 1.0 for cause, _ in task.causes})
+    size = {cause.name: 1.0 for cause in plain.causes}
+    for (_, wanted), (name, own) in zip(task.causes, plain.strengths.items(), strict=True):
+        size[name] = float(np.clip(np.sqrt(wanted / max(own, 1e-9)), _WEAKEST, _MOST))
+    return _hide(task, {c: s for (c, _), s in zip(task.causes, size.values(), strict=True)})
+
+
+def _hide(task: Task, causes: Mapping[str, float]) -> Trial:
+    return hide(causes, task.seed, task.plan, task.scatter)
+
+
+def _said(finding: Finding) -> dict[str, Any]:
+    return {
+        "cause": finding.cause,
+        "location": finding.location,
+        "equivalents": list(finding.equivalents),
+        "separated_by": finding.separated_by,
+        "confidence": finding.confidence,
+        "signal": finding.signal,
+        "gain": [finding.gain_low, finding.gain, finding.gain_high],
+    }
+
+
+def _errors(trial: Trial, seen: Survey, robot: Robot, found: Diagnosis) -> dict[str, float]:
+    """How far the models' predictions are from the truth where nothing was measured [um].
+
+    At rest or in motion, wherever the causes do more.
+    """
+    held = survey(trial.truth.session, robot.joints.names)
+    start = calibrated(seen, robot)
+    moving = trial.signals.moving > trial.signals.still
+    models = {"calibrated": start, "extended": found.model}
+    true = _true_members(trial, start, robot)
+    if true is not None:
+        models["oracle"] = fit(start, true)
+    return {name: _error(model, held, moving) for name, model in models.items()}
+
+
+def _error(model: Model, held: Survey, moving: bool) -> float:
+    part = held.paths if moving else held.poses
+    point = part.conditions.reading if moving else held.poses.point
+    predicted = model.extended.chain.predict(part.conditions, model.theta)
+    return _UM * float(np.sqrt(np.mean(np.sum((predicted - point) ** 2, axis=1))))
+
+
+def _true_members(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, ...] | None:
+    """What is hidden, in its true shape, as members of a model; None where there is none such."""
+    members = []
+    for cause in trial.causes:
+        try:
+            mechanism = start.problem.chain.mechanism
+            effect = effect_named(cause.name, robot, mechanism, _shape(trial, cause.name))
+        except InputError:
+            return None
+        every = enumerate(effect.parameters)
+        rows = tuple(i for i, p in every if cause.location in (None, p.location))
+        members.append(Candidate(cause.name, effect.kind, cause.location, effect, rows))
+    return tuple(members)
+
+
+def _shape(trial: Trial, cause: str) -> dict[str, float | str]:
+    """What a detector has to search for."""
+    values = trial.hidden.values[cause]
+    if cause == "transmission_error":
+        return {"cycles": float(values["cycles"])}
+    if cause == "tracker_drift":
+        return {"time_constant": float(values["constant"])} if values["constant"] < np.inf else {}
+    if cause == "joint_zero_drift" and values["kind"] == "step":
+        return {"step_at": float(values["share"]) * trial.cell.length}
+    part = cause.removeprefix("thermal_growth_")
+    if part == cause:
+        return {}
+    if any(stream.part == part for stream in trial.session.temperature):
+        return {"sensor": part}
+    return {"time_constant": trial.cell.warming.constant[part]}
+
+
+def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
+    """Stated values beside the true ones, of causes that are described alike on both sides."""
+    said = {finding.cause: finding for finding in found.verdict.findings}
+    rows = []
+    for cause in trial.causes:
+        if cause.name not in said or cause.name not in _SAME:
+            continue
+        for ours, theirs in _SAME[cause.name].items():
+            for name, estimate in said[cause.name].parameters.items():
+                if name != theirs and name.rsplit("_", 1)[0] != theirs:
+                    continue
+                true = cause.values.get(ours + name.removeprefix(theirs))
+                rows.append(
+                    {"of": f"{cause.name}.{name}", "true": true,
+                     "value": estimate.value, "std": estimate.std}
+                )  # fmt: skip
+    return [row for row in rows if row["true"] is not None]

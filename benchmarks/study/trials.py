@@ -1,0 +1,119 @@
+"""What is tried: which causes, how strong, in which plan, from which seed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+GEOMETRY = (
+    "joint_zero_offset", "arm_length", "forearm_length", "base_joint_position",
+    "base_joint_tilt", "parallelogram_mismatch",
+)  # fmt: skip
+MEASUREMENT = ("tracker_drift", "timestamp_latency")
+DRIVES = (
+    "backlash", "stick_slip", "joint_lag", "encoder_eccentricity", "transmission_error",
+    "joint_scale", "joint_zero_drift", "joint_compliance", "dynamic_deflection",
+)  # fmt: skip
+STRUCTURE = (
+    "thermal_growth_arm", "thermal_growth_base", "thermal_growth_forearm",
+    "forearm_compliance", "ball_joint_clearance",
+)  # fmt: skip
+BEYOND_GEOMETRY = MEASUREMENT + DRIVES + STRUCTURE
+KINDS = ("bump", "ripple", "drag", "cross_talk", "grip", "rub", "rocking")
+POOR = ("poor", "one_sided", "one_payload", "no_sweeps", "still", "no_temperatures")
+PRECISE = 0.1  # of the tolerances: scatter of machines of which one dimension is wrong
+_WEAK, _STRONG, _TELLING = 20.0, 5000.0, 160.0  # lambda
+
+
+@dataclass(frozen=True)
+class Task:
+    """One machine and its session, and what is hidden there."""
+
+    group: str
+    seed: int
+    causes: tuple[tuple[str, float], ...] = ()  # with the wanted lambda
+    plan: str = "rich"
+    scatter: float = 1.0
+    without: str = ""  # cause taken out of the catalogue
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others, and brings it back."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+    @classmethod
+    def of_key(cls, key: str) -> Task:
+        """The task of a key."""
+        fields = json.loads(key)
+        causes = tuple((name, strength) for name, strength in fields.pop("causes"))
+        return cls(causes=causes, **fields)
+
+
+def tasks(seed: int, share: float) -> list[Task]:
+    """The whole study, or a share of it, in an order in which any part of it is fair.
+
+    Args:
+        seed: of the study; each trial has its own from it.
+        share: of the number of trials, 1 for all.
+    """
+    rng = np.random.default_rng(seed)
+    groups = (_none, _single, _one_dimension, _pair, _unknown, _taken_out, _poor)
+    every = [task for group in groups for task in group(rng, share)]
+    numbered = [
+        Task(t.group, int(number), t.causes, t.plan, t.scatter, t.without)
+        for number, t in zip(rng.permutation(10**6)[: len(every)], every, strict=True)
+    ]
+    return [numbered[k] for k in rng.permutation(len(numbered))]
+
+
+def _many(count: int, share: float) -> range:
+    return range(max(1, round(count * share)))
+
+
+def _strength(rng: np.random.Generator, low: float = _WEAK) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(_STRONG))))
+
+
+def _none(rng: np.random.Generator, share: float) -> Iterator[Task]:
+    for _ in _many(500, share):
+        yield Task("none", 0)
+
+
+def _single(rng: np.random.Generator, share: float) -> Iterator[Task]:
+    for cause in BEYOND_GEOMETRY:
+        for _ in _many(30, share):
+            yield Task("single", 0, ((cause, _strength(rng)),))
+
+
+def _one_dimension(rng: np.random.Generator, share: float) -> Iterator[Task]:
+    for cause in GEOMETRY:
+        for _ in _many(20, share):
+            yield Task("dimension", 0, ((cause, _strength(rng)),), scatter=PRECISE)
+
+
+def _pair(rng: np.random.Generator, share: float) -> Iterator[Task]:
+    for _ in _many(200, share):
+        two = rng.choice(BEYOND_GEOMETRY, 2, replace=False).tolist()
+        yield Task("pair", 0, tuple((cause, _strength(rng, _TELLING)) for cause in two))
+
+
+def _unknown(rng: np.random.Generator, share: float) -> Iterator[Task]:
+    for kind in KINDS:
+        for _ in _many(24, share):
+            yield Task("unknown", 0, ((f"unknown:{kind}", _strength(rng)),))
+
+
+def _taken_out(rng: np.random.Generator, share: float) -> Iterator[Task]:
+    for cause in BEYOND_GEOMETRY:
+        for _ in _many(8, share):
+            yield Task("taken out", 0, ((cause, _strength(rng)),), without=cause)
+
+
+def _poor(rng: np.random.Generator, share: float) -> Iterator[Task]:
+    for plan in POOR:
+        for _ in _many(30, share):
+            cause = str(rng.choice(BEYOND_GEOMETRY))
+            yield Task("poor", 0, ((cause, _strength(rng)),), plan=plan)
