@@ -36,7 +36,7 @@ _SAME = {
 def judge(key: str) -> dict[str, Any]:
     """The outcome of a trial, ready for JSON."""
     task = Task.of_key(key)
-    trial = _scaled(task)
+    trial, hidden = _scaled(task)
     robot = load_robot("srbd")
     effects = tuple(e for e in catalogue(robot, robot.model()) if e.cause != task.without)
     begin = time.perf_counter()
@@ -48,7 +48,7 @@ def judge(key: str) -> dict[str, Any]:
         "group": task.group,
         "plan": task.plan,
         "seed": task.seed,
-        "hidden": trial.strengths,
+        "hidden": hidden,
         "location": trial.hidden.location,
         "findings": [_said(finding) for finding in found.verdict.findings],
         "unknown": found.verdict.unknown_structure.found,
@@ -61,13 +61,18 @@ def judge(key: str) -> dict[str, Any]:
     }
 
 
-def _scaled(task: Task) -> Trial:
-    """The session, its causes as strong as is wanted, within what a machine could have."""
+def _scaled(task: Task) -> tuple[Trial, dict[str, float]]:
+    """The session, its causes as strong as is wanted, and the lambda of each.
+
+    A cause is scaled within what a machine could have; lambda goes with the square of its size.
+    """
     plain = _hide(task, {cause: 1.0 for cause, _ in task.causes})
-    size = {cause.name: 1.0 for cause in plain.causes}
-    for (_, wanted), (name, own) in zip(task.causes, plain.strengths.items(), strict=True):
-        size[name] = float(np.clip(np.sqrt(wanted / max(own, 1e-9)), _WEAKEST, _MOST))
-    return _hide(task, {c: s for (c, _), s in zip(task.causes, size.values(), strict=True)})
+    own = np.array([plain.strengths[cause.name] for cause in plain.causes])
+    wanted = np.array([strength for _, strength in task.causes])
+    size = np.clip(np.sqrt(wanted / np.maximum(own, 1e-9)), _WEAKEST, _MOST)
+    trial = _hide(task, {cause: s for (cause, _), s in zip(task.causes, size, strict=True)})
+    names = [cause.name for cause in plain.causes]
+    return trial, dict(zip(names, (own * size**2).tolist(), strict=True))
 
 
 def _hide(task: Task, causes: Mapping[str, float]) -> Trial:
@@ -91,6 +96,8 @@ def _errors(trial: Trial, seen: Survey, robot: Robot, found: Diagnosis) -> dict[
 
     At rest or in motion, wherever the causes do more.
     """
+    if not trial.causes:
+        return {}
     held = survey(trial.truth.session, robot.joints.names)
     start = calibrated(seen, robot)
     moving = trial.signals.moving > trial.signals.still

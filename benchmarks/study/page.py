@@ -244,7 +244,7 @@ def _gain(outcomes: Sequence[Outcome]) -> str:
     ]  # fmt: skip
     had = np.array([_gained(o, "extended") for o in named])
     could = np.array([_gained(o, "oracle") for o in named])
-    harmful = _rate(outcomes, _harmful)
+    harmful = _rate([o for o in outcomes if o["error_um"]], _harmful)
     share = float(had.sum() / could.sum()) if len(named) else float("nan")
     return (
         f"{len(named)} machines with causes at lambda >= {_NAMED:g}: the extended models take away "

@@ -21,6 +21,7 @@ _CELL = 0.05  # [m]
 _LEARNABLE = 0.2  # of the information
 _DRAWS = 400
 _SURE = 0.025  # quantile under which the gain's interval begins
+_ONE_SIGMA = 0.16
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class HeldOut:
     """Squared distance between predicted and measured, each sample by a fit without its part."""
 
     square: Array  # (n,) [m^2]
+    whitened: Array  # (n,) the same in units of the noise
     part: NDArray[np.int64]  # (n,) which part it was held out with
 
     def rms(self, rows: NDArray[np.bool_]) -> float:
@@ -44,6 +46,7 @@ class Gain:
     share: float  # 1 is all but the noise
     low: float  # of the 95 % interval of `share`
     high: float
+    surely: float  # what chi square of the held-out samples falls by, at least (84 % sure)
 
 
 def sectors(evidence: Evidence) -> NDArray[np.int64]:
@@ -84,13 +87,15 @@ def held_out(evidence: Evidence, part: NDArray[np.int64]) -> HeldOut:
         evidence: of all samples, what the fit may use in its nuisance.
         part: what is held out together, (n,).
     """
-    square = np.full(len(evidence), np.nan)
+    square, whitened = np.full(len(evidence), np.nan), np.full(len(evidence), np.nan)
     for number in np.unique(part):
         rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
         if others.size:
             missed = evidence.take(rows).missed(evidence.take(others).best())
             square[rows] = np.sum(missed**2, axis=1)
-    return HeldOut(square, part)
+            units = (evidence.whiten[rows] @ missed[..., None])[..., 0]
+            whitened[rows] = np.sum(units**2, axis=1)
+    return HeldOut(square, whitened, part)
 
 
 def gain(
@@ -101,22 +106,22 @@ def gain(
     place: NDArray[np.int64],
     rng: np.random.Generator,
 ) -> Gain:
-    """Compare two models on the same held-out samples; the interval is a bootstrap over places.
+    """Compare two models on the same held-out samples; intervals are from a bootstrap over places.
 
     Args:
         before: without the member.
         after: with it.
         noise: variance of a reading's 3-D distance, (n,) [m^2].
-        rows: samples that count, (n,).
+        rows: samples whose error is told in metres, (n,); in units of the noise all count.
         place: samples of one place go together, (n,).
         rng: of the bootstrap.
     """
-    numbers, which = np.unique(place[rows], return_inverse=True)
-    totals = np.stack(
-        [np.bincount(which, v[rows]) for v in (before.square, after.square, noise)], axis=1
-    )
-    drawn = rng.integers(0, len(numbers), (_DRAWS, len(numbers)))
-    shares = _share(totals[drawn].sum(axis=1))
+    numbers, which = np.unique(place, return_inverse=True)
+    fallen = np.nan_to_num(before.whitened - after.whitened)
+    metres = (np.where(rows, v, 0.0) for v in (before.square, after.square, noise))
+    totals = np.stack([np.bincount(which, v) for v in (*metres, fallen)], axis=1)
+    drawn = totals[rng.integers(0, len(numbers), (_DRAWS, len(numbers)))].sum(axis=1)
+    shares = _share(drawn)
     low, high = np.quantile(shares, [_SURE, 1 - _SURE])
     return Gain(
         before=before.rms(rows),
@@ -124,11 +129,12 @@ def gain(
         share=float(_share(totals.sum(axis=0)[None])[0]),
         low=float(low),
         high=float(high),
+        surely=float(np.quantile(drawn[:, 3], _ONE_SIGMA)),
     )
 
 
 def _share(totals: Array) -> Array:
-    """Of the error that is not noise, what is gone; (..., 3) before, after, noise -> (...)."""
+    """Of the error that is not noise, what is gone; (k, 4) before, after, noise, .. -> (k,)."""
     before, after, noise = totals[:, 0], totals[:, 1], totals[:, 2]
     avoidable = np.maximum(before - noise, 0.05 * before)
     return np.asarray(np.clip((before - after) / avoidable, -1.0, 1.0))

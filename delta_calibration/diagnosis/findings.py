@@ -77,7 +77,7 @@ class HeldOutModels:
         unexplained = any(m.unexplained for m in members if m not in rest)
         part = self.scattered if unexplained else self.sectors
         first = self.gain(self.members(rest, part), self.members(members, part), columns, rng)
-        if first.low <= 0:
+        if first.surely <= 0:
             return None
         part = self.stretches
         if not unexplained and learnable(beside(self.evidence, rest), columns, part):

@@ -1,0 +1,112 @@
+"""A small blind trial: what a foreign generator hid must be named, and nothing where nothing is.
+
+`make study` is the same in the large; this one is for every day.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from study.judge import judge
+from study.trials import PRECISE, Task
+
+from delta_calibration.diagnosis import Verdict, diagnose
+from delta_calibration.recording import read_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import survey
+
+ROBOT = load_robot("srbd")
+SESSIONS = Path(__file__).resolve().parents[2] / "shared" / "sessions"
+SIGNAL = 600.0  # lambda, well above the 160 that a name needs
+CONFIDENT = 0.8
+
+
+def published(name: str) -> Verdict:
+    if not (SESSIONS / name).exists():
+        pytest.skip(f"no session {name} beside the repository")
+    return diagnose(survey(read_session(SESSIONS / name), ROBOT.joints.names), ROBOT).verdict
+
+
+@pytest.mark.parametrize(
+    ("session", "cause", "location"),
+    [
+        ("arm_length", "arm_length", "joint_3"),
+        ("backlash", "backlash", None),
+        ("thermal_growth_arm", "thermal_growth_arm", None),
+    ],
+)
+def test_published_sessions_are_seen_through(session: str, cause: str, location: str | None):
+    said = published(session)
+    assert [(f.cause, f.location) for f in said.findings] == [(cause, location)]
+    assert not said.unknown_structure.found
+    assert said.findings[0].confidence > 0.9
+    assert said.extended.held_out_rms_mm <= said.calibrated.held_out_rms_mm
+
+
+def test_the_clean_published_session_raises_no_alarm():
+    said = published("none")
+    assert not said.findings
+    assert not said.unknown_structure.found
+
+
+def test_what_no_catalogue_has_is_recognised_and_not_named():
+    said = published("unknown")
+    assert not said.findings
+    assert said.unknown_structure.found
+
+
+def trial(seed: int, *causes: tuple[str, float], **options) -> dict:
+    return judge(Task("test", seed, causes, **options).key)
+
+
+@pytest.mark.parametrize(
+    ("seed", "cause"),
+    enumerate(
+        ["backlash", "joint_compliance", "transmission_error", "thermal_growth_base",
+         "timestamp_latency", "tracker_drift", "joint_scale"],
+        start=1000,
+    ),
+)  # fmt: skip
+def test_a_hidden_cause_is_named_and_its_model_predicts(seed: int, cause: str):
+    said = trial(seed, (cause, SIGNAL))
+    first = said["findings"][0]
+    assert cause in (first["cause"], *first["equivalents"])
+    gained = {m: e**2 for m, e in said["error_um"].items()}
+    could = gained["calibrated"] - gained["oracle"]
+    assert gained["calibrated"] - gained["extended"] > 0.9 * could
+    for item in said["intervals"]:
+        assert abs(item["value"] - item["true"]) < 4 * item["std"]
+
+
+def test_one_wrong_dimension_of_a_precise_machine_is_named_in_its_chain():
+    said = trial(1010, ("forearm_length", SIGNAL), scatter=PRECISE)
+    found = [(f["cause"], f["location"]) for f in said["findings"]]
+    assert found == [("forearm_length", said["location"]["forearm_length"])]
+
+
+@pytest.mark.parametrize("seed", [1020, 1021])
+def test_a_clean_machine_raises_no_alarm(seed: int):
+    said = trial(seed)
+    assert not said["findings"]
+    assert not said["unknown"]
+
+
+def test_a_poor_session_names_no_wrong_cause_with_confidence():
+    said = trial(1030, ("joint_zero_drift", SIGNAL), plan="poor")
+    for finding in said["findings"]:
+        right = "joint_zero_drift" in (finding["cause"], *finding["equivalents"])
+        assert right or finding["confidence"] < CONFIDENT
+    assert said["cannot_tell"]
+
+
+def test_a_foreign_structure_is_seen_and_not_named():
+    said = trial(1040, ("unknown:cross_talk", SIGNAL))
+    assert said["unknown"]
+    assert not said["findings"]
+
+
+def test_a_cause_taken_out_of_the_catalogue_is_not_given_another_name():
+    said = trial(1050, ("transmission_error", SIGNAL), without="transmission_error")
+    assert said["unknown"]
+    assert not said["findings"]

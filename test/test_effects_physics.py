@@ -1,0 +1,296 @@
+"""The physics of each effect, against another way of writing it.
+
+Energies, equilibria and rigid bodies of a machine of six rods that shares no code with the
+package; differential equations by scipy; a play that is a state; clocks and discs as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from six_rods import PLATFORM, SixRods, workspace
+
+from delta_calibration.chain import Chain
+from delta_calibration.effects import effect_named
+from delta_calibration.geometry import Frame
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import Conditions, at_rest, motion_of
+
+ROBOT = load_robot("srbd")
+MODELS = ("rotary_delta", "six_rod_delta")
+GRAVITY = 9.80665  # [m/s^2]
+PLATFORM_KG, ARM_KG, ARM_CENTRE, ROD_KG = 1.2, 1.6, 0.45, 0.18
+both_models = pytest.mark.parametrize("model", MODELS)
+Q = workspace(30, np.random.default_rng(1))
+MACHINE = SixRods()
+
+
+def effect(cause, model="six_rod_delta", **settings):
+    return effect_named(cause, ROBOT, ROBOT.model(model), settings)
+
+
+def loaded(q, seed=2, centred=False) -> Conditions:
+    """Payloads of 0 to 3 kg, 30 mm off the platform's centre and beneath it."""
+    rng, n = np.random.default_rng(seed), len(q)
+    centre = rng.uniform([-0.03, -0.03, -0.05], [0.03, 0.03, 0.0], (n, 3))
+    return replace(
+        at_rest(q), payload=rng.uniform(0.0, 3.0, n), payload_centre=(not centred) * centre
+    )
+
+
+def predicted(effects, values, at, geometry=None):
+    """Platform's centre by the chain with these effects of these sizes, (n, 3) [m]."""
+    chain = Chain(ROBOT.model(), np.zeros(3), 0.05, tuple(effects))
+    g = chain.mechanism.parameters.nominal if geometry is None else geometry
+    theta = chain.join(g, np.zeros(3), Frame.identity())
+    theta[chain.base_size :] = np.concatenate([np.atleast_1d(value) for value in values])
+    return chain.predict(at, theta)
+
+
+def with_rods(change, q):
+    """The same by the other machine, each rod longer by (n, 6) [m]."""
+    points = []
+    for row, rods in enumerate(change.reshape(-1, 3, 2)):
+        errors = {f"rod_{leg}": pair.mean() for leg, pair in enumerate(rods, start=1)}
+        errors |= {f"rod_mismatch_{leg}": b - a for leg, (a, b) in enumerate(rods, start=1)}
+        points.append(SixRods(errors).point(q[row : row + 1])[0])
+    return np.array(points)
+
+
+def balls(q):
+    """Ball joints at the elbows and at the platform, two of (n, 6, 3); centre and orientation."""
+    centre, turn = MACHINE.pose(q)
+    lower = np.stack([centre + turn.apply(ball) for ball in MACHINE.platform], axis=1)
+    return MACHINE.elbows(q), lower, centre, turn
+
+
+def energy(q, at):
+    """Potential of every mass where it is, uniform rods by their ends, (n,) [J]."""
+    upper, lower, centre, turn = balls(q)
+    height = PLATFORM_KG * centre[:, 2] + ROD_KG / 2 * (upper + lower)[..., 2].sum(axis=1)
+    for leg in range(3):
+        hinge = MACHINE.turn[leg].apply(MACHINE.hinge[leg])
+        elbow = upper[:, 2 * leg : 2 * leg + 2].mean(axis=1)
+        height = height + ARM_KG * (hinge + ARM_CENTRE * (elbow - hinge))[:, 2]
+    return GRAVITY * (height + at.payload * (centre + turn.apply(at.payload_centre))[:, 2])
+
+
+def rod_forces(at):
+    """Pull of each rod by the equilibrium of the platform, six equations, (n, 6) [N].
+
+    A rod hands half of its weight to the platform, at its ball joint.
+    """
+    upper, lower, centre, turn = balls(at.joint)
+    along = upper - lower
+    along = along / np.linalg.norm(along, axis=2, keepdims=True)
+    down = np.array([0.0, 0.0, -GRAVITY])
+    moment = np.cross(lower - centre[:, None], along)
+    force = (PLATFORM_KG + 3 * ROD_KG + at.payload)[:, None] * down
+    torque = at.payload[:, None] * np.cross(turn.apply(at.payload_centre), down)
+    torque = torque + ROD_KG / 2 * np.cross(lower - centre[:, None], down).sum(axis=1)
+    wrench = np.concatenate([along, moment], axis=2)
+    load = np.concatenate([force, torque], axis=1)
+    return np.linalg.solve(np.swapaxes(wrench, 1, 2), -load[..., None])[..., 0]
+
+
+@both_models
+def test_a_drive_carries_the_slope_of_the_energy(model: str) -> None:
+    at, step = loaded(Q), 1e-5 * np.eye(3)
+    torque = [(energy(Q + s, at) - energy(Q - s, at)) / 2e-5 for s in step]
+    columns = effect("joint_compliance", model).columns(at)
+    np.testing.assert_allclose(-np.einsum("njj->nj", columns), np.stack(torque, axis=1), atol=2e-7)
+    assert not columns[:, ~np.eye(3, dtype=bool)].any()
+    assert np.abs(columns).max() > 5.0  # [N m]
+
+
+@both_models
+def test_rods_stretch_by_the_pull_that_holds_the_platform(model: str) -> None:
+    """The machine with each rod as long as its pull makes it."""
+    at, compliance = loaded(Q, centred=model == "rotary_delta"), 4e-7
+    force = rod_forces(at).reshape(-1, 3, 2)
+    pairs = force.mean(axis=2)
+    assert np.ptp(pairs) > 5.0
+    names = effect("forearm_compliance", model).mechanism.parameters.names
+    columns = effect("forearm_compliance", model).columns(at)[..., 0]
+    rods = [names.index(f"rod_{leg}") for leg in (1, 2, 3)]
+    np.testing.assert_allclose(columns[:, rods], pairs, atol=1e-9)
+    rest = np.delete(columns, rods, axis=1)
+    if model == "rotary_delta":
+        assert not rest.any()
+        return
+    mismatch = [names.index(f"rod_mismatch_{leg}") for leg in (1, 2, 3)]
+    np.testing.assert_allclose(columns[:, mismatch], force[..., 1] - force[..., 0], atol=1e-9)
+    moved = predicted([effect("forearm_compliance")], [compliance], at)
+    stretched = with_rods(compliance * rod_forces(at), Q)
+    np.testing.assert_allclose(moved, stretched, atol=1e-12)
+
+
+def test_a_ball_joint_has_its_play_on_the_side_it_is_pulled_to() -> None:
+    """Rods of one pair may be on different sides, where the load turns the platform."""
+    q = np.random.default_rng(3).uniform([0.3, -0.1, -0.1], [0.9, 0.3, 0.3], (60, 3))
+    at, clearance = loaded(q), 3e-5
+    sides = np.sign(rod_forces(at))
+    assert 20 < (sides < 0).sum() < 200
+    assert (sides[:, ::2] != sides[:, 1::2]).any()
+    moved = predicted([effect("ball_joint_clearance")], [clearance], at)
+    np.testing.assert_allclose(moved, with_rods(clearance * sides, q), atol=1e-12)
+
+
+@both_models
+def test_a_drive_gives_way_to_the_work_of_its_inertia(model: str) -> None:
+    """D'Alembert on a motion through each pose, the platform followed in time."""
+    rng, t, at = np.random.default_rng(4), 1e-3, loaded(Q)
+    v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
+    at = replace(at, velocity=v, acceleration=a)
+    there, here, back = (MACHINE.point(Q + v * s + a * s**2 / 2) for s in (t, 0.0, -t))
+    push = (PLATFORM_KG + 3 * ROD_KG + at.payload)[:, None] * (there - 2 * here + back) / t**2
+    slope = [MACHINE.point(Q + s) - MACHINE.point(Q - s) for s in 1e-5 * np.eye(3)]
+    work = np.stack([np.sum(push * s / 2e-5, axis=1) for s in slope], axis=1)
+    columns = effect("dynamic_deflection", model).columns(at)[..., 0]
+    assert np.abs(work).max() > 5.0  # [N m]
+    np.testing.assert_allclose(columns, -work, rtol=2e-3, atol=5e-3)
+    other_way = replace(at, velocity=-v)  # the same circle the other way round
+    np.testing.assert_allclose(
+        effect("dynamic_deflection", model).columns(other_way)[..., 0], columns, atol=1e-9
+    )
+    assert not effect("dynamic_deflection", model).columns(loaded(Q)).any()
+
+
+def play(path, gap):
+    """Joint less motor of a gap as a state: the joint waits until the motor takes it along."""
+    joint = np.empty_like(path)
+    joint[0] = path[0]
+    for i in range(1, len(path)):
+        joint[i] = np.clip(joint[i - 1], path[i] - gap / 2, path[i] + gap / 2)
+    return joint - path
+
+
+def test_backlash_is_a_play_on_a_long_random_way() -> None:
+    """Strokes of 2 to 80 mrad there and back, the whole history of two hundred turns."""
+    rng, gap = np.random.default_rng(5), np.array([3e-4, 8e-4, 1.5e-3])
+    turns = np.cumsum(rng.uniform(2e-3, 0.08, (200, 3)) * np.array([[1], [-1]] * 100), axis=0)
+    gone = np.linspace(0, 1, 400, endpoint=False)[:, None] * np.diff(turns, axis=0)[:, None]
+    path, gone = (turns[:-1, None] + gone).reshape(-1, 3), np.abs(gone).reshape(-1, 3)
+    motion = motion_of(np.arange(len(path)) * 0.01, path)
+    at = replace(at_rest(path), direction=motion.direction, travel=motion.travel)
+    moved = effect("backlash").refined(gap).columns(at) @ gap
+    state = np.column_stack([play(path[:, j], gap[j]) for j in range(3)])
+    known = gone > 2.1e-4  # less could be the noise of an encoder
+    known[:400] &= gone[:400] > gap  # where the play stood at first nobody knows
+    assert known.mean() > 0.9
+    assert np.abs(moved - state)[known].max() < 1e-12
+    crossing = known & (np.abs(state) < 0.49 * gap)
+    assert (crossing.sum(axis=0) > 200).all()  # and not the ends alone
+    assert np.abs(moved - state)[400:].max() <= gap.max()
+
+
+def test_friction_lets_go_by_stribecks_law() -> None:
+    """d(error)/d|v| = -error / v_s from full presliding at rest, against the motion."""
+    speed = np.linspace(0.0, 0.5, 40)
+    law = solve_ivp(lambda v, e: -e / 0.08, (0, 0.5), [1.0], t_eval=speed, rtol=1e-10, atol=1e-12)
+    for sign in (1.0, -1.0):
+        way = sign * np.ones((40, 3))
+        at = replace(at_rest(0 * way), velocity=speed[:, None] * way, direction=way)
+        columns = np.einsum("njj->nj", effect("stick_slip", speed=0.08).columns(at))
+        np.testing.assert_allclose(columns, np.tile(-sign * law.y[0][:, None], 3), atol=1e-9)
+
+
+def test_a_harmonic_goes_on_beyond_a_turn() -> None:
+    """Over seven turns 33.5 cycles a turn are one line of the spectrum; wrapped they are not."""
+    n, turns, size, phase = 4096, 8, 1.3e-4, 0.7
+    q = np.tile((2 * np.pi * turns * np.arange(n) / n)[:, None], 3)
+    e = effect("transmission_error", cycles=33.5)
+    v = size * np.array([np.cos(phase)] * 3 + [np.sin(phase)] * 3)
+    spectrum = np.fft.rfft(e.columns(at_rest(q)) @ v, axis=0) / n
+    line = int(33.5 * turns)
+    np.testing.assert_allclose(2 * np.abs(spectrum[line]), size, rtol=1e-9)
+    np.testing.assert_allclose(np.angle(spectrum[line]), phase - np.pi / 2, atol=1e-9)
+    assert np.abs(np.delete(spectrum, line, axis=0)).max() < 1e-12
+
+
+def test_an_eccentric_disc_read_by_one_head() -> None:
+    """A disc of 40 mm, 10 um off its axis: 103 seconds of arc, and where they are."""
+    radius, off, place = 0.02, 10e-6, 0.8
+    true = np.linspace(-2.0, 5.0, 300)
+    middle = off * np.exp(1j * (true + place))  # of the disc, about the axis; the head is at 0
+    read = true - np.angle((radius - middle) / radius)
+    error = true - read
+    assert error.max() * 180 / np.pi * 3600 == pytest.approx(412 * 10 / 40, rel=2e-3)
+    at = at_rest(np.tile(read[:, None], 3))
+    columns = np.einsum("njk->jnk", effect("encoder_eccentricity").columns(at))
+    for j in range(3):
+        v, *_ = np.linalg.lstsq(columns[j], error, rcond=None)
+        assert np.abs(columns[j] @ v - error).max() < (off / radius) ** 2
+        assert np.hypot(v[j], v[3 + j]) == pytest.approx(off / radius, rel=1e-3)
+        assert np.arctan2(v[3 + j], v[j]) == pytest.approx(place - np.pi, abs=1e-3)
+
+
+def test_counts_a_turn_entered_wrong() -> None:
+    """80 000 counts taken for 80 020: the joint goes farther than it is told."""
+    true = Q
+    told = np.round(true * 80_000 / (2 * np.pi) * 1e6) / 1e6 * 2 * np.pi / 80_020
+    moved = effect("joint_scale").columns(at_rest(told)) @ np.full(3, 80_020 / 80_000 - 1)
+    np.testing.assert_allclose(told + moved, true, atol=1e-9)
+
+
+def test_a_part_warms_up_as_newton_says() -> None:
+    """dT/dt = (T_end - T) / tau; arms as long as they are then."""
+    time, tau, growth = np.linspace(0, 5400, 12), 1500.0, 2e-4
+    warm = solve_ivp(lambda t, s: (1 - s) / tau, (0, 5400), [0.0], t_eval=time, rtol=1e-10)
+    at = replace(at_rest(Q[:12]), time=time)
+    moved = predicted([effect("thermal_growth_arm", time_constant=tau)], [growth], at)
+    for row, share in enumerate(warm.y[0]):
+        longer = SixRods({f"arm_{leg}": 0.32 * growth * share for leg in (1, 2, 3)})
+        np.testing.assert_allclose(moved[row], longer.point(Q[row : row + 1])[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("celsius", [5.0, 20.0, 44.0])
+def test_a_machine_of_one_metal_only_grows_larger(celsius: float) -> None:
+    """With a platform that grows as well, every place is farther out by alpha dT."""
+    parts, share = ("base", "forearm", "arm"), 23e-6 * (celsius - 20.0)
+    at = replace(at_rest(Q), temperature_parts=parts, temperature=np.full((len(Q), 3), celsius))
+    each = [effect(f"thermal_growth_{part}", sensor=part) for part in parts]
+    platform = [(f"platform_radial_{leg}", PLATFORM * (1 + share)) for leg in (1, 2, 3)]
+    geometry = ROBOT.model().parameters.vector(platform)
+    moved = predicted(each, [23e-6] * 3, at, geometry=geometry)
+    np.testing.assert_allclose(moved, (1 + share) * MACHINE.point(Q), atol=1e-13)
+
+
+def test_an_encoder_that_creeps_and_a_coupling_that_slips() -> None:
+    """30 urad an hour from the start; 80 urad from one moment on."""
+    at = replace(at_rest(Q), time=np.linspace(0.0, 5400.0, len(Q)))
+    slip = np.array([8e-5, 0.0, -8e-5])
+    both = [effect("joint_zero_drift"), effect("joint_zero_drift", step_at=1800.0)]
+    creep, step = (e.columns(at) @ v for e, v in zip(both, (np.full(3, 3e-5), slip), strict=True))
+    np.testing.assert_allclose(np.diff(creep, axis=0) / np.diff(at.time)[:, None], 3e-5 / 3600)
+    assert not creep[0].any()
+    np.testing.assert_array_equal(step, (at.time >= 1800.0)[:, None] * slip)
+
+
+def test_a_tracker_that_creeps_moves_all_as_one_body() -> None:
+    """About its own origin, by a rotation and a shift that settle together."""
+    rng, tau = np.random.default_rng(6), 1200.0
+    y, time = rng.uniform(1.0, 3.0, (50, 3)), rng.uniform(0.0, 7200.0, 50)
+    shift, turn = np.array([4e-5, -2e-5, 3e-5]), np.array([2e-5, 1e-5, -3e-5])
+    share = solve_ivp(lambda t, s: (1 - s) / tau, (0, 7200), [0.0], dense_output=True, rtol=1e-10)
+    settled = share.sol(time).T
+    moved = Rotation.from_rotvec(settled * turn).apply(y) + settled * shift
+    at = replace(at_rest(Q[:1].repeat(50, axis=0)), time=time, reading=y)
+    drift = effect("tracker_drift", time_constant=tau).columns(at) @ np.concatenate([shift, turn])
+    assert np.linalg.norm(drift, axis=1).max() > 5e-5
+    np.testing.assert_allclose(y + drift, moved, atol=6e-9)  # a rotation of 37 urad is not linear
+
+
+def test_a_tracker_in_wrong_air_reads_every_distance_too_long() -> None:
+    """From the tracker on: directions stay, distances between places grow as much."""
+    scale = 27e-6
+    y = np.random.default_rng(7).uniform(1.0, 3.0, (50, 3))
+    at = replace(at_rest(np.zeros((50, 3))), reading=y)
+    read = y + effect("tracker_scale").columns(at) @ [scale]
+    spherical = [np.linalg.norm(p, axis=1) for p in (y, read)]
+    np.testing.assert_allclose(spherical[1] / spherical[0] - 1, scale, rtol=1e-9)
+    np.testing.assert_allclose(np.cross(y, read), 0.0, atol=1e-14)

@@ -1,0 +1,289 @@
+"""How joints moved, and what depends on it: against motions whose derivatives are known."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from six_rods import SixRods
+
+from delta_calibration.chain import Chain
+from delta_calibration.effects import effect_named
+from delta_calibration.geometry import Frame
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import (
+    Conditions,
+    JointStream,
+    PayloadStream,
+    Session,
+    Stroke,
+    TrackerStream,
+    at_rest,
+    joined,
+    motion_of,
+    survey,
+)
+from delta_calibration.samples.motion import TURNED
+
+ROBOT = load_robot("srbd")
+NAMES = ("joint_1", "joint_2", "joint_3")
+MACHINE = SixRods()
+
+
+def there_and_back(corners, step=1e-4):
+    """Angles from corner to corner, how far from the last one, and which way, each (n,)."""
+    legs = []
+    for a, b in pairwise(corners):
+        angle = np.linspace(a, b, round(abs(b - a) / step), endpoint=False)
+        legs.append([angle, np.abs(angle - a), np.full(len(angle), np.sign(b - a))])
+    return np.concatenate(legs, axis=1)
+
+
+def strokes_of(angle, rate=100.0):
+    """Direction and travel of one joint."""
+    motion = motion_of(np.arange(len(angle)) / rate, np.asarray(angle, dtype=float)[:, None])
+    return motion.direction[:, 0], motion.travel[:, 0]
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0, 200.0, 1000.0])
+def test_speed_and_acceleration_are_the_derivatives(rate: float) -> None:
+    """Of a line and of a parabola to rounding, to the ends; of a circle's swing nearly."""
+    time = np.arange(0.0, 3.0, 1 / rate)
+    swing = 0.3 * np.sin(3 * time)
+    motion = motion_of(time, np.column_stack([0.7 * time, 0.4 - 0.5 * time**2, swing]))
+    np.testing.assert_allclose(motion.velocity[:, 0], 0.7, atol=1e-9)
+    np.testing.assert_allclose(motion.velocity[:, 1], -time, atol=1e-9)
+    np.testing.assert_allclose(motion.acceleration[:, :2], [[0.0, -1.0]] * len(time), atol=1e-5)
+    inner = slice(8, -8)
+    np.testing.assert_allclose(motion.velocity[inner, 2], 0.9 * np.cos(3 * time)[inner], atol=2e-3)
+    np.testing.assert_allclose(motion.acceleration[inner, 2], -9 * swing[inner], atol=2e-2)
+
+
+@pytest.mark.parametrize("lost", [0.02, 0.1, 0.3])
+def test_a_lost_message_changes_no_speed(lost: float) -> None:
+    """Stamps say when a command was; that one of them is missing is no haste."""
+    rng, time = np.random.default_rng(1), np.arange(0.0, 4.0, 0.02)
+    time = time[rng.random(len(time)) >= lost]
+    motion = motion_of(time, np.column_stack([0.7 * time, -0.1 * time, 0 * time]))
+    np.testing.assert_allclose(motion.velocity, [[0.7, -0.1, 0.0]] * len(time), atol=1e-6)
+    np.testing.assert_allclose(motion.acceleration, 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("n", range(1, 9))
+def test_a_stretch_of_a_few_samples_has_finite_speeds_or_none(n: int) -> None:
+    time = np.arange(n) * 0.05
+    motion = motion_of(time, (0.3 * time)[:, None] * np.ones(3))
+    np.testing.assert_allclose(motion.velocity, 0.3 if n >= 3 else 0.0, atol=1e-9)
+    np.testing.assert_allclose(motion.acceleration, 0.0, atol=1e-6)
+
+
+def test_no_speed_leads_across_a_pause_and_the_side_is_kept() -> None:
+    time = np.r_[np.arange(20) * 0.02, 5 + np.arange(20) * 0.02]
+    angle = np.r_[0.5 * time[:20], 0.8 - 0.5 * (time[20:] - 5)]
+    motion = motion_of(time, angle[:, None])
+    np.testing.assert_allclose(motion.velocity[:, 0], [0.5] * 20 + [-0.5] * 20, atol=1e-9)
+    np.testing.assert_allclose(motion.acceleration, 0.0, atol=1e-6)
+    assert motion.direction[19, 0] == motion.direction[20, 0] == 1.0  # it went up to 0.8 then
+    assert motion.direction[-1, 0] == -1.0
+    assert motion.travel[-1, 0] == pytest.approx(0.8 - angle[-1])
+
+
+def test_direction_and_travel_of_a_way_there_and_back() -> None:
+    angle, gone, way = there_and_back([0.1, 0.3, 0.25, 0.4, 0.39, 0.6, 0.0])
+    direction, travel = strokes_of(angle)
+    sure, first = gone > TURNED + 1e-9, np.arange(len(angle)) < 2000
+    np.testing.assert_array_equal(direction[sure], way[sure])
+    assert np.isinf(travel[first]).all()  # nobody knows from where it came
+    np.testing.assert_allclose(travel[sure & ~first], gone[sure & ~first], atol=1e-12)
+    begin = gone < TURNED - 1e-9
+    assert (direction[begin & first] == 0).all()
+    np.testing.assert_array_equal(direction[begin & ~first], -way[begin & ~first])
+
+
+def test_a_joint_that_never_moves_has_no_side() -> None:
+    for angle in (np.full(50, 0.2), 0.2 + 0.4 * TURNED * np.sin(np.arange(50.0))):
+        direction, travel = strokes_of(angle)
+        assert not direction.any()
+        assert np.isinf(travel).all()
+
+
+@pytest.mark.parametrize(("back", "turned"), [(0.9 * TURNED, False), (1.1 * TURNED, True)])
+def test_a_joint_has_turned_beyond_the_noise_of_its_encoder(back: float, turned: bool) -> None:
+    """Measured from the farthest point, however it was reached."""
+    rng = np.random.default_rng(2)
+    angle = np.r_[np.linspace(0, 0.1, 300) - rng.uniform(0, 0.9 * TURNED, 300), 0.1, 0.1 - back]
+    direction, travel = strokes_of(angle)
+    assert (direction[30:-1] == 1.0).all()
+    assert direction[-1] == (-1.0 if turned else 1.0)
+    assert travel[-1] == (pytest.approx(back) if turned else np.inf)
+
+
+def test_the_side_depends_on_the_way_and_not_on_the_samples() -> None:
+    """More samples along it, held ones, another zero, a mirror; none of what comes later."""
+    rng = np.random.default_rng(3)
+    corners = np.cumsum(rng.normal(0, 2e-3, 200))
+    direction, travel = strokes_of(corners)
+    fine = np.concatenate([np.linspace(a, b, 7, endpoint=False) for a, b in pairwise(corners)])
+    for other, share in ((fine, 7), (np.repeat(corners, 3), 3)):
+        ends = slice(None, None, share)
+        count = len(other[ends])
+        np.testing.assert_array_equal(strokes_of(other)[0][ends], direction[:count])
+        np.testing.assert_allclose(strokes_of(other)[1][ends], travel[:count], atol=1e-12)
+    mirrored, moved = strokes_of(-corners), strokes_of(corners + 0.5)
+    np.testing.assert_array_equal(mirrored[0], -direction)
+    np.testing.assert_allclose(moved[1], travel, atol=1e-12)
+    stroke = Stroke(float(corners[0]))
+    for row, angle in enumerate(corners.tolist()):
+        stroke = stroke.moved(angle)
+        assert (stroke.direction, stroke.travel(angle)) == (direction[row], travel[row])
+    assert len(np.unique(direction)) == 3
+
+
+def test_between_samples_the_last_side_and_the_nearest_speed_hold() -> None:
+    time = np.arange(40) * 0.1
+    angle = np.r_[0.5 * time[:20], 0.5 * time[19] - 0.5 * (time[20:] - time[19])]
+    motion = motion_of(time, angle[:, None])
+    velocity, _, direction, travel = motion.at(np.array([-3.0, 1.0, 1.96, 1.99, 30.0]))
+    assert direction[:, 0].tolist() == [0.0, 1.0, 1.0, 1.0, -1.0]
+    np.testing.assert_array_equal(velocity, motion.velocity[[0, 10, 20, 20, 39]])
+    assert travel[-1, 0] == motion.travel[-1, 0] == pytest.approx(1.0)
+    assert motion.at(np.array([2.0]))[2][0, 0] == motion.direction[20, 0] == -1.0
+
+
+# Sessions
+
+
+def made(**streams):
+    """Stops on both sides of a sweep, read ten times a second by something smooth."""
+    corners = [0.1, 0.1, 0.4, 0.4, 0.05, 0.05, 0.3, 0.3]
+    angle = np.concatenate([np.linspace(a, b, 30, endpoint=False) for a, b in pairwise(corners)])
+    q = angle[:, None] * [1.0, -0.5, 0.25]
+    stamps = 10**18 + (np.arange(len(q)) * 10**8).astype(np.int64)
+    noise = 1e-6 * np.random.default_rng(4).standard_normal(q.shape)
+    point = [3.0, 0.0, 0.0] + 0.4 * q[:, [1, 2, 0]] + noise
+    parts = dict(
+        command=JointStream(stamps, NAMES, q),
+        states=JointStream(stamps, NAMES, q + noise),
+        tracker=TrackerStream(stamps, point),
+        payload=PayloadStream(stamps[[100, 150]], np.array([0.5, 1.5]), np.zeros((2, 3))),
+    )
+    return Session("made", **{**parts, **streams})
+
+
+def taken(stream, rows):
+    """Rows of a stream, in that order."""
+    n = len(stream.stamp_ns)
+    own = {f.name: getattr(stream, f.name) for f in fields(stream)}
+    arrays = {k: v[rows] for k, v in own.items() if isinstance(v, np.ndarray) and len(v) == n}
+    return replace(stream, **arrays)
+
+
+def same(one: Conditions, other: Conditions) -> None:
+    for f in fields(Conditions):
+        if f.name not in ("kept", "temperature_parts"):
+            a, b = getattr(one, f.name), getattr(other, f.name)
+            np.testing.assert_allclose(a, b, atol=1e-12, err_msg=f.name)
+
+
+def test_messages_out_of_order_or_twice_are_of_the_same_motion() -> None:
+    plain, rng = made(), np.random.default_rng(5)
+    whole = survey(plain, NAMES)
+    assert len(whole.poses) >= 3
+    assert len(whole.paths) > 50
+    for name in ("command", "states", "tracker"):
+        stream = getattr(plain, name)
+        n = len(stream.stamp_ns)
+        twice = np.sort(np.r_[np.arange(n), rng.integers(0, n, 40)])
+        for rows in (rng.permutation(n), twice, rng.permutation(twice)):
+            same(survey(made(**{name: taken(stream, rows)}), NAMES).conditions, whole.conditions)
+
+
+def test_conditions_of_a_path_are_those_of_its_motion() -> None:
+    """Speed, side and travel from the commands; NaN for the payload until one was said."""
+    paths = survey(made(), NAMES).paths.conditions
+    speed = {1.0: 0.3 / 3, -1.0: -0.35 / 3, 0.0: 0.25 / 3}
+    way = np.sign(paths.velocity[:, 0])
+    inner = np.abs(paths.acceleration[:, 0]) < 1e-3
+    assert inner.sum() > 30
+    up = paths.velocity[inner, 0]
+    assert set(np.round(up, 4)) <= {round(v, 4) for v in speed.values()}
+    np.testing.assert_array_equal(paths.direction[inner, 0], way[inner])
+    np.testing.assert_array_equal(paths.direction[inner, 1], -way[inner])
+    back = inner & (way < 0)
+    np.testing.assert_allclose(paths.travel[back, 0], 0.4 - paths.joint[back, 0], atol=0.02)
+    known = paths.time >= 10.0
+    assert np.isnan(paths.payload[~known]).all()
+    mass = np.where(paths.time < 15.0, 0.5, 1.5)
+    np.testing.assert_array_equal(paths.payload[known], mass[known])
+
+
+def test_samples_are_taken_and_joined_as_rows() -> None:
+    whole = survey(made(), NAMES).conditions
+    order = np.random.default_rng(6).permutation(len(whole))
+    mixed = whole.take(order)
+    same(mixed.take(np.argsort(order)), whole)
+    same(joined(whole.take(slice(0, 7)), whole.take(slice(7, None))), whole)
+    assert mixed.fingerprint() != whole.fingerprint()
+    assert replace(whole, time=whole.time + 5).fingerprint() == whole.fingerprint()
+
+
+# What depends on motion
+
+
+def predicted(effects, values, at):
+    """Platform's centre by the chain with these effects of these sizes, (n, 3) [m]."""
+    chain = Chain(ROBOT.model(), np.zeros(3), 0.05, tuple(effects))
+    theta = chain.join(chain.mechanism.parameters.nominal, np.zeros(3), Frame.identity())
+    theta[chain.base_size :] = values
+    return chain.predict(at, theta)
+
+
+def effect(cause):
+    return effect_named(cause, ROBOT, ROBOT.model(), {})
+
+
+MIDDLE, SIZE = np.array([0.3, 0.2, 0.4]), np.array([0.2, 0.15, 0.1])
+RATE, PHASE = np.array([2.0, 2.6, 1.4]), np.array([0.0, 1.0, 2.0])
+TIMES = np.linspace(0.0, 6.0, 41)
+
+
+def swing(t):
+    """Joints on a smooth motion at a time or at times."""
+    return MIDDLE + SIZE * np.sin(np.asarray(t)[..., None] * RATE + PHASE)
+
+
+def swinging():
+    turn = TIMES[:, None] * RATE + PHASE
+    speed, pull = SIZE * RATE * np.cos(turn), -SIZE * RATE**2 * np.sin(turn)
+    return replace(at_rest(swing(TIMES)), time=TIMES, velocity=speed, acceleration=pull)
+
+
+@pytest.mark.parametrize("latency", [-8e-3, 4e-3, 8e-3])
+def test_a_late_stamp_is_the_place_of_a_moment_before(latency: float) -> None:
+    """To the second order: what is left is the curve of the way."""
+    late = [effect("timestamp_latency")]
+    seen = predicted(late, [latency], swinging())
+    there, now, h = MACHINE.point(swing(TIMES - latency)), MACHINE.point(swing(TIMES)), 1e-3
+    ends = MACHINE.point(swing(TIMES + h)) + MACHINE.point(swing(TIMES - h))
+    curve = (ends - 2 * now) / h**2 * latency**2 / 2
+    np.testing.assert_allclose(seen - there, -curve, atol=0.1 * np.abs(curve).max())
+    assert np.abs(there - now).max() > 20 * np.abs(curve).max()
+    resting = predicted(late, [latency], at_rest(swing(TIMES)))
+    np.testing.assert_allclose(resting, now, atol=1e-12)
+
+
+def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
+    """T dq/dt = command - q, once it has swung in; to the second order in T."""
+    at = swinging()
+    for lag in (4e-3, 2e-3):
+        servo = solve_ivp(
+            lambda t, x, lag=lag: (swing(t) - x) / lag, (0, 6), swing(0.0),
+            method="Radau", t_eval=TIMES, rtol=1e-10, atol=1e-12,
+        ).y.T  # fmt: skip
+        told = at.joint + effect("joint_lag").columns(at) @ np.full(3, lag)
+        left = np.abs(told - servo)[1:].max()
+        assert left < 1.1 * lag**2 * np.abs(at.acceleration).max()
+        assert left < 0.02 * np.abs(servo - at.joint)[1:].max()
