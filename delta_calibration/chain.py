@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects import SPREAD, Effect, Stage
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.parameters import Parameter, ParameterSet
@@ -35,7 +35,6 @@ OFFSET_NAMES = tuple(f"reflector_{axis}" for axis in "xyz")
 
 
 _FRAME = 6  # parameters of the tracker's frame
-_SPREAD = 5.0  # an effect may well be so many times its typical size
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ class Chain:
             for name in FRAME_NAMES
         )
         own = tuple(
-            replace(p, name=f"{effect.cause}.{p.name}", prior=_SPREAD * p.prior)
+            replace(p, name=f"{effect.cause}.{p.name}", prior=SPREAD * p.prior)
             for effect in self.effects
             for p in effect.parameters
         )

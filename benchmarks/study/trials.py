@@ -57,7 +57,7 @@ def tasks(seed: int, share: float) -> list[Task]:
 
     Args:
         seed: of the study; each trial has its own from it.
-        share: of the number of trials, 1 for all.
+        share: of the number of trials; more than 1 where there is a cluster.
     """
     rng = np.random.default_rng(seed)
     groups = (_none, _single, _one_dimension, _pair, _unknown, _taken_out, _poor)
@@ -84,36 +84,36 @@ def _none(rng: np.random.Generator, share: float) -> Iterator[Task]:
 
 def _single(rng: np.random.Generator, share: float) -> Iterator[Task]:
     for cause in BEYOND_GEOMETRY:
-        for _ in _many(30, share):
+        for _ in _many(12, share):
             yield Task("single", 0, ((cause, _strength(rng)),))
 
 
 def _one_dimension(rng: np.random.Generator, share: float) -> Iterator[Task]:
     for cause in GEOMETRY:
-        for _ in _many(20, share):
+        for _ in _many(10, share):
             yield Task("dimension", 0, ((cause, _strength(rng)),), scatter=PRECISE)
 
 
 def _pair(rng: np.random.Generator, share: float) -> Iterator[Task]:
-    for _ in _many(200, share):
+    for _ in _many(80, share):
         two = rng.choice(BEYOND_GEOMETRY, 2, replace=False).tolist()
         yield Task("pair", 0, tuple((cause, _strength(rng, _TELLING)) for cause in two))
 
 
 def _unknown(rng: np.random.Generator, share: float) -> Iterator[Task]:
     for kind in KINDS:
-        for _ in _many(24, share):
+        for _ in _many(12, share):
             yield Task("unknown", 0, ((f"unknown:{kind}", _strength(rng)),))
 
 
 def _taken_out(rng: np.random.Generator, share: float) -> Iterator[Task]:
     for cause in BEYOND_GEOMETRY:
-        for _ in _many(8, share):
+        for _ in _many(3, share):
             yield Task("taken out", 0, ((cause, _strength(rng)),), without=cause)
 
 
 def _poor(rng: np.random.Generator, share: float) -> Iterator[Task]:
     for plan in POOR:
-        for _ in _many(30, share):
+        for _ in _many(15, share):
             cause = str(rng.choice(BEYOND_GEOMETRY))
             yield Task("poor", 0, ((cause, _strength(rng)),), plan=plan)

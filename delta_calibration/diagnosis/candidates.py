@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.effects import Effect
-from delta_calibration.effects.unexplained import UNEXPLAINED, Unexplained, families
+from delta_calibration.effects.unexplained import SIZES, UNEXPLAINED, Unexplained, families
 
 Array = NDArray[np.float64]
 
@@ -89,8 +90,8 @@ def dimensions(evidence: Evidence) -> Iterator[Candidate]:
 
 
 def maps(evidence: Evidence, any_effect: Effect) -> Iterator[Candidate]:
-    """A smooth map of everything that structure could move with."""
-    resting = evidence.at.take(slice(0, evidence.poses))
-    for family in families(evidence.at):
-        effect = Unexplained.over(any_effect, family, resting.joint)
+    """Smooth maps of everything that structure could move with, from flat to steep."""
+    joint = evidence.at.joint[: evidence.poses]
+    for family, size in product(families(evidence.at), SIZES):
+        effect = Unexplained.over(any_effect, family, joint, size)
         yield Candidate(UNEXPLAINED, "unknown", None, effect, tuple(range(len(effect.parameters))))

@@ -23,11 +23,11 @@ from scipy.stats import chi2, f
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.effects import SPREAD
 
 Array = NDArray[np.float64]
 
-# An effect may well be five times its typical size, twenty times is not to be expected.
-PRECISION = 1 / 5.0**2
+PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
 _EULER = 0.5772
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
 

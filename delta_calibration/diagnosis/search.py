@@ -173,7 +173,7 @@ def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> F
     short: dict[str, Score] = {}
     seen: set[tuple[str, ...]] = {()}
     while True:
-        short.update({score.candidate.key: score for score in here.scores[:_SHORT]})
+        short.update({score.candidate.key: score for score in here.scores[_SHORT - 1 :: -1]})
         members = _next_members(model, here, tuple(short.values()))
         keys = tuple(sorted(m.key for m in members))
         if keys in seen:

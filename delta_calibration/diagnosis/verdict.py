@@ -55,6 +55,12 @@ class Finding:
     gain_high: float
     signal: float  # lambda
 
+    def label(self) -> str:
+        """Cause, place, and what the session cannot tell it from."""
+        where = f" at {self.location}" if self.location else ""
+        others = f" (or {', '.join(self.equivalents)})" if self.equivalents else ""
+        return f"{self.cause}{where}{others}"
+
 
 @dataclass(frozen=True)
 class UnknownStructure:
@@ -96,14 +102,10 @@ class Verdict:
     def sentence(self) -> str:
         """What an engineer reads first."""
         if self.findings:
-            first = self.findings[0]
-            where = f" at {first.location}" if first.location else ""
-            also = f", then {', '.join(f.cause for f in self.findings[1:])}" * bool(
-                self.findings[1:]
-            )
+            first, then = self.findings[0], [finding.label() for finding in self.findings[1:]]
             return (
-                f"{first.cause}{where}{also} ({first.confidence:.0%} sure): held-out error "
-                f"{first.rms_before_mm:.4f} -> {first.rms_after_mm:.4f} mm"
+                f"{', then '.join([first.label(), *then])} ({first.confidence:.0%} sure): held-out "
+                f"error {first.rms_before_mm:.4f} -> {first.rms_after_mm:.4f} mm"
             )
         if self.unknown_structure.found:
             return (

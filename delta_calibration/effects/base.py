@@ -31,6 +31,8 @@ from delta_calibration.samples import Conditions
 Array = NDArray[np.float64]
 Setting = float | str | tuple[float, ...]
 
+SPREAD = 5.0  # an effect may well be so many times its typical size, twenty are not to be expected
+
 
 class Stage(Enum):
     """Where in the chain an effect adds, and the shape of its columns for n samples."""

@@ -21,7 +21,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.base import SPREAD, Array, Effect, Stage
 from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.effects.time_course import HOUR
 from delta_calibration.parameters import Parameter, ParameterSet
@@ -38,7 +38,7 @@ POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = (
     "speed",
 )
 _CENTRES = 30
-_TYPICAL = 0.1e-3  # [rad]
+SIZES = (10e-6, 30e-6, 100e-6, 300e-6)  # [rad]
 _REACH = 0.5  # width of a bump over the spread of the places
 _ALONG = 12  # bumps along a joint's angle
 
@@ -52,24 +52,27 @@ class Unexplained(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
 
     family: str = POSITION
+    size: float = SIZES[-1]  # [rad] standard deviation of a weight, before anything is known
     width: float = 0.0  # [rad] of a bump
     centres: tuple[float, ...] = ()
 
     @classmethod
-    def over(cls, effect_of: Effect, family: str, joint: Array) -> Unexplained:
-        """The map of a family over a session's places, (n, m) [rad]."""
+    def over(
+        cls, effect_of: Effect, family: str, joint: Array, size: float = SIZES[-1]
+    ) -> Unexplained:
+        """The map of a family over a session's places, (n, m) [rad]; its weights about `size`."""
         if family == JOINT:
             low, high = joint.min(axis=0), joint.max(axis=0)
             rows = np.linspace(low, high, _ALONG)
             step = float((high - low).max()) / (_ALONG - 1)
             flat = tuple(np.round(rows, 6).ravel().tolist())
-            return cls(effect_of.robot, effect_of.mechanism, family, step, flat)
+            return cls(effect_of.robot, effect_of.mechanism, family, size, step, flat)
         if family != POSITION:
-            return cls(effect_of.robot, effect_of.mechanism, family)
+            return cls(effect_of.robot, effect_of.mechanism, family, size)
         centres = spread_out(joint, _CENTRES)
         width = _REACH * float(np.linalg.norm(joint.std(axis=0)) * np.sqrt(2))
         flat = tuple(np.round(centres, 6).ravel().tolist())
-        return cls(effect_of.robot, effect_of.mechanism, family, width, flat)
+        return cls(effect_of.robot, effect_of.mechanism, family, size, width, flat)
 
     @property
     def parameters(self) -> ParameterSet:
@@ -81,7 +84,7 @@ class Unexplained(Effect):
         word = self.family.replace(" ", "_")
         return ParameterSet(
             tuple(
-                Parameter(f"{word}_{f}_{j}", "rad", 0.0, _TYPICAL, self.cause, None)
+                Parameter(f"{word}_{f}_{j}", "rad", 0.0, self.size / SPREAD, self.cause, None)
                 for f in range(1, count + 1)
                 for j in range(1, m + 1)
             )
