@@ -13,7 +13,6 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped
 from rclpy.parameter import Parameter
-from ros_helpers import Bench
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
@@ -24,6 +23,7 @@ from delta_calibration.ros.calibration_node import CalibrationNode
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp
 from delta_calibration.ros.qos import DIAGNOSTICS, MEASURED, STATUS, STREAM_OUT
 from delta_calibration.simulation import draw_machine, simulate_session
+from ros_helpers import Bench
 
 ROBOT = load_robot("srbd")
 NAMES = ROBOT.joints.names

@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from six_rods import Cell, SixRods, workspace
 
 from delta_calibration.identification import identify
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import at_rest
+from six_rods import Cell, SixRods, workspace
 
 ROBOT = load_robot("srbd")
 PARAMETERS = ROBOT.model("six_rod_delta").parameters

@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from six_rods import SixRods, drawing_joints
 
 from delta_calibration.accuracy import evaluate
 from delta_calibration.calibration import Calibration
@@ -20,6 +19,7 @@ from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import JointStream, Session, TrackerStream, at_rest, collect, match
 from delta_calibration.simulation import draw_machine, simulate_session
+from six_rods import SixRods, drawing_joints
 
 ROBOT = load_robot("srbd")
 RATE = 20.0

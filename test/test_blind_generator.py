@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+
 from blind import hide
 from blind.causes import CAUSES
 from blind.machine import Changed, assemble, drawing, manufactured
@@ -14,8 +16,6 @@ from blind.plans import PLANS, joints_at, places, rich
 from blind.unknown import UNKNOWN
 from blind.weight import GRAVITY, ROD_KG, energy, inertia, tensions, torques
 from blind.world import CENTRE, Warming, World
-from numpy.testing import assert_allclose
-
 from delta_calibration.identification import identify
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Session, collect

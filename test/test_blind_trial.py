@@ -8,13 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from study.judge import judge
-from study.trials import PRECISE, Task
 
 from delta_calibration.diagnosis import Verdict, diagnose
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import survey
+from study.judge import judge
+from study.trials import PRECISE, Task
 
 ROBOT = load_robot("srbd")
 SESSIONS = Path(__file__).resolve().parents[2] / "shared" / "sessions"

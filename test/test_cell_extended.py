@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from extended_bench import Effects, with_effects
 
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cell.command_path import HOLD, PASS_THROUGH
@@ -19,6 +18,7 @@ from delta_calibration.plans import make_plan, nominal_joints
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Poses, collect
 from delta_calibration.simulation import draw_machine, simulate_session
+from extended_bench import Effects, with_effects
 
 ROBOT = load_robot("srbd")
 GAP, LAG = 4e-4, 5e-3

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from six_rods import Cell, SixRods, workspace
 
 from delta_calibration.chain import Chain
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import at_rest
+from six_rods import Cell, SixRods, workspace
 
 ROBOT = load_robot("srbd")
 

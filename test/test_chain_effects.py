@@ -1,4 +1,4 @@
-"""Effects on the way from joints to reading: where they add, and what the derivatives say of it."""
+"""Effects on the way from joints to reading: where they add, and what derivatives say of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from six_rods import SixRods, workspace
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import EFFECTS, Effect, Stage, effect_named
@@ -15,6 +14,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Conditions, at_rest
+from six_rods import SixRods, workspace
 
 ROBOT = load_robot("srbd")
 MODELS = ("rotary_delta", "six_rod_delta")
@@ -87,26 +87,174 @@ def test_the_jacobian_is_that_of_the_prediction(model: str, cause: str) -> None:
         scale = np.abs(slope).max()
         np.testing.assert_allclose(jacobian[..., column], slope, rtol=0, atol=1e-5 * scale + 1e-12)
     if chain.effects[0].stage is Stage.MEASUREMENT:
-        theta[chain.base_size :] = 0.0  # its own part of the other slopes is left out: parts in 1e3
+        theta[chain.base_size :] = (
+            0.0  # its own part of the other slopes is left out: parts in 1e3
+        )
     jacobian = chain.jacobian(at, chain.pose(at, theta), theta)
     for column in (*range(8), *range(chain.geometry_size, chain.base_size)):
         slope = slope_of(lambda t: chain.predict(at, t), theta, column, 1e-6)
         np.testing.assert_allclose(jacobian[..., column], slope, atol=1e-7)
 
 
-@each_effect
+@pytest.mark.parametrize(("model", "cause"), [a for a in ALL if a[1] != "joint_zero_drift"])
 def test_slopes_are_by_what_is_behind_the_drives(model: str, cause: str) -> None:
     """One more shift of the joints, the same for all samples; one more change of a dimension."""
-    if cause == "joint_zero_drift":
-        return  # the shift itself
     at = conditions()
     before = effect(model, cause)
     chain, theta = crooked(model, before, effect(model, "joint_zero_drift", step_at=0.0))
     theta[chain.base_size :][: len(before.parameters)] *= before.stage is not Stage.MEASUREMENT
     by_joints, by_geometry = chain.slopes(at, chain.pose(at, theta), theta)
     for joint in range(3):
-        slope = slope_of(lambda t: chain.predict(at, t), theta, joint - 3, 1e-6)
+        slope = slope_of(lambda t: chain.predict(at, t), theta, len(theta) - 3 + joint, 1e-6)
         np.testing.assert_allclose(by_joints[..., joint], slope, atol=1e-7)
     for column in range(0, chain.geometry_size, 5):
         slope = slope_of(lambda t: chain.predict(at, t), theta, column, 1e-6)
         np.testing.assert_allclose(by_geometry[..., column], slope, atol=1e-7)
+
+
+@each_effect
+def test_a_stage_shifts_in_proportion_and_not_at_all_at_zero(model: str, cause: str) -> None:
+    """Joints, dimensions or reading of a chain that holds it alone."""
+    at = conditions()
+    chain, theta = crooked(model, effect(model, cause))
+    alone, base = chain.with_effects(()), chain.base_size
+    x, bare = alone.pose(at, theta[:base]), theta[:base]
+
+    def stages(size: float) -> tuple[np.ndarray, ...]:
+        t = np.concatenate([bare, size * theta[base:]])
+        return (
+            chain.joints(at, t),
+            chain.geometry(at, t) + np.zeros((10, 1)),
+            chain.reading(at, x, t),
+        )
+
+    zero, one, three = stages(0.0), stages(1.0), stages(3.0)
+    without = (at.joint, np.tile(bare[: chain.geometry_size], (10, 1)), alone.reading(at, x, bare))
+    moved = list(Stage).index(chain.effects[0].stage)
+    for stage in range(3):
+        np.testing.assert_allclose(zero[stage], without[stage], rtol=0, atol=1e-15)
+        shift = one[stage] - zero[stage]
+        assert (np.abs(shift).max() > 1e-6) == (stage == moved)
+        np.testing.assert_allclose(three[stage] - zero[stage], 3 * shift, atol=1e-14)
+
+
+@each_effect
+def test_what_a_machine_does_is_seen_through_the_slopes_of_its_stage(model, cause) -> None:
+    """J dq or dx/dg dg of the machine by differences; a tracker's own error is not the robot's."""
+    at = conditions()
+    chain, theta = crooked(model, effect(model, cause))
+    (one,) = chain.effects
+    bare, v = theta[: chain.base_size], theta[chain.base_size :]
+    alone = chain.with_effects(())
+    seen = chain.predict(at, theta) - alone.predict(at, bare)
+    if one.stage is Stage.MEASUREMENT:
+        np.testing.assert_array_equal(chain.pose(at, theta), alone.pose(at, bare))
+        still = replace(at, joint=at.joint[::-1], velocity=np.zeros((10, 3)))
+        x = alone.pose(at, bare)
+        here, there = (chain.reading(c, x, theta) for c in (replace(still, joint=at.joint), still))
+        np.testing.assert_array_equal(here, there)  # whatever the joints are
+        return
+    shift, h = one.columns(at) @ v, 1e-6
+    total = np.zeros_like(seen)
+    for k in range(shift.shape[1]):
+        if one.stage is Stage.DRIVE:
+            step = h * np.eye(3)[k]
+            ends = [alone.predict(replace(at, joint=at.joint + s), bare) for s in (step, -step)]
+            total += (ends[0] - ends[1]) / (2 * h) * shift[:, k : k + 1]
+        elif shift[:, k].any():
+            total += slope_of(lambda t: alone.predict(at, t), bare, k, h) * shift[:, k : k + 1]
+    assert np.abs(seen).max() > 2e-6
+    np.testing.assert_allclose(seen, total, atol=3e-3 * np.abs(seen).max() + 1e-11)
+
+
+def test_stages_follow_each_other_as_in_the_machine() -> None:
+    """Joints by what the encoders say, then dimensions, then the reading of what came of both."""
+    at, model = conditions(), "six_rod_delta"
+    causes = ("tracker_scale", "thermal_growth_arm", "backlash", "joint_scale")
+    each = tuple(effect(model, cause) for cause in causes)
+    chain = Chain(ROBOT.model(model), OFFSET, 0.05, each)
+    theta = chain.join(chain.mechanism.parameters.nominal, OFFSET, FRAME)
+    scale, alpha, gap, ratio = 4e-4, 3e-5, np.array([3e-4, 2e-4, 1e-4]), np.array([2e-3, 0, -1e-3])
+    theta[chain.base_size :] = [scale, alpha, *gap, *ratio]
+    play = -gap / 2 * at.direction * np.clip(2 * at.travel / gap - 1, -1, 1)
+    joint = at.joint + play + ratio * at.joint  # both by the encoder: neither sees the other
+    point = []
+    for q, celsius in zip(joint, at.temperature[:, 0], strict=True):
+        longer = {f"arm_{leg}": alpha * 0.32 * (celsius - 20.0) for leg in (1, 2, 3)}
+        point.append(SixRods(longer).point(q[None], OFFSET)[0])
+    expected = (1 + scale) * FRAME.apply(np.array(point))
+    np.testing.assert_allclose(chain.predict(at, theta), expected, atol=1e-12)
+    unscaled = FRAME.inverse().apply(expected / (1 + scale))
+    assert np.abs(unscaled - SixRods().point(at.joint, OFFSET)).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("backlash", "joint_compliance"), ("forearm_compliance", "thermal_growth_base"),
+     ("tracker_scale", "tracker_drift"), ("joint_lag", "timestamp_latency")],
+)  # fmt: skip
+@pytest.mark.parametrize("model", MODELS)
+def test_two_effects_add_in_either_order(model: str, one: str, other: str) -> None:
+    """At the same stage exactly; through different ones but for products of both."""
+    at, pair = conditions(), (effect(model, one), effect(model, other))
+    chain, theta = crooked(model, *pair)
+    turned, base = chain.with_effects(pair[::-1]), chain.base_size
+    v, w = chain.effect_values(theta)
+    both = chain.predict(at, theta)
+    other_way = turned.predict(at, np.concatenate([theta[:base], w, v]))
+    np.testing.assert_allclose(other_way, both, atol=1e-14)
+    none, first, second = (
+        chain.predict(at, np.concatenate([theta[:base], a * v, b * w]))
+        for a, b in ((0, 0), (1, 0), (0, 1))
+    )
+    moved = np.abs(first - none).max(), np.abs(second - none).max()
+    assert min(moved) > 1e-6
+    np.testing.assert_allclose(both - none, first - none + second - none, atol=0.02 * min(moved))
+    if pair[0].stage is Stage.MEASUREMENT and pair[1].stage is Stage.MEASUREMENT:
+        np.testing.assert_allclose(both + none, first + second, atol=1e-15)
+
+
+def test_theta_holds_the_effects_in_their_order_behind_the_cell() -> None:
+    model, causes = "six_rod_delta", ("stick_slip", "tracker_drift", "forearm_compliance")
+    chain, theta = crooked(model, *(effect(model, cause) for cause in causes))
+    sizes = [3, 6, 1]
+    assert (chain.geometry_size, chain.base_size, len(theta)) == (60, 69, 79)
+    names = chain.parameters.names
+    assert names[:69] == chain.with_effects(()).parameters.names
+    assert names[69:72] == ("stick_slip.stick_1", "stick_slip.stick_2", "stick_slip.stick_3")
+    assert names[-1] == "forearm_compliance.rod_compliance"
+    values = chain.effect_values(theta)
+    assert [len(value) for value in values] == sizes
+    np.testing.assert_array_equal(np.concatenate(values), theta[69:])
+    typical = np.concatenate([e.parameters.prior for e in chain.effects])
+    np.testing.assert_allclose(chain.parameters.prior[69:], 5 * typical)  # it may well be so
+    g, offset, frame = chain.split(theta)
+    bare = chain.join(g, offset, frame)
+    np.testing.assert_allclose(bare[:69], theta[:69], atol=1e-14)
+    assert not bare[69:].any()
+    assert chain.with_effects(()).effect_values(theta[:69]) == ()
+    with pytest.raises(InputError, match=r"found twice: stick_slip\.stick_1"):
+        _ = chain.with_effects((*chain.effects, effect(model, "stick_slip", speed=0.3))).parameters
+
+
+def test_out_of_reach_by_an_effect_is_its_own_row() -> None:
+    """An arm so warm that its machine cannot be assembled: the others still can."""
+    at = conditions()
+    temperature = at.temperature.copy()
+    temperature[3] = 1e6
+    at = replace(at, temperature=temperature)
+    chain, theta = crooked("six_rod_delta", effect("six_rod_delta", "thermal_growth_arm"))
+    seen = np.isfinite(chain.predict(at, theta)).all(axis=1)
+    assert seen.tolist() == [row != 3 for row in range(10)]
+
+
+def test_loads_of_one_machine_are_not_kept_for_another() -> None:
+    """The same samples, looked at by another model or with other masses, as a second fit does."""
+    heavy = replace(ROBOT, masses=replace(ROBOT.masses, platform=12.0))
+    at = conditions()
+    for robot, model in ((ROBOT, MODELS[0]), (ROBOT, MODELS[1]), (heavy, MODELS[1])):
+        for cause in ("joint_compliance", "forearm_compliance", "dynamic_deflection"):
+            one = EFFECTS[cause](robot, robot.model(model))
+            expected = one.columns(replace(at))
+            assert one.columns_kept(at).shape == expected.shape
+            np.testing.assert_allclose(one.columns_kept(at), expected, atol=1e-9)

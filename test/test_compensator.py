@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from six_rods import Cell, SixRods, drawing_joints, workspace
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
@@ -17,6 +16,7 @@ from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
+from six_rods import Cell, SixRods, drawing_joints, workspace
 
 ROBOT = load_robot("srbd")
 METHODS = ("newton", "apso")

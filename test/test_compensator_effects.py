@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import root
-from six_rods import SixRods, drawing_joints
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
@@ -22,6 +21,7 @@ from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Conditions, at_rest
+from six_rods import SixRods, drawing_joints
 
 ROBOT = load_robot("srbd")
 MODELS = ("rotary_delta", "six_rod_delta")

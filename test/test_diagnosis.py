@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blind import hide
 
+from blind import hide
 from delta_calibration.calibration_file import from_diagnosis, load_calibration, save_extended
 from delta_calibration.cli.main import run
 from delta_calibration.diagnosis import diagnose

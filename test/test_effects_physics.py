@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from six_rods import PLATFORM, SixRods, workspace
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import effect_named
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Conditions, at_rest, motion_of
+from six_rods import PLATFORM, SixRods, workspace
 
 ROBOT = load_robot("srbd")
 MODELS = ("rotary_delta", "six_rod_delta")

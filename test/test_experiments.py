@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recording_helpers import SHARED
 
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
@@ -27,6 +26,7 @@ from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
+from recording_helpers import SHARED
 
 ROBOT = load_robot("srbd")
 

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from identification_bench import PARAMETERS, ROBOT, errors, found, prediction, rms
 from scipy.stats import binom, chi2
-from six_rods import Cell, SixRods, drawing_joints, workspace
 
 from delta_calibration.errors import DataError
 from delta_calibration.identification import identify
 from delta_calibration.recording import read_session
 from delta_calibration.samples import collect
+from identification_bench import PARAMETERS, ROBOT, errors, found, prediction, rms
+from six_rods import Cell, SixRods, drawing_joints, workspace
 
 SESSIONS = Path(__file__).parents[2] / "shared" / "sessions"
 MACHINES = 6

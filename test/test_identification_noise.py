@@ -6,6 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from delta_calibration.identification import identify
+from delta_calibration.identification.noise import estimate_noise
 from identification_bench import ROBOT, errors, slope_of
 from six_rods import (
     PER_METRE,
@@ -16,9 +19,6 @@ from six_rods import (
     SixRods,
     workspace,
 )
-
-from delta_calibration.identification import identify
-from delta_calibration.identification.noise import estimate_noise
 
 # A cubic in time, changing over the workspace like a plane, for each of three joints: 36 numbers
 TIME = 3 * 4 * 3 // 3  # deviations (of three coordinates) that telling it from chance costs

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from identification_bench import ROBOT, found, rms
-from six_rods import SixRods
 
 from delta_calibration.identification import chain_of, identify
 from delta_calibration.identification.observability import observe, strong_correlations
+from identification_bench import ROBOT, found, rms
+from six_rods import SixRods
 
 
 @pytest.mark.parametrize(

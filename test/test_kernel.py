@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from six_rods import SixRods, workspace
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
@@ -26,6 +25,7 @@ from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
+from six_rods import SixRods, workspace
 
 ROBOT = load_robot("srbd")
 DELTAS = ("rotary_delta", "six_rod_delta")

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from six_rods import SixRods
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import effect_named
@@ -27,6 +26,7 @@ from delta_calibration.samples import (
     survey,
 )
 from delta_calibration.samples.motion import TURNED
+from six_rods import SixRods
 
 ROBOT = load_robot("srbd")
 NAMES = ("joint_1", "joint_2", "joint_3")

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from six_rods import SixRods
 
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import legs, make_plan
 from delta_calibration.robot import load_robot
+from six_rods import SixRods
 
 ROBOT = load_robot("srbd")
 NAMES = ("line", "disc", "iso9283", "identify", "rich")

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.writer import CompressionType
-from recording_helpers import NAMES, NONE, START_NS, STORE, foreign_mcap, make_session, ros_joints
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from delta_calibration.errors import RecordingError
 from delta_calibration.recording import info as info_module
 from delta_calibration.recording import inspect_session, write_session
 from delta_calibration.recording.messages import JOINT_STATE
+from recording_helpers import NAMES, NONE, START_NS, STORE, foreign_mcap, make_session, ros_joints
 
 
 def test_facts_of_a_written_session(tmp_path: Path) -> None:

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recording_helpers import NAMES, START_NS, STORE, ros_joints
 
 from delta_calibration.recording import layout
 from delta_calibration.recording.layout import UndecodableError, decode, layout_of
 from delta_calibration.recording.messages import JOINT_STATE, TEMPERATURE, encode_temperature
+from recording_helpers import NAMES, START_NS, STORE, ros_joints
 
 
 def by_rosbags(records: list[bytes]) -> list[tuple[int, tuple[str, ...], tuple[float, ...]]]:

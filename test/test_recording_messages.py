@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
-from recording_helpers import NAMES, START_NS, STORE, ros_header, ros_joints
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording import messages
@@ -17,6 +16,7 @@ from delta_calibration.recording.messages import (
     POSE_STAMPED,
     TEMPERATURE,
 )
+from recording_helpers import NAMES, START_NS, STORE, ros_header, ros_joints
 
 # As ROS 2 Jazzy's own packages state them.
 PUBLISHED_HASHES = {

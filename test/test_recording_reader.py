@@ -9,6 +9,16 @@ import numpy as np
 import pytest
 import zstandard
 from mcap.writer import CompressionType
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+
+from delta_calibration.errors import RecordingError
+from delta_calibration.recording import Topics, read_messages, read_session, write_session
+from delta_calibration.recording.messages import (
+    POSE_STAMPED,
+)
+from delta_calibration.samples.streams import Session
 from recording_helpers import (
     COMMAND,
     NONE,
@@ -24,16 +34,6 @@ from recording_helpers import (
     make_session,
     pose,
 )
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
-
-from delta_calibration.errors import RecordingError
-from delta_calibration.recording import Topics, read_messages, read_session, write_session
-from delta_calibration.recording.messages import (
-    POSE_STAMPED,
-)
-from delta_calibration.samples.streams import Session
 
 
 def resent(path: Path, session: Session, folder: Path) -> list[Sent]:

@@ -11,15 +11,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
-from recording_helpers import (
-    NAMES,
-    START_NS,
-    STORE,
-    assert_same_streams,
-    foreign_mcap,
-    make_session,
-    ros_joints,
-)
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from delta_calibration.errors import RecordingError
@@ -30,6 +21,15 @@ from delta_calibration.recording import (
     write_session,
 )
 from delta_calibration.recording.messages import JOINT_STATE, POINT_STAMPED, encode_point
+from recording_helpers import (
+    NAMES,
+    START_NS,
+    STORE,
+    assert_same_streams,
+    foreign_mcap,
+    make_session,
+    ros_joints,
+)
 
 JOINTS, POINTS = "/joint_states", "/tracker/point"
 

@@ -4,6 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from delta_calibration.errors import RecordingError
+from delta_calibration.recording import read_session, write_session
+from delta_calibration.recording.messages import (
+    JOINT_STATE,
+    TEMPERATURE,
+    encode_temperature,
+)
 from recording_helpers import (
     COMMAND,
     MS,
@@ -17,14 +25,6 @@ from recording_helpers import (
     make_session,
     pose,
     ros_joints,
-)
-
-from delta_calibration.errors import RecordingError
-from delta_calibration.recording import read_session, write_session
-from delta_calibration.recording.messages import (
-    JOINT_STATE,
-    TEMPERATURE,
-    encode_temperature,
 )
 
 

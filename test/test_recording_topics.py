@@ -4,6 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from delta_calibration.errors import InputError, RecordingError
+from delta_calibration.recording import Topics, read_session
 from recording_helpers import (
     POINT,
     POSE,
@@ -13,9 +16,6 @@ from recording_helpers import (
     point,
     pose,
 )
-
-from delta_calibration.errors import InputError, RecordingError
-from delta_calibration.recording import Topics, read_session
 
 
 @pytest.mark.parametrize("prefix", ["", "/", "/cell_3/", "/a/b/"])

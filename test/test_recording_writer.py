@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from recording_helpers import NAMES, START_NS, assert_same_streams, make_session
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 from ruamel.yaml import YAML
@@ -19,6 +18,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.recording import SessionWriter, read_messages, read_session, write_session
 from delta_calibration.recording import writer as writer_module
 from delta_calibration.recording.messages import JOINT_STATE, encode_joint_state
+from recording_helpers import NAMES, START_NS, assert_same_streams, make_session
 
 RECORDED = {
     "/joint_command",

@@ -11,6 +11,13 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped, PointStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState, Temperature
+
 from calibration_bench import (  # noqa: F401
     CLEARLY,
     MACHINE,
@@ -24,21 +31,14 @@ from calibration_bench import (  # noqa: F401
     positions,
     session_fixture,
 )
-from diagnostic_msgs.msg import DiagnosticStatus
-from extended_bench import Effects, with_effects
-from geometry_msgs.msg import InertiaStamped, PointStamped
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
-from rclpy.parameter import Parameter
-from ros_helpers import Bench, bench_fixture  # noqa: F401
-from sensor_msgs.msg import JointState, Temperature
-
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cell.desk import Desk
 from delta_calibration.ros.calibration_node import MARK
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp, stamp_to_ns
 from delta_calibration.ros.qos import PAYLOAD, STREAM_OUT
 from delta_calibration.samples import at_rest
+from extended_bench import Effects, with_effects
+from ros_helpers import Bench, bench_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticStatus
+
 from calibration_bench import (  # noqa: F401
     CLEARLY,
     MACHINE,
@@ -23,11 +25,9 @@ from calibration_bench import (  # noqa: F401
     positions,
     session_fixture,
 )
-from diagnostic_msgs.msg import DiagnosticStatus
-from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
-
 from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp
+from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

@@ -1,4 +1,4 @@
-"""`~/diagnose` of the calibration node: what was captured live is diagnosed, and taken into force."""
+"""`~/diagnose` of the calibration node: a live capture is diagnosed and taken into force."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ import pytest
 
 pytest.importorskip("rclpy")
 from calibration_bench import NAMES, ROBOT, T0_NS, Cell, Q, positions
-from ros_helpers import Bench, bench_fixture  # noqa: F401
-
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.plans import make_plan
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp
 from delta_calibration.simulation import draw_machine, effect_options, simulate_session
+from ros_helpers import Bench, bench_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

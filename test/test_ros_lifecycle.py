@@ -11,11 +11,11 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from ros_helpers import Bench, bench_fixture  # noqa: F401
 from std_msgs.msg import Float64
 
 from delta_calibration.errors import InputError
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
+from ros_helpers import Bench, bench_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

@@ -12,7 +12,6 @@ import pytest
 pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
-from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
 from sensor_msgs.msg import JointState
 
 from delta_calibration.errors import InputError, ReachError
@@ -21,6 +20,7 @@ from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import joint_state, stamp_to_ns
 from delta_calibration.ros.measurement_plan import MeasurementPlan, Motion
 from delta_calibration.ros.qos import COMMAND, DIAGNOSTICS, MEASURED, STREAM_OUT
+from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

@@ -7,10 +7,10 @@ import pytest
 pytest.importorskip("rclpy")
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_helpers import Bench, bench_fixture  # noqa: F401
 
 from delta_calibration.errors import InputError
 from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
+from ros_helpers import Bench, bench_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

@@ -12,10 +12,9 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rclpy")
-from ros_helpers import Launch, launch_fixture  # noqa: F401
-
 from delta_calibration.processes import child_environment, remove_dead_shared_memory
 from delta_calibration.ros.entry import run_node
+from ros_helpers import Launch, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

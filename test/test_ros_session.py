@@ -14,7 +14,6 @@ from geometry_msgs.msg import InertiaStamped, PoseStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
-from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
 
@@ -22,6 +21,7 @@ from delta_calibration.recording import SessionWriter, read_messages, read_sessi
 from delta_calibration.recording.messages import encode_joint_state, encode_payload
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp, pose_stamped, stamp_to_ns
 from delta_calibration.ros.qos import CLOCK, COMMAND, DIAGNOSTICS, MEASURED, PAYLOAD, STREAM_OUT
+from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

@@ -13,7 +13,6 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import InertiaStamped, PoseStamped
 from rclpy.parameter import Parameter
-from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, Temperature
 
@@ -24,6 +23,7 @@ from delta_calibration.ros.qos import DIAGNOSTICS, MEASURED, PAYLOAD, STREAM_OUT
 from delta_calibration.ros.simulated_machine import SimulatedMachine, without_noise
 from delta_calibration.ros.simulated_tracker import SimulatedTracker
 from delta_calibration.simulation import draw_machine
+from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 pytest.importorskip("rclpy")
-from ros_helpers import ROOT, Bench, bench_fixture, environment  # noqa: F401
 from std_srvs.srv import SetBool, Trigger
 
 from delta_calibration.errors import InputError
 from delta_calibration.ros.trigger import Call, parse
+from ros_helpers import ROOT, Bench, bench_fixture, environment  # noqa: F401
 
 pytestmark = pytest.mark.ros
 

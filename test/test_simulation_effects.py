@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from six_rods import SixRods
 
 from delta_calibration.effects import EFFECTS
 from delta_calibration.errors import InputError
@@ -23,6 +22,7 @@ from delta_calibration.simulation import (
     simulate_session,
     standing,
 )
+from six_rods import SixRods
 
 ROBOT = load_robot("srbd")
 RATE, PERIOD = 20.0, 120.0

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from study.page import page
 from study.statistics import Rate, calibration_error
 from study.trials import Task, tasks
@@ -127,9 +128,8 @@ def test_a_study_that_was_cut_off_goes_on_where_it_was(tmp_path):
     command = [sys.executable, "-m", "study", "--seed", "3", "--share", "0.004", "--only", "none"]
     command += ["--workers", "1", "--out", str(out), "--page", str(document)]
     path = os.pathsep.join([str(root / "test"), str(root / "benchmarks")])
-    done = subprocess.run(
-        command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False
-    )
+    around = {**os.environ, "PYTHONPATH": path}
+    done = subprocess.run(command, env=around, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in out.read_text().splitlines()]
     assert {line["key"] for line in lines} == {task.key for task in wanted}

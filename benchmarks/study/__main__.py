@@ -14,14 +14,15 @@ for library in ("OPENBLAS", "MKL", "OMP"):  # one thread a process: the matrices
 # ruff: noqa: E402
 import click
 from distributed import Client, LocalCluster, as_completed
+from tqdm import tqdm
+
 from study.judge import judge
 from study.page import page
 from study.trials import tasks
-from tqdm import tqdm
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--scheduler", metavar="ADDRESS", help="Dask cluster; its workers need this checkout.")
+@click.option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster that has this checkout.")
 @click.option("--workers", type=click.IntRange(1), help="Of the local cluster; as many as cores.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option(

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from blind import Trial, hide
 
+from blind import Trial, hide
 from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.model import Model, fit
@@ -154,6 +154,8 @@ def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
     for cause in trial.causes:
         if cause.name not in said or cause.name not in _SAME:
             continue
+        if {other.name for other in trial.causes} & set(said[cause.name].equivalents):
+            continue  # the two together are one cause to this session
         for ours, theirs in _SAME[cause.name].items():
             for name, estimate in said[cause.name].parameters.items():
                 if name != theirs and name.rsplit("_", 1)[0] != theirs:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
 from study.statistics import Rate, calibration_error, reliability
 
 Outcome = dict[str, Any]
@@ -26,9 +28,9 @@ def page(outcomes: Sequence[Outcome], seed: int, share: float) -> str:
     head = (
         "# The diagnosis on trial\n\n"
         f"{len(outcomes)} machines, each with a session of its own. Made by `{command}`.\n\n"
-        "Rates are given with their exact (Clopper-Pearson) 95 % interval and n. lambda is that of "
-        "the hidden cause, worked out by the generator: what geometry, frame, reflector offset and "
-        "the rest errors of motions leave of it, squared, in standard deviations of the noise.\n"
+        "Rates have their exact (Clopper-Pearson) 95 % interval and n beside them. lambda is that "
+        "of the hidden cause, worked out by the generator: what geometry, frame, reflector offset "
+        "and the rest errors of motions leave of it, squared, in standard deviations of noise.\n"
     )
     one = of["single"] + of["dimension"]
     parts = [
@@ -122,7 +124,7 @@ def _clean(outcomes: Sequence[Outcome]) -> str:
 def _rates(outcomes: Sequence[Outcome]) -> str:
     groups = [
         (f"{low:g} to {high:g}", [o for o in outcomes if low <= _weakest(o) < high])
-        for low, high in zip(_EDGES[:-1], _EDGES[1:], strict=True)
+        for low, high in pairwise(_EDGES)
     ]
     groups += [
         (f">= {least:g}", [o for o in outcomes if _weakest(o) >= least])
@@ -225,9 +227,12 @@ def _poor(outcomes: Sequence[Outcome]) -> str:
             [plan, _rate(own, _named), _rate(own, _in_class), _rate(own, _confidently_wrong),
              _rate(own, lambda o: bool(o["cannot_tell"]))]
         )  # fmt: skip
-    head = ["plan", "name right", "class right", f"wrong, {_CONFIDENT:.0%} sure", "says what it cannot tell"]
+    sure = f"wrong, {_CONFIDENT:.0%} sure"
+    head = ["plan", "name right", "class right", sure, "says what it cannot tell"]
     wrong = [
-        [" + ".join(o["hidden"]), o["plan"], _sentence(o)] for o in outcomes if _confidently_wrong(o)
+        [" + ".join(o["hidden"]), o["plan"], _sentence(o)]
+        for o in outcomes
+        if _confidently_wrong(o)
     ]
     return (
         f"Causes at lambda >= {_NAMED:g} of such a session.\n\n"
@@ -247,11 +252,11 @@ def _gain(outcomes: Sequence[Outcome]) -> str:
     harmful = _rate([o for o in outcomes if o["error_um"]], _harmful)
     share = float(had.sum() / could.sum()) if len(named) else float("nan")
     return (
-        f"{len(named)} machines with causes at lambda >= {_NAMED:g}: the extended models take away "
-        f"{share:.1%} of the mean square error that models with the true causes take away, at "
-        "places, payloads and speeds that were not measured.\n\n"
-        f"Extended models that predict worse than the calibrated one by more than {_HARM_UM:g} um: "
-        f"{harmful}.\n"
+        f"{len(named)} machines with causes at lambda >= {_NAMED:g}: the extended models take "
+        f"away {share:.1%} of the mean square error that models with the true causes take away, "
+        "at places, payloads and speeds that were not measured.\n\n"
+        "Extended models that predict worse than the calibrated one by more than "
+        f"{_HARM_UM:g} um: {harmful}.\n"
     )
 
 
@@ -291,7 +296,7 @@ def _confidence(outcomes: Sequence[Outcome]) -> str:
         for low, high, mean, rate in reliability(stated, right)
     ]
     return (
-        f"Expected calibration error over all findings: {calibration_error(stated, right):.3f}.\n\n"
+        f"Calibration error over all findings: {calibration_error(stated, right):.3f}.\n\n"
         + _table(["stated", "mean", "right"], rows)
     )
 
@@ -301,4 +306,4 @@ def _time(outcomes: Sequence[Outcome]) -> str:
     if not len(seconds):
         return "No trial yet.\n"
     low, high = np.median(seconds), np.quantile(seconds, 0.95)
-    return f"A verdict took {low:.1f} s (median), {high:.1f} s (95th percentile), all workers busy.\n"
+    return f"A verdict took {low:.1f} s (median), {high:.1f} s (95th percentile), workers busy.\n"

@@ -50,4 +50,5 @@ def calibration_error(stated: Sequence[float], right: Sequence[bool]) -> float:
     """Mean distance of stated probability and rate over the ranges, weighted by their numbers."""
     rows = list(reliability(stated, right))
     total = sum(rate.of for *_, rate in rows)
-    return sum(abs(mean - rate.held / rate.of) * rate.of for *_, mean, rate in rows) / max(total, 1)
+    off = sum(abs(mean - rate.held / rate.of) * rate.of for *_, mean, rate in rows)
+    return off / max(total, 1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +61,13 @@ def columns_of(candidate: Candidate, evidence: Evidence) -> Array:
     return np.asarray(evidence.columns(candidate.effect)[:, rows])
 
 
+def typical_of(candidate: Candidate) -> Array:
+    """Typical sizes of the free parameters, (k,); of a dimension 1: its tolerance."""
+    if candidate.effect is None:
+        return np.ones(len(candidate.rows))
+    return np.asarray(candidate.effect.parameters.prior[list(candidate.rows)])
+
+
 def bounds_of(candidate: Candidate, evidence: Evidence) -> tuple[Array, Array]:
     """Physical bounds of the free parameters in units of their priors, two (k,)."""
     if candidate.effect is None:
@@ -89,9 +95,10 @@ def dimensions(evidence: Evidence) -> Iterator[Candidate]:
         yield Candidate(p.cause, "geometry", p.location, None, (row,))
 
 
-def maps(evidence: Evidence, any_effect: Effect) -> Iterator[Candidate]:
-    """Smooth maps of everything that structure could move with, from flat to steep."""
+def maps(evidence: Evidence, any_effect: Effect) -> Iterator[list[Candidate]]:
+    """Smooth maps of everything that structure could move with, each from flat to steep."""
     joint = evidence.at.joint[: evidence.poses]
-    for family, size in product(families(evidence.at), SIZES):
-        effect = Unexplained.over(any_effect, family, joint, size)
-        yield Candidate(UNEXPLAINED, "unknown", None, effect, tuple(range(len(effect.parameters))))
+    for family in families(evidence.at):
+        effects = [Unexplained.over(any_effect, family, joint, size) for size in SIZES]
+        rows = tuple(range(len(effects[0].parameters)))
+        yield [Candidate(UNEXPLAINED, "unknown", None, effect, rows) for effect in effects]

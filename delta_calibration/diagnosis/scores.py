@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, f
 
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.effects import SPREAD
 
@@ -89,17 +89,20 @@ class Weighed:
         """The best shape of each explanation, charged for the search.
 
         Args:
-            shapes: for each shape the candidates that share its columns: all of the effect first,
-                then parts of it.
+            shapes: for each shape the candidates that share its columns, but for their units: all
+                of the effect first, then parts of it.
         """
         best: list[_Best] = []
         for group in shapes:
             columns = columns_of(group[0], self.evidence)
             information = self.evidence.information(columns)
             b = columns.T @ self.weighed
+            unit = typical_of(group[0])
             for i, candidate in enumerate(group):
                 rows = np.searchsorted(group[0].rows, candidate.rows)
-                here = self._shape(candidate, information[np.ix_(rows, rows)], b[rows])
+                ratio = (typical_of(candidate) / unit[rows])[:, None]
+                own = ratio * information[np.ix_(rows, rows)] * ratio.T
+                here = self._shape(candidate, own, ratio * b[rows])
                 if len(best) <= i:
                     best.append(here)
                 else:

@@ -93,9 +93,9 @@ def _questions(
         ]
         if groups and groups[0]:
             yield groups
-    for candidate in (*dimensions(evidence), *maps(evidence, effects[0])):
-        if not any(_covers(other, candidate) for other in used):
-            yield [[candidate]]
+    for group in (*([one] for one in dimensions(evidence)), *maps(evidence, effects[0])):
+        if not any(_covers(other, group[0]) for other in used):
+            yield [group]
 
 
 def _covers(used: Candidate, candidate: Candidate) -> bool:

@@ -102,10 +102,11 @@ class Verdict:
     def sentence(self) -> str:
         """What an engineer reads first."""
         if self.findings:
-            first, then = self.findings[0], [finding.label() for finding in self.findings[1:]]
+            first = self.findings[0]
             return (
-                f"{', then '.join([first.label(), *then])} ({first.confidence:.0%} sure): held-out "
-                f"error {first.rms_before_mm:.4f} -> {first.rms_after_mm:.4f} mm"
+                f"{', then '.join(finding.label() for finding in self.findings)} "
+                f"({first.confidence:.0%} sure): held-out error "
+                f"{first.rms_before_mm:.4f} -> {first.rms_after_mm:.4f} mm"
             )
         if self.unknown_structure.found:
             return (
