@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import datetime, timezone
 from itertools import islice
 from pathlib import Path
@@ -21,7 +20,7 @@ from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.identification import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses, at_rest
+from delta_calibration.samples import Poses
 
 LEAST_SQUARES, DIAGNOSIS = "least_squares", "diagnosis"
 _SEAL = "sha256"
@@ -137,12 +136,8 @@ def _with_effects(
 def _effect(where: str, entry: Mapping[str, Any], chain: Chain, robot: Robot) -> Effect:
     """One effect, in the shape and with the parameters that the file says."""
     try:
-        plain = effect_named(entry["cause"], robot, chain.mechanism, {})
-        for name, value in entry["settings"].items():
-            _require_kind(name, value, plain.settings.get(name, value))
         effect = effect_named(entry["cause"], robot, chain.mechanism, entry["settings"])
         expected = effect.parameters
-        _try(effect, chain)
     except InputError as error:
         raise ConfigError(f"{where}: {error}") from error
     for what, known in (("name", expected.names), ("unit", expected.units)):
@@ -152,44 +147,6 @@ def _effect(where: str, entry: Mapping[str, Any], chain: Chain, robot: Robot) ->
                 f"{where}: parameters: {what}s {', '.join(found)}; it has {', '.join(known)}"
             )
     return effect
-
-
-def _require_kind(name: str, value: object, usual: object) -> None:
-    found, expected = _kind(value), _kind(usual)
-    if found != expected:
-        raise InputError(f"settings.{name}: {value!r} is not allowed; {expected} is expected")
-
-
-def _kind(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return "a list of numbers"
-    return "a text" if isinstance(value, str) else "a number"
-
-
-def _try(effect: Effect, chain: Chain) -> None:
-    """Refuse a shape in which the effect cannot be evaluated at home, everything being known.
-
-    Raises:
-        InputError: lists of a wrong length, a width or speed of zero, ...
-    """
-    parts = tuple(value for value in effect.settings.values() if isinstance(value, str) and value)
-    home = chain.mechanism.home[None]
-    at = replace(
-        at_rest(home),
-        direction=np.ones_like(home),
-        payload=np.zeros(1),
-        payload_centre=np.zeros((1, 3)),
-        temperature_parts=parts,
-        temperature=np.full((1, len(parts)), 20.0),
-        reading=np.ones((1, 3)),
-    )
-    try:
-        with np.errstate(all="raise", under="ignore"):
-            whole = bool(np.isfinite(effect.columns(at) @ np.zeros(len(effect.parameters))).all())
-    except (ValueError, ArithmeticError):
-        whole = False
-    if not whole:
-        raise InputError("settings: it cannot be evaluated with these")
 
 
 def _effects(found: Identification) -> list[dict[str, Any]]:

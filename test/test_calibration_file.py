@@ -380,11 +380,11 @@ def of_cause(data, cause):
         ),
         (
             lambda d: d["effects"][0]["settings"].update(width=[1e-4, 2e-4]),
-            "effects[0]: backlash: settings: it cannot be evaluated",
+            "settings.width: (0.0001, 0.0002) is not allowed; none, or 3 of 0 or more",
         ),
         (
             lambda d: of_cause(d, "unexplained")["settings"].update(width=0.0),
-            "unexplained: settings: it cannot be evaluated",
+            "unexplained: settings.width: 0.0 is not allowed; more than 0",
         ),
         (
             lambda d: d["effects"][0]["parameters"].pop(),

@@ -181,9 +181,6 @@ def test_p_of_a_search_is_paid_for(nothing) -> None:
     assert np.mean(nothing[:, 1] < 0.3) > 0.15
 
 
-# Classes
-
-
 def test_effects_that_move_everything_alike_are_one_class(evidence, dense) -> None:
     """At rest a friction is half a gap, and a scale is nothing of the kind."""
     gap, stick, scale = (
@@ -233,8 +230,7 @@ def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
     found = confirm.held_out(evidence, part)
     np.testing.assert_allclose(found.square[out], np.sum(missed**2, axis=1), rtol=1e-4)
     wild = with_residual(evidence, evidence.residual + 1e3 * out[:, None])
-    shifted = confirm.held_out(wild, part)
-    assert (shifted.square[out] > 1e3 * found.square[out]).all()
+    assert (confirm.held_out(wild, part).square[out] > 1e3 * found.square[out]).all()
 
 
 # What is left, and what cannot be told

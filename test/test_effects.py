@@ -58,11 +58,6 @@ AT = conditions()
 N = len(AT)
 
 
-@pytest.fixture(autouse=True)
-def _fresh() -> None:
-    AT.kept.clear()  # what was computed of the samples on the machine of another test
-
-
 def built(model: str, cause: str) -> Effect:
     return EFFECTS[cause](ROBOT, ROBOT.model(model))
 

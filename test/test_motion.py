@@ -183,7 +183,7 @@ def taken(stream, rows):
 
 def same(one: Conditions, other: Conditions) -> None:
     for f in fields(Conditions):
-        if f.name not in ("kept", "temperature_parts"):
+        if f.name not in ("_kept", "temperature_parts"):
             a, b = getattr(one, f.name), getattr(other, f.name)
             np.testing.assert_allclose(a, b, atol=1e-12, err_msg=f.name)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from delta_calibration.diagnosis.evidence import Evidence
 
@@ -52,7 +52,8 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     left = evidence.left()[rows]
     square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
-    p = {"lack_of_fit": float(norm.sf((square - squares.mean()) / spread))}
+    degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
+    p = {"lack_of_fit": float(chi2.sf(square * degrees / squares.mean(), degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
         own, drawn = _moran(left[:, :, None], near), _moran(chance, near)
         if drawn.std() > 0:

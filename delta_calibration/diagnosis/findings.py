@@ -112,7 +112,7 @@ def of_member(
     sector = held.of_member(model.members, rest, columns, rng)
     if sector is None:
         return None
-    tried = (*found.short, *found.first.scores)
+    tried = found.tried
     stand = standing(model, member, tried)
     items = _items(model, member)
     information = evidence.information(columns) + PRECISION * np.eye(len(items))

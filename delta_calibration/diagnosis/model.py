@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _ROUNDS = 4
 _ZOOMS, _POINTS = 3, 9
 _FAIR = 0.1  # of the information
-_SETTLED = 0.05  # standard deviations by which no parameter moves any more
+_STILL = 0.5  # of their typical sizes by which no parameter moves any more
 
 
 @dataclass(frozen=True)
@@ -94,16 +94,21 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
     extra = sum(len(m.effect.parameters) for m in members if m.effect is not None)
     theta = np.concatenate([model.theta[:base], np.zeros(extra)])
     near = model.evidence.pose
-    now = _sharpened(replace(model, members=members, theta=theta, near=near))
+    now = _stepped(_sharpened(replace(model, members=members, theta=theta, near=near)))
+    cell = replace(now.cell, weight=robust_weights(_residual(now)))
+    now = _settled(replace(now, cell=cell, members=_refined(now)))
+    return _joined(now) if len(model.survey.paths) else now
+
+
+def _joined(model: Model) -> Model:
+    """The model at rest on poses and paths together, from where it rests on the poses."""
     for _ in range(_ROUNDS):
-        step = _stepped(now)
-        weight = robust_weights(_residual(step))
-        cell = replace(now.cell, weight=weight)
-        moved = np.abs(step.theta - now.theta) / np.diag(now.extended.basis)
-        now = replace(step, cell=cell, members=_refined(step))
-        if moved.max() < _SETTLED:
+        step = _stepped(model)
+        moved = np.abs(step.theta - model.theta) / np.diag(model.extended.basis)
+        model = replace(step, members=_refined(step))
+        if moved.max() < _STILL:
             break
-    return _settled(now)
+    return model
 
 
 def _settled(model: Model) -> Model:

@@ -159,6 +159,12 @@ class Found:
     last: Scan  # of what is left beside the members
     short: tuple[Score, ...]  # the best shape of everything worth a thought
 
+    @property
+    def tried(self) -> tuple[Score, ...]:
+        """The best shape of each explanation, of maps only those that are worth anything."""
+        every = {score.candidate.key: score for score in _worth_a_map(self.first)[::-1]}
+        return tuple({**every, **{score.candidate.key: score for score in self.short}}.values())
+
 
 def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> Found:
     """Search until nothing significant is left.
@@ -173,7 +179,7 @@ def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> F
     short: dict[str, Score] = {}
     seen: set[tuple[str, ...]] = {()}
     while True:
-        short.update({score.candidate.key: score for score in here.scores[_SHORT - 1 :: -1]})
+        short.update({score.candidate.key: score for score in _shortlist(here)})
         members = _next_members(model, here, tuple(short.values()))
         keys = tuple(sorted(m.key for m in members))
         if keys in seen:
@@ -181,6 +187,16 @@ def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> F
         seen.add(keys)
         model = fit(model, members)
         here = scan(model.beside, effects, degrees, rng, model.members)
+
+
+def _shortlist(here: Scan) -> list[Score]:
+    """What swaps and pairs are made of, the best last."""
+    return _worth_a_map(here)[:_SHORT][::-1]
+
+
+def _worth_a_map(here: Scan) -> list[Score]:
+    """Everything but maps, which have many columns, that explain less than they cost."""
+    return [s for s in here.scores if s.log_bayes > 0 or not s.candidate.unexplained]
 
 
 def _next_members(model: Model, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:

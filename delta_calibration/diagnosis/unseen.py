@@ -84,14 +84,15 @@ def _constant(evidence: Evidence, effect: Effect) -> str:
     at = evidence.at
     moving = (at.velocity != 0).any(axis=1)
     at_rest = at.take(~moving)
+    cool = not (np.ptp(at.temperature, axis=0) > _WARMER).any()
+    if "temperature" in effect.needs and cool:
+        return "the temperature hardly changed"
     if not moving.any() and not effect.columns(at_rest).any():
         return "nothing was measured in motion"
     if "payload" in effect.needs and np.ptp(at.payload) == 0:
         return "one payload only"
     if "direction" in effect.needs and len(np.unique(at_rest.direction, axis=0)) == 1:
         return "every pose was approached from one side"
-    if "temperature" in effect.needs and not (np.ptp(at.temperature, axis=0) > _WARMER).any():
-        return "the temperature hardly changed"
     return ""
 
 

@@ -39,6 +39,13 @@ class Backlash(Effect):
         crossed = np.clip(2 * at.travel / width - 1, -1.0, 1.0)
         return diagonal(-at.direction * crossed / 2)
 
+    def wrong(self) -> str:
+        """A width for each joint or none, none of them negative."""
+        joints = self.mechanism.joints
+        if len(self.width) in (0, joints) and all(0 <= value < np.inf for value in self.width):
+            return ""
+        return f"width: {self.width} is not allowed; none, or {joints} of 0 or more"
+
     def refined(self, values: Array) -> Backlash:
         """A play is crossed over its own gap."""
         return replace(self, width=tuple(np.clip(values, 0.0, None).tolist()))

@@ -15,7 +15,7 @@ One file each; a line in `catalogue.py` makes an effect known everywhere.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 from typing import ClassVar
@@ -30,6 +30,7 @@ from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Setting = float | str | tuple[float, ...]
+Limits = Mapping[str, tuple[float, float]]
 
 SPREAD = 5.0  # an effect may well be so many times its typical size, twenty are not to be expected
 
@@ -50,6 +51,7 @@ class Effect(ABC):
     kind: ClassVar[str]  # drive, structure or measurement, as reported
     stage: ClassVar[Stage]
     needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
+    limits: ClassVar[Limits] = {}  # of settings that are numbers
     # what no more of the same cell's own motion can part it from, and what would
     outside: ClassVar[str] = ""
 
@@ -74,9 +76,7 @@ class Effect(ABC):
         """The columns, computed once for these conditions where no shape is searched."""
         if self.settings or self.stage is Stage.MEASUREMENT:
             return self.columns(at)
-        if self.cause not in at.kept:
-            at.kept[self.cause] = self.columns(at)
-        return at.kept[self.cause]
+        return at.kept(self.cause, (self.robot, self.mechanism), lambda: self.columns(at))
 
     def interval(self) -> tuple[str, float, float] | None:
         """A searched field, and the bounds within which the best shape lies about this one."""
@@ -93,9 +93,18 @@ class Effect(ABC):
         own = [f.name for f in fields(self) if f.name not in ("robot", "mechanism")]
         return {name: getattr(self, name) for name in own}
 
+    def wrong(self) -> str:
+        """What its shape cannot be: setting, value, what is allowed; empty where it can be."""
+        for name, (low, high) in self.limits.items():
+            value = self.settings[name]
+            if not (isinstance(value, float) and low <= value <= high):
+                return f"{name}: {value} is not allowed; {low:g} to {high:g}"
+        return ""
+
     def missing(self, at: Conditions) -> str:
         """Why these conditions do not do to evaluate it; empty where they do."""
-        if "payload" in self.needs and not np.isfinite(at.payload).all():
+        known = np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all()
+        if "payload" in self.needs and not known:
             return "the payload is not known"
         if "direction" in self.needs and not (at.direction != 0).any():
             return "the direction of the last motion is not known"

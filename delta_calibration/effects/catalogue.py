@@ -63,7 +63,8 @@ def effect_named(
     """An effect by its cause, in a shape.
 
     Raises:
-        InputError: no effect of that cause, or none that has such settings.
+        InputError: no effect of that cause, none that has such settings, or a value that is not
+            allowed; says which is.
     """
     known: dict[str, type[Effect]] = {**EFFECTS, UNEXPLAINED: Unexplained}
     if cause not in known:
@@ -74,8 +75,24 @@ def effect_named(
     if odd:
         allowed = ", ".join(own) or "none"
         raise InputError(f"effect {cause}: unknown setting {', '.join(odd)}; allowed: {allowed}")
-    shape: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list | tuple) else value
-        for name, value in settings.items()
-    }
-    return known[cause](robot, mechanism, **shape)
+    try:
+        shape: dict[str, Any] = {name: _like(own[name], settings[name], name) for name in settings}
+        effect = known[cause](robot, mechanism, **shape)
+        if effect.wrong():
+            raise InputError(effect.wrong())
+    except InputError as error:
+        raise InputError(f"effect {cause}: settings.{error}") from error
+    return effect
+
+
+def _like(usual: Setting, value: object, name: str) -> Setting:
+    """The value, if it is of the kind that the setting has."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(usual, str) and isinstance(value, str):
+        return value
+    if isinstance(usual, float) and number:
+        return float(value)  # type: ignore[arg-type]
+    if isinstance(usual, tuple) and isinstance(value, list | tuple):
+        return tuple(float(_like(0.0, item, name)) for item in value)  # type: ignore[arg-type]
+    kind = {str: "a text", float: "a number", tuple: "a list of numbers"}[type(usual)]
+    raise InputError(f"{name}: {value!r} is not allowed; {kind} is expected")

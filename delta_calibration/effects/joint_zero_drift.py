@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
-from delta_calibration.effects.time_course import around, course_of, courses
+from delta_calibration.effects.base import Array, Effect, Limits, Stage, diagonal
+from delta_calibration.effects.time_course import LIMITS, around, course_of, courses
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -25,6 +25,7 @@ class JointZeroDrift(Effect):
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     outside: ClassVar[str] = "return to one reference pose every ten minutes, over cooling as well"
+    limits: ClassVar[Limits] = LIMITS
 
     time_constant: float = 0.0  # [s]; 0: ramp
     step_at: float = -1.0  # [s]; negative: no step

@@ -30,9 +30,8 @@ def carried_mass(robot: Robot, at: Conditions) -> Array:
 
 def pose_of(mechanism: Mechanism, at: Conditions) -> Array:
     """Pose of the nominal machine at the encoders' angles, (n, k)."""
-    if "nominal pose" not in at.kept:
-        at.kept["nominal pose"] = mechanism.forward(at.joint, mechanism.parameters.nominal)
-    return at.kept["nominal pose"]
+    nominal = mechanism.parameters.nominal
+    return at.kept("pose", (mechanism,), lambda: mechanism.forward(at.joint, nominal))
 
 
 def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Array:

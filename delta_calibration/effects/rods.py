@@ -21,9 +21,8 @@ Array = NDArray[np.float64]
 
 def tensions(robot: Robot, mechanism: Mechanism, at: Conditions) -> tuple[Array, Array]:
     """Pull in rods a and b of each pair, two of (n, legs) [N]; equal where they are not parted."""
-    if "tensions" not in at.kept:
-        at.kept["tensions"] = np.stack(_tensions(robot, mechanism, at))
-    a, b = at.kept["tensions"]
+    owners = robot, mechanism
+    a, b = at.kept("tensions", owners, lambda: np.stack(_tensions(robot, mechanism, at)))
     return a, b
 
 

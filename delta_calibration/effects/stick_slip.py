@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Array, Effect, Limits, Stage, diagonal
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -24,6 +24,7 @@ class StickSlip(Effect):
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
+    limits: ClassVar[Limits] = {"speed": (1e-6, 100.0)}
 
     speed: float = 0.1
 

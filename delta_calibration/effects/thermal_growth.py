@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.base import Array, Effect, Limits, Stage
 from delta_calibration.effects.time_course import TIME_CONSTANTS, around, course_of
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
@@ -32,6 +32,7 @@ class ThermalGrowth(Effect):
     stage: ClassVar[Stage] = Stage.STRUCTURE
     needs: ClassVar[tuple[str, ...]] = ("temperature",)
     part: ClassVar[str]
+    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9)}
 
     sensor: str = ""  # whose temperature; none: by the clock
     time_constant: float = 0.0  # [s] of the warming by the clock

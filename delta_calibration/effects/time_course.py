@@ -7,11 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.effects.base import Limits
 from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 
 HOUR = 3600.0  # [s]
+LIMITS: Limits = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9)}  # [s]
 TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; a longer one is a ramp to a session
 _STEPS = 24
 _NEAR = 300.0  # [s] of a step of the search

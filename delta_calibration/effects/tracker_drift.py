@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Stage
-from delta_calibration.effects.time_course import around, course_of, courses
+from delta_calibration.effects.base import Array, Effect, Limits, Stage
+from delta_calibration.effects.time_course import LIMITS, around, course_of, courses
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -25,6 +25,7 @@ class TrackerDrift(Effect):
     kind: ClassVar[str] = "measurement"
     stage: ClassVar[Stage] = Stage.MEASUREMENT
     outside: ClassVar[str] = "measure three reflectors fixed to the floor, every ten minutes"
+    limits: ClassVar[Limits] = LIMITS
 
     time_constant: float = 0.0  # [s]
     step_at: float = -1.0  # [s]; negative: no step

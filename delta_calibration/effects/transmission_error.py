@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Array, Effect, Limits, Stage, diagonal
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -23,6 +23,7 @@ class TransmissionError(Effect):
     cause: ClassVar[str] = "transmission_error"
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    limits: ClassVar[Limits] = {"cycles": (0.1, 1e5)}
 
     cycles: float = 33.0
 
@@ -56,8 +57,8 @@ class TransmissionError(Effect):
 
     def interval(self) -> tuple[str, float, float] | None:
         """Between the neighbours of the search."""
-        return "cycles", self.cycles - _BETWEEN, self.cycles + _BETWEEN
+        return "cycles", max(_LEAST_CYCLES, self.cycles - _BETWEEN), self.cycles + _BETWEEN
 
 
-_MOST_CYCLES = 260.0
+_LEAST_CYCLES, _MOST_CYCLES = 0.1, 260.0
 _BETWEEN = 1.5

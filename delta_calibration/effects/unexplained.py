@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -37,6 +38,7 @@ POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = (
     "temperature",
     "speed",
 )
+FAMILIES = (POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED)
 _CENTRES = 30
 SIZES = (10e-6, 30e-6, 100e-6, 300e-6)  # [rad]
 _REACH = 0.5  # width of a bump over the spread of the places
@@ -81,14 +83,20 @@ class Unexplained(Effect):
         count = {POSITION: len(self.centres) // m, JOINT: len(self.centres)}.get(
             self.family, self._conditions * (m + 1)
         )
-        word = self.family.replace(" ", "_")
-        return ParameterSet(
-            tuple(
-                Parameter(f"{word}_{f}_{j}", "rad", 0.0, self.size / SPREAD, self.cause, None)
-                for f in range(1, count + 1)
-                for j in range(1, m + 1)
-            )
-        )
+        return _weights(self.family.replace(" ", "_"), count, m, self.size / SPREAD)
+
+    def wrong(self) -> str:
+        """A family that there is, and bumps where it has any."""
+        if self.family not in FAMILIES:
+            return f"family: {self.family!r} is not allowed; choose from: {', '.join(FAMILIES)}"
+        bumps = self.family in (POSITION, JOINT)
+        for name, value in (("size", self.size), ("width", self.width)):
+            if not 0 < value < np.inf and (bumps or name == "size"):
+                return f"{name}: {value} is not allowed; more than 0"
+        whole = len(self.centres) % self.mechanism.joints == 0 and bool(self.centres) == bumps
+        if not (whole and np.isfinite(self.centres).all()):
+            return f"centres: {len(self.centres)} numbers are not allowed; one a joint and bump"
+        return ""
 
     @property
     def bound_to_session(self) -> bool:
@@ -139,6 +147,18 @@ class Unexplained(Effect):
         if self.family == TEMPERATURE:
             return (at.temperature[:, :1] - REFERENCE) / 10.0
         return at.time[:, None] / HOUR
+
+
+@lru_cache
+def _weights(word: str, features: int, joints: int, prior: float) -> ParameterSet:
+    """Of each feature at each joint; there are many, and they are asked for often."""
+    return ParameterSet(
+        tuple(
+            Parameter(f"{word}_{f}_{j}", "rad", 0.0, prior, UNEXPLAINED, None)
+            for f in range(1, features + 1)
+            for j in range(1, joints + 1)
+        )
+    )
 
 
 def spread_out(places: Array, count: int) -> Array:

@@ -12,13 +12,15 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 TURNED = 200e-6  # [rad]
 _GAP = 0.25  # [s] across a longer pause there is no speed
 _SMOOTH = 0.1  # [s] over which speeds are taken where samples are denser
+_FEWEST = 5  # samples
+_AT_A_TIME = 4096
 
 
 @dataclass(frozen=True)
@@ -58,17 +60,29 @@ def motion_of(time: Array, joint: Array) -> Motion:
 
 
 def _derivatives(time: Array, joint: Array) -> tuple[Array, Array]:
-    """Speed and acceleration of one stretch, by a quartic over the neighbours.
+    """Speed and acceleration of one stretch, by a quartic over the neighbours, whenever they came.
 
     A parabola would be half a percent short on a circle read ten times a second.
     """
-    step = float(np.median(np.diff(time)))
-    width = min(max(5, 2 * int(_SMOOTH / step / 2) + 1), len(time) - (len(time) + 1) % 2)
-    first, second = (
-        savgol_filter(joint, width, min(4, width - 1), deriv=order, delta=step, axis=0)
-        for order in (1, 2)
-    )
-    return first, second
+    step, n = float(np.median(np.diff(time))), len(time)
+    width = min(max(_FEWEST, 2 * int(_SMOOTH / step / 2) + 1), n)
+    begin = np.clip(np.arange(n) - width // 2, 0, n - width)
+    parts = [
+        _fitted(time, joint, rows, begin[rows, None] + np.arange(width))
+        for rows in np.array_split(np.arange(n), n // _AT_A_TIME + 1)
+    ]
+    first, second = zip(*parts, strict=True)
+    return np.concatenate(first), np.concatenate(second)
+
+
+def _fitted(time: Array, joint: Array, rows: Index, near: Index) -> tuple[Array, Array]:
+    """First and second derivative at some rows (k,) of polynomials through those near, (k, w)."""
+    apart = time[near] - time[rows, None]
+    span = np.abs(apart).max(axis=1, keepdims=True)
+    powers = (apart / span)[..., None] ** np.arange(min(5, near.shape[1]))
+    across = np.swapaxes(powers, 1, 2)
+    terms = np.linalg.solve(across @ powers, across @ (joint[near] - joint[rows, None]))
+    return terms[:, 1] / span, 2 * terms[:, 2] / span**2
 
 
 def _strokes(angle: Array) -> tuple[Array, Array]:
