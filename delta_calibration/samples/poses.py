@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from delta_calibration.errors import DataError
 from delta_calibration.samples.conditions import Conditions, joined
@@ -24,6 +25,8 @@ _SAME_PLACE = 200e-6  # [rad] commands this close are the same place
 _SAME_PAYLOAD = 1e-3  # [kg]
 _PAUSE = 0.25  # [s] readings farther apart are not of one path
 _PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad] the shortest path worth using
+# what is slower than this share of the fastest within so long [s] before and after is at rest
+_RESTING, _AROUND = 0.1, 0.5
 _BLOCK = 2.5e-3  # [rad] of joint travel over which a path is straight to half a micrometre
 
 
@@ -180,7 +183,7 @@ def _poses(session: Session, readings: Readings, moments: StillMoments, motion: 
 
 
 def _paths(session: Session, readings: Readings, moments: StillMoments, motion: Motion) -> Paths:
-    block, path = _blocks(readings, moments)
+    block, path = _blocks(readings, moments, motion)
     used = block >= 0
     label, first, number, count = np.unique(
         block[used], return_index=True, return_inverse=True, return_counts=True
@@ -212,11 +215,20 @@ def _paths(session: Session, readings: Readings, moments: StillMoments, motion: 
     return Paths(conditions, count.astype(np.int64), path[used][first])
 
 
-def _blocks(readings: Readings, moments: StillMoments) -> tuple[Index, Index]:
-    """Block and path that each reading belongs to, (n,) each; -1 for readings of no path."""
+def _blocks(
+    readings: Readings, moments: StillMoments, motion: Motion
+) -> tuple[Index, Index]:
+    """Block and path that each reading belongs to, (n,) each; -1 for readings of no path.
+
+    One motion is one path: where the machine has come to rest, if only for a moment, another
+    begins, and with it another rest error.
+    """
     time, joint = readings.time, readings.joint
     after = np.searchsorted(moments.begin, time, side="right") - 1
     resting = (after >= 0) & (time <= moments.end[np.clip(after, 0, None)])
+    speed = np.linalg.norm(motion.at(time)[0], axis=1)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else _AROUND
+    resting |= speed < _RESTING * maximum_filter1d(speed, 2 * int(_AROUND / step) + 1)
     broken = np.r_[True, (np.diff(time) > _PAUSE) | (np.diff(resting.astype(int)) != 0)]
     path = np.cumsum(broken) - 1
     gone = np.abs(np.diff(joint, axis=0, prepend=joint[:1])).max(axis=1)

@@ -57,7 +57,7 @@ def forearm_compliance(rng: np.random.Generator, strength: float, legs: Array) -
     def act(world: World, state: State) -> None:
         state.changed = state.changed.and_rod(give * world.pulls(state.changed))
 
-    return Cause("forearm_compliance", act, {"give": float(give.max())})
+    return Cause("forearm_compliance", act, {"give": float(give.mean())})
 
 
 def ball_joint_clearance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
