@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.identification import Problem, robust_weights, solve
@@ -156,6 +156,7 @@ def _stepped(model: Model) -> Model:
         if member.effect is None:
             theta[rows] += np.diag(problem.basis)[rows] * v
         else:
+            v = np.clip(v, *bounds_of(member, model.evidence))  # no gap is less than none
             theta[begin + rows] = member.effect.parameters.prior[rows] * v
             begin += len(member.effect.parameters)
     return replace(model, theta=theta, near=model.evidence.pose)

@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 
 NAME = "measurement_plan"
 STATES = ("joint_states_nominal", "joint_states")  # the first that is heard decides the start
-SETTLE_S = 0.5  # [s] a publisher may know of a subscriber before that knows of it
-STATES_S = 1.5  # [s] to wait for a joint state
+SETTLE_S = 2.0  # [s] a publisher may know of a subscriber long before that knows of it
+STATES_S = 3.0  # [s] to wait for a joint state
 HELD_UP_S = 0.25  # [s] behind time: beyond it, to catch up would be a jump
 FAREWELL_S = 1.0  # [s] for the last command to arrive
 
