@@ -20,6 +20,7 @@ from study.trials import Task
 
 _UM = 1e6
 _WEAKEST, _MOST = 0.01, 5.0  # strengths that a real machine could have
+_METAL = 1.7  # the same of growth: no metal's is more than 40e-6 1/K
 # hidden value -> parameter of the finding that should hold it, a number for each joint appended
 _SAME = {
     "backlash": {"gap": "gap"},
@@ -69,7 +70,8 @@ def _scaled(task: Task) -> tuple[Trial, dict[str, float]]:
     plain = _hide(task, {cause: 1.0 for cause, _ in task.causes})
     own = np.array([plain.strengths[cause.name] for cause in plain.causes])
     wanted = np.array([strength for _, strength in task.causes])
-    size = np.clip(np.sqrt(wanted / np.maximum(own, 1e-9)), _WEAKEST, _MOST)
+    most = [_METAL if name.startswith("thermal") else _MOST for name, _ in task.causes]
+    size = np.clip(np.sqrt(wanted / np.maximum(own, 1e-9)), _WEAKEST, most)
     trial = _hide(task, {cause: s for (cause, _), s in zip(task.causes, size, strict=True)})
     names = [cause.name for cause in plain.causes]
     return trial, dict(zip(names, (own * size**2).tolist(), strict=True))

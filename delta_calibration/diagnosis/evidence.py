@@ -181,9 +181,18 @@ class Evidence:
         """Of the nuisance z given the residuals and its priors, (A, A)."""
         return np.asarray(cho_solve(self._factor, np.eye(len(self.precision))))
 
-    def best(self) -> Array:
-        """The most likely nuisance z, (A,)."""
-        return np.asarray(cho_solve(self._factor, self._flat.T @ self.column))[:, 0]
+    def best(self, held: Index | None = None, values: Array | None = None) -> Array:
+        """The most likely nuisance z, (A,), some entries of it held at given values."""
+        right = (self._flat.T @ self.column)[:, 0]
+        if held is None or values is None or not held.size:
+            return np.asarray(cho_solve(self._factor, right))
+        normal = self._flat.T @ self._flat + np.diag(self.precision)
+        free = np.setdiff1d(np.arange(len(right)), held)
+        z = np.empty(len(right))
+        z[held] = values
+        across = right[free] - normal[np.ix_(free, held)] @ values
+        z[free] = np.linalg.solve(normal[np.ix_(free, free)], across)
+        return z
 
     def missed(self, z: Array) -> Array:
         """Measured less predicted with the nuisance z, (n, 3) [m]; NaN for what was set aside."""

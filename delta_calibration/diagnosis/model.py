@@ -17,10 +17,12 @@ from delta_calibration.identification import Problem, robust_weights, solve
 from delta_calibration.samples import Survey
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _ROUNDS = 4
 _ZOOMS, _POINTS = 3, 9
 _FAIR = 0.1  # of the information
+_NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
 
 
@@ -101,9 +103,14 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
 
 
 def _joined(model: Model) -> Model:
-    """The model at rest on poses and paths together, from where it rests on the poses."""
+    """The model at rest on poses and paths together, from where it rests on the poses.
+
+    The reflector's offset stays where the poses have it: with it, all else is nearly linear.
+    """
+    first = model.problem.chain.geometry_size
+    offset = np.arange(first, first + 3)
     for _ in range(_ROUNDS):
-        step = _stepped(model)
+        step = _stepped(model, offset)
         moved = np.abs(step.theta - model.theta) / np.diag(model.extended.basis)
         model = replace(step, members=_refined(step))
         if moved.max() < _STILL:
@@ -142,10 +149,11 @@ def _shows_at_rest(evidence: Evidence, member: Candidate) -> bool:
     return bool((alone > _FAIR * whole).all())
 
 
-def _stepped(model: Model) -> Model:
-    """One Gauss-Newton step of geometry, frame and members."""
+def _stepped(model: Model, held: Index = _NOTHING) -> Model:
+    """One Gauss-Newton step of geometry, frame and members; some of the base's unknowns held."""
     problem, base = model.extended, model.problem.chain.base_size
-    z = model.beside.best()
+    now: Array = np.linalg.solve(problem.basis, model.theta - problem.theta0)
+    z = model.beside.best(held, now[held])
     theta = problem.theta0.copy()
     theta[:base] += problem.basis[:base, :base] @ z[:base]
     sizes = [len(m.rows) for m in model.members]

@@ -227,8 +227,8 @@ def _blocks(
     after = np.searchsorted(moments.begin, time, side="right") - 1
     resting = (after >= 0) & (time <= moments.end[np.clip(after, 0, None)])
     speed = np.linalg.norm(motion.at(time)[0], axis=1)
-    step = float(np.median(np.diff(time))) if len(time) > 1 else _AROUND
-    resting |= speed < _RESTING * maximum_filter1d(speed, 2 * int(_AROUND / step) + 1)
+    period = float(np.median(np.diff(time))) if len(time) > 1 else _AROUND
+    resting |= speed < _RESTING * maximum_filter1d(speed, 2 * int(_AROUND / period) + 1)
     broken = np.r_[True, (np.diff(time) > _PAUSE) | (np.diff(resting.astype(int)) != 0)]
     path = np.cumsum(broken) - 1
     gone = np.abs(np.diff(joint, axis=0, prepend=joint[:1])).max(axis=1)
