@@ -152,7 +152,7 @@ def _shows_at_rest(evidence: Evidence, member: Candidate) -> bool:
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
     """One Gauss-Newton step of geometry, frame and members; some of the base's unknowns held."""
     problem, base = model.extended, model.problem.chain.base_size
-    now: Array = np.linalg.solve(problem.basis, model.theta - problem.theta0)
+    now = np.asarray(np.linalg.solve(problem.basis, model.theta - problem.theta0), dtype=float)
     z = model.beside.best(held, now[held])
     theta = problem.theta0.copy()
     theta[:base] += problem.basis[:base, :base] @ z[:base]
