@@ -287,3 +287,18 @@ def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
         left = np.abs(told - servo)[1:].max()
         assert left < 1.1 * lag**2 * np.abs(at.acceleration).max()
         assert left < 0.02 * np.abs(servo - at.joint)[1:].max()
+
+
+def test_a_burst_of_held_up_commands_is_survived() -> None:
+    """Ten commands that were held up come within 20 us; what lies apart from them stays right."""
+    time = np.arange(200) * 0.01
+    joint = np.column_stack([0.3 * np.sin(time), 0.2 * time, np.full(200, 0.1)])
+    held = time.copy()
+    held[80:90] = time[90] + 2e-6 * (np.arange(10) - 10)
+    motion = motion_of(held, joint)
+    assert np.isfinite(motion.velocity).all()
+    assert np.isfinite(motion.acceleration).all()
+    apart = np.r_[0:70, 100:200]
+    np.testing.assert_allclose(motion.velocity[apart, 0], 0.3 * np.cos(time[apart]), atol=1e-5)
+    np.testing.assert_allclose(motion.velocity[apart, 1], 0.2, atol=1e-9)
+    assert (motion.velocity[:, 2] == 0).all()

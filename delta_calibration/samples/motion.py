@@ -20,6 +20,8 @@ TURNED = 200e-6  # [rad]
 _GAP = 0.25  # [s] across a longer pause there is no speed
 _SMOOTH = 0.1  # [s] over which speeds are taken where samples are denser
 _FEWEST = 5  # samples
+_BURST = 0.2  # of the usual step
+_RIDGE = 1e-12  # where the samples in a row do not set a quartic, a lower curve is taken
 _AT_A_TIME = 4096
 
 
@@ -64,15 +66,31 @@ def _derivatives(time: Array, joint: Array) -> tuple[Array, Array]:
 
     A parabola would be half a percent short on a circle read ten times a second.
     """
-    step, n = float(np.median(np.diff(time))), len(time)
+    step = float(np.median(np.diff(time)))
+    kept = _apart(time, _BURST * step)
+    of, n = np.searchsorted(kept, np.arange(len(time)), side="right") - 1, len(kept)
+    if n < 3:
+        return np.zeros_like(joint), np.zeros_like(joint)
     width = min(max(_FEWEST, 2 * int(_SMOOTH / step / 2) + 1), n)
     begin = np.clip(np.arange(n) - width // 2, 0, n - width)
     parts = [
-        _fitted(time, joint, rows, begin[rows, None] + np.arange(width))
+        _fitted(time[kept], joint[kept], rows, begin[rows, None] + np.arange(width))
         for rows in np.array_split(np.arange(n), n // _AT_A_TIME + 1)
     ]
-    first, second = zip(*parts, strict=True)
-    return np.concatenate(first), np.concatenate(second)
+    first, second = (np.concatenate(part)[of] for part in zip(*parts, strict=True))
+    return first, second
+
+
+def _apart(time: Array, least: float) -> Index:
+    """Samples that are not in a burst with the one before, as what was held up is sent in."""
+    if (np.diff(time) >= least).all():
+        return np.arange(len(time))
+    kept, last = [], -np.inf
+    for row, moment in enumerate(time.tolist()):
+        if moment - last >= least:
+            kept.append(row)
+            last = moment
+    return np.array(kept)
 
 
 def _fitted(time: Array, joint: Array, rows: Index, near: Index) -> tuple[Array, Array]:
@@ -81,7 +99,8 @@ def _fitted(time: Array, joint: Array, rows: Index, near: Index) -> tuple[Array,
     span = np.abs(apart).max(axis=1, keepdims=True)
     powers = (apart / span)[..., None] ** np.arange(min(5, near.shape[1]))
     across = np.swapaxes(powers, 1, 2)
-    terms = np.linalg.solve(across @ powers, across @ (joint[near] - joint[rows, None]))
+    normal = across @ powers + _RIDGE * np.eye(powers.shape[2])
+    terms = np.linalg.solve(normal, across @ (joint[near] - joint[rows, None]))
     return terms[:, 1] / span, 2 * terms[:, 2] / span**2
 
 
