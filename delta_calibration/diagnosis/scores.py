@@ -14,8 +14,9 @@ charged with that number.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from delta_calibration.effects import SPREAD
 Array = NDArray[np.float64]
 
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
+_AT_A_TIME = 8  # shapes
 _EULER = 0.5772
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
 
@@ -85,7 +87,7 @@ class Weighed:
         both = np.concatenate([evidence.column, evidence.draw(draws, rng)], axis=1)
         return cls(evidence, evidence.weigh(both), noise_degrees)
 
-    def explore(self, shapes: Iterable[Sequence[Candidate]]) -> list[Score]:
+    def explore(self, shapes: Sequence[Sequence[Candidate]]) -> list[Score]:
         """The best shape of each explanation, charged for the search.
 
         Args:
@@ -93,10 +95,7 @@ class Weighed:
                 of the effect first, then parts of it.
         """
         best: list[_Best] = []
-        for group in shapes:
-            columns = columns_of(group[0], self.evidence)
-            information = self.evidence.information(columns)
-            b = columns.T @ self.weighed
+        for group, information, b in self._products(shapes):
             unit = typical_of(group[0])
             for i, candidate in enumerate(group):
                 rows = np.searchsorted(group[0].rows, candidate.rows)
@@ -108,6 +107,19 @@ class Weighed:
                 else:
                     best[i] = best[i].or_better(here)
         return [self._charged(each) for each in best]
+
+    def _products(
+        self, shapes: Sequence[Sequence[Candidate]]
+    ) -> Iterator[tuple[Sequence[Candidate], Array, Array]]:
+        """Each group with the products of its columns, some at a time: the nuisance is large."""
+        for first in range(0, len(shapes), _AT_A_TIME):
+            some = shapes[first : first + _AT_A_TIME]
+            columns = [columns_of(group[0], self.evidence) for group in some]
+            every = np.concatenate(columns, axis=1)
+            information, b = self.evidence.information(every), every.T @ self.weighed
+            ends = np.cumsum([0, *(c.shape[1] for c in columns)]).tolist()
+            for group, (begin, end) in zip(some, pairwise(ends), strict=True):
+                yield group, information[begin:end, begin:end], b[begin:end]
 
     def _shape(self, candidate: Candidate, information: Array, b: Array) -> _Best:
         value = most_likely(information, b[:, 0], *bounds_of(candidate, self.evidence))
