@@ -86,7 +86,7 @@ def test_the_page_counts_what_was_said():
         outcome("pair", {"backlash": 200.0, "joint_lag": 300.0}, [finding("backlash")]),
         outcome("unknown", {"unknown": 200.0}, [], unknown=True),
     ]
-    text = page(outcomes, 1, 1.0)
+    text = page(outcomes, len(outcomes), 1, 1.0)
     assert "Alarms: 50.0% (1.3% to 98.7%, n = 2). By name: backlash 1." in text
     _, seen, in_class, named, wrong = row_of(text, ">= 80")
     assert (seen[:5], in_class[:5], named[:5], wrong[:5]) == ("75.0%", "50.0%", "25.0%", "25.0%")
@@ -102,7 +102,7 @@ def test_the_page_tells_what_an_extension_is_worth():
         outcome("single", {"backlash": 200.0}, [finding("backlash")], error_um=error)
         for error in (better, worse)
     ]
-    text = page(outcomes, 1, 1.0)
+    text = page(outcomes, len(outcomes), 1, 1.0)
     share = ((1 - 0.36) + (1 - 1.21)) / (2 * 0.75)
     assert f"take away {share:.1%} of the mean square error" in text
     assert "by more than 0.1 um: 50.0%" in text
@@ -112,7 +112,7 @@ def test_the_page_counts_true_values_within_stated_intervals():
     items = [
         {"of": "backlash.gap_1", "true": 0.0, "value": value, "std": 1.0} for value in (1.9, 2.1)
     ]
-    text = page([outcome("single", {"backlash": 200.0}, [], intervals=items)], 1, 1.0)
+    text = page([outcome("single", {"backlash": 200.0}, [], intervals=items)], 1, 1, 1.0)
     assert "hold the true value: 50.0%" in text
 
 

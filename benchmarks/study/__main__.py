@@ -52,7 +52,7 @@ def study(
         _cut_to_whole_lines(out)
         _run(todo, out, scheduler, workers)
     keys = {task.key for task in wanted}
-    text = page([line for line in _lines(out) if line["key"] in keys], seed, share)
+    text = page([line for line in _lines(out) if line["key"] in keys], len(keys), seed, share)
     if document is None:
         click.echo(text)
     else:

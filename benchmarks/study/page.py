@@ -21,13 +21,15 @@ _HARM_UM = 0.1
 _Z = 1.959964
 
 
-def page(outcomes: Sequence[Outcome], seed: int, share: float) -> str:
-    """All tables, as Markdown."""
+def page(outcomes: Sequence[Outcome], wanted: int, seed: int, share: float) -> str:
+    """All tables, as Markdown; `wanted` is how many outcomes the whole study has."""
     of = {name: [o for o in outcomes if o["group"] == name] for name in _GROUPS}
     command = f'make study STUDY_ARGS="--seed {seed} --share {share:g}"'
     head = (
         "# The diagnosis on trial\n\n"
-        f"{len(outcomes)} machines, each with a session of its own. Made by `{command}`.\n\n"
+        f"{len(outcomes)} machines, each with a session of its own"
+        f"{', as far as the study has come' * (len(outcomes) < wanted)} (of {wanted}). "
+        f"Made by `{command}`.\n\n"
         "Rates have their exact (Clopper-Pearson) 95 % interval and n beside them. lambda is that "
         "of the hidden cause, worked out by the generator: what geometry, frame, reflector offset "
         "and the rest errors of motions leave of it, squared, in standard deviations of noise.\n"
