@@ -27,8 +27,8 @@ _SAME = {
     "joint_lag": {"lag": "lag"},
     "joint_compliance": {"give": "compliance"},
     "timestamp_latency": {"latency": "latency"},
-    "thermal_growth_arm": {"expansion": "growth"},
-    "thermal_growth_base": {"expansion": "growth"},
+    "thermal_growth_arm": {"expansion": "expansion"},
+    "thermal_growth_base": {"expansion": "expansion"},
     "joint_scale": {"scale": "scale"},
     "forearm_compliance": {"give": "rod_compliance"},
 }

@@ -72,12 +72,12 @@ class HeldOutModels:
 
         A cause has to hold in sectors of the workspace it was not fitted in, and over time as far
         as every stretch of time leaves enough to learn it from the others. A map is no more than
-        interpolation, and is asked no more.
+        interpolation; it has to be worth something in metres where it interpolates.
         """
         unexplained = any(m.unexplained for m in members if m not in rest)
         part = self.scattered if unexplained else self.sectors
         first = self.gain(self.members(rest, part), self.members(members, part), columns, rng)
-        if first.surely <= 0:
+        if first.surely <= 0 or (unexplained and first.low <= 0):
             return None
         part = self.stretches
         if not unexplained and learnable(beside(self.evidence, rest), columns, part):
