@@ -296,7 +296,7 @@ def test_a_batch_of_commands_is_each_of_them_alone() -> None:
     at.temperature[:, 1] = [20.0, 30.0, 30.0, 40.0]
     compensator = JointCompensator(made, compiled=True)
     whole = compensator.compensate(Q, at)
-    for row in (3, 1, 0, 2):  # in an order that changes temperature to and fro
+    for row in (3, 1, 0, 2):  # in an order that changes temperature back and forth
         alone = compensator.compensate(Q[[row]], at.take(slice(row, row + 1)))
         np.testing.assert_allclose(alone.joint[0], whole.joint[row], atol=1e-12)
     np.testing.assert_array_equal(at.joint, Q)
