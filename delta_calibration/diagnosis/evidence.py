@@ -4,9 +4,10 @@ About a fit everything is linear,
 
     r = A z + X v + noise,      z ~ N(0, 1) where a prior is known,
 
-with A the columns of geometry, reflector offset, tracker frame and each path's rest error, and X
-those of an effect. Integrated over z the residuals have the covariance V = 1 + A A^T (unbounded
-for the tracker's frame), and all tests need only inner products under it,
+with A the columns of geometry, reflector offset and tracker frame, X those of an effect, and noise
+of covariance C: 1, and the rest errors of the paths (`rest.py`). Integrated over z the residuals
+have the covariance V = C + A A^T (unbounded for the tracker's frame), and all tests need only
+inner products under it: with a, b and A under the inverse root of C
 
     <a, b> = a^T V^-1 b = a^T b - (A^T a)^T (A^T A + P)^-1 (A^T b)      (Woodbury)
 
@@ -24,6 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
+from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.identification import Noise, Problem, whitening
 from delta_calibration.robot import Robot
@@ -66,6 +68,7 @@ class Evidence:
     whiten: Array  # (n, 3, 3) [1/m], with the root of the robust weight in it
     residual: Array  # (n, 3) whitened, at z = 0
     nuisance: Array  # (n, 3, A)
+    rest: Rest  # errors that the paths' samples share
     precision: Array  # (A,) of z: 1 / variance of its prior, 0 where it has none
     poses: int  # how many of the samples are poses
     by_joints: Array  # (n, 3, m) whitened d(reading) by the joint angles behind the drives
@@ -85,8 +88,13 @@ class Evidence:
         return self.nuisance.reshape(self.size, -1)
 
     @cached_property
+    def _half(self) -> Array:
+        """The nuisance under the inverse root of C, (3 n, A)."""
+        return self.rest.half(self._flat)
+
+    @cached_property
     def _factor(self) -> tuple[Array, bool]:
-        normal = self._flat.T @ self._flat + np.diag(self.precision)
+        normal = self._half.T @ self._half + np.diag(self.precision)
         factor: tuple[Array, bool] = cho_factor(normal)
         return factor
 
@@ -109,6 +117,7 @@ class Evidence:
             whiten=self.whiten[rows],
             residual=self.residual[rows],
             nuisance=self.nuisance[rows],
+            rest=self.rest.take(rows),
             poses=int(np.sum(rows < self.poses)),
             by_joints=self.by_joints[rows],
             by_geometry=self.by_geometry[rows],
@@ -126,12 +135,15 @@ class Evidence:
 
     def weigh(self, b: Array) -> Array:
         """V^-1 b of columns (3 n, j)."""
-        return np.asarray(b - self._flat @ cho_solve(self._factor, self._flat.T @ b))
+        half = self.rest.half(b)
+        left = half - self._half @ cho_solve(self._factor, self._half.T @ half)
+        return self.rest.half(left)
 
     def information(self, a: Array) -> Array:
         """<a, a> of columns (3 n, k), (k, k)."""
-        seen = self._flat.T @ a
-        return np.asarray(a.T @ a - seen.T @ cho_solve(self._factor, seen))
+        half = self.rest.half(a)
+        seen = self._half.T @ half
+        return np.asarray(half.T @ half - seen.T @ cho_solve(self._factor, seen))
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Residuals as chance would have them if nothing were left out, (3 n, count).
@@ -142,7 +154,7 @@ class Evidence:
         spread = self._flat[:, known] / np.sqrt(self.precision[known])
         z = rng.standard_normal((int(known.sum()), count))
         noise = rng.standard_normal((self.size, count)) * self._believed
-        return np.asarray(noise + spread @ z)
+        return np.asarray(noise + self.rest.draw(count, rng) + spread @ z)
 
     @cached_property
     def _believed(self) -> Array:
@@ -153,8 +165,9 @@ class Evidence:
     @cached_property
     def degrees(self) -> float:
         """Degrees of freedom of the residuals: coordinates that count less what the data set."""
-        a = cho_solve(self._factor, self._flat.T @ self._flat)
-        return float(self._believed.sum() - np.trace(a))
+        twice = self.rest.half(self._half)
+        taken = self.rest.degrees + np.trace(cho_solve(self._factor, twice.T @ twice))
+        return float(self._believed.sum() - taken)
 
     def columns(self, effect: Effect) -> Array:
         """Whitened columns of an effect, in units of its parameters' priors, (3 n, k)."""
@@ -183,10 +196,10 @@ class Evidence:
 
     def best(self, held: Index | None = None, values: Array | None = None) -> Array:
         """The most likely nuisance z, (A,), some entries of it held at given values."""
-        right = (self._flat.T @ self.column)[:, 0]
+        right = (self._half.T @ self.rest.half(self.column))[:, 0]
         if held is None or values is None or not held.size:
             return np.asarray(cho_solve(self._factor, right))
-        normal = self._flat.T @ self._flat + np.diag(self.precision)
+        normal = self._half.T @ self._half + np.diag(self.precision)
         free = np.setdiff1d(np.arange(len(right)), held)
         z = np.empty(len(right))
         z[held] = values
@@ -196,7 +209,7 @@ class Evidence:
 
     def missed(self, z: Array) -> Array:
         """Measured less predicted with the nuisance z, (n, 3) [m]; NaN for what was set aside."""
-        off = self.residual - self.nuisance @ z
+        off = self._left(z)
         good = self.believed
         missed = np.full_like(off, np.nan)
         missed[good] = np.linalg.solve(self.whiten[good], off[good, :, None])[..., 0]
@@ -212,7 +225,11 @@ class Evidence:
 
     def left(self) -> Array:
         """What remains of the residuals at the most likely nuisance, whitened, (n, 3)."""
-        return (self.column[:, 0] - self._flat @ self.best()).reshape(-1, 3)
+        return self._left(self.best())
+
+    def _left(self, z: Array) -> Array:
+        """Residuals less nuisance z and what rest errors these paths then seem to have, (n, 3)."""
+        return self.rest.without(self.column - self._flat @ z[:, None]).reshape(-1, 3)
 
 
 def gather(
@@ -241,9 +258,8 @@ def gather(
     whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
     jacobian = chain.columns(at, x, theta, by_joints, by_geometry)
     columns = whiten @ jacobian[..., :base] @ problem.basis[:base, :base]
-    rest = _rest_errors(
-        paths.path, believed * whiten_paths @ slope * cell.noise.repeatability, len(poses)
-    )
+    path = np.concatenate([np.full(len(poses), AT_REST), paths.path])
+    rest = Rest.of(path, whiten @ by_joints * cell.noise.repeatability)
     z = np.linalg.solve(problem.basis, theta - problem.theta0)[:base]
     effects = jacobian[..., base:] @ theta[base:]
     return Evidence(
@@ -253,8 +269,9 @@ def gather(
         pose=x,
         whiten=whiten,
         residual=(whiten @ (off + effects)[..., None])[..., 0] + columns @ z,
-        nuisance=np.concatenate([columns, rest], axis=-1),
-        precision=np.r_[problem.has_prior[:base], np.ones(rest.shape[-1])].astype(float),
+        nuisance=columns,
+        rest=rest,
+        precision=problem.has_prior[:base].astype(float),
         poses=len(poses),
         by_joints=whiten @ by_joints,
         by_geometry=whiten @ by_geometry,
@@ -289,22 +306,3 @@ def _believed(whiten: Array, missed: Array, paths: Paths) -> Array:
     typical = max(1.0, float(np.median(distance)) / _CHI3_MEDIAN) if len(path) else 1.0
     good = (distance <= _SPIKE * typical) & ~turning
     return np.asarray(good.astype(float)[:, None, None])
-
-
-def _rest_errors(path: Index, slope: Array, poses: int) -> Array:
-    """Columns of the paths' rest errors in units of their priors, (n, 3, 2 m paths).
-
-    A walk: from one stretch of motion to the next the rest error is another one, or the same still
-    where the machine only turned round; its step has the spread of the difference of two. And
-    along a stretch the one that a move began with may pass into the one that it ends with.
-    """
-    numbers, which = np.unique(path, return_inverse=True)
-    walk = (which[:, None] >= np.arange(len(numbers))).astype(float)
-    passing = np.zeros_like(walk)
-    for number in range(len(numbers)):
-        rows = which == number
-        passing[rows, number] = np.linspace(-0.5, 0.5, int(rows.sum()))
-    course = np.sqrt(2) * np.concatenate([walk, passing], axis=1)
-    size = slope.shape[2] * course.shape[1]
-    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(path), 3, size)
-    return np.concatenate([np.zeros((poses, 3, columns.shape[-1])), columns])

@@ -167,6 +167,7 @@ def _thinned(evidence: Evidence) -> Evidence:
         whiten=root * thin.whiten,
         residual=root[..., 0] * thin.residual,
         nuisance=root * thin.nuisance,
+        rest=thin.rest.scaled(root),
         by_joints=root * thin.by_joints,
         by_geometry=root * thin.by_geometry,
     )

@@ -23,13 +23,13 @@ from scipy.spatial.distance import cdist
 
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.samples import Conditions, joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-AT_REST = -1  # the path of a sample that is on none
 _REST = 50e-6  # [rad] by which the joints may be off their command along a path
 _COMPARED = 400  # samples of a session among which the nearest is looked for
 
@@ -89,7 +89,6 @@ class Foresight:
         columns = whiten @ slope[..., : len(self.precision)] @ self.scale
         seen = self.chain.seen(at, x, self.theta, by_joints)
         by_joints, by_geometry = whiten @ by_joints, whiten @ by_geometry
-        rest = _rest_errors(samples.path, _REST * by_joints)
         return Evidence(
             chain=self.chain,
             theta=self.theta,
@@ -97,8 +96,9 @@ class Foresight:
             pose=x,
             whiten=whiten,
             residual=np.zeros((len(at), 3)),
-            nuisance=np.concatenate([columns, rest], axis=-1),
-            precision=np.concatenate([self.precision, np.ones(rest.shape[-1])]),
+            nuisance=columns,
+            rest=Rest.of(samples.path, _REST * by_joints),
+            precision=self.precision,
             poses=int(np.sum(samples.path == AT_REST)),
             by_joints=by_joints,
             by_geometry=by_geometry,
@@ -143,17 +143,6 @@ def _scale(evidence: Evidence) -> Array:
     return scale
 
 
-def _rest_errors(path: Index, slope: Array) -> Array:
-    """Columns of each path's joint offset and of one that grows on it, (n, 3, 2 m paths)."""
-    columns = [np.zeros((len(path), 3, 0))]
-    for number in np.unique(path[path != AT_REST]):
-        on = path == number
-        along = np.zeros(len(path))
-        along[on] = np.linspace(-0.5, 0.5, int(on.sum()))
-        columns += [on[:, None, None] * slope, along[:, None, None] * slope]
-    return np.concatenate(columns, axis=-1)
-
-
 @dataclass(frozen=True)
 class Products:
     """Inner products of whitened columns over some samples."""
@@ -167,12 +156,12 @@ class Products:
         """Of columns (3 n, k); nuisance beyond what all samples share is projected out."""
         size = evidence.chain.base_size
         nuisance = evidence.nuisance.reshape(len(columns), -1)
-        every = np.concatenate([nuisance[:, :size], columns], axis=1)
+        every = evidence.rest.half(np.concatenate([nuisance[:, :size], columns], axis=1))
         normal = every.T @ every
-        rest = nuisance[:, size:]
-        if rest.shape[1]:
-            factor = cho_factor(rest.T @ rest + np.diag(evidence.precision[size:]))
-            seen = rest.T @ every
+        others = evidence.rest.half(nuisance[:, size:])
+        if others.shape[1]:
+            factor = cho_factor(others.T @ others + np.diag(evidence.precision[size:]))
+            seen = others.T @ every
             normal -= seen.T @ cho_solve(factor, seen)
         return cls(normal[:size, :size], normal[:size, size:], normal[size:, size:])
 
