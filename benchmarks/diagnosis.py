@@ -1,18 +1,17 @@
 """What a diagnosis costs, and how it grows with the session and with the catalogue.
 
-    python benchmarks/diagnosis.py [SESSION]
+    python benchmarks/diagnosis.py
 
-A session (a simulated two-hour one where none is given) is diagnosed as it is and at several times
-its size: the same poses and paths again, with fresh noise. And with half the catalogue.
+A simulated session of two hours is diagnosed alone and with others of the same machine behind it,
+each with its own plan and noise. And with half the catalogue.
 """
 
 from __future__ import annotations
 
 import os
-import sys
 import time
 from dataclasses import replace
-from pathlib import Path
+from functools import reduce
 
 for _library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
@@ -24,39 +23,33 @@ import numpy as np
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.plans import make_plan
-from delta_calibration.recording import read_session
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Paths, Poses, Session, Survey, joined, survey
+from delta_calibration.samples import Paths, Poses, Survey, joined, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 SIZES = (1, 2, 5, 10)
-NOISE = 8e-6  # [m]
 
 
-def simulated(robot: Robot) -> Session:
-    """Two hours of a machine with nothing hidden."""
-    plan = make_plan("rich", robot, seed=1)
-    return simulate_session(draw_machine(robot, 1), plan, 1, period=38.0)
+def surveyed(robot: Robot, seed: int) -> Survey:
+    """Two hours of a machine with nothing hidden, its own plan and noise for each seed."""
+    plan = make_plan("rich", robot, seed=seed)
+    session = simulate_session(draw_machine(robot, 1), plan, seed, period=38.0)
+    return survey(session, robot.joints.names)
 
 
-def times(seen: Survey, count: int, rng: np.random.Generator) -> Survey:
-    """So many times the poses and paths, one after the other, each with noise of its own."""
-    poses, paths = seen.poses, seen.paths
-    whole_poses, conditions = [], None
-    for k in range(count):
-        later = k * (poses.duration + 60.0)
-        noise = (k > 0) * NOISE * rng.standard_normal(poses.point.shape)
-        whole_poses.append(replace(poses, point=poses.point + noise, time=poses.time + later))
-        at = replace(paths.conditions, time=paths.conditions.time + later)
-        conditions = at if conditions is None else joined(conditions, at)
-    return Survey(
-        _together(whole_poses),
-        Paths(
-            conditions,
-            np.tile(paths.count, count),
-            np.concatenate([paths.path + k * (paths.path.max() + 1) for k in range(count)]),
-        ),
-    )
+def in_a_row(parts: list[Survey]) -> Survey:
+    """One session after the other, as if they were one."""
+    poses, conditions, path, begin, first = [], [], [], 0.0, 0
+    for part in parts:
+        poses.append(replace(part.poses, time=part.poses.time + begin))
+        at = part.paths.conditions
+        conditions.append(replace(at, time=at.time + begin))
+        path.append(part.paths.path + first)
+        begin += part.poses.duration + 60.0
+        first += int(part.paths.path.max()) + 1
+    count = np.concatenate([part.paths.count for part in parts])
+    paths = Paths(reduce(joined, conditions), count, np.concatenate(path))
+    return Survey(_together(poses), paths)
 
 
 def _together(parts: list[Poses]) -> Poses:
@@ -72,18 +65,13 @@ def _together(parts: list[Poses]) -> Poses:
 def main() -> None:
     """Print the table."""
     robot = load_robot("srbd")
-    source = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-    session = simulated(robot) if source is None else read_session(source)
-    begin = time.perf_counter()
-    seen = survey(session, robot.joints.names)
-    read = time.perf_counter() - begin
+    parts = [surveyed(robot, seed) for seed in range(1, max(SIZES) + 1)]
     effects = catalogue(robot, robot.model())
-    print(f"poses and paths found in {read:.2f} s\n")
     print("| poses | readings in motion | effects | diagnosis [s] | times the first |")
     print("|---|---|---|---|---|")
-    rng, first = np.random.default_rng(0), 0.0
+    first = 0.0
     for count, tried in [*((size, effects) for size in SIZES), (1, effects[::2])]:
-        data = times(seen, count, rng)
+        data = in_a_row(parts[:count])
         begin = time.perf_counter()
         diagnose(data, robot, effects=tried)
         took = time.perf_counter() - begin

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from scipy.stats import qmc
 
-from delta_calibration.diagnosis.foresight import AT_REST, Samples
+from delta_calibration.diagnosis.foresight import Samples
+from delta_calibration.diagnosis.rest import AT_REST
 from delta_calibration.effects.unexplained import spread_out
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.samples import Conditions

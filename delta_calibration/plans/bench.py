@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.foresight import AT_REST, Samples
+from delta_calibration.diagnosis.foresight import Samples
+from delta_calibration.diagnosis.rest import AT_REST
 from delta_calibration.plans.motion import APPROACH, MotionPath
 from delta_calibration.samples import Conditions, at_rest
 

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from delta_calibration.chain import Chain
-from delta_calibration.diagnosis.foresight import AT_REST, Foresight, Samples
+from delta_calibration.diagnosis.foresight import Foresight, Samples
+from delta_calibration.diagnosis.rest import AT_REST
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification import (
