@@ -1,8 +1,8 @@
 """What an explanation is worth on data that the fit has not seen.
 
 Sectors of the workspace are held out in turn, then stretches of time, which hold the payload's and
-the temperature's blocks. A model that predicts them better than without a member has found
-something; how much better, between the error before and the noise, is its gain.
+the temperature's blocks. A cause has to foretell in each what was learned of it in the others; how
+much nearer the predictions then are, between the error before and the noise, is its gain.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.scores import most_likely
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,6 @@ _CELL = 0.05  # [m]
 _LEARNABLE = 0.2  # of the information
 _DRAWS = 400
 _SURE = 0.025  # quantile under which the gain's interval begins
-_ONE_SIGMA = 0.16
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,6 @@ class HeldOut:
     """Squared distance between predicted and measured, each sample by a fit without its part."""
 
     square: Array  # (n,) [m^2]
-    whitened: Array  # (n,) the same in units of the noise
     part: NDArray[np.int64]  # (n,) which part it was held out with
 
     def rms(self, rows: NDArray[np.bool_]) -> float:
@@ -46,7 +45,6 @@ class Gain:
     share: float  # 1 is all but the noise
     low: float  # of the 95 % interval of `share`
     high: float
-    surely: float  # what chi square of the held-out samples falls by, at least (84 % sure)
 
 
 def sectors(evidence: Evidence) -> NDArray[np.int64]:
@@ -87,15 +85,53 @@ def held_out(evidence: Evidence, part: NDArray[np.int64]) -> HeldOut:
         evidence: of all samples, what the fit may use in its nuisance.
         part: what is held out together, (n,).
     """
-    square, whitened = np.full(len(evidence), np.nan), np.full(len(evidence), np.nan)
+    square = np.full(len(evidence), np.nan)
     for number in np.unique(part):
         rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
         if others.size:
             missed = evidence.take(rows).missed(evidence.take(others).best())
             square[rows] = np.sum(missed**2, axis=1)
-            units = (evidence.whiten[rows] @ missed[..., None])[..., 0]
-            whitened[rows] = np.sum(units**2, axis=1)
-    return HeldOut(square, whitened, part)
+    return HeldOut(square, part)
+
+
+def foretold(
+    evidence: Evidence, columns: Array, bounds: tuple[Array, Array], part: NDArray[np.int64]
+) -> float:
+    """Share of what columns explain that they foretell, 1 where nothing but noise is in the way.
+
+    Every part is predicted with the values v that the others give; with D the decrease of chi
+    square, that of the part is what p(part | others, v) grows by, all that the nuisance may do
+    taken into account:
+
+        sum_parts D_all(v) - D_others(v),    over D_all at the most likely values
+
+    Args:
+        evidence: of all samples.
+        columns: of an explanation, (3 n, k).
+        bounds: of its values, (k,) each.
+        part: what is held out together, (n,).
+    """
+    information, b = _products(evidence, columns)
+    value = most_likely(information, b, *bounds)
+    total = 0.0
+    for number in np.unique(part):
+        others = np.flatnonzero(part != number)
+        if others.size:
+            seen = columns.reshape(len(evidence), 3, -1)[others].reshape(3 * len(others), -1)
+            known, along = _products(evidence.take(others), seen)
+            v = most_likely(known, along, *bounds)
+            total += _decrease(information, b, v) - _decrease(known, along, v)
+    return total / max(_decrease(information, b, value), 1e-300)
+
+
+def _products(evidence: Evidence, columns: Array) -> tuple[Array, Array]:
+    b = columns.T @ evidence.weigh(evidence.column)
+    return evidence.information(columns), b[:, 0]
+
+
+def _decrease(information: Array, b: Array, value: Array) -> float:
+    """Of chi square at v; less than nothing where it grows."""
+    return float(2 * b @ value - value @ information @ value)
 
 
 def gain(
@@ -112,14 +148,13 @@ def gain(
         before: without the member.
         after: with it.
         noise: variance of a reading's 3-D distance, (n,) [m^2].
-        rows: samples whose error is told in metres, (n,); in units of the noise all count.
+        rows: samples whose error is told, (n,).
         place: samples of one place go together, (n,).
         rng: of the bootstrap.
     """
     numbers, which = np.unique(place, return_inverse=True)
-    fallen = np.nan_to_num(before.whitened - after.whitened)
     metres = (np.where(rows, v, 0.0) for v in (before.square, after.square, noise))
-    totals = np.stack([np.bincount(which, v) for v in (*metres, fallen)], axis=1)
+    totals = np.stack([np.bincount(which, v) for v in metres], axis=1)
     drawn = totals[rng.integers(0, len(numbers), (_DRAWS, len(numbers)))].sum(axis=1)
     shares = _share(drawn)
     low, high = np.quantile(shares, [_SURE, 1 - _SURE])
@@ -129,12 +164,11 @@ def gain(
         share=float(_share(totals.sum(axis=0)[None])[0]),
         low=float(low),
         high=float(high),
-        surely=float(np.quantile(drawn[:, 3], _ONE_SIGMA)),
     )
 
 
 def _share(totals: Array) -> Array:
-    """Of the error that is not noise, what is gone; (k, 4) before, after, noise, .. -> (k,)."""
+    """Of the error that is not noise, what is gone; (k, 3) before, after, noise -> (k,)."""
     before, after, noise = totals[:, 0], totals[:, 1], totals[:, 2]
     avoidable = np.maximum(before - noise, 0.05 * before)
     return np.asarray(np.clip((before - after) / avoidable, -1.0, 1.0))

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
 from delta_calibration.diagnosis.confirm import (
     Gain,
     HeldOut,
+    foretold,
     gain,
     held_out,
     learnable,
@@ -30,6 +31,7 @@ Array = NDArray[np.float64]
 
 MM = 1e3
 _MOVING = 0.25  # a signal at rest this small beside the one in motion shows in motion only
+_FORETOLD = 0.25  # of what an explanation explains, that it must foretell of held-out data
 _MOST_OF = 0.5  # of what geometry explains, for one dimension to be named
 
 
@@ -62,31 +64,25 @@ class HeldOutModels:
         return gain(before, after, noise, rows, number.reshape(-1), rng)
 
     def of_member(
-        self,
-        members: tuple[Candidate, ...],
-        rest: tuple[Candidate, ...],
-        columns: Array,
-        rng: np.random.Generator,
+        self, model: Model, member: Candidate, columns: Array, rng: np.random.Generator
     ) -> Gain | None:
         """What a member adds to the rest; None where held-out data do not bear it out.
 
-        A cause has to hold in sectors of the workspace it was not fitted in, and over time as far
-        as every stretch of time leaves enough to learn it from the others. A map is no more than
+        A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
+        time as far as each leaves enough to learn it from the others. A map is no more than
         interpolation; it has to be worth something in metres where it interpolates.
         """
-        unexplained = any(m.unexplained for m in members if m not in rest)
-        part = self.scattered if unexplained else self.sectors
-        first = self.gain(self.members(rest, part), self.members(members, part), columns, rng)
-        if first.surely <= 0 or (unexplained and first.low <= 0):
+        rest = tuple(m for m in model.members if m is not member)
+        evidence, bounds = beside(self.evidence, rest), bounds_of(member, self.evidence)
+        part = self.scattered if member.unexplained else self.sectors
+        parts = [part]
+        if not member.unexplained and learnable(evidence, columns, self.stretches):
+            parts.append(self.stretches)
+        if any(foretold(evidence, columns, bounds, each) < _FORETOLD for each in parts):
             return None
-        part = self.stretches
-        if not unexplained and learnable(beside(self.evidence, rest), columns, part):
-            over_time = self.gain(
-                self.members(rest, part), self.members(members, part), columns, rng
-            )
-            if over_time.share <= 0:
-                return None
-        return first
+        before, after = self.members(rest, part), self.members(model.members, part)
+        held = self.gain(before, after, columns, rng)
+        return None if member.unexplained and held.low <= 0 else held
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:
         """The poses; the paths where the columns show in motion only."""
@@ -109,7 +105,7 @@ def of_member(
     rest = tuple(m for m in model.members if m is not member)
     evidence = beside(model.evidence, rest)
     columns = columns_of(member, evidence)
-    sector = held.of_member(model.members, rest, columns, rng)
+    sector = held.of_member(model, member, columns, rng)
     if sector is None:
         return None
     tried = found.tried
