@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ _LEAST = 1e-12
 
 @dataclass(frozen=True)
 class Rest:
-    """Rest errors of the paths among n samples."""
+    """Rest errors of the paths among n samples; a path's samples follow each other."""
 
     path: Index  # (n,) number of the path, `AT_REST` for poses
     columns: Array  # (n, 3, r) whitened, in units of their spread; of no matter for poses
@@ -59,16 +60,22 @@ class Rest:
         return Rest(self.path, root * self.columns)
 
     @cached_property
-    def _blocks(self) -> tuple[tuple[Index, Array, Array, Array], ...]:
-        """Of each path its coordinates (3 n,), B (3 n, r), and l (r,) and Q (r, r)."""
+    def _blocks(self) -> tuple[tuple[slice, Array, Array, Array], ...]:
+        """Of each path where its coordinates are, B (3 n, r), and l (r,) and Q (r, r)."""
         blocks = []
-        for number in np.unique(self.path[self.path != AT_REST]):
-            rows = np.flatnonzero(self.path == number)
-            own = self.columns[rows].reshape(3 * len(rows), -1)
-            values, axes = np.linalg.eigh(own.T @ own)
-            at = (3 * rows[:, None] + np.arange(3)).reshape(-1)
-            blocks.append((at, own, np.clip(values, _LEAST, None), axes))
+        for begin, end in pairwise(self._ends):
+            if self.path[begin] != AT_REST:
+                own = self.columns[begin:end].reshape(3 * (end - begin), -1)
+                values, axes = np.linalg.eigh(own.T @ own)
+                at = slice(3 * begin, 3 * end)
+                blocks.append((at, own, np.clip(values, _LEAST, None), axes))
         return tuple(blocks)
+
+    @property
+    def _ends(self) -> list[int]:
+        """Where one path ends and the next begins."""
+        n = len(self.path)
+        return [0, *(np.flatnonzero(np.diff(self.path)) + 1).tolist(), n] if n else []
 
     def _less(self, x: Array, share: Callable[[Array], Array]) -> Array:
         """x - B Q diag(share(l)) Q^T B^T x of columns (3 n, k)."""

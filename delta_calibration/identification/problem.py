@@ -6,7 +6,10 @@ prior's rows are z itself. S also moves the tracker's frame against the reflecto
 platform that hardly tilts an offset is a translation, and without this the search would creep
 along that valley.
 
-    minimise  sum_i rho(|W_i (y_i - chain(q_i, theta))|^2) + sum_prior z_k^2
+    minimise  sum_i rho(|W_i (y_i - chain(q_i, theta))|) / s^2 + sum_prior z_k^2
+
+s is 1 where the noise explains the residuals, and the residuals' own (robust) spread where they
+are larger: what a model leaves out must not bend its parameters beyond what parts can be.
 """
 
 from __future__ import annotations
@@ -121,6 +124,11 @@ class _Loss:
     bend: float = np.inf
     cut: float = np.inf
 
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the residuals that the loss is made for, 1 for the noise's own."""
+        return self.bend / _HUBER if np.isfinite(self.bend) else 1.0
+
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Loss and weight rho'(d) / 2 d of each distance, (n,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -150,10 +158,9 @@ def solve(
     for _ in range(_ROUNDS):
         found = _search(problem, _Loss(bend), z, max(settled, _ROUGHLY))
         last, bend, z = bend, min(bend, _bend(found.residual)), found.z
-        farthest = np.linalg.norm(found.residual, axis=1).max()
-        if farthest <= bend or bend > _SHRUNK * last:
+        if bend > _SHRUNK * last:
             break
-    if farthest <= _GROSS * bend:
+    if np.linalg.norm(found.residual, axis=1).max() <= _GROSS * bend:
         return _search(problem, _Loss(bend), found.z, settled)
     # Gross errors can have dragged the offset into a valley of its own: from the drawing again.
     drawing = np.where(problem.offset_rows(), 0.0, z)
@@ -225,9 +232,10 @@ def _step(problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: flo
     slope = problem.slope(now.theta, now.pose)[..., moving]
     root = np.sqrt(now.weight)[:, None, None]
     prior = problem.has_prior[problem.free]
-    rows = (root * slope).reshape(-1, slope.shape[-1])
+    rows = (root * slope).reshape(-1, slope.shape[-1]) / loss.spread
+    residual = (root[..., 0] * now.residual).reshape(-1) / loss.spread
     normal = rows.T @ rows + np.diag(prior[moving] + damping)
-    gradient = rows.T @ (root[..., 0] * now.residual).reshape(-1) - (prior * now.z)[moving]
+    gradient = rows.T @ residual - (prior * now.z)[moving]
     z = now.z.copy()
     z[moving] += np.linalg.solve(normal, gradient)
     return _state(problem, z, loss, now.pose)
@@ -248,5 +256,6 @@ def _state(problem: Problem, z: Array, loss: _Loss, guess: Array | None) -> _Sta
     pose = problem.chain.pose(problem.at, theta, guess)
     residual = problem.residual(theta, pose)
     losses, weight = loss(np.linalg.norm(residual, axis=1))
-    cost = float(np.sum(losses) + np.sum(z[problem.has_prior[problem.free]] ** 2))
+    explained = np.sum(losses) / loss.spread**2
+    cost = float(explained + np.sum(z[problem.has_prior[problem.free]] ** 2))
     return _State(z, theta, pose, residual, weight, cost if np.isfinite(cost) else np.inf)
