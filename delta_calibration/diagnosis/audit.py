@@ -1,7 +1,7 @@
 """Whether what is left is noise.
 
 Lack of fit: the residuals of the poses against the noise that repeats show. Moran's I: whether
-neighbours in place, joint angles, time or direction err alike,
+neighbours in place, joint angles, time or direction, or along a motion, err alike,
 
     I = sum_ij w_ij r_i . r_j / sum_i r_i . r_i        w: the nearest neighbours of each
 
@@ -21,6 +21,8 @@ from scipy.stats import chi2, norm
 from delta_calibration.diagnosis.evidence import Evidence
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
 
 _DRAWS = 200
 _NEIGHBOURS = 6
@@ -28,6 +30,7 @@ _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
 _EXCEPTION = 0.3  # share of the poses
+MOTION = "moran_motion"
 
 
 @dataclass(frozen=True)
@@ -36,11 +39,12 @@ class Audit:
 
     p: dict[str, float]
     excess: float  # [m] root mean square of what is left at the poses beyond the noise
+    in_motion: float  # [m] of what goes along with motions
     worst: Array  # (3,) [m] place in the base where it is largest
 
 
 def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) -> Audit:
-    """Test what a model leaves of the poses' residuals.
+    """Test what a model leaves of the residuals.
 
     Args:
         evidence: with everything that the model holds in its nuisance.
@@ -48,16 +52,19 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
         rng: of the draws.
     """
     rows = np.flatnonzero(evidence.believed[: evidence.poses] & ~_on_the_way(evidence))
-    chance = evidence.weigh(evidence.draw(_DRAWS, rng)).reshape(len(evidence), 3, _DRAWS)[rows]
-    left = evidence.left()[rows]
+    drawn = evidence.weigh(evidence.draw(_DRAWS, rng)).reshape(len(evidence), 3, _DRAWS)
+    every, chance = evidence.left(), drawn[rows]
+    left = every[rows]
     square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
     p = {"lack_of_fit": float(chi2.sf(square * degrees / squares.mean(), degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
-        own, drawn = _moran(left[:, :, None], near), _moran(chance, near)
-        if drawn.std() > 0:
-            p[f"moran_{name}"] = float(norm.sf((own[0] - drawn.mean()) / drawn.std()))
+        p[f"moran_{name}"] = _alike(left, chance, near)
+    moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
+    along = _along(evidence.rest.path[moving])
+    if along[1].any():
+        p[MOTION] = _alike(every[moving], drawn[moving], along)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
     whole = np.linalg.solve(evidence.whiten[rows], left[..., None])[..., 0]
     around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
@@ -65,8 +72,33 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     return Audit(
         p=p,
         excess=float(np.sqrt(max(0.0, 1 - squares.mean() / square) * np.mean(whole**2) * 3)),
+        in_motion=_going_along(evidence, every, drawn, moving, along),
         worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],
     )
+
+
+def _alike(left: Array, chance: Array, near: Near) -> float:
+    """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws)."""
+    own, drawn = _moran(left[:, :, None], near)[0], _moran(chance, near)
+    return float(norm.sf((own - drawn.mean()) / drawn.std())) if drawn.std() > 0 else 1.0
+
+
+def _along(path: Index) -> Near:
+    """The next readings of the same motion."""
+    places = np.arange(len(path))[:, None] + np.arange(1, _NEIGHBOURS + 1)
+    within = np.minimum(places, max(len(path) - 1, 0))
+    return within, ((places < len(path)) & (path[within] == path[:, None])).astype(float)
+
+
+def _going_along(
+    evidence: Evidence, left: Array, drawn: Array, rows: Index, along: Near
+) -> float:
+    """Root mean square of what neighbours on a path have in common beyond chance [m]."""
+    if not along[1].any():
+        return 0.0
+    common = _moran(left[rows][:, :, None], along)[0] - _moran(drawn[rows], along).mean()
+    whole = np.linalg.solve(evidence.whiten[rows], left[rows][..., None])[..., 0]
+    return float(np.sqrt(max(0.0, common) * np.mean(np.sum(whole**2, axis=1))))
 
 
 def _on_the_way(evidence: Evidence) -> NDArray[np.bool_]:
@@ -86,9 +118,7 @@ def _on_the_way(evidence: Evidence) -> NDArray[np.bool_]:
     return np.asarray(within & (within.mean() < _EXCEPTION))
 
 
-def _neighbourhoods(
-    evidence: Evidence, rows: NDArray[np.intp]
-) -> dict[str, tuple[NDArray[np.intp], Array]]:
+def _neighbourhoods(evidence: Evidence, rows: Index) -> dict[str, Near]:
     """Neighbours of each pose in several spaces: who they are, (n, k), and their weights, (n, k).
 
     Poses of one half minute do not count as neighbours: between stops that follow each other the
@@ -103,7 +133,7 @@ def _neighbourhoods(
     return {**near, "time": _next(at.time)}
 
 
-def _nearest(where: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
+def _nearest(where: Array, time: Array) -> Near:
     """The nearest others that were not measured within the half minute."""
     count = min(_LOOKED_AT, len(where))
     near = cKDTree(where).query(where, k=count)[1].reshape(len(where), count)
@@ -112,7 +142,7 @@ def _nearest(where: Array, time: Array) -> tuple[NDArray[np.intp], Array]:
     return near, (apart & first).astype(float)
 
 
-def _next(time: Array) -> tuple[NDArray[np.intp], Array]:
+def _next(time: Array) -> Near:
     """The next ones in time after the half minute."""
     order = np.argsort(time)
     begin = np.searchsorted(time[order], time + _SOON)
@@ -121,8 +151,8 @@ def _next(time: Array) -> tuple[NDArray[np.intp], Array]:
     return order[np.minimum(places, len(time) - 1)], inside.astype(float)
 
 
-def _moran(residual: Array, near: tuple[NDArray[np.intp], Array]) -> Array:
-    """I of residuals (n, 3, draws), (draws,)."""
+def _moran(residual: Array, near: Near) -> Array:
+    """I of residuals (n, 3, draws), (draws,): the mean likeness of neighbours."""
     others, weight = near
     alike = np.zeros(residual.shape[2])
     for column in range(others.shape[1]):

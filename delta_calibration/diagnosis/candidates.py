@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.effects import Effect
-from delta_calibration.effects.unexplained import SIZES, UNEXPLAINED, Unexplained, families
+from delta_calibration.effects.unexplained import (
+    SIZES,
+    UNEXPLAINED,
+    Unexplained,
+    families,
+    reaches,
+)
 
 Array = NDArray[np.float64]
 
@@ -96,9 +102,11 @@ def dimensions(evidence: Evidence) -> Iterator[Candidate]:
 
 
 def maps(evidence: Evidence, any_effect: Effect) -> Iterator[list[Candidate]]:
-    """Smooth maps of everything that structure could move with, each from flat to steep."""
+    """Smooth maps of everything that structure could move with, each from slight to large."""
     joint = evidence.at.joint[: evidence.poses]
     for family in families(evidence.at):
-        effects = [Unexplained.over(any_effect, family, joint, size) for size in SIZES]
-        rows = tuple(range(len(effects[0].parameters)))
-        yield [Candidate(UNEXPLAINED, "unknown", None, effect, rows) for effect in effects]
+        for reach in reaches(family):
+            widest = Unexplained.over(any_effect, family, joint, reach=reach)
+            rows = tuple(range(len(widest.parameters)))
+            effects = [replace(widest, size=size) for size in SIZES]
+            yield [Candidate(UNEXPLAINED, "unknown", None, effect, rows) for effect in effects]

@@ -85,11 +85,11 @@ def held_out(evidence: Evidence, part: NDArray[np.int64]) -> HeldOut:
         evidence: of all samples, what the fit may use in its nuisance.
         part: what is held out together, (n,).
     """
-    square = np.full(len(evidence), np.nan)
+    square, misfit = np.full(len(evidence), np.nan), evidence.misfit
     for number in np.unique(part):
         rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
         if others.size:
-            missed = evidence.take(rows).missed(evidence.take(others).best())
+            missed = evidence.take(rows).missed(evidence.take(others).best(misfit))
             square[rows] = np.sum(missed**2, axis=1)
     return HeldOut(square, part)
 

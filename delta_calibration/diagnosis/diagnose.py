@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.diagnosis.audit import Audit, audit
+from delta_calibration.diagnosis.audit import MOTION, Audit, audit
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.confirm import held_out
 from delta_calibration.diagnosis.evidence import Cell
@@ -90,9 +90,9 @@ def diagnose(
     if effects is None:
         effects = catalogue(robot, start.problem.chain.mechanism)
     step(STEPS[1])
-    found = find(start, effects, rng)
+    sought = find(start, effects, rng)
     step(STEPS[2])
-    found, held, said = _borne_out(found, rng)
+    found, held, said = _borne_out(sought, start, rng)
     members = found.model.members
     findings = [f for m, f in said.items() if not m.unexplained]
     scatter = scatter_of(found.model.beside)
@@ -111,14 +111,14 @@ def diagnose(
         calibrated=Held("geometry + frame", held.mm(held.members((), held.sectors))),
         extended=Held(_name(members), held.mm(held.members(members, held.sectors))),
         findings=tuple(findings),
-        unknown_structure=_unknown(found.model, left, explained),
+        unknown_structure=_unknown(found.model, sought.model, left, explained),
         cannot_tell=unseen(found.model.beside, effects, findings),
     )
     return Diagnosis(verdict, found.model, found, left, extended(found.model, held, seed))
 
 
 def _borne_out(
-    found: Found, rng: np.random.Generator
+    found: Found, start: Model, rng: np.random.Generator
 ) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
     """Only the members whose names can be trusted and that hold on data not seen, one by one."""
     while True:
@@ -132,7 +132,7 @@ def _borne_out(
                 return found, held, good
         weakest = min(weak, key=lambda m: signal_of(found.model, m))
         kept = tuple(m for m in found.model.members if m is not weakest)
-        found = replace(found, model=fit(found.model, kept))
+        found = replace(found, model=fit(found.model, kept) if kept else start)
 
 
 def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
@@ -170,18 +170,32 @@ def _name(members: tuple[Candidate, ...]) -> str:
     return " + ".join(["geometry", "frame", *(m.label for m in members)])
 
 
-def _unknown(model: Model, left: Audit, explained: float) -> UnknownStructure:
-    """Structure that a smooth map follows, or that the audit finds in what is left."""
+def _unknown(model: Model, sought: Model, left: Audit, explained: float) -> UnknownStructure:
+    """Structure that a smooth map follows, or that the audit finds in what is left.
+
+    A map that chance is no reason for is structure, even where it foretells too little to be of
+    use and was left out of the model again.
+
+    Args:
+        model: with what is borne out.
+        sought: where the search ended.
+        left: the audit of what the model leaves.
+        explained: root mean square of what its members explain [m].
+    """
     tests: dict[str, float | None] = dict(left.p)
-    maps = [m for m in model.members if m.unexplained]
-    if maps:
-        return _mapped(model, maps[0], tests)
-    worst = min(left.p, key=lambda name: left.p[name])
-    slight = left.excess < max(_MATERIAL * model.cell.noise.floor, _SLIGHT * explained)
-    if slight or left.p[worst] * len(left.p) > ALPHA:
+    for with_map in (model, sought):
+        for member in with_map.members:
+            if member.unexplained:
+                return _mapped(with_map, member, tests)
+    least = max(_MATERIAL * model.cell.noise.floor, _SLIGHT * explained)
+    size = {name: left.in_motion if name == MOTION else left.excess for name in left.p}
+    shown = [n for n, p in left.p.items() if size[n] >= least and p * len(left.p) <= ALPHA]
+    if not shown:
         return UnknownStructure(False, None, None, None, tests)
+    worst = min(shown, key=lambda name: left.p[name])
     moves = worst.removeprefix("moran_") if worst != "lack_of_fit" else None
-    return UnknownStructure(True, _around(left.worst), moves, MM * left.excess, tests)
+    where = None if worst == MOTION else _around(left.worst)
+    return UnknownStructure(True, where, moves, MM * size[worst], tests)
 
 
 def _mapped(

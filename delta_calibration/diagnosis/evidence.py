@@ -194,18 +194,31 @@ class Evidence:
         """Of the nuisance z given the residuals and its priors, (A, A)."""
         return np.asarray(cho_solve(self._factor, np.eye(len(self.precision))))
 
-    def best(self, held: Index | None = None, values: Array | None = None) -> Array:
-        """The most likely nuisance z, (A,), some entries of it held at given values."""
+    def best(
+        self, misfit: float = 1.0, held: Index | None = None, values: Array | None = None
+    ) -> Array:
+        """The most likely nuisance z, (A,).
+
+        Args:
+            misfit: of the residuals; what is left out must not bend z beyond what parts can be.
+            held: entries that are to have given values.
+            values: these.
+        """
         right = (self._half.T @ self.rest.half(self.column))[:, 0]
+        normal = self._half.T @ self._half + max(1.0, misfit) * np.diag(self.precision)
         if held is None or values is None or not held.size:
-            return np.asarray(cho_solve(self._factor, right))
-        normal = self._half.T @ self._half + np.diag(self.precision)
+            return np.asarray(cho_solve(cho_factor(normal), right))
         free = np.setdiff1d(np.arange(len(right)), held)
         z = np.empty(len(right))
         z[held] = values
         across = right[free] - normal[np.ix_(free, held)] @ values
         z[free] = np.linalg.solve(normal[np.ix_(free, free)], across)
         return z
+
+    @property
+    def misfit(self) -> float:
+        """Chi square per degree of freedom."""
+        return float(np.sum(self.left() ** 2) / self.degrees)
 
     def missed(self, z: Array) -> Array:
         """Measured less predicted with the nuisance z, (n, 3) [m]; NaN for what was set aside."""
@@ -259,7 +272,7 @@ def gather(
     jacobian = chain.columns(at, x, theta, by_joints, by_geometry)
     columns = whiten @ jacobian[..., :base] @ problem.basis[:base, :base]
     path = np.concatenate([np.full(len(poses), AT_REST), paths.path])
-    rest = Rest.of(path, whiten @ by_joints * cell.noise.repeatability)
+    rest = Rest.of(path, at, whiten @ by_joints * cell.noise.repeatability)
     z = np.linalg.solve(problem.basis, theta - problem.theta0)[:base]
     effects = jacobian[..., base:] @ theta[base:]
     return Evidence(

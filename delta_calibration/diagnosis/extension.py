@@ -80,7 +80,7 @@ def covariance_of(model: Model) -> Array:
 
 def _residuals(evidence: Evidence, held: HeldOutModels, square: Array) -> Residuals:
     rows = held.poses
-    missed = evidence.missed(evidence.best())[rows]
+    missed = evidence.missed(evidence.best(evidence.misfit))[rows]
     size = float(np.mean(square[rows]))
     return Residuals(
         in_sample=float(np.sqrt(np.mean(np.sum(missed**2, axis=1)))),

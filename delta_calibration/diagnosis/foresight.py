@@ -97,7 +97,7 @@ class Foresight:
             whiten=whiten,
             residual=np.zeros((len(at), 3)),
             nuisance=columns,
-            rest=Rest.of(samples.path, _REST * by_joints),
+            rest=Rest.of(samples.path, at, _REST * by_joints),
             precision=self.precision,
             poses=int(np.sum(samples.path == AT_REST)),
             by_joints=by_joints,

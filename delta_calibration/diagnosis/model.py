@@ -68,7 +68,7 @@ class Model:
     @property
     def misfit(self) -> float:
         """Chi square per degree of freedom with the members in the model."""
-        return float(np.sum(self.beside.left() ** 2) / self.beside.degrees)
+        return self.beside.misfit
 
     def values(self, member: Candidate) -> Array:
         """A member's free parameters, (k,), in their own units."""
@@ -153,7 +153,7 @@ def _stepped(model: Model, held: Index = _NOTHING) -> Model:
     """One Gauss-Newton step of geometry, frame and members; some of the base's unknowns held."""
     problem, base = model.extended, model.problem.chain.base_size
     now = np.asarray(np.linalg.solve(problem.basis, model.theta - problem.theta0), dtype=float)
-    z = model.beside.best(held, now[held])
+    z = model.beside.best(model.misfit, held, now[held])
     theta = problem.theta0.copy()
     theta[:base] += problem.basis[:base, :base] @ z[:base]
     sizes = [len(m.rows) for m in model.members]

@@ -5,6 +5,8 @@ everything that was tried. What it is: the Bayes factor against nothing, in whic
 pays for every parameter with what it could have explained and did not.
 
     D = 2 b v - v G v                   decrease of chi square at v, G = <X, X>, b = <X, r>
+    D / a ~ chi^2 of d degrees          by chance; a d = sum u, a^2 d = sum u^2 (Satterthwaite),
+                                        u = 1 - L^2 / (g + L)^2, g the eigenvalues of G
     ln B = b' (G + L)^-1 b / 2 - ln det(1 + G / L) / 2        v ~ N(0, 1/L)
 
 A candidate whose shape was searched pays for the search as well: the parametric bootstrap of the
@@ -32,6 +34,26 @@ PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
 _AT_A_TIME = 8  # shapes
 _EULER = 0.5772
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
+
+
+@dataclass(frozen=True)
+class Chance:
+    """What D is by chance: `unit` times a chi square of `degrees`."""
+
+    unit: float
+    degrees: float
+
+    @classmethod
+    def of(cls, information: Array) -> Chance:
+        """Of columns with this information, (k, k), their values held by their priors."""
+        held = PRECISION / (np.clip(np.linalg.eigvalsh(information), 0.0, None) + PRECISION)
+        free = 1 - held**2
+        total, square = float(free.sum()), float(np.sum(free**2))
+        return cls(square / total, total**2 / square) if total > 0 else cls(1.0, 1.0)
+
+    def log_p(self, gain: float, noise_degrees: float) -> float:
+        """ln p of as large a decrease of chi square."""
+        return log_p_of(gain / self.unit, self.degrees, noise_degrees)
 
 
 @dataclass(frozen=True)
@@ -136,14 +158,14 @@ class Weighed:
     ) -> Score:
         """The case of a candidate at its most likely values."""
         gain = decrease(information, b, value)
-        k = len(value)
+        log_p = Chance.of(information).log_p(gain, self.noise_degrees)
         return Score(
             candidate=candidate,
             value=value,
             information=information,
             gain=gain,
             log_bayes=log_bayes(information, b, value) - float(np.log(tries)),
-            log_p=min(0.0, log_p_of(gain, k, self.noise_degrees) + float(np.log(tries))),
+            log_p=min(0.0, log_p + float(np.log(tries))),
             tries=tries,
         )
 
@@ -168,7 +190,7 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
     return value
 
 
-def log_p_of(gain: float, k: int, noise_degrees: float) -> float:
+def log_p_of(gain: float, k: float, noise_degrees: float) -> float:
     """ln p of the F test of k parameters that lower chi square by `gain`.
 
     `noise_degrees` of freedom are those of the noise that chi square is counted in; infinite

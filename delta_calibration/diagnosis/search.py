@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,11 @@ from delta_calibration.diagnosis.candidates import (
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.scores import (
+    Chance,
     Score,
     Weighed,
     decrease,
     log_bayes,
-    log_p_of,
     most_likely,
 )
 from delta_calibration.effects import Effect
@@ -111,6 +111,7 @@ class Together:
 
     candidates: tuple[Candidate, ...]
     tries: Array  # (c,)
+    chances: tuple[Chance, ...]  # what each explains by chance
     information: Array  # (k, k)
     b: Array  # (k,)
     lower: Array  # (k,)
@@ -124,14 +125,18 @@ class Together:
         columns = [columns_of(c, evidence) for c in candidates]
         every = np.concatenate(columns, axis=1)
         bounds = [bounds_of(c, evidence) for c in candidates]
+        information = evidence.information(every)
+        begin = tuple(np.cumsum([0, *(c.shape[1] for c in columns)]).tolist())
+        own = [slice(*span) for span in pairwise(begin)]
         return cls(
             candidates=candidates,
             tries=np.array([score.tries for score in scores]),
-            information=evidence.information(every),
+            chances=tuple(Chance.of(information[span, span]) for span in own),
+            information=information,
             b=(every.T @ evidence.weigh(evidence.column))[:, 0],
             lower=np.concatenate([low for low, _ in bounds]),
             upper=np.concatenate([high for _, high in bounds]),
-            begin=tuple(np.cumsum([0, *(c.shape[1] for c in columns)]).tolist()),
+            begin=begin,
         )
 
     def rows(self, members: Sequence[int]) -> Array:
@@ -315,8 +320,8 @@ class _Worth:
         for i in chosen:
             rest = tuple(j for j in chosen if j != i)
             alone = gain - self.together.fit(rest)[1]
-            k = self.together.begin[i + 1] - self.together.begin[i]
-            log_p = log_p_of(alone, k, self.degrees) + float(np.log(self.together.tries[i]))
+            log_p = self.together.chances[i].log_p(alone, self.degrees)
+            log_p += float(np.log(self.together.tries[i]))
             if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < _least(gain - alone):
                 return -np.inf
             log_b -= shadow(candidates[i], alone)

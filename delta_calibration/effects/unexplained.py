@@ -4,8 +4,9 @@ No cause is claimed. Each joint is moved by a smooth function of where the machi
 one condition times a plane over the joints:
 
     dq_j = sum_f w_jf phi_f(q)       phi: bumps about places of the session (position),
-                                     bumps along each joint's angle alone (joint angle), or
-                                     condition(c) * (1, q_1, ..., q_m)       (all others)
+                                     bumps along each joint's angle alone (joint angle),
+                                     condition(c) * (1, q_1, ..., q_m)       (all others), or
+                                     condition(c) * bumps about places       (payload)
 
 Joint space serves for all: where the mechanism is regular, any displacement of its platform is
 one of its joints. The bumps with a normal prior on their weights are a Gaussian process seen from
@@ -15,7 +16,7 @@ its inducing points.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -39,9 +40,10 @@ POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = (
     "speed",
 )
 FAMILIES = (POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED)
-_CENTRES = 30
-SIZES = (10e-6, 30e-6, 100e-6, 300e-6)  # [rad]
-_REACH = 0.5  # width of a bump over the spread of the places
+_CENTRES = 40
+SIZES = (3e-6, 10e-6, 30e-6, 100e-6, 300e-6)  # [rad]
+WIDE, NARROW, FLAT = 0.5, 0.25, 0.0  # width of a bump over the spread of the places; 0: a plane
+_BUMPS = {POSITION: (WIDE, NARROW), PAYLOAD: (FLAT, NARROW)}
 _ALONG = 12  # bumps along a joint's angle
 
 
@@ -60,41 +62,58 @@ class Unexplained(Effect):
 
     @classmethod
     def over(
-        cls, effect_of: Effect, family: str, joint: Array, size: float = SIZES[-1]
+        cls,
+        effect_of: Effect,
+        family: str,
+        joint: Array,
+        size: float = SIZES[-1],
+        reach: float | None = None,
     ) -> Unexplained:
-        """The map of a family over a session's places, (n, m) [rad]; its weights about `size`."""
+        """The map of a family over a session's places, (n, m) [rad].
+
+        Args:
+            effect_of: any effect on the mechanism.
+            family: what it moves with.
+            joint: the places.
+            size: of its weights [rad].
+            reach: width of its bumps over the spread of the places, one of `reaches`; 0 for none.
+        """
+        bare = cls(effect_of.robot, effect_of.mechanism, family, size)
         if family == JOINT:
             low, high = joint.min(axis=0), joint.max(axis=0)
-            rows = np.linspace(low, high, _ALONG)
             step = float((high - low).max()) / (_ALONG - 1)
-            flat = tuple(np.round(rows, 6).ravel().tolist())
-            return cls(effect_of.robot, effect_of.mechanism, family, size, step, flat)
-        if family != POSITION:
-            return cls(effect_of.robot, effect_of.mechanism, family, size)
-        centres = spread_out(joint, _CENTRES)
-        width = _REACH * float(np.linalg.norm(joint.std(axis=0)) * np.sqrt(2))
+            return bare._about(np.linspace(low, high, _ALONG), step)
+        reach = reaches(family)[0] if reach is None else reach
+        if reach == FLAT:
+            return bare
+        spread = float(np.linalg.norm(joint.std(axis=0)) * np.sqrt(2))
+        return bare._about(spread_out(joint, _CENTRES), reach * spread)
+
+    def _about(self, centres: Array, width: float) -> Unexplained:
+        """The map with bumps about places (f, m)."""
         flat = tuple(np.round(centres, 6).ravel().tolist())
-        return cls(effect_of.robot, effect_of.mechanism, family, size, width, flat)
+        return replace(self, width=width, centres=flat)
 
     @property
     def parameters(self) -> ParameterSet:
         """Weights [rad] of each feature at each joint."""
         m = self.mechanism.joints
-        count = {POSITION: len(self.centres) // m, JOINT: len(self.centres)}.get(
-            self.family, self._conditions * (m + 1)
-        )
+        count = len(self.centres) if self.family == JOINT else len(self.centres) // m
+        count = count or self._conditions * (m + 1)
         return _weights(self.family.replace(" ", "_"), count, m, self.size / SPREAD)
 
     def wrong(self) -> str:
         """A family that there is, and bumps where it has any."""
         if self.family not in FAMILIES:
             return f"family: {self.family!r} is not allowed; choose from: {', '.join(FAMILIES)}"
-        bumps = self.family in (POSITION, JOINT)
+        bumps = bool(self.centres)
         for name, value in (("size", self.size), ("width", self.width)):
             if not 0 < value < np.inf and (bumps or name == "size"):
                 return f"{name}: {value} is not allowed; more than 0"
-        whole = len(self.centres) % self.mechanism.joints == 0 and bool(self.centres) == bumps
-        if not (whole and np.isfinite(self.centres).all()):
+        wanted = {POSITION: (True,), JOINT: (True,), PAYLOAD: (True, False)}
+        whole = len(self.centres) % self.mechanism.joints == 0
+        fitting = bumps in wanted.get(self.family, (False,))
+        if not (whole and fitting and np.isfinite(self.centres).all()):
             return f"centres: {len(self.centres)} numbers are not allowed; one a joint and bump"
         return ""
 
@@ -124,17 +143,22 @@ class Unexplained(Effect):
 
     def _features(self, at: Conditions) -> Array:
         """(n, f)."""
-        m = at.joint.shape[1]
-        if self.family == POSITION:
-            centres = np.reshape(self.centres, (-1, m))
-            near = np.exp(-cdist(at.joint, centres, "sqeuclidean") / (2 * self.width**2))
-            return np.asarray(near)
         if self.family == JOINT:
-            apart = at.joint[:, :, None] - np.reshape(self.centres, (-1, m)).T
+            centres = np.reshape(self.centres, (-1, at.joint.shape[1]))
+            apart = at.joint[:, :, None] - centres.T
             return np.asarray(np.exp(-(apart**2) / (2 * self.width**2)).reshape(len(at), -1))
-        plane = np.column_stack([np.ones(len(at)), at.joint])
-        condition = self._condition(at)
-        return (condition[:, :, None] * plane[:, None, :]).reshape(len(at), -1)
+        if self.family == POSITION:
+            return self._shape(at)
+        each = self._condition(at)[:, :, None] * self._shape(at)[:, None, :]
+        return np.asarray(each.reshape(len(at), -1))
+
+    def _shape(self, at: Conditions) -> Array:
+        """Bumps, or a plane where there are none, over the joints, (n, f)."""
+        if not self.centres:
+            return np.column_stack([np.ones(len(at)), at.joint])
+        centres = np.reshape(self.centres, (-1, at.joint.shape[1]))
+        near = cdist(at.joint, centres, "sqeuclidean")
+        return np.asarray(np.exp(-near / (2 * self.width**2)))
 
     def _condition(self, at: Conditions) -> Array:
         """(n, conditions), of the order of one."""
@@ -169,6 +193,11 @@ def spread_out(places: Array, count: int) -> Array:
         chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
     return places[chosen]
+
+
+def reaches(family: str) -> tuple[float, ...]:
+    """Widths of bumps that a family is tried with, over the spread of the places."""
+    return _BUMPS.get(family, (FLAT,))
 
 
 def families(at: Conditions) -> Iterator[str]:

@@ -153,20 +153,22 @@ def solve(
     """
     if not robust:
         return _search(problem, _Loss(), start, settled)
-    z = np.zeros(int(problem.free.sum())) if start is None else start
+    first = z = np.zeros(int(problem.free.sum())) if start is None else start
     bend = _bend(_state(problem, z, _Loss(), None).residual)
     for _ in range(_ROUNDS):
         found = _search(problem, _Loss(bend), z, max(settled, _ROUGHLY))
         last, bend, z = bend, min(bend, _bend(found.residual)), found.z
         if bend > _SHRUNK * last:
             break
+    # On the way the reflector's offset can have been led into a valley of its own.
+    starts = [z, first]
     if np.linalg.norm(found.residual, axis=1).max() <= _GROSS * bend:
-        return _search(problem, _Loss(bend), found.z, settled)
-    # Gross errors can have dragged the offset into a valley of its own: from the drawing again.
-    drawing = np.where(problem.offset_rows(), 0.0, z)
-    starts = z, _search(problem, _Loss(bend), drawing, settled).z
-    loss = _Loss(bend, _GROSS * bend)
-    return min((_search(problem, loss, z, settled) for z in starts), key=lambda end: end.cost)
+        loss = _Loss(bend)
+    else:
+        loss = _Loss(bend, _GROSS * bend)
+        starts = [z, *(_search(problem, _Loss(bend), begin, settled).z for begin in starts)]
+    ends = [_search(problem, loss, begin, settled) for begin in starts]
+    return min(ends, key=lambda end: end.cost)
 
 
 def robust_weights(residual: Array) -> Array:
