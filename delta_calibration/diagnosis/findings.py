@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 MM = 1e3
 _MOVING = 0.25  # a signal at rest this small beside the one in motion shows in motion only
 _FORETOLD = 0.25  # of what an explanation explains, that it must foretell of held-out data
+_WORTH = 0.2  # of the avoidable error that a map must take away, as far as held-out data are sure
+_LEAST_SURE = 0.05  # a cause less sure than this is none
 _MOST_OF = 0.5  # of what geometry explains, for one dimension to be named
 
 
@@ -70,7 +72,7 @@ class HeldOutModels:
 
         A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
         time as far as each leaves enough to learn it from the others. A map is no more than
-        interpolation; it has to be worth something in metres where it interpolates.
+        interpolation; it has to be worth its while in metres where it interpolates.
         """
         rest = tuple(m for m in model.members if m is not member)
         evidence, bounds = beside(self.evidence, rest), bounds_of(member, self.evidence)
@@ -82,7 +84,7 @@ class HeldOutModels:
             return None
         before, after = self.members(rest, part), self.members(model.members, part)
         held = self.gain(before, after, columns, rng)
-        return None if member.unexplained and held.low <= 0 else held
+        return None if member.unexplained and held.low < _WORTH else held
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:
         """The poses; the paths where the columns show in motion only."""
@@ -100,7 +102,7 @@ class HeldOutModels:
 def of_member(
     found: Found, member: Candidate, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a member; None where held-out data do not bear it out."""
+    """What is said of a member; None where held-out data or its rivals leave nothing of it."""
     model = found.model
     rest = tuple(m for m in model.members if m is not member)
     evidence = beside(model.evidence, rest)
@@ -110,6 +112,8 @@ def of_member(
         return None
     tried = found.tried
     stand = standing(model, member, tried)
+    if not member.unexplained and stand.confidence < _LEAST_SURE:
+        return None
     items = _items(model, member)
     information = evidence.information(columns) + PRECISION * np.eye(len(items))
     spread = np.sqrt(np.diag(np.linalg.inv(information)) * max(1.0, model.misfit))
