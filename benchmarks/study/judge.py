@@ -10,8 +10,10 @@ import numpy as np
 
 from blind import Trial, hide
 from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
-from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.model import Model, fit
+from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
+from delta_calibration.diagnosis.model import Model, beside, fit
+from delta_calibration.diagnosis.rivals import equivalents, scaled
+from delta_calibration.diagnosis.search import as_score
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import InputError
 from delta_calibration.robot import Robot, load_robot
@@ -51,7 +53,10 @@ def judge(key: str) -> dict[str, Any]:
         "seed": task.seed,
         "hidden": hidden,
         "location": trial.hidden.location,
-        "findings": [_said(finding) for finding in found.verdict.findings],
+        "findings": [
+            _said(finding) | {"twin": _twin(finding, found, task, robot)}
+            for finding in found.verdict.findings
+        ],
         "unknown": found.verdict.unknown_structure.found,
         "moves_with": found.verdict.unknown_structure.moves_with,
         "cannot_tell": [list(item.between) for item in found.verdict.cannot_tell],
@@ -91,6 +96,22 @@ def _said(finding: Finding) -> dict[str, Any]:
         "signal": finding.signal,
         "gain": [finding.gain_low, finding.gain, finding.gain_high],
     }
+
+
+def _twin(finding: Finding, found: Diagnosis, task: Task, robot: Robot) -> bool:
+    """Whether the session cannot tell a finding from the cause that was taken out."""
+    named = (m for m in found.model.members if m.cause == finding.cause)
+    member = next((m for m in named if m.location == finding.location), None)
+    if not task.without or member is None:
+        return False
+    rest = tuple(m for m in found.model.members if m is not member)
+    evidence = beside(found.model.evidence, rest)
+    signal = columns_of(member, evidence) @ scaled(found.model, member)
+    every = catalogue(robot, found.model.problem.chain.mechanism)
+    effect = next(e for e in every if e.cause == task.without)
+    shapes = (s for s in effect.shapes(evidence.at) if not s.missing(evidence.at))
+    taken_out = [as_score(c, ()) for shape in shapes for c in subsets(shape)]
+    return bool(equivalents(evidence, signal, taken_out, max(1.0, found.model.misfit)))
 
 
 def _errors(trial: Trial, seen: Survey, robot: Robot, found: Diagnosis) -> dict[str, float]:

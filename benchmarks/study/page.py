@@ -103,7 +103,18 @@ def _in_class(outcome: Outcome) -> bool:
 
 
 def _of_class(outcome: Outcome, finding: Outcome) -> bool:
-    return _is(outcome, finding) or bool(set(finding["equivalents"]) & set(outcome["hidden"]))
+    alike = bool(set(finding["equivalents"]) & set(outcome["hidden"]))
+    return _is(outcome, finding) or alike or _twin(finding)
+
+
+def _twin(finding: Outcome) -> bool:
+    """Not to be told from the cause that was taken out of the catalogue."""
+    return bool(finding.get("twin", False))
+
+
+def _only_twins(outcome: Outcome) -> bool:
+    said = outcome["findings"]
+    return bool(said) and all(map(_twin, said)) and not outcome["unknown"]
 
 
 def _confidently_wrong(outcome: Outcome) -> bool:
@@ -214,9 +225,12 @@ def _taken_out(outcomes: Sequence[Outcome]) -> str:
     for cause in sorted({c for o in strong for c in o["hidden"]}):
         own = [o for o in strong if cause in o["hidden"]]
         rows.append([cause, len(own), _said(own)])
+    told = [o for o in strong if not _only_twins(o)]
     return (
-        f"At lambda >= {_NAMED:g}: recognised as unknown and nothing named "
-        f"{_rate(strong, _recognised)}; something named with {_CONFIDENT:.0%} confidence or more "
+        "Where what was named instead does the same in that session, the two are one class: "
+        f"{len(strong) - len(told)} of {len(strong)} at lambda >= {_NAMED:g}. "
+        "Of the others, recognised as unknown and nothing named: "
+        f"{_rate(told, _recognised)}; something named with {_CONFIDENT:.0%} confidence or more "
         f"{_rate(strong, _confidently_wrong)}.\n\n" + _table(["taken out", "n", "said"], rows)
     )
 
