@@ -14,6 +14,7 @@ from delta_calibration.diagnosis import audit, calibrated, confirm, rivals, scor
 from delta_calibration.diagnosis.candidates import columns_of, subsets
 from delta_calibration.diagnosis.scores import Weighed
 from delta_calibration.effects import EFFECTS, catalogue
+from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import survey
@@ -174,6 +175,24 @@ def test_p_is_uniform_where_there_is_nothing(nothing) -> None:
     assert kstest(nothing[:, 0], "uniform").pvalue > 0.01
 
 
+@pytest.mark.parametrize("size", [1e-6, 1e-5, 3e-4])
+def test_p_of_a_map_is_uniform_however_short_it_is_held(evidence, size) -> None:
+    """Bumps that are held near nothing explain less by chance than they are many."""
+    rng = np.random.default_rng(11)
+    effect = Unexplained.over(
+        candidate(evidence, "backlash").effect, "position", evidence.at.joint, size, reach=0.25
+    )
+    (one,) = subsets(effect)
+    columns = columns_of(one, evidence)
+    G, chance = evidence.information(columns), []
+    free = np.full(len(G), np.inf)
+    for b in (columns.T @ evidence.weigh(evidence.draw(400, rng))).T:
+        gained = scores.decrease(G, b, scores.most_likely(G, b, -free, free))
+        chance.append(np.exp(scores.Chance.of(G).log_p(gained, np.inf)))
+    assert kstest(chance, "uniform").pvalue > 0.01
+    assert scores.Chance.of(G).degrees < len(G)
+
+
 def test_p_of_a_search_is_paid_for(nothing) -> None:
     """By the bootstrap: one in twenty below 5 %, and not one in three."""
     share = np.mean(nothing[:, 1] < 0.05)
@@ -231,6 +250,48 @@ def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
     np.testing.assert_allclose(found.square[out], np.sum(missed**2, axis=1), rtol=1e-4)
     wild = with_residual(evidence, evidence.residual + 1e3 * out[:, None])
     assert (confirm.held_out(wild, part).square[out] > 1e3 * found.square[out]).all()
+
+
+def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense) -> None:
+    """With every prior finite: p(part | others, v) by the densities of all and of the others."""
+    proper = replace(evidence, precision=np.where(evidence.precision > 0, evidence.precision, 1.0))
+    flat = proper.nuisance.reshape(proper.size, -1)
+    V = np.eye(proper.size) + flat / proper.precision @ flat.T
+    X = columns_of(candidate(proper, "joint_compliance"), proper)
+    r = proper.draw(1, np.random.default_rng(12))[:, 0] + X @ np.array([0.1, 0.2, -0.1])
+    proper, free = with_residual(proper, r), (np.full(3, -np.inf), np.full(3, np.inf))
+    part, total = confirm.sectors(proper), 0.0
+    every = np.ones(len(r), dtype=bool)
+
+    def learned(rows):
+        W = np.linalg.inv(V[np.ix_(rows, rows)])
+        G, b = X[rows].T @ W @ X[rows], X[rows].T @ W @ r[rows]
+        return W, np.linalg.solve(G + scores.PRECISION * np.eye(3), b)
+
+    def fallen(rows, v):
+        W, off = learned(rows)[0], r[rows] - X[rows] @ v
+        return r[rows] @ W @ r[rows] - off @ W @ off
+
+    for number in range(5):
+        others = np.repeat(part != number, 3)
+        v = learned(others)[1]
+        total += fallen(every, v) - fallen(others, v)
+    share = total / fallen(every, learned(every)[1])
+    assert confirm.foretold(proper, X, free, part) == pytest.approx(share, rel=1e-6)
+
+
+def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
+    """A scale that is there in one sector only, and one that is there in all."""
+    part = confirm.sectors(evidence)
+    columns = columns_of(candidate(evidence, "joint_scale"), evidence)
+    bounds = (np.full(3, -np.inf), np.full(3, np.inf))
+    noise = evidence.draw(1, np.random.default_rng(13))
+    signal = columns @ np.full((3, 1), 2.0)
+    everywhere = with_residual(evidence, noise + signal)
+    assert confirm.foretold(everywhere, columns, bounds, part) > 0.8
+    here = np.repeat(part == 2, 3)[:, None]
+    somewhere = with_residual(evidence, noise + 3 * signal * here)
+    assert confirm.foretold(somewhere, columns, bounds, part) < 0.25
 
 
 # What is left, and what cannot be told

@@ -19,7 +19,14 @@ from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.confirm import held_out
 from delta_calibration.diagnosis.evidence import Cell
 from delta_calibration.diagnosis.extension import extended
-from delta_calibration.diagnosis.findings import MM, HeldOutModels, of_dimension, of_member
+from delta_calibration.diagnosis.findings import (
+    MM,
+    HeldOutModels,
+    of_dimension,
+    of_geometry,
+    of_member,
+    of_reflector,
+)
 from delta_calibration.diagnosis.geometry import scatter_of, without_geometry
 from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.rivals import scaled
@@ -95,10 +102,7 @@ def diagnose(
     found, held, said = _borne_out(sought, start, rng)
     members = found.model.members
     findings = [f for m, f in said.items() if not m.unexplained]
-    scatter = scatter_of(found.model.beside)
-    if scatter.outlier is not None:
-        dimension = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
-        findings += [] if dimension is None else [dimension]
+    findings += _of_what_is_fitted(found, held, rng)
     step(STEPS[3])
     left = audit(found.model.beside, start.cell.noise_degrees, rng)
     before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
@@ -133,6 +137,18 @@ def _borne_out(
         weakest = min(weak, key=lambda m: signal_of(found.model, m))
         kept = tuple(m for m in found.model.members if m is not weakest)
         found = replace(found, model=fit(found.model, kept) if kept else start)
+
+
+def _of_what_is_fitted(
+    found: Found, held: HeldOutModels, rng: np.random.Generator
+) -> list[Finding]:
+    """Findings among what every calibration fits: one dimension or all, and the reflector."""
+    scatter = scatter_of(found.model.beside)
+    one = None
+    if scatter.outlier is not None:
+        one = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
+    every = of_geometry(found, scatter, held, rng) if one is None else None
+    return [f for f in (one, every, of_reflector(found, held, rng)) if f is not None]
 
 
 def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:

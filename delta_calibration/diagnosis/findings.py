@@ -19,7 +19,15 @@ from delta_calibration.diagnosis.confirm import (
 )
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment
-from delta_calibration.diagnosis.geometry import Outlier, at_scatter, without_geometry
+from delta_calibration.diagnosis.geometry import (
+    Outlier,
+    Scatter,
+    at_scatter,
+    displaced,
+    offset_rows,
+    without,
+    without_geometry,
+)
 from delta_calibration.diagnosis.model import Model, beside
 from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
@@ -35,6 +43,8 @@ _FORETOLD = 0.25  # of what an explanation explains, that it must foretell of he
 _WORTH = 0.2  # of the avoidable error that a map must take away, as far as held-out data are sure
 _LEAST_SURE = 0.05  # a cause less sure than this is none
 _MOST_OF = 0.5  # of what geometry explains, for one dimension to be named
+_BEYOND = 1.5  # times the tolerances, by which all dimensions scatter
+_ELSEWHERE = 1e-5  # p of a reflector's place; its prior is an expectation, and no tolerance
 
 
 class HeldOutModels:
@@ -161,6 +171,59 @@ def of_dimension(
         outlier.log_p,
         sector,
         separated_by(evidence, candidate, stand.equivalents),
+    )
+
+
+def of_geometry(
+    found: Found, scatter: Scatter, held: HeldOutModels, rng: np.random.Generator
+) -> Finding | None:
+    """What is said of a machine whose parts are farther off the drawing than they may be."""
+    if scatter.log_p > np.log(ALPHA) or scatter.tau < _BEYOND:
+        return None
+    rows = np.arange(found.model.problem.chain.geometry_size)
+    return _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
+
+
+def of_reflector(
+    found: Found, held: HeldOutModels, rng: np.random.Generator
+) -> Finding | None:
+    """What is said of a reflector that is not where the robot's file has it, by its prior."""
+    evidence = found.model.beside
+    log_p = displaced(evidence)
+    if log_p > np.log(_ELSEWHERE):
+        return None
+    rows = offset_rows(evidence)
+    return _of_nuisance(found.model, "smr_offset", "measurement", rows, log_p, held, rng)
+
+
+def _of_nuisance(
+    model: Model,
+    cause: str,
+    kind: str,
+    rows: NDArray[np.int64],
+    log_p: float,
+    held: HeldOutModels,
+    rng: np.random.Generator,
+) -> Finding:
+    """What is said of parameters that every calibration fits, as they are beyond their priors."""
+    items = [model.problem.chain.parameters.items[row] for row in rows]
+    columns = held.evidence.nuisance[:, :, rows].reshape(held.evidence.size, -1)
+    bare = without(held.evidence, rows)
+    before = held_out(bare, held.sectors)
+    nominal, prior = (np.array([getattr(p, of) for p in items]) for of in ("nominal", "prior"))
+    z = (model.theta[rows] - nominal) / prior
+    information = bare.information(columns)
+    length = float(z @ information @ z)
+    spread = np.linalg.inv(information + np.eye(len(rows))) * max(1.0, model.misfit)
+    return _finding(
+        Candidate(cause, kind, None, None, tuple(rows.tolist())),
+        items,
+        model.theta[rows],
+        np.sqrt(np.diag(spread)),
+        Standing(named(length) * -float(np.expm1(log_p)), (), length),
+        log_p,
+        held.gain(before, held.members((), held.sectors), columns, rng),
+        None,
     )
 
 

@@ -1,9 +1,10 @@
-"""Whether one dimension of the machine stands out from all the others.
+"""Whether the machine's parts are what the drawing allows, and whether one of them stands out.
 
 A machine's parts deviate by a common share tau of their tolerances, z ~ N(0, tau^2), tau found
 from the data by marginal likelihood. A dimension that is out of line with that scatter, and that
-makes up most of what geometry explains, is a cause by itself: many small deviations are what
-calibration is for.
+makes up most of what geometry explains, is a cause by itself. Where none does but all scatter by
+more than their tolerances, the geometry is; as long as they do not, they are what calibration is
+for. A reflector that sits where nobody expects it is a cause in the same way.
 
     -2 ln L(tau) = r'V0^-1 r - b'(G + tau^-2)^-1 b + ln det(1 + tau^2 G)
 """
@@ -23,7 +24,7 @@ from delta_calibration.diagnosis.scores import PRECISION
 Array = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.01, 10.0, 61)
-_MOST_OF = 0.5  # of what geometry explains
+_SEEN = 1e-3  # of the prior's variance that the data must take away
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Scatter:
     """How far the parts of this machine deviate from the drawing, as a share of the tolerances."""
 
     tau: float
+    log_p: float  # of as much in a machine whose parts keep their tolerances
     outlier: Outlier | None  # the most prominent dimension, significant or not
 
 
@@ -54,7 +56,7 @@ def scatter_of(evidence: Evidence) -> Scatter:
     b = (columns.T @ bare.weigh(bare.column))[:, 0]
     values, axes = np.linalg.eigh(information)
     values, along = np.clip(values, 0.0, None), axes.T @ b
-    alone = _unlikeliness(values, along)
+    alone = _unlikeliness(values, along, _SCATTERS)
     best: tuple[float, int, int, float, float] | None = None
     for i, tau in enumerate(_SCATTERS):
         inverse = axes / (values + tau**-2) @ axes.T
@@ -65,21 +67,41 @@ def scatter_of(evidence: Evidence) -> Scatter:
         row = int(np.argmin(unlikely))
         if best is None or unlikely[row] < best[0]:
             best = float(unlikely[row]), i, row, float(own[row]), float(left[row])
-    tau = float(_SCATTERS[int(np.argmin(alone))])
+    tau, least = float(_SCATTERS[int(np.argmin(alone))]), float(alone.min())
+    within = float(_unlikeliness(values, along, np.ones(1))[0])
+    log_p = float(chi2.logsf(max(within - least, 0.0), 1) - np.log(2)) if tau > 1 else 0.0
     if best is None:
-        return Scatter(tau, None)
-    least = float(alone.min())
-    return Scatter(tau, _outlier(evidence, best, least, information, b, values, along))
+        return Scatter(tau, log_p, None)
+    return Scatter(tau, log_p, _outlier(evidence, best, least, information, b, values, along))
+
+
+def displaced(evidence: Evidence) -> float:
+    """ln p of a reflector as far from where it is said to be, as its prior allows."""
+    rows = offset_rows(evidence)
+    z, known = evidence.best()[rows], evidence.covariance()[np.ix_(rows, rows)]
+    spread = np.eye(len(rows)) - known  # of the most likely values, where z ~ N(0, 1)
+    values, axes = np.linalg.eigh(spread)
+    seen = values > _SEEN
+    square = float(np.sum((axes[:, seen].T @ z) ** 2 / values[seen]))
+    return float(chi2.logsf(square, max(int(seen.sum()), 1)))
+
+
+def offset_rows(evidence: Evidence) -> NDArray[np.int64]:
+    """Entries of the nuisance that are the reflector's offset, (3,)."""
+    return evidence.chain.geometry_size + np.arange(3)
+
+
+def without(evidence: Evidence, rows: NDArray[np.int64]) -> Evidence:
+    """The evidence with some of the nuisance as the drawing has it."""
+    kept = np.setdiff1d(np.arange(len(evidence.precision)), rows)
+    return replace(
+        evidence, nuisance=evidence.nuisance[:, :, kept], precision=evidence.precision[kept]
+    )
 
 
 def without_geometry(evidence: Evidence) -> Evidence:
     """The evidence of a machine whose dimensions are those of the drawing."""
-    kept = slice(evidence.chain.geometry_size, None)
-    return replace(
-        evidence,
-        nuisance=evidence.nuisance[:, :, kept],
-        precision=evidence.precision[kept],
-    )
+    return without(evidence, np.arange(evidence.chain.geometry_size))
 
 
 def at_scatter(evidence: Evidence, tau: float) -> Evidence:
@@ -89,9 +111,9 @@ def at_scatter(evidence: Evidence, tau: float) -> Evidence:
     return replace(evidence, precision=precision)
 
 
-def _unlikeliness(values: Array, along: Array) -> Array:
+def _unlikeliness(values: Array, along: Array, scatters: Array) -> Array:
     """-2 ln L at each scatter, less what does not depend on it."""
-    weaker = _SCATTERS[:, None] ** -2.0
+    weaker = scatters[:, None] ** -2.0
     return np.asarray(
         -np.sum(along**2 / (values + weaker), axis=1) + np.sum(np.log1p(values / weaker), axis=1)
     )

@@ -1,0 +1,78 @@
+"""Errors that a motion's readings share, against the covariance written out in full."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from delta_calibration.diagnosis.rest import AT_REST, Rest
+from delta_calibration.samples import Conditions, at_rest
+
+RNG = np.random.default_rng(1)
+STOPS, EACH = 4, 6
+# a sweep there and, half a second later, back; then two more, somewhere else and much later
+BEGIN = {3: (0.0, 0.0, 0.3), 4: (6.5, 0.3, 0.0), 7: (14.0, 0.9, 0.6), 8: (60.0, 0.6, 0.9)}
+SHARED = [(3, 4)]
+PATH = np.repeat([AT_REST, *BEGIN], [STOPS, *[EACH] * 4])
+OWN = RNG.standard_normal((len(PATH), 3, 2))
+
+
+def conditions() -> Conditions:
+    """Joint angles that go on where a path has ended, or do not."""
+    angle, time = [np.zeros(STOPS)], [np.arange(-STOPS, 0.0)]
+    for begin, first, last in BEGIN.values():
+        angle.append(np.linspace(first, last, EACH))
+        time.append(begin + np.arange(EACH))
+    joint = np.column_stack([np.concatenate(angle)] * 3)
+    return replace(at_rest(joint), time=np.concatenate(time))
+
+
+@pytest.fixture(scope="module")
+def rest() -> Rest:
+    return Rest.of(PATH, conditions(), OWN)
+
+
+@pytest.fixture(scope="module")
+def covariance() -> np.ndarray:
+    """1, and for each path u of its own, what it passes into, and what it shares with others."""
+    C = np.eye(3 * len(PATH))
+
+    def add(on, factor):
+        B = (factor[:, None, None] * OWN * on[:, None, None]).reshape(3 * len(PATH), -1)
+        return B @ B.T
+
+    for number in BEGIN:
+        on = number == PATH
+        course = np.zeros(len(PATH))
+        course[on] = np.sqrt(2) * np.linspace(-0.5, 0.5, EACH)
+        C += add(on, course) + add(on, np.ones(len(PATH)))
+    for some in SHARED:
+        C += add(np.isin(PATH, some), np.ones(len(PATH)))
+    return C
+
+
+def test_the_inverse_root_is_that_of_the_covariance(rest, covariance) -> None:
+    x = RNG.standard_normal((3 * len(PATH), 5))
+    np.testing.assert_allclose(rest.half(rest.half(x)), np.linalg.solve(covariance, x), atol=1e-12)
+    np.testing.assert_allclose(rest.without(x), np.linalg.solve(covariance, x), atol=1e-12)
+    assert rest.degrees == pytest.approx(len(covariance) - np.trace(np.linalg.inv(covariance)))
+
+
+def test_draws_have_the_covariance(rest, covariance) -> None:
+    """In forty directions, each within its five standard errors."""
+    count, rng = 8000, np.random.default_rng(2)
+    u = rng.standard_normal((len(covariance), 40))
+    drawn = u.T @ (rest.draw(count, rng) + rng.standard_normal((len(covariance), count)))
+    expected = np.einsum("ij,ik,kj->j", u, covariance, u)
+    np.testing.assert_allclose(np.var(drawn, axis=1), expected, rtol=5 * np.sqrt(2 / count))
+
+
+def test_some_of_the_samples_have_their_part_of_the_covariance(rest, covariance) -> None:
+    """A sector may cut a path, and a path out of those in a row."""
+    rows = np.flatnonzero(RNG.random(len(PATH)) < 0.6)
+    kept = (3 * rows[:, None] + np.arange(3)).ravel()
+    x = RNG.standard_normal((len(kept), 3))
+    part = covariance[np.ix_(kept, kept)]
+    np.testing.assert_allclose(rest.take(rows).without(x), np.linalg.solve(part, x), atol=1e-12)
