@@ -12,16 +12,20 @@ from delta_calibration.samples import Conditions, at_rest
 
 RNG = np.random.default_rng(1)
 STOPS, EACH = 4, 6
-# a sweep there and, half a second later, back; then two more, somewhere else and much later
-BEGIN = {3: (0.0, 0.0, 0.3), 4: (6.5, 0.3, 0.0), 7: (14.0, 0.9, 0.6), 8: (60.0, 0.6, 0.9)}
-SHARED = [(3, 4)]
-PATH = np.repeat([AT_REST, *BEGIN], [STOPS, *[EACH] * 4])
+# a sweep there and, soon, back; two more, somewhere else and later; and one after a stop
+BEGIN = {
+    3: (0.0, 0.0, 0.3), 4: (6.5, 0.3, 0.0), 7: (14.0, 0.9, 0.6), 8: (60.0, 0.6, 0.9),
+    9: (82.0, 0.9, 0.6),
+}  # fmt: skip
+STOP = 75.0
+SHARED = [(3, 4), (3, 4, 7, 8)]
+PATH = np.repeat([AT_REST, *BEGIN], [STOPS, *[EACH] * 5])
 OWN = RNG.standard_normal((len(PATH), 3, 2))
 
 
 def conditions() -> Conditions:
-    """Joint angles that go on where a path has ended, or do not."""
-    angle, time = [np.zeros(STOPS)], [np.arange(-STOPS, 0.0)]
+    """Joint angles that go on where a path has ended, or do not; a stop comes in between."""
+    angle, time = [np.zeros(STOPS)], [np.append(np.arange(1.0 - STOPS, 0.0), STOP)]
     for begin, first, last in BEGIN.values():
         angle.append(np.linspace(first, last, EACH))
         time.append(begin + np.arange(EACH))

@@ -2,12 +2,13 @@
 
 A motion's readings share how far off its command each joint was when it began, u with spread s,
 which along the motion may pass into what it ends with. A machine that turns round where it has
-come to may keep its error, or not: such paths share one and have one of their own as well. The
-covariance of the readings of paths in a row is
+come to may keep its error, and it may keep it as long as motion follows motion without a stop: or
+not. So each path has an error of its own, shares one with those in a row with it, each of which
+begins where the last has ended, and one with its whole episode. Their covariance is
 
-    C = 1 + B B^T        B: whitened columns of s u, of what they share, have and pass into
+    C = 1 + B B^T        B: whitened columns of s u, one for each of these, (3 n, r)
 
-Otherwise paths have nothing to do with one another: C is made of blocks, and its inverse root
+Episodes have nothing to do with one another: C is made of a block each, and its inverse root
 
     C^(-1/2) = 1 - B Q diag(k) Q^T B^T      B^T B = Q diag(l) Q^T,   k = (1 - (1 + l)^(-1/2)) / l
 
@@ -32,6 +33,7 @@ Index = NDArray[np.int64]
 AT_REST = -1  # path of the poses
 _LEAST = 1e-12
 _PAUSE, _AWAY = 5.0, 0.02  # [s], [rad] between paths in a row, at most
+_LONG = 120.0  # [s] between motions of an episode, at most
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ class Rest:
     """Rest errors of the paths among n samples; a path's samples follow each other."""
 
     path: Index  # (n,) number of the path, `AT_REST` for poses
-    row: Index  # (n,) number of the paths in a row, each of which begins where the last has ended
+    row: Index  # (n,) number of the paths in a row
+    episode: Index  # (n,) number of the motions without a stop between
     own: Array  # (n, 3, m) whitened, of an error in its spread; of no matter for poses
     passing: Array  # (n, 3, m) of one that goes from half less to half more
 
@@ -57,21 +60,23 @@ class Rest:
             on = path == number
             course[on] = np.linspace(-0.5, 0.5, int(on.sum()))
         passing = np.sqrt(2) * course[:, None, None] * by_joints  # two draws differ by so much
-        return cls(path, _rows(path, at), by_joints, passing)
+        return cls(path, _rows(path, at), _episodes(path, at), by_joints, passing)
 
     def take(self, rows: NDArray[np.intp]) -> Rest:
         """Of some of the samples."""
-        return Rest(self.path[rows], self.row[rows], self.own[rows], self.passing[rows])
+        return Rest(
+            self.path[rows], self.row[rows], self.episode[rows], self.own[rows], self.passing[rows]
+        )
 
     def scaled(self, root: Array) -> Rest:
         """With the samples' weights changed, their roots (n, 1, 1)."""
-        return Rest(self.path, self.row, root * self.own, root * self.passing)
+        return Rest(self.path, self.row, self.episode, root * self.own, root * self.passing)
 
     @cached_property
     def _blocks(self) -> tuple[tuple[slice, Array, Array, Array], ...]:
-        """Of paths in a row where their coordinates are, B (3 n, r), and l (r,) and Q (r, r)."""
+        """Of each episode where its coordinates are, B (3 n, r), and l (r,) and Q (r, r)."""
         blocks = []
-        for begin, end in pairwise(_ends(self.row)):
+        for begin, end in _runs(self.episode):
             if self.path[begin] != AT_REST:
                 columns = self._columns(slice(begin, end))
                 values, axes = np.linalg.eigh(columns.T @ columns)
@@ -80,15 +85,12 @@ class Rest:
         return tuple(blocks)
 
     def _columns(self, rows: slice) -> Array:
-        """B of paths in a row, (3 n, r)."""
-        own, passing, ends = self.own[rows], self.passing[rows], _ends(self.path[rows])
-        size = own.shape[-1]
-        columns = [own]
-        for begin, end in pairwise(ends):
-            alone = np.zeros((len(own), 3, 2 * size))
-            alone[begin:end, :, :size] = own[begin:end]
-            alone[begin:end, :, size:] = passing[begin:end]
-            columns.append(alone if len(ends) > 2 else passing)
+        """B of an episode, (3 n, r)."""
+        path, own = self.path[rows], self.own[rows]
+        columns = [_apart(_runs(path), own), _apart(_runs(path), self.passing[rows])]
+        for within, level in pairwise([path, self.row[rows], self.episode[rows]]):
+            several = [run for run in _runs(level) if len(_runs(within[slice(*run)])) > 1]
+            columns.append(_apart(several, own))
         return np.concatenate(columns, axis=-1).reshape(3 * len(own), -1)
 
     def _less(self, x: Array, share: Callable[[Array], Array]) -> Array:
@@ -120,10 +122,30 @@ class Rest:
         return drawn
 
 
-def _ends(number: Index) -> list[int]:
-    """Where one run of equal numbers ends and the next begins."""
-    n = len(number)
-    return [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), n] if n else []
+def _runs(number: Index) -> list[tuple[int, int]]:
+    """Where each run of equal numbers begins and ends."""
+    ends = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(number)]
+    return list(pairwise(ends)) if len(number) else []
+
+
+def _apart(runs: list[tuple[int, int]], columns: Array) -> Array:
+    """Columns (n, 3, m), others for each run, (n, 3, runs m)."""
+    n, _, size = columns.shape
+    result = np.zeros((n, 3, size * len(runs)))
+    for k, (begin, end) in enumerate(runs):
+        result[begin:end, :, k * size : (k + 1) * size] = columns[begin:end]
+    return result
+
+
+def _episodes(path: Index, at: Conditions) -> Index:
+    """Number of each sample's motions without a stop between, (n,)."""
+    stops = np.sort(at.time[path == AT_REST])
+    before = np.searchsorted(stops, at.time)
+    long = np.abs(np.diff(at.time, prepend=at.time[:1])) > _LONG
+    other = np.diff(path, prepend=path[:1]) != 0
+    resting = (path == AT_REST) | (np.roll(path, 1) == AT_REST)
+    new = np.diff(before, prepend=before[:1]) != 0
+    return np.cumsum(other & (resting | new | long))
 
 
 def _rows(path: Index, at: Conditions) -> Index:
