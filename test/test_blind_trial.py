@@ -53,6 +53,8 @@ def test_the_clean_published_session_raises_no_alarm():
     said = published("none")
     assert not said.findings
     assert not said.unknown_structure.found
+    classes = [set(item.between) for item in said.cannot_tell]
+    assert {"tracker_scale", "arm_length", "forearm_length"} in classes  # a scale of all lengths
 
 
 def test_what_no_catalogue_has_is_recognised_and_not_named():

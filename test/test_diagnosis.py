@@ -14,6 +14,7 @@ from delta_calibration.calibration_file import from_diagnosis, load_calibration,
 from delta_calibration.cli.main import run
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.errors import DataError
+from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Session, TrackerStream, survey
 
@@ -110,6 +111,24 @@ def test_a_tracker_that_slipped_once_is_told_as_that() -> None:
     said = verdict(slipped)
     assert "tracker_drift" in [f.cause for f in said.findings]
     assert said.extended.held_out_rms_mm < 0.5 * said.calibrated.held_out_rms_mm
+
+
+@pytest.mark.parametrize(
+    ("effect", "cause", "parameters"),
+    [("geometry:strength=4", "geometry", 60), ("smr_offset:strength=6", "smr_offset", 3)],
+)
+def test_what_is_always_fitted_is_named_beyond_its_priors(
+    effect: str, cause: str, parameters: int, tmp_path: Path
+) -> None:
+    """Parts off by four times their tolerances; a reflector 0.3 m from where it should be."""
+    out = tmp_path / "session"
+    assert run(["simulate", "--robot", "srbd", "--plan", "identify", "--count", "40",
+                "--effect", effect, "--seed", "3", "--out", str(out)]) == 0  # fmt: skip
+    (finding,) = verdict(read_session(out)).findings
+    assert finding.cause == cause
+    assert len(finding.parameters) == parameters
+    assert finding.confidence > 0.99
+    assert finding.gain > 0.9
 
 
 def test_a_third_of_the_poses_knocked_gives_no_wrong_name(hidden) -> None:

@@ -23,12 +23,13 @@ from delta_calibration.simulation import draw_machine, simulate_session
 ROBOT = load_robot("srbd")
 
 
-def measured(count=24, both_sides=True, masses=(0.0, 2.0), **streams):
+def measured(count=24, both_sides=True, masses=(0.0, 2.0), model=None, **streams):
     """The evidence of stops by a simulated machine with nothing hidden in it."""
     plan = make_plan("identify", ROBOT, count=count, both_sides=both_sides)
     payload = np.array(masses)[np.arange(len(plan)) // 2 % len(masses)]
     session = simulate_session(draw_machine(ROBOT, 5), replace(plan, payload=payload), 5)
-    return calibrated(survey(replace(session, **streams), ROBOT.joints.names), ROBOT).evidence
+    seen = survey(replace(session, **streams), ROBOT.joints.names)
+    return calibrated(seen, ROBOT, model).evidence
 
 
 @pytest.fixture(scope="module")
@@ -333,7 +334,7 @@ def test_an_audit_says_what_structure_moves_with(wide, shown: str) -> None:
 
 def reasons(evidence):
     """Why each cause cannot be told, and what would."""
-    said = unseen.unseen(evidence, catalogue(ROBOT, ROBOT.model()), ())
+    said = unseen.unseen(evidence, catalogue(ROBOT, evidence.chain.mechanism), ())
     return {name: entry for entry in said for name in entry.between}
 
 
@@ -349,6 +350,16 @@ def test_what_a_session_cannot_tell_is_what_it_did_not_vary(evidence) -> None:
     nobody_knows = reasons(measured(payload=None))
     assert nobody_knows["forearm_compliance"].because == "the payload is not known"
     assert nobody_knows["forearm_compliance"].next == "record it: payload"
+
+
+def test_exact_equivalences_are_classes_of_their_own(evidence) -> None:
+    """One-sided play is a joint zero; an offset of what never tilts is a translation."""
+    one_sided = reasons(measured(both_sides=False))["backlash"]
+    assert {"backlash", "joint_zero_offset"} <= set(one_sided.between)
+    assert "other side" in one_sided.next
+    level = reasons(measured(model="rotary_delta"))["smr_offset"]
+    assert set(level.between) == {"smr_offset", "tracker frame"}
+    assert "smr_offset" not in reasons(evidence)
 
 
 def test_what_does_not_grow_is_not_for_lack_of_motion(evidence) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment, visibility
-from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.geometry import offset_rows, without, without_geometry
 from delta_calibration.diagnosis.verdict import CannotTell, Finding
 from delta_calibration.effects import Effect
 
@@ -41,6 +41,8 @@ def unseen(
             partners, because, following = blind
             names = reasons.setdefault((because, following), [])
             names += [n for n in (effect.cause, *partners) if n not in names]
+    if "smr_offset" not in found:
+        said += _reflector(evidence)
     said += [
         CannotTell(tuple(names) if len(names) > 1 else (*names, _NOTHING), because, following)
         for (because, following), names in reasons.items()
@@ -51,6 +53,18 @@ def unseen(
 _NOTHING = "none"
 _WARMER = 1.0  # [K]
 _MOST = 0.8  # of the deviations that stand for an effect
+
+
+def _reflector(evidence: Evidence) -> list[CannotTell]:
+    """The reflector's offset, where the platform tilts too little to show it."""
+    rows = offset_rows(evidence)
+    columns = evidence.nuisance[:, :, rows].reshape(evidence.size, -1)
+    shown = np.linalg.eigvalsh(without(evidence, rows).information(columns))
+    if shown[-1] >= _HIDDEN:
+        return []
+    because = "the platform hardly tilts: an offset moves all readings alike, as the frame does"
+    following = "measure where the reflector sits on the platform"
+    return [CannotTell(("smr_offset", "tracker frame"), because, following)]
 
 
 def _of_class(finding: Finding) -> CannotTell:
