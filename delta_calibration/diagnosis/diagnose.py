@@ -102,11 +102,12 @@ def diagnose(
     found, held, said = _borne_out(sought, start, rng)
     members = found.model.members
     findings = [f for m, f in said.items() if not m.unexplained]
-    findings += _of_what_is_fitted(found, held, rng)
     step(STEPS[3])
     left = audit(found.model.beside, start.cell.noise_degrees, rng)
     before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
     explained = float(np.sqrt(max(0.0, before**2 - after**2)))
+    unknown = _unknown(found.model, sought.model, left, explained)
+    findings += _of_what_is_fitted(found, held, unknown.found, rng)
     findings.sort(key=lambda finding: -finding.signal)
     verdict = Verdict(
         session=_facts(survey),
@@ -115,7 +116,7 @@ def diagnose(
         calibrated=Held("geometry + frame", held.mm(held.members((), held.sectors))),
         extended=Held(_name(members), held.mm(held.members(members, held.sectors))),
         findings=tuple(findings),
-        unknown_structure=_unknown(found.model, sought.model, left, explained),
+        unknown_structure=unknown,
         cannot_tell=unseen(found.model.beside, effects, findings),
     )
     return Diagnosis(verdict, found.model, found, left, extended(found.model, held, seed))
@@ -140,13 +141,18 @@ def _borne_out(
 
 
 def _of_what_is_fitted(
-    found: Found, held: HeldOutModels, rng: np.random.Generator
+    found: Found, held: HeldOutModels, unknown: bool, rng: np.random.Generator
 ) -> list[Finding]:
-    """Findings among what every calibration fits: one dimension or all, and the reflector."""
+    """Findings among what every calibration fits: one dimension or all, and the reflector.
+
+    What nothing explains bends all that is fitted: beside it, scatter is no finding.
+    """
     scatter = scatter_of(found.model.beside)
     one = None
     if scatter.outlier is not None:
         one = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
+    if unknown:
+        return [] if one is None else [one]
     every = of_geometry(found, scatter, held, rng) if one is None else None
     return [f for f in (one, every, of_reflector(found, held, rng)) if f is not None]
 
