@@ -3,7 +3,7 @@
 The confidence in a cause and those of its class is their share of the probability among all that
 was tried in their place, the other members staying:
 
-    P = (1 - exp(-lambda / 40)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
+    P = (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
 c being chi square per degree of freedom. The first factor is for what was not tried: a weak
 signal of any origin has something of some cause in it, and names need lambda of 80 to 160.
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 SAME = 0.95  # cosine beyond which two explanations are one class
 _PARTED = 20.0  # chi square by which data tell two explanations apart beyond doubt
-_NAMING = 40.0
+_NAMING = 25.0
 _RANK = 1e-9
 _NOTHING = ""
 

@@ -160,13 +160,14 @@ def solve(
         last, bend, z = bend, min(bend, _bend(found.residual)), found.z
         if bend > _SHRUNK * last:
             break
-    # On the way the reflector's offset can have been led into a valley of its own.
-    starts = [z, first]
     if np.linalg.norm(found.residual, axis=1).max() <= _GROSS * bend:
-        loss = _Loss(bend)
-    else:
-        loss = _Loss(bend, _GROSS * bend)
-        starts = [z, *(_search(problem, _Loss(bend), begin, settled).z for begin in starts)]
+        loss, starts = _Loss(bend), [z]
+        if start is None:  # the rounds may have led the offset into a valley of its own
+            starts.append(first)
+    else:  # and so may gross errors
+        drawing = np.where(problem.offset_rows(), 0.0, z)
+        loss, starts = _Loss(bend, _GROSS * bend), [z]
+        starts.append(_search(problem, _Loss(bend), drawing, settled).z)
     ends = [_search(problem, loss, begin, settled) for begin in starts]
     return min(ends, key=lambda end: end.cost)
 
