@@ -57,10 +57,11 @@ def covariance() -> np.ndarray:
     return C
 
 
-def test_the_inverse_root_is_that_of_the_covariance(rest, covariance) -> None:
+def test_inner_products_are_those_under_the_covariance(rest, covariance) -> None:
     x = RNG.standard_normal((3 * len(PATH), 5))
-    np.testing.assert_allclose(rest.half(rest.half(x)), np.linalg.solve(covariance, x), atol=1e-12)
-    np.testing.assert_allclose(rest.without(x), np.linalg.solve(covariance, x), atol=1e-12)
+    solved = np.linalg.solve(covariance, x)
+    np.testing.assert_allclose(rest.without(x), solved, atol=1e-12)
+    np.testing.assert_allclose(rest.inner(x), x.T @ solved, atol=1e-12)
     assert rest.degrees == pytest.approx(len(covariance) - np.trace(np.linalg.inv(covariance)))
 
 

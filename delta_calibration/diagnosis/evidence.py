@@ -88,15 +88,23 @@ class Evidence:
         return self.nuisance.reshape(self.size, -1)
 
     @cached_property
-    def _half(self) -> Array:
-        """The nuisance under the inverse root of C, (3 n, A)."""
-        return self.rest.half(self._flat)
+    def _shared(self) -> Array:
+        """What of the nuisance looks like rest errors, (r, A)."""
+        return self.rest.seen(self._flat)
+
+    @cached_property
+    def _normal(self) -> Array:
+        """A^T C^-1 A, (A, A)."""
+        return np.asarray(self._flat.T @ self._flat - self._shared.T @ self._shared)
 
     @cached_property
     def _factor(self) -> tuple[Array, bool]:
-        normal = self._half.T @ self._half + np.diag(self.precision)
-        factor: tuple[Array, bool] = cho_factor(normal)
+        factor: tuple[Array, bool] = cho_factor(self._normal + np.diag(self.precision))
         return factor
+
+    def _along(self, a: Array, shared: Array) -> Array:
+        """A^T C^-1 a of columns (3 n, k) that look like rest errors (r, k)."""
+        return np.asarray(self._flat.T @ a - self._shared.T @ shared)
 
     @property
     def geometry(self) -> Array:
@@ -135,15 +143,14 @@ class Evidence:
 
     def weigh(self, b: Array) -> Array:
         """V^-1 b of columns (3 n, j)."""
-        half = self.rest.half(b)
-        left = half - self._half @ cho_solve(self._factor, self._half.T @ half)
-        return self.rest.half(left)
+        z = cho_solve(self._factor, self._along(b, self.rest.seen(b)))
+        return self.rest.without(b - self._flat @ z)
 
     def information(self, a: Array) -> Array:
         """<a, a> of columns (3 n, k), (k, k)."""
-        half = self.rest.half(a)
-        seen = self._half.T @ half
-        return np.asarray(half.T @ half - seen.T @ cho_solve(self._factor, seen))
+        shared = self.rest.seen(a)
+        along = self._along(a, shared)
+        return np.asarray(a.T @ a - shared.T @ shared - along.T @ cho_solve(self._factor, along))
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Residuals as chance would have them if nothing were left out, (3 n, count).
@@ -165,7 +172,7 @@ class Evidence:
     @cached_property
     def degrees(self) -> float:
         """Degrees of freedom of the residuals: coordinates that count less what the data set."""
-        twice = self.rest.half(self._half)
+        twice = self.rest.without(self._flat)
         taken = self.rest.degrees + np.trace(cho_solve(self._factor, twice.T @ twice))
         return float(self._believed.sum() - taken)
 
@@ -204,8 +211,8 @@ class Evidence:
             held: entries that are to have given values.
             values: these.
         """
-        right = (self._half.T @ self.rest.half(self.column))[:, 0]
-        normal = self._half.T @ self._half + max(1.0, misfit) * np.diag(self.precision)
+        right = self._along(self.column, self.rest.seen(self.column))[:, 0]
+        normal = self._normal + max(1.0, misfit) * np.diag(self.precision)
         if held is None or values is None or not held.size:
             return np.asarray(cho_solve(cho_factor(normal), right))
         free = np.setdiff1d(np.arange(len(right)), held)

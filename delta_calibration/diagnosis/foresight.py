@@ -154,14 +154,16 @@ class Products:
     @classmethod
     def of(cls, evidence: Evidence, columns: Array) -> Products:
         """Of columns (3 n, k); nuisance beyond what all samples share is projected out."""
-        size = evidence.chain.base_size
+        size, every = evidence.chain.base_size, len(evidence.precision)
         nuisance = evidence.nuisance.reshape(len(columns), -1)
-        every = evidence.rest.half(np.concatenate([nuisance[:, :size], columns], axis=1))
-        normal = every.T @ every
-        others = evidence.rest.half(nuisance[:, size:])
-        if others.shape[1]:
-            factor = cho_factor(others.T @ others + np.diag(evidence.precision[size:]))
-            seen = others.T @ every
+        whole = evidence.rest.inner(np.concatenate([nuisance, columns], axis=1))
+        others = np.arange(size, every)
+        kept = np.r_[:size, every : len(whole)]
+        normal = whole[np.ix_(kept, kept)]
+        if others.size:
+            prior = np.diag(evidence.precision[others])
+            factor = cho_factor(whole[np.ix_(others, others)] + prior)
+            seen = whole[np.ix_(others, kept)]
             normal -= seen.T @ cho_solve(factor, seen)
         return cls(normal[:size, :size], normal[:size, size:], normal[size:, size:])
 

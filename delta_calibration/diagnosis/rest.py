@@ -8,16 +8,15 @@ begins where the last has ended, and one with its whole episode. Their covarianc
 
     C = 1 + B B^T        B: whitened columns of s u, one for each of these, (3 n, r)
 
-Episodes have nothing to do with one another: C is made of a block each, and its inverse root
+Episodes have nothing to do with one another: C is made of a block each, and inner products
 
-    C^(-1/2) = 1 - B Q diag(k) Q^T B^T      B^T B = Q diag(l) Q^T,   k = (1 - (1 + l)^(-1/2)) / l
+    a^T C^-1 b = a^T b - s(a)^T s(b)        s(x) = (1 + L)^(-1/2) Q^T B^T x,    B^T B = Q L Q^T
 
-costs as much as there are readings.
+cost as much as there are readings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -31,7 +30,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 AT_REST = -1  # path of the poses
-_LEAST = 1e-12
 _PAUSE, _AWAY = 5.0, 0.02  # [s], [rad] between paths in a row, at most
 _LONG = 120.0  # [s] between motions of an episode, at most
 
@@ -73,15 +71,15 @@ class Rest:
         return Rest(self.path, self.row, self.episode, root * self.own, root * self.passing)
 
     @cached_property
-    def _blocks(self) -> tuple[tuple[slice, Array, Array, Array], ...]:
-        """Of each episode where its coordinates are, B (3 n, r), and l (r,) and Q (r, r)."""
+    def _blocks(self) -> tuple[tuple[slice, Array, Array], ...]:
+        """Of each episode where its coordinates are, B (3 n, r), and S (r, r): s(x) = S B^T x."""
         blocks = []
         for begin, end in _runs(self.episode):
             if self.path[begin] != AT_REST:
                 columns = self._columns(slice(begin, end))
                 values, axes = np.linalg.eigh(columns.T @ columns)
-                at = slice(3 * begin, 3 * end)
-                blocks.append((at, columns, np.clip(values, _LEAST, None), axes))
+                weak = 1 / np.sqrt(1 + np.clip(values, 0.0, None))
+                blocks.append((slice(3 * begin, 3 * end), columns, weak[:, None] * axes.T))
         return tuple(blocks)
 
     def _columns(self, rows: slice) -> Array:
@@ -93,31 +91,32 @@ class Rest:
             columns.append(_apart(several, own))
         return np.concatenate(columns, axis=-1).reshape(3 * len(own), -1)
 
-    def _less(self, x: Array, share: Callable[[Array], Array]) -> Array:
-        """x - B Q diag(share(l)) Q^T B^T x of columns (3 n, k)."""
-        result = x.copy()
-        for at, own, values, axes in self._blocks:
-            seen = axes.T @ (own.T @ x[at])
-            result[at] -= own @ (axes @ (share(values)[:, None] * seen))
-        return result
+    def seen(self, x: Array) -> Array:
+        """s(x) of columns (3 n, k), (r, k)."""
+        parts = [root @ (own.T @ x[at]) for at, own, root in self._blocks]
+        return np.concatenate([np.zeros((0, x.shape[1])), *parts])
 
-    def half(self, x: Array) -> Array:
-        """C^(-1/2) x of columns (3 n, k)."""
-        return self._less(x, lambda values: (1 - 1 / np.sqrt(1 + values)) / values)
+    def inner(self, x: Array) -> Array:
+        """x^T C^-1 x of columns (3 n, k), (k, k)."""
+        shared = self.seen(x)
+        return np.asarray(x.T @ x - shared.T @ shared)
 
     def without(self, x: Array) -> Array:
         """C^-1 x: columns (3 n, k) less their most likely rest errors."""
-        return self._less(x, lambda values: 1 / (1 + values))
+        result = x.copy()
+        for at, own, root in self._blocks:
+            result[at] -= own @ (root.T @ (root @ (own.T @ x[at])))
+        return result
 
     @property
     def degrees(self) -> float:
         """Degrees of freedom that the rest errors take."""
-        return float(sum(np.sum(values / (1 + values)) for _, _, values, _ in self._blocks))
+        return float(sum(np.sum((root @ own.T) ** 2) for _, own, root in self._blocks))
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """What chance makes of them, (3 n, count)."""
         drawn = np.zeros((3 * len(self.path), count))
-        for at, own, _, _ in self._blocks:
+        for at, own, _ in self._blocks:
             drawn[at] = own @ rng.standard_normal((own.shape[1], count))
         return drawn
 
