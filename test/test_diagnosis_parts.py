@@ -332,6 +332,29 @@ def test_an_audit_says_what_structure_moves_with(wide, shown: str) -> None:
     assert min(p[name] for name in quiet) > 5e-3
 
 
+@pytest.fixture(scope="module")
+def moving():
+    """Stops, slow sweeps and circles."""
+    session = simulate_session(draw_machine(ROBOT, 5), make_plan("rich", ROBOT, seed=5), 5)
+    return calibrated(survey(session, ROBOT.joints.names), ROBOT).evidence
+
+
+def test_an_audit_sees_what_goes_along_with_motions_only(moving) -> None:
+    """A ripple of half the noise of a reading on the paths, nothing at the stops."""
+    rng = np.random.default_rng(14)
+    noise, on = moving.draw(1, rng).reshape(-1, 3), np.arange(len(moving)) >= moving.poses
+    ripple = 0.5 * np.sin(40 * moving.at.joint) * (on & moving.believed)[:, None]
+    quiet, loud = audited(moving, noise), audited(moving, noise + ripple)
+    assert quiet["moran_motion"] > 5e-3
+    assert loud["moran_motion"] < 1e-6
+    assert loud["moran_position"] > 5e-3
+    left = audit.audit(with_residual(moving, noise + ripple), np.inf, rng)
+    rows = np.flatnonzero(on & moving.believed)
+    moved = np.linalg.solve(moving.whiten[rows], ripple[rows, :, None])[..., 0]
+    share = left.in_motion / np.sqrt(np.mean(np.sum(moved**2, axis=1)))
+    assert 0.4 < share < 1.1  # rest errors take some of it, and neighbours do not have all alike
+
+
 def reasons(evidence):
     """Why each cause cannot be told, and what would."""
     said = unseen.unseen(evidence, catalogue(ROBOT, evidence.chain.mechanism), ())
