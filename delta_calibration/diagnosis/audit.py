@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import chi2, norm
+from scipy.stats import chi2, pearson3, skew
 
 from delta_calibration.diagnosis.evidence import Evidence
 
@@ -80,7 +80,9 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
 def _alike(left: Array, chance: Array, near: Near) -> float:
     """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws)."""
     own, drawn = _moran(left[:, :, None], near)[0], _moran(chance, near)
-    return float(norm.sf((own - drawn.mean()) / drawn.std())) if drawn.std() > 0 else 1.0
+    if drawn.std() == 0:
+        return 1.0
+    return float(pearson3.sf((own - drawn.mean()) / drawn.std(), skew(drawn)))  # not normal: skew
 
 
 def _along(path: Index) -> Near:
