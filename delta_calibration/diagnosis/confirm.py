@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.scores import most_likely
+from delta_calibration.diagnosis.scores import change, most_likely
 
 Array = NDArray[np.float64]
 
@@ -71,8 +71,8 @@ def learnable(evidence: Evidence, columns: Array, part: NDArray[np.int64]) -> bo
     whole = np.diag(evidence.information(columns))
     for number in np.unique(part):
         others = np.flatnonzero(part != number)
-        seen = columns.reshape(len(evidence), 3, -1)[others].reshape(3 * len(others), -1)
-        known = np.diag(evidence.take(others).information(seen)) if others.size else 0 * whole
+        seen = evidence.take(others).information(_of(others, columns)) if others.size else None
+        known = 0 * whole if seen is None else np.diag(seen)
         if (known < _LEARNABLE * whole).any():
             return False
     return True
@@ -117,21 +117,20 @@ def foretold(
     for number in np.unique(part):
         others = np.flatnonzero(part != number)
         if others.size:
-            seen = columns.reshape(len(evidence), 3, -1)[others].reshape(3 * len(others), -1)
-            known, along = _products(evidence.take(others), seen)
+            known, along = _products(evidence.take(others), _of(others, columns))
             v = most_likely(known, along, *bounds)
-            total += _decrease(information, b, v) - _decrease(known, along, v)
-    return total / max(_decrease(information, b, value), 1e-300)
+            total += change(information, b, v) - change(known, along, v)
+    return total / max(change(information, b, value), 1e-300)
+
+
+def _of(rows: NDArray[np.intp], columns: Array) -> Array:
+    """Some samples' part of columns (3 n, k)."""
+    return columns.reshape(-1, 3, columns.shape[1])[rows].reshape(3 * len(rows), -1)
 
 
 def _products(evidence: Evidence, columns: Array) -> tuple[Array, Array]:
     b = columns.T @ evidence.weigh(evidence.column)
     return evidence.information(columns), b[:, 0]
-
-
-def _decrease(information: Array, b: Array, value: Array) -> float:
-    """Of chi square at v; less than nothing where it grows."""
-    return float(2 * b @ value - value @ information @ value)
 
 
 def gain(

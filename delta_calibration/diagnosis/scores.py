@@ -202,8 +202,13 @@ def log_p_of(gain: float, k: float, noise_degrees: float) -> float:
 
 
 def decrease(information: Array, b: Array, value: Array) -> float:
-    """D at v."""
-    return max(0.0, float(2 * b @ value - value @ information @ value))
+    """D at v, 0 where chi square grows."""
+    return max(0.0, change(information, b, value))
+
+
+def change(information: Array, b: Array, value: Array) -> float:
+    """D at v, negative where chi square grows."""
+    return float(2 * b @ value - value @ information @ value)
 
 
 def free_decrease(information: Array, b: Array) -> Array:
