@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
@@ -65,6 +66,7 @@ class Bench:
             node.destroy_node()
         self.executor.shutdown()
         self.context.try_shutdown()
+        gc.collect(1)  # what is left of a node that refused to be built goes now
 
 
 @pytest.fixture(name="bench")
