@@ -11,10 +11,13 @@ import pytest
 
 from blind import hide
 from delta_calibration.diagnosis import Verdict, calibrated, diagnose
+from delta_calibration.diagnosis.candidates import subsets
+from delta_calibration.diagnosis.model import _cost, fit, rested
+from delta_calibration.effects import catalogue
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import survey
-from study.judge import judge
+from study.judge import _scaled, judge
 from study.trials import PRECISE, Task
 
 ROBOT = load_robot("srbd")
@@ -120,3 +123,17 @@ def test_the_reflector_is_found_where_the_valley_of_its_offset_has_two_floors():
     true = hide({}, 204232, "rich").cell.tracker.reflector
     assert abs(model.theta[offset] - true).max() < 0.02
     assert model.misfit < 1.1
+
+
+def test_paths_and_poses_together_set_the_reflector():
+    """With its offset held where the poses alone have it, a joint's scale is 4 sigma off."""
+    trial, _ = _scaled(Task("single", 639251, (("joint_scale", 85.0),)))
+    start = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
+    every = catalogue(ROBOT, start.problem.chain.mechanism)
+    scale = next(subsets(next(e for e in every if e.cause == "joint_scale")))
+    held = fit(start, (scale,))
+    free = rested(held)
+    true = list(trial.causes[0].values.values())
+    off = [abs(model.values(model.members[0]) - true).max() for model in (held, free)]
+    assert _cost(free, 1.0) < _cost(held, 1.0) - 5.0
+    assert off[1] < 1.4e-4 < 1.6e-4 < off[0]

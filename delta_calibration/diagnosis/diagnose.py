@@ -28,7 +28,7 @@ from delta_calibration.diagnosis.findings import (
     of_reflector,
 )
 from delta_calibration.diagnosis.geometry import scatter_of, without_geometry
-from delta_calibration.diagnosis.model import Model, fit
+from delta_calibration.diagnosis.model import Model, fit, rested
 from delta_calibration.diagnosis.rivals import scaled
 from delta_calibration.diagnosis.search import ALPHA, Found, find
 from delta_calibration.diagnosis.trust import signal_of, untrusted
@@ -129,6 +129,7 @@ def _borne_out(
     while True:
         weak = untrusted(found.model)
         if not weak:
+            found = replace(found, model=rested(found.model))
             held = HeldOutModels(found.model.evidence)
             said = {m: of_member(found, m, held, rng) for m in found.model.members}
             good = {m: finding for m, finding in said.items() if finding is not None}

@@ -222,6 +222,11 @@ class Evidence:
         z[free] = np.linalg.solve(normal[np.ix_(free, free)], across)
         return z
 
+    def cost(self, z: Array, misfit: float = 1.0) -> float:
+        """What `best` makes least: chi square of readings and priors at a nuisance z, (A,)."""
+        r = self.column - self._flat @ z[:, None]
+        return float(self.rest.inner(r)[0, 0] + max(1.0, misfit) * np.sum(self.precision * z**2))
+
     @property
     def misfit(self) -> float:
         """Chi square per degree of freedom."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.identification import Problem, robust_weights, solve
@@ -24,6 +24,8 @@ _ZOOMS, _POINTS = 3, 9
 _FAIR = 0.1  # of the information
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
+_SETTLING = 2  # steps at a new offset of the reflector
+_LITTLE = 0.1  # decrease of chi square ahead that is not worth a step
 
 
 @dataclass(frozen=True)
@@ -107,15 +109,58 @@ def _joined(model: Model) -> Model:
 
     The reflector's offset stays where the poses have it: with it, all else is nearly linear.
     """
-    first = model.problem.chain.geometry_size
-    offset = np.arange(first, first + 3)
+    offset = _offset(model)
     for _ in range(_ROUNDS):
-        step = _stepped(model, offset)
+        step = _moved(model, offset)
         moved = np.abs(step.theta - model.theta) / np.diag(model.extended.basis)
-        model = replace(step, members=_refined(step))
+        model = step
         if moved.max() < _STILL:
             break
     return model
+
+
+def rested(model: Model) -> Model:
+    """The model with the reflector's offset, too, where poses and paths together have it.
+
+    A step in everything leads along the offset's curved valley and off its floor; the steps after
+    it, at that offset, lead back. All is kept as long as it is more likely than before.
+    """
+    if not len(model.survey.paths):
+        return model
+    misfit = model.misfit
+    cost = _cost(model, misfit)
+    for _ in range(_ROUNDS):
+        if cost - model.beside.cost(model.beside.best(misfit), misfit) < _LITTLE:
+            break
+        tried = _moved(model)
+        for _ in range(_SETTLING):
+            tried = _moved(tried, _offset(tried))
+        lower = _cost(tried, misfit)
+        if not lower < cost:
+            break
+        model, cost = tried, lower
+    return model
+
+
+def _cost(model: Model, misfit: float) -> float:
+    """What the fit makes least: chi square of readings and priors."""
+    problem, base = model.extended, model.problem.chain.base_size
+    own = np.linalg.solve(problem.basis, model.theta - problem.theta0)[:base]
+    parts = []
+    for member in model.members:
+        if member.effect is None:
+            rows = list(member.rows)
+            parts.append(own[rows])
+            own[rows] = 0.0
+        else:
+            parts.append(model.values(member) / typical_of(member))
+    return model.beside.cost(np.concatenate([own, *parts]), misfit)
+
+
+def _offset(model: Model) -> Index:
+    """Entries of the reflector's offset."""
+    first = model.problem.chain.geometry_size
+    return np.arange(first, first + 3)
 
 
 def _settled(model: Model) -> Model:
@@ -147,6 +192,12 @@ def _shows_at_rest(evidence: Evidence, member: Candidate) -> bool:
     resting = evidence.take(np.arange(evidence.poses))
     alone = np.diag(resting.information(columns_of(member, resting)))
     return bool((alone > _FAIR * whole).all())
+
+
+def _moved(model: Model, held: Index = _NOTHING) -> Model:
+    """One step, and the shapes that go with its values."""
+    step = _stepped(model, held)
+    return replace(step, members=_refined(step))
 
 
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
