@@ -73,7 +73,7 @@ def evaluate(
         DataError: a pose of the cube was not reached, or not as often as the conditions ask.
         InputError: what the criteria themselves refuse.
     """
-    nominal = robot.model("rotary_delta")
+    nominal = robot.commanded
 
     def meant(command: Array) -> Array:
         return nominal.forward(command, nominal.parameters.nominal) + robot.tool_offset

@@ -14,7 +14,7 @@ from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis import Diagnosis
-from delta_calibration.documents import content_hash, read_document, write_document
+from delta_calibration.documents import content_hash, load_schema, read_document, write_document
 from delta_calibration.effects import Effect, effect_named
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.identification import Identification, Residuals, chain_of
@@ -77,7 +77,7 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         ConfigError: not there, not whole, changed after it was written, made for another robot, or
             with parameters that its model does not have.
     """
-    data = read_document(path, "calibration")
+    data = read_document(path, lambda _: load_schema("calibration"))
     content = {key: value for key, value in data.items() if key != _SEAL}
     if content_hash(content) != data[_SEAL]:
         raise ConfigError(

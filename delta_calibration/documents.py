@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import resources
 from pathlib import Path
@@ -20,14 +20,15 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from delta_calibration.errors import ConfigError
 
 Document = Mapping[str, Any]
+Schema = Mapping[str, Any]
 
 
-def read_document(path: Path, schema: str) -> dict[str, Any]:
-    """A YAML file as plain data, valid under one of the package's schemas.
+def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[str, Any]:
+    """A YAML file as plain data, valid under a schema.
 
     Args:
         path: the file.
-        schema: name of the schema, without `.json`.
+        schema_for: the schema of a document, which may go by what the document says.
 
     Raises:
         ConfigError: no such file, not YAML, or an entry that is missing, unknown or out of range;
@@ -47,20 +48,20 @@ def read_document(path: Path, schema: str) -> dict[str, Any]:
         raise ConfigError(f"{path}: not valid YAML: {_line(str(error))}") from error
     except RecursionError as error:
         raise ConfigError(f"{path}: not valid YAML: nested too deep") from error
-    check_document(data, schema, str(path))
+    if not isinstance(data, Mapping):
+        found = "nothing" if data is None else type(data).__name__
+        raise ConfigError(f"{path}: a mapping of keys to values is expected, found {found}")
+    check_document(data, schema_for(data), str(path))
     return dict(data)
 
 
-def check_document(data: Any, schema: str, source: str) -> None:
+def check_document(data: Document, schema: Schema, source: str) -> None:
     """Refuse data that do not follow the schema.
 
     Raises:
         ConfigError: names `source`, the entry's path, the value and what is allowed.
     """
-    if not isinstance(data, Mapping):
-        found = "nothing" if data is None else type(data).__name__
-        raise ConfigError(f"{source}: a mapping of keys to values is expected, found {found}")
-    errors = list(Draft202012Validator(_schema(schema)).iter_errors(data))
+    errors = list(Draft202012Validator(schema).iter_errors(data))
     # A file of another version first says so, whatever else is different in it.
     error = next((e for e in errors if e.validator == "const"), None) or best_match(errors)
     if error is not None:
@@ -108,9 +109,11 @@ def _plain(value: Any) -> Any:
     return float(value) + 0.0 if number else value  # + 0.0: -0.0 is 0.0
 
 
-def _schema(name: str) -> Any:
+def load_schema(name: str) -> dict[str, Any]:
+    """A schema of the package, by its name without `.json`."""
     folder = resources.files("delta_calibration").joinpath("schemas")
-    return json.loads(folder.joinpath(f"{name}.json").read_text("utf-8"))
+    schema: dict[str, Any] = json.loads(folder.joinpath(f"{name}.json").read_text("utf-8"))
+    return schema
 
 
 def _require_finite(value: Any, source: str, path: str) -> None:
@@ -147,7 +150,7 @@ def _explain(error: ValidationError) -> str:
             return f"{at}{found!r} is not allowed; {_KINDS.get(rule, rule)} is expected"
         case "minimum" | "exclusiveMinimum" | "maximum" | "exclusiveMaximum":
             bound = _BOUNDS[str(error.validator)]
-            return f"{at}{found!r} is not allowed; {bound} {rule} is expected"
+            return f"{at}{found!r} is not allowed; {bound} {rule:g} is expected"
         case "minItems" | "maxItems":
             return f"{at}{len(found)} values found, {rule} are expected"
         case _:

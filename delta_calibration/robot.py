@@ -3,55 +3,98 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import resources
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.documents import content_hash, read_document
+from delta_calibration.documents import Document, Schema, content_hash, read_document
 from delta_calibration.errors import ConfigError
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
-from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
+from delta_calibration.sections import (
+    built,
+    choice,
+    key_of,
+    names,
+    place,
+    quantity,
+    schema_of,
+)
 
 Array = NDArray[np.float64]
+
+SCHEMA = 1
+_NAME = "^[a-z][a-z0-9_]*$"
 
 
 @dataclass(frozen=True)
 class Joints:
-    """The actuated joints."""
+    """The actuated joints, turning; lengths stand for angles where they slide."""
 
-    names: tuple[str, ...]  # (m,), the order of every joint vector of this robot
-    lower: Array  # (m,) [rad]
-    upper: Array  # (m,) [rad]
-    repeatability: float  # [rad] standard deviation of where a joint comes to rest
-    encoder: float  # [rad] standard deviation of a reading of the encoders
-    speed: float  # [rad/s] fastest motion of a measurement plan
-    gear_ratio: float
+    unit: ClassVar[str] = "rad"
+    shown: ClassVar[tuple[str, float]] = ("degrees", 180 / np.pi)  # for people, of one SI unit
+
+    names: tuple[str, ...] = names()  # (m,), the order of every joint vector of this robot
+    lower: Array = quantity("deg", least=-1e6, most=1e6, shape=(None,))  # (m,)
+    upper: Array = quantity("deg", least=-1e6, most=1e6, shape=(None,))  # (m,)
+    # standard deviation of where a joint comes to rest
+    repeatability: float = quantity("urad", least=0.0, most=1e4)
+    encoder: float = quantity("urad", least=0.0, most=1e4)  # the same of an encoder's reading
+    # fastest motion of a measurement plan
+    speed: float = quantity("deg_per_s", above=0.0, most=1e4)
+    gear_ratio: float = quantity(above=0.0)  # motor angle [rad] a joint's unit
+
+    def beyond(self, joint: Array) -> str:
+        """Which joint of (m,) is beyond its limits, in words; empty if none is."""
+        out = np.flatnonzero((joint < self.lower) | (joint > self.upper))
+        if not out.size:
+            return ""
+        unit, factor = self.shown
+        value, low, high = factor * np.array([joint, self.lower, self.upper])[:, out[0]]
+        return (
+            f"{value:.2f} {unit} for {self.names[out[0]]}; allowed: {low:.1f} to {high:.1f}"
+        )
 
 
 @dataclass(frozen=True)
-class Masses:
-    """What moves."""
+class SlidingJoints(Joints):
+    """Joints that slide."""
 
-    platform: float  # [kg]
-    arm: float  # [kg]
-    arm_centre: float  # of the arm's length, from the motor axis
-    rod: float  # [kg], each
+    unit: ClassVar[str] = "m"
+    shown: ClassVar[tuple[str, float]] = ("mm", 1e3)
+
+    lower: Array = place(shape=(None,))
+    upper: Array = place(shape=(None,))
+    repeatability: float = quantity("um", least=0.0, most=1e4)
+    encoder: float = quantity("um", least=0.0, most=1e4)
+    speed: float = quantity("mm_per_s", above=0.0, most=1e5)
+    gear_ratio: float = quantity("turns_per_m", above=0.0)
+
+
+@dataclass(frozen=True)
+class Tool:
+    """What is on the platform."""
+
+    offset: Array = quantity("mm", least=-2000.0, most=2000.0, shape=(3,))  # in its frame
 
 
 @dataclass(frozen=True)
 class Tracker:
     """What measures: noise along the beam and, a + b d at distance d, across it."""
 
-    measures: str  # "position" or "pose"
-    radial: float  # [m]
-    transverse: float  # a [m]
-    transverse_per_metre: float  # b [m/m]
-    reflector_offset: Array  # (3,) [m] in the platform's frame
-    reflector_offset_prior: float  # [m]
+    measures: str = choice("position", "pose")
+    radial: float = quantity("um", above=0.0, most=1e4)
+    transverse: float = quantity("um", above=0.0, most=1e4)  # a
+    # b [m/m]
+    transverse_per_metre: float = quantity(
+        "um_per_m", least=0.0, most=1e4, key="transverse_um_per_m"
+    )
+    # (3,) [m] in the platform's frame
+    reflector_offset: Array = quantity("mm", least=-2000.0, most=2000.0, shape=(3,))
+    reflector_offset_prior: float = quantity("mm", above=0.0, most=1000.0)
 
     def sigmas(self, distance: Array) -> tuple[Array, Array]:
         """Standard deviations of one reading along and across the beam, each (n,) [m]."""
@@ -63,26 +106,39 @@ class Tracker:
 class Limits:
     """What the compensation may do."""
 
-    correction: float  # [rad] largest correction of a joint
-    condition: float  # largest condition of the mechanism, see Mechanism.condition
-    region_margin: float  # [m] how far outside the calibrated region
+    correction: float = quantity("deg", above=0.0, most=10.0)  # largest correction of a joint
+    condition: float = quantity(above=1.0)  # largest of the mechanism, see Mechanism.condition
+    # how far outside the calibrated region
+    region_margin: float = quantity("mm", least=0.0)
+
+
+@dataclass(frozen=True)
+class SlidingLimits(Limits):
+    """The same for joints that slide."""
+
+    correction: float = quantity("mm", above=0.0, most=100.0)
+
+
+_JOINTS: Mapping[str, type[Joints]] = {"rad": Joints, "m": SlidingJoints}
+_LIMITS: Mapping[str, type[Limits]] = {"rad": Limits, "m": SlidingLimits}
 
 
 @dataclass(frozen=True)
 class Robot:
     """A robot: its drawing, what its parts may deviate by, its joints, tracker and limits.
 
-    `hash` is that of the file's content: a calibration says by it for which robot it was made.
+    `dimensions`, `tolerances` and `masses` are of the mechanism's own kinds. `hash` is that of the
+    file's content: a calibration says by it for which robot it was made.
     """
 
     name: str
     hash: str
     source: str
     mechanism: str
-    dimensions: DeltaDimensions
-    tolerances: DeltaTolerances
+    dimensions: Any
+    tolerances: Any
+    masses: Any  # None where the mechanism asks for none
     joints: Joints
-    masses: Masses
     tool_offset: Array  # (3,) [m] in the platform's frame
     tracker: Tracker
     limits: Limits
@@ -91,12 +147,28 @@ class Robot:
         """The mechanism with this robot's drawing and tolerances; by default the file's own.
 
         Raises:
-            ConfigError: no mechanism of that name.
+            ConfigError: no mechanism of that name, or one of another drawing.
         """
         name = mechanism or self.mechanism
         if name not in MECHANISMS:
             raise ConfigError(f"no mechanism {name!r}; there are: {', '.join(MECHANISMS)}")
-        return MECHANISMS[name](self.dimensions, self.tolerances)
+        kind = MECHANISMS[name]
+        if not isinstance(self.dimensions, kind.Dimensions):
+            fit = (n for n, k in MECHANISMS.items() if isinstance(self.dimensions, k.Dimensions))
+            raise ConfigError(
+                f"robot {self.name} is no {name}; models of it are: {', '.join(fit)}"
+            )
+        return kind(self.dimensions, self.tolerances)
+
+    @property
+    def commanded(self) -> Mechanism:
+        """The model by which its controller turns poses into joints."""
+        return self.model(MECHANISMS[self.mechanism].commanded or None)
+
+    @property
+    def detailed(self) -> Mechanism:
+        """The model that leaves out least."""
+        return self.model(MECHANISMS[self.mechanism].detailed or None)
 
 
 def load_robot(path_or_name: str | Path) -> Robot:
@@ -106,15 +178,26 @@ def load_robot(path_or_name: str | Path) -> Robot:
         ConfigError: not there, or an entry is missing, unknown or out of range.
     """
     path = _find(path_or_name)
-    data = read_document(path, "robot")
-    joints = data["joints"]
-    limits = zip(joints["names"], joints["lower_deg"], joints["upper_deg"], strict=True)
-    for name, low, high in limits:
-        if low >= high:
-            raise ConfigError(
-                f"{path}: joints: {name} has lower_deg {low} not below upper_deg {high}"
-            )
-    return _build(data, str(path))
+    data = read_document(path, _schema)
+    kind = MECHANISMS[data["mechanism"]]
+    try:
+        robot = Robot(
+            name=data["name"],
+            hash=content_hash(data),
+            source=str(path),
+            mechanism=kind.name,
+            dimensions=built(kind.Dimensions, data["geometry"]),
+            tolerances=built(kind.Tolerances, data["tolerances"]),
+            masses=None if kind.Masses is None else built(kind.Masses, data["masses"]),
+            joints=built(_JOINTS[kind.joint_unit], data["joints"]),
+            tool_offset=built(Tool, data["tool"]).offset,
+            tracker=built(Tracker, data["tracker"]),
+            limits=built(_LIMITS[kind.joint_unit], data["limits"]),
+        )
+    except ConfigError as error:
+        raise ConfigError(f"{path}: geometry: {error}") from error
+    _require_joints(robot, data["joints"])
+    return robot
 
 
 def known_robots() -> tuple[str, ...]:
@@ -137,68 +220,48 @@ def _find(path_or_name: str | Path) -> Path:
     )
 
 
-def _build(data: Mapping[str, Any], source: str) -> Robot:
-    geometry, tolerances = _si(data["geometry"]), _si(data["tolerances"])
-    joints, tracker = _si(data["joints"]), _si(data["tracker"])
-    masses, limits = _si(data["masses"]), _si(data["limits"])
-    return Robot(
-        name=data["name"],
-        hash=content_hash(data),
-        source=source,
-        mechanism=data["mechanism"],
-        dimensions=DeltaDimensions(**geometry),
-        tolerances=DeltaTolerances(
-            joint_position=tolerances["joint_position"],
-            arm=tolerances["arm"],
-            rod=tolerances["rod"],
-            mismatch=tolerances["rod_mismatch"],
-            zero=tolerances["joint_zero"],
-            hinge_tilt=tolerances["hinge_tilt"],
-            half_width=tolerances["half_width"],
-            line_tilt=tolerances["line_tilt"],
-        ),
-        joints=Joints(
-            names=tuple(data["joints"]["names"]),
-            lower=joints["lower"],
-            upper=joints["upper"],
-            repeatability=joints["repeatability"],
-            encoder=joints["encoder"],
-            speed=joints["speed"],
-            gear_ratio=joints["gear_ratio"],
-        ),
-        masses=Masses(**masses),
-        tool_offset=_si(data["tool"])["offset"],
-        tracker=Tracker(**tracker),
-        limits=Limits(**limits),
-    )
+def _schema(data: Document) -> Schema:
+    """What a robot file must be, by its mechanism."""
+    kind = MECHANISMS.get(str(data.get("mechanism")))
+    parts: dict[str, Any] = {
+        "schema": {"const": SCHEMA},
+        "name": {"type": "string", "pattern": _NAME},
+        "mechanism": {"enum": list(MECHANISMS)},
+    }
+    sections: dict[str, type[Any] | None] = {"tool": Tool, "tracker": Tracker}
+    if kind is not None:
+        sections = {
+            "geometry": kind.Dimensions,
+            "tolerances": kind.Tolerances,
+            "joints": _JOINTS[kind.joint_unit],
+            "masses": kind.Masses,
+            **sections,
+            "limits": _LIMITS[kind.joint_unit],
+        }
+    parts |= {name: schema_of(part) for name, part in sections.items() if part is not None}
+    return {
+        "type": "object",
+        "additionalProperties": kind is None,
+        "required": list(parts),
+        "properties": parts,
+    }
 
 
-_SI = {
-    "_mm": 1e-3,
-    "_um": 1e-6,
-    "_um_per_m": 1e-6,
-    "_deg": np.pi / 180,
-    "_deg_per_s": np.pi / 180,
-    "_mrad": 1e-3,
-    "_urad": 1e-6,
-    "_kg": 1.0,
-}
-_RENAMED = {"transverse_um_per_m": "transverse_per_metre"}
-
-
-def _si(section: Mapping[str, Any]) -> dict[str, Any]:
-    """A section of the file in SI: the unit at the end of each key is taken off and applied."""
-    result: dict[str, Any] = {}
-    for key, value in section.items():
-        unit = next((u for u in sorted(_SI, key=len, reverse=True) if key.endswith(u)), "")
-        name = _RENAMED.get(key, key.removesuffix(unit) if unit else key)
-        factor = _SI.get(unit, 1.0)
-        numeric = isinstance(value, int | float) and not isinstance(value, bool)
-        vector = isinstance(value, list) and all(isinstance(v, int | float) for v in value)
-        if numeric:
-            result[name] = float(value) * factor
-        elif vector:
-            result[name] = np.array(value, dtype=float) * factor
-        else:
-            result[name] = cast(Any, value)
-    return result
+def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
+    """Refuse limits that are not one for each joint, or the wrong way round."""
+    expected = robot.model().joints
+    keys = {item.name: key_of(item) for item in fields(robot.joints)}
+    for name in ("names", "lower", "upper"):
+        found = len(getattr(robot.joints, name))
+        if found != expected:
+            raise ConfigError(
+                f"{robot.source}: joints.{keys[name]}: {found} values found, {expected} are "
+                f"expected"
+            )
+    lower, upper = section[keys["lower"]], section[keys["upper"]]
+    for name, low, high in zip(robot.joints.names, lower, upper, strict=True):
+        if low >= high:
+            raise ConfigError(
+                f"{robot.source}: joints: {name} has {keys['lower']} {low} not below "
+                f"{keys['upper']} {high}"
+            )

@@ -21,6 +21,7 @@ LAYERS = [
     "processes",
     "documents",
     "parameters",
+    "sections",
     "geometry",
     "samples",
     "mechanisms",

@@ -27,7 +27,7 @@ def test_units_of_the_file_become_si():
     assert robot.dimensions.base_radius == pytest.approx(0.2)
     assert robot.dimensions.half_width == pytest.approx(0.04)
     assert robot.tolerances.arm == pytest.approx(0.15e-3)
-    assert robot.tolerances.zero == pytest.approx(0.8e-3)
+    assert robot.tolerances.joint_zero == pytest.approx(0.8e-3)
     np.testing.assert_allclose(robot.joints.lower, -35 * np.pi / 180)
     assert robot.joints.repeatability == pytest.approx(12e-6)
     assert robot.joints.encoder == pytest.approx(3e-6)
@@ -61,6 +61,14 @@ def test_lower_not_below_upper_is_refused(tmp_path, low):
         robot_with(
             tmp_path, "lower_deg: [-35.0, -35.0, -35.0]", f"lower_deg: [-35.0, {low}, -35.0]"
         )
+
+
+@pytest.mark.parametrize("values", ["[-35.0]", "[-35.0, -35.0, -35.0, -35.0]"])
+def test_limits_are_one_a_joint(tmp_path, values):
+    count = values.count("-")
+    message = rf"cell\.yaml: joints\.lower_deg: {count} values found, 3 are expected"
+    with pytest.raises(ConfigError, match=message):
+        robot_with(tmp_path, "lower_deg: [-35.0, -35.0, -35.0]", f"lower_deg: {values}")
 
 
 def test_robots_of_the_package_by_name():

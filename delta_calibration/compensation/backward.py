@@ -148,7 +148,7 @@ def _drawing(robot: Robot, machine: Machine) -> Mechanism:
     three spheres give the same ones, for a fraction of the work.
     """
     if machine.fast is None:
-        return robot.model("rotary_delta")
+        return robot.commanded
     return CompiledDrawing(robot.dimensions, robot.tolerances)
 
 

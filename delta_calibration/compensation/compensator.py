@@ -87,7 +87,7 @@ class JointCompensator:
         self.robot = calibration.robot
         self.method = method
         tool, bound = self.robot.tool_offset, self.robot.limits.correction
-        self._nominal = self.robot.model("rotary_delta")
+        self._nominal = self.robot.commanded
         self._model = Machine(
             calibration.chain, calibration.geometry, tool, method, bound, seed, compiled=compiled
         )

@@ -88,6 +88,11 @@ class Effect(ABC):
         return self
 
     @property
+    def suits(self) -> bool:
+        """Whether the mechanism has what it acts on."""
+        return True
+
+    @property
     def settings(self) -> dict[str, Setting]:
         """The fields that are its shape, as a file holds them."""
         own = [f.name for f in fields(self) if f.name not in ("robot", "mechanism")]
@@ -118,13 +123,24 @@ class Effect(ABC):
     def each_joint(
         self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf
     ) -> ParameterSet:
-        """One parameter a joint, `name` with the joint's number."""
+        """One parameter a joint, `name` with the joint's number.
+
+        What is given in radians is of a joint that turns; of another as much as does the same.
+        """
+        unit, size = self._of_joints(unit)
+        each = (size * prior, self.cause), (size * lower, size * upper)
         return ParameterSet(
             tuple(
-                Parameter(f"{name}_{j}", unit, 0.0, prior, self.cause, f"joint_{j}", lower, upper)
+                Parameter(f"{name}_{j}", unit, 0.0, *each[0], f"joint_{j}", *each[1])
                 for j in range(1, self.mechanism.joints + 1)
             )
         )
+
+    def _of_joints(self, unit: str) -> tuple[str, float]:
+        """The unit for these joints, and how many of it do what one radian does."""
+        if not unit.startswith("rad"):
+            return unit, 1.0
+        return unit.replace("rad", self.mechanism.joint_unit, 1), self.mechanism.joint_size
 
     def shared(
         self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf

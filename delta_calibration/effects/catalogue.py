@@ -53,8 +53,9 @@ EFFECTS: Mapping[str, type[Effect]] = {
 
 
 def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:
-    """Every effect on this robot, with its default shape."""
-    return tuple(effect(robot, mechanism) for effect in EFFECTS.values())
+    """Every effect that this robot can have, with its default shape."""
+    every = (effect(robot, mechanism) for effect in EFFECTS.values())
+    return tuple(effect for effect in every if effect.suits)
 
 
 def effect_named(
@@ -70,6 +71,8 @@ def effect_named(
     if cause not in known:
         raise InputError(f"no effect {cause!r}; there are: {', '.join(known)}")
     effect = known[cause](robot, mechanism)
+    if not effect.suits:
+        raise InputError(f"effect {cause}: a {mechanism.name} has no such part")
     own = effect.settings
     odd = sorted(set(settings) - set(own))
     if odd:

@@ -16,6 +16,7 @@ from delta_calibration.effects.loads import (
     platform_acceleration,
     pose_of,
 )
+from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -28,6 +29,11 @@ class DynamicDeflection(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("payload",)
+
+    @property
+    def suits(self) -> bool:
+        """Whether its loads are known: those of a rotary Delta."""
+        return isinstance(self.mechanism, DeltaModel)
 
     @property
     def parameters(self) -> ParameterSet:

@@ -24,6 +24,11 @@ class EncoderEccentricity(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
 
     @property
+    def suits(self) -> bool:
+        """Whether the joints turn."""
+        return self.mechanism.joint_unit == "rad"
+
+    @property
     def parameters(self) -> ParameterSet:
         """a and b of each joint [rad]."""
         sine = self.each_joint("sine", "rad", 0.2e-3, -0.02, 0.02)

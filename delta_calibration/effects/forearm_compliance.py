@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Array, Effect, Stage
 from delta_calibration.effects.rods import lengthened, tensions
+from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -22,6 +23,11 @@ class ForearmCompliance(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
     needs: ClassVar[tuple[str, ...]] = ("payload",)
+
+    @property
+    def suits(self) -> bool:
+        """Whether its loads are known: those of a rotary Delta."""
+        return isinstance(self.mechanism, DeltaModel)
 
     @property
     def parameters(self) -> ParameterSet:

@@ -42,6 +42,11 @@ class ThermalGrowth(Effect):
         """What of each geometry parameter grows with the part, (p,) [m]."""
 
     @property
+    def suits(self) -> bool:
+        """Whether a dimension of the mechanism is one of the part's."""
+        return bool(self.lengths().any())
+
+    @property
     def parameters(self) -> ParameterSet:
         """alpha [1/K], at most 30e-6 for a metal; or the whole growth [1] by the clock."""
         if self.sensor:

@@ -14,7 +14,7 @@ in the least-squares sense where f has more rows than x has coordinates.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +34,24 @@ class Mechanism(ABC):
     """Base of all mechanisms. Poses start with the platform centre's position, (n, 3) [m]."""
 
     name: ClassVar[str]
-    joints: ClassVar[int]  # m
-    pose_size: ClassVar[int]  # k: 3, or 6 with a rotation vector behind the position
-    task_size: ClassVar[int]  # the first so many pose coordinates are what the joints command
+    # sections of the robot file that describe it, see sections.py
+    Dimensions: ClassVar[type[Any]]
+    Tolerances: ClassVar[type[Any]]
+    Masses: ClassVar[type[Any] | None] = None
+    joint_unit: ClassVar[str] = "rad"  # or "m" where the joints slide
+    joint_size: ClassVar[float] = 1.0  # of its joints' unit, that move it as far as 1 rad a Delta
+    commanded: ClassVar[str] = ""  # simpler model that a controller of it uses, if not this one
+    detailed: ClassVar[str] = ""  # model of the same drawing that leaves out least, if another
+
+    joints: int  # m
+    pose_size: int  # k: 3, or 6 with a rotation vector behind the position
+    task_size: int  # the first so many pose coordinates are what the joints command
 
     parameters: ParameterSet
+
+    @abstractmethod
+    def __init__(self, dimensions: Any, tolerances: Any) -> None:
+        """From the drawing and the expected errors of the parts."""
 
     # --- what a mechanism writes
     # -------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.parameters import Parameter, ParameterSet
+from delta_calibration.sections import length, mass, quantity, tolerance
 
 Array = NDArray[np.float64]
 
@@ -29,32 +30,47 @@ LEG_FRAMES: Array = rotations.about_z(2 * np.pi / 3 * np.arange(LEGS))  # (3, 3,
 class DeltaDimensions:
     """The drawing of a rotary Delta, all [m]: paper 000 table 1, ball joints' half distance."""
 
-    base_radius: float  # R: motor axis from the base's centre
-    platform_radius: float  # r: middle of the ball joints from the platform's centre
-    arm: float  # L
-    rod: float  # l
-    half_width: float  # e: ball joint from the middle of its pair
+    base_radius: float = length()  # R: motor axis from the base's centre
+    platform_radius: float = length()  # r: middle of the ball joints from the platform's centre
+    arm: float = length()  # L
+    rod: float = length()  # l
+    half_width: float = length()  # e: ball joint from the middle of its pair
 
 
 @dataclass(frozen=True)
 class DeltaTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    joint_position: float  # [m] hinge and platform joint, each coordinate
-    arm: float  # [m]
-    rod: float  # [m] mean of a pair
-    mismatch: float  # [m] difference within a pair
-    zero: float  # [rad] encoder zero
-    hinge_tilt: float  # [rad] motor axis
-    half_width: float  # [m] ball joint along its line
-    line_tilt: float  # [rad] line through a pair of ball joints
+    joint_position: float = tolerance()  # [m] hinge and platform joint, each coordinate
+    arm: float = tolerance()  # [m]
+    rod: float = tolerance()  # [m] mean of a pair
+    rod_mismatch: float = tolerance()  # [m] difference within a pair
+    joint_zero: float = tolerance("mrad")  # [rad] of the encoder
+    hinge_tilt: float = tolerance("mrad")  # [rad] motor axis
+    half_width: float = tolerance()  # [m] ball joint along its line
+    line_tilt: float = tolerance("mrad")  # [rad] line through a pair of ball joints
+
+
+@dataclass(frozen=True)
+class DeltaMasses:
+    """What moves."""
+
+    platform: float = mass()  # [kg]
+    arm: float = mass()  # [kg]
+    arm_centre: float = quantity(least=0.0, most=1.0)  # of the arm's length, from the motor axis
+    rod: float = mass()  # [kg], each
 
 
 class DeltaModel(Mechanism):
     """What models of a rotary Delta have in common: three motors command the platform's centre."""
 
-    joints: ClassVar[int] = LEGS
-    task_size: ClassVar[int] = 3
+    Dimensions = DeltaDimensions
+    Tolerances = DeltaTolerances
+    Masses = DeltaMasses
+    commanded: ClassVar[str] = "rotary_delta"
+    detailed: ClassVar[str] = "six_rod_delta"
+    joints: int = LEGS
+    task_size: int = 3
 
     def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
         """From the drawing and the expected errors of the parts."""

@@ -42,7 +42,7 @@ class RotaryDelta(DeltaModel):
     """
 
     name: ClassVar[str] = "rotary_delta"
-    pose_size: ClassVar[int] = 3
+    pose_size: int = 3
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """|x - e_i|^2 - l_i^2, (n, 3) [m^2]."""
@@ -129,7 +129,7 @@ class RotaryDelta(DeltaModel):
             parameter("joint_height", "m", 0.0, place, "base_joint_position"),
             parameter("hinge_tilt_x", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),
             parameter("hinge_tilt_z", "rad", 0.0, t.hinge_tilt, "base_joint_tilt"),
-            parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
+            parameter("joint_zero", "rad", 0.0, t.joint_zero, "joint_zero_offset"),
             parameter("arm", "m", d.arm, t.arm, "arm_length"),
             parameter("rod", "m", d.rod, t.rod, "forearm_length"),
         ]

@@ -52,7 +52,7 @@ class SixRodDelta(DeltaModel):
     """
 
     name: ClassVar[str] = "six_rod_delta"
-    pose_size: ClassVar[int] = 6
+    pose_size: int = 6
 
     def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
         """From the drawing and the expected errors of the parts."""
@@ -152,10 +152,10 @@ class SixRodDelta(DeltaModel):
             *place("base", d.base_radius),
             *place("platform", d.platform_radius),
             *tilt("hinge", t.hinge_tilt, "base_joint_tilt"),
-            parameter("joint_zero", "rad", 0.0, t.zero, "joint_zero_offset"),
+            parameter("joint_zero", "rad", 0.0, t.joint_zero, "joint_zero_offset"),
             parameter("arm", "m", d.arm, t.arm, "arm_length"),
             parameter("rod", "m", d.rod, t.rod, "forearm_length"),
-            parameter("rod_mismatch", "m", 0.0, t.mismatch, "parallelogram_mismatch"),
+            parameter("rod_mismatch", "m", 0.0, t.rod_mismatch, "parallelogram_mismatch"),
             *pair("elbow_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
             *pair("platform_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
             *tilt("elbow_line", t.line_tilt, "parallelogram_mismatch"),

@@ -30,7 +30,7 @@ def nominal_joints(robot: Robot, targets: Array) -> Array:
     Raises:
         ReachError: the first point out of reach or beyond a joint's limit.
     """
-    model = robot.model("rotary_delta")
+    model = robot.commanded
     joint = model.inverse(targets - robot.tool_offset, model.parameters.nominal)
     model.require_reach(joint, targets, "point", "m")
     require_limits(robot, joint, "point")
@@ -39,7 +39,7 @@ def nominal_joints(robot: Robot, targets: Array) -> Array:
 
 def tool_points(robot: Robot, joint: Array) -> Array:
     """Where the drawing has the tool at joints (n, m) [rad], (n, 3) [m]; NaN out of reach."""
-    model = robot.model("rotary_delta")
+    model = robot.commanded
     return model.forward(joint, model.parameters.nominal) + robot.tool_offset
 
 
@@ -49,14 +49,10 @@ def require_limits(robot: Robot, joint: Array, what: str) -> None:
     Raises:
         ReachError: names the first such row, its joint and what is allowed.
     """
-    beyond = (joint < robot.joints.lower) | (joint > robot.joints.upper)
-    if beyond.any():
-        row, column = np.argwhere(beyond)[0]
-        low, high = np.degrees([robot.joints.lower[column], robot.joints.upper[column]])
-        raise ReachError(
-            f"{what} {row + 1} needs {robot.joints.names[column]} at "
-            f"{np.degrees(joint[row, column]):.1f} degrees; allowed: {low:.1f} to {high:.1f}"
-        )
+    for row, one in enumerate(joint):
+        wrong = robot.joints.beyond(one)
+        if wrong:
+            raise ReachError(f"{what} {row + 1} needs {wrong}")
 
 
 def read_points(path: Path) -> Array:
@@ -186,7 +182,7 @@ def _rim(robot: Robot, widest: float) -> Array:
 
 def usable(robot: Robot, points: Array) -> NDArray[np.bool_]:
     """Points within reach and joint limits, well away from singularities, (n,)."""
-    model = robot.model("rotary_delta")
+    model = robot.commanded
     nominal, x = model.parameters.nominal, points - robot.tool_offset
     joint = model.inverse(x, nominal)
     room = 2 * APPROACH  # the way into a stop must be within the limits too

@@ -164,11 +164,6 @@ def without_noise(robot: Robot) -> Robot:
 
 
 def _require_limits(robot: Robot, joint: Array) -> None:
-    beyond = np.flatnonzero((joint < robot.joints.lower) | (joint > robot.joints.upper))
-    if beyond.size:
-        k = int(beyond[0])
-        low, high = np.degrees([robot.joints.lower[k], robot.joints.upper[k]])
-        raise ReachError(
-            f"command of {np.degrees(joint[k]):.2f} degrees for {robot.joints.names[k]}; "
-            f"allowed: {low:.1f} to {high:.1f}"
-        )
+    wrong = robot.joints.beyond(joint)
+    if wrong:
+        raise ReachError(f"command of {wrong}")

@@ -17,7 +17,6 @@ from delta_calibration.simulation.hidden import Causes, hide
 
 Array = NDArray[np.float64]
 
-TRUTH = "six_rod_delta"
 _DISTANCE = 3.0  # [m] of the tracker from the robot's base
 
 
@@ -109,7 +108,7 @@ def draw_machine(robot: Robot, seed: int, scatter: float = 1.0, hidden: Causes =
         InputError: a cause or an option that there is not, or a value that is not allowed.
     """
     rng = np.random.default_rng(seed)
-    mechanism = robot.model(TRUTH)
+    mechanism = robot.detailed
     parameters = mechanism.parameters
     drawn = parameters.prior * rng.standard_normal(len(parameters))
     bearing, turn = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)

@@ -1,0 +1,158 @@
+"""Sections of a user's file as frozen dataclasses: a field's unit is the end of its key.
+
+    base_radius: float = length()       base_radius_mm in the file, metres inside
+
+From the fields come the schema that a file is checked by, and what is made of a file that passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from typing import Any, TypeVar, get_type_hints
+
+import numpy as np
+
+Kind = TypeVar("Kind")
+Shape = tuple[int | None, ...]
+
+SI = {
+    "mm": 1e-3,
+    "um": 1e-6,
+    "um_per_m": 1e-6,
+    "mm_per_s": 1e-3,
+    "deg": np.pi / 180,
+    "deg_per_s": np.pi / 180,
+    "mrad": 1e-3,
+    "urad": 1e-6,
+    "kg": 1.0,
+    "n": 1.0,
+    "percent": 1e-2,
+    "turns_per_m": 2 * np.pi,
+    "": 1.0,
+}
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """What a field is in the file."""
+
+    schema: Mapping[str, Any]
+    unit: str | None = None  # of a number or an array of them; None: not a number
+    key: str | None = None  # where it is not the field's name and the unit
+
+
+def quantity(
+    unit: str = "",
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+    shape: Shape = (),
+    key: str | None = None,
+    default: Any = MISSING,
+) -> Any:
+    """A field that holds a number, or an array of them.
+
+    Args:
+        unit: of the file, one of `SI`; the field itself is SI.
+        above: smallest number, itself not allowed.
+        least: smallest number.
+        most: largest number.
+        shape: of the array; `None` for a length that the file decides.
+        key: in the file, where it is not the field's name with the unit behind.
+        default: where the file says nothing; without it the entry is required.
+    """
+    bounds = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
+    number = {"type": "number", **{k: v for k, v in bounds.items() if v is not None}}
+    return _field(_Entry(_array(number, shape), unit, key), default)
+
+
+def length(**options: Any) -> Any:
+    """A length of a part [mm in the file]."""
+    return quantity("mm", above=0.0, most=10000.0, **options)
+
+
+def place(**options: Any) -> Any:
+    """A coordinate, or several [mm in the file]."""
+    return quantity("mm", least=-10000.0, most=10000.0, **options)
+
+
+def angle(**options: Any) -> Any:
+    """An angle, or several [deg in the file]."""
+    return quantity("deg", least=-360.0, most=360.0, **options)
+
+
+def mass(**options: Any) -> Any:
+    """A mass [kg]."""
+    return quantity("kg", above=0.0, **options)
+
+
+def tolerance(unit: str = "mm", **options: Any) -> Any:
+    """Standard deviation of a part about the drawing."""
+    return quantity(unit, above=0.0, most=100.0, **options)
+
+
+def choice(*values: str) -> Any:
+    """One of some words."""
+    return _field(_Entry({"enum": list(values)}))
+
+
+def names() -> Any:
+    """Texts that differ, at least one."""
+    word = {"type": "string", "minLength": 1}
+    return _field(_Entry({**_array(word, (None,)), "uniqueItems": True}))
+
+
+def schema_of(kind: type) -> dict[str, Any]:
+    """JSON schema of a section."""
+    hints = get_type_hints(kind)
+    return {
+        "type": "object",
+        "additionalProperties": False,
+        "required": [key_of(f) for f in fields(kind) if f.default is MISSING],
+        "properties": {key_of(f): _schema(f, hints[f.name]) for f in fields(kind)},
+    }
+
+
+def built(kind: type[Kind], section: Mapping[str, Any]) -> Kind:
+    """What a section says that has passed its schema, in SI."""
+    hints = get_type_hints(kind)
+    given = [f for f in fields(kind) if key_of(f) in section]  # type: ignore[arg-type]
+    return kind(**{f.name: _value(f, hints[f.name], section[key_of(f)]) for f in given})
+
+
+def key_of(item: Field[Any]) -> str:
+    """A field's key in the file."""
+    entry: _Entry | None = item.metadata.get("entry")
+    if entry is None or not (entry.key or entry.unit):
+        return item.name
+    return entry.key or f"{item.name}_{entry.unit}"
+
+
+def _field(entry: _Entry, default: Any = MISSING) -> Any:
+    return field(default=default, metadata={"entry": entry})
+
+
+def _array(schema: dict[str, Any], shape: Shape) -> dict[str, Any]:
+    for size in reversed(shape):
+        few = {"minItems": 1} if size is None else {"minItems": size, "maxItems": size}
+        schema = {"type": "array", **few, "items": schema}
+    return schema
+
+
+def _schema(item: Field[Any], kind: Any) -> Mapping[str, Any]:
+    if is_dataclass(kind):
+        return schema_of(kind)  # type: ignore[arg-type]
+    entry: _Entry = item.metadata["entry"]
+    return entry.schema
+
+
+def _value(item: Field[Any], kind: Any, value: Any) -> Any:
+    if is_dataclass(kind):
+        return built(kind, value)  # type: ignore[arg-type]
+    entry: _Entry = item.metadata["entry"]
+    if entry.unit is None:
+        return tuple(value) if isinstance(value, list) else value
+    in_si = np.asarray(value, dtype=float) * SI[entry.unit]
+    return in_si if in_si.ndim else float(in_si)
