@@ -1,10 +1,20 @@
 """The mechanisms, one closure equation a file, found by their registered names."""
 
 from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.mechanisms.cable_dimensions import CableDimensions, CableTolerances
+from delta_calibration.mechanisms.cable_robot import CableRobot
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta
 from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
 
 MECHANISMS: dict[str, type[DeltaModel]] = {kind.name: kind for kind in (RotaryDelta, SixRodDelta)}
 
-__all__ = ["MECHANISMS", "Mechanism", "RotaryDelta", "SixRodDelta"]
+__all__ = [
+    "MECHANISMS",
+    "CableDimensions",
+    "CableRobot",
+    "CableTolerances",
+    "Mechanism",
+    "RotaryDelta",
+    "SixRodDelta",
+]

@@ -34,9 +34,9 @@ class Mechanism(ABC):
     """Base of all mechanisms. Poses start with the platform centre's position, (n, 3) [m]."""
 
     name: ClassVar[str]
-    joints: ClassVar[int]  # m
-    pose_size: ClassVar[int]  # k: 3, or 6 with a rotation vector behind the position
-    task_size: ClassVar[int]  # the first so many pose coordinates are what the joints command
+    joints: int  # m
+    pose_size: int  # k: 3, or 6 with a rotation vector behind the position
+    task_size: int  # the first so many pose coordinates are what the joints command
 
     parameters: ParameterSet
 
@@ -83,7 +83,19 @@ class Mechanism(ABC):
             x = x - step
             if _settled(step):
                 break
-        return _without_strays(x, self.closure(q, x, g))
+        return _without_strays(x, self.missed(q, x, g))
+
+    def missed(self, q: Array, x: Array, g: Array) -> Array:
+        """What of the closure another pose could take away, (n, r); zero at a solution.
+
+        All of it where there are as many rows as coordinates; a redundant mechanism keeps the
+        rest, and x is then the pose of least squares.
+        """
+        f = self.closure(q, x, g)
+        if f.shape[1] == self.pose_size:
+            return f
+        slope = self.closure_by_pose(q, x, g)
+        return np.asarray((slope @ solve(slope, f[..., None]))[..., 0])
 
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
         """Joints that bring the commanded coordinates to `task`, (n, m); NaN rows out of reach."""
