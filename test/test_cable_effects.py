@@ -157,8 +157,12 @@ def test_sag_is_shared_out_by_horizontal_span_and_pull():
 
 def test_sag_of_a_slack_cable_is_refused():
     loose = CableRobot(replace(EIGHT_CABLES, pretension=0.0), TOLERANCES)
+    effect = CableSag(ROBOT, loose)
+    assert effect.missing(AT) == "a cable is slack"
+    assert not CableSag(ROBOT, CABLES).missing(AT)
+    assert CableSag(ROBOT, CABLES).missing(at_rest(AT.joint)) == "the payload is not known"
     with pytest.raises(ReachError, match=r"cable_\d is slack"):
-        CableSag(ROBOT, loose).columns(AT)
+        effect.columns(AT)
 
 
 @pytest.mark.parametrize(("level", "above"), [(2.0, -1.0), (1.5, 1.0), (0.5, -2.0), (3.0, 0.0)])

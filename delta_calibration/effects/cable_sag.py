@@ -44,6 +44,11 @@ class CableSag(CableEffect):
         """
         return -self.as_angle(self._slack(at) - self._slack(self.at_home()))[..., None]
 
+    def missing(self, at: Conditions) -> str:
+        """The payload, or tension in every cable."""
+        said = super().missing(at)
+        return said or ("a cable is slack" if (self.tensions(at) <= 0).any() else "")
+
     def _slack(self, at: Conditions) -> Array:
         tension, chord = self.tensions(at), self.lengths(at)
         self.cables.require_taut(tension)

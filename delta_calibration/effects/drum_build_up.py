@@ -3,7 +3,7 @@
     d(r^2)/d(length wound) = c        2 r dr = -c r dphi        r = r_0 - c phi / 2
 
 so that a drum turned by phi has let out r_0 phi - c phi^2 / 4: a spiral. c [m^2/m] is the cable's
-cross-section, spread over the drum's width, over pi.
+cross-section, spread over the drum's width, over pi. r_0 is the drawing's, c in proportion to it.
 """
 
 from __future__ import annotations
