@@ -343,7 +343,7 @@ def test_a_rich_session_warms_up_for_two_hours_and_can_be_read_back(tmp_path):
 def test_every_cause_is_in_the_help(capsys):
     assert run(["simulate", "--help"]) == 0
     said = capsys.readouterr().out.split()
-    causes = hideable_causes(draw_machine(load_robot(ROBOT), 0).chain)
+    causes = hideable_causes(load_robot(ROBOT), draw_machine(load_robot(ROBOT), 0).chain)
     assert [cause for cause in causes if cause not in said] == []
 
 

@@ -80,8 +80,9 @@ def test_every_cause_of_a_delta_is_an_effect_or_a_dimension_of_its_kind() -> Non
     others = {"smr_offset", "tracker_frame"}  # the second is never reported
     assert {p.cause for p in every} == set.union(others, *KINDS.values())
     assert {p.cause for p in ROBOT.model().parameters} == KINDS["geometry"]
-    for cause, effect in EFFECTS.items():
-        assert effect.cause == cause in KINDS[effect.kind]
+    for effect in catalogue(ROBOT, ROBOT.model()):
+        assert EFFECTS[effect.cause] is type(effect)
+        assert effect.cause in KINDS[effect.kind]
         assert (effect.stage is Stage.MEASUREMENT) == (effect.kind == "measurement")
 
 
@@ -247,7 +248,7 @@ def test_a_search_leaves_no_gap(cause: str) -> None:
 def test_a_play_is_crossed_over_its_gap_and_never_over_less_than_nothing() -> None:
     effect = built(MODELS[0], "backlash").refined(np.array([3e-4, -1e-4, 0.0]))
     assert effect.settings == {"width": (3e-4, 0.0, 0.0)}
-    for cause in set(EFFECTS) - {"backlash"}:
+    for cause in {cause for _, cause in ALL} - {"backlash"}:
         other = built(MODELS[0], cause)
         assert other.refined(np.ones(len(other.parameters))) is other
 

@@ -118,7 +118,7 @@ IN_MOTION = {"timestamp_latency": 2500, "joint_lag": 2500, "dynamic_deflection":
 
 def test_every_effect_has_an_expected_size():
     assert {*AT_REST, *IN_MOTION} == set(EFFECTS)
-    offered = hideable_causes(machine_with().chain)
+    offered = hideable_causes(ROBOT, machine_with().chain)
     assert set(EFFECTS) | {"geometry", "smr_offset", "arm_length"} < set(offered)
 
 

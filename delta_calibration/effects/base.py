@@ -128,10 +128,11 @@ class Effect(ABC):
         What is given in radians is of a joint that turns; of another as much as does the same.
         """
         unit, size = self._of_joints(unit)
+        limb = self.mechanism.limb
         each = (size * prior, self.cause), (size * lower, size * upper)
         return ParameterSet(
             tuple(
-                Parameter(f"{name}_{j}", unit, 0.0, *each[0], f"joint_{j}", *each[1])
+                Parameter(f"{name}_{j}", unit, 0.0, *each[0], f"{limb}_{j}", *each[1])
                 for j in range(1, self.mechanism.joints + 1)
             )
         )

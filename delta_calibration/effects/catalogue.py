@@ -8,6 +8,10 @@ from typing import Any
 from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.ball_joint_clearance import BallJointClearance
 from delta_calibration.effects.base import Effect, Setting
+from delta_calibration.effects.cable_elasticity import CableElasticity
+from delta_calibration.effects.cable_sag import CableSag
+from delta_calibration.effects.drum_build_up import DrumBuildUp
+from delta_calibration.effects.drum_scale import DrumScale
 from delta_calibration.effects.dynamic_deflection import DynamicDeflection
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
 from delta_calibration.effects.forearm_compliance import ForearmCompliance
@@ -15,6 +19,7 @@ from delta_calibration.effects.joint_compliance import JointCompliance
 from delta_calibration.effects.joint_lag import JointLag
 from delta_calibration.effects.joint_scale import JointScale
 from delta_calibration.effects.joint_zero_drift import JointZeroDrift
+from delta_calibration.effects.pulley_radius import PulleyRadius
 from delta_calibration.effects.stick_slip import StickSlip
 from delta_calibration.effects.thermal_growth_arm import ThermalGrowthArm
 from delta_calibration.effects.thermal_growth_base import ThermalGrowthBase
@@ -48,6 +53,11 @@ EFFECTS: Mapping[str, type[Effect]] = {
         ForearmCompliance,
         DynamicDeflection,
         BallJointClearance,
+        CableElasticity,
+        CableSag,
+        PulleyRadius,
+        DrumBuildUp,
+        DrumScale,
     )
 }
 

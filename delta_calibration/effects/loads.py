@@ -24,8 +24,8 @@ GRAVITY = 9.80665  # [m/s^2] standard acceleration of free fall (ISO 80000-3)
 
 
 def carried_mass(robot: Robot, at: Conditions) -> Array:
-    """What moves with the platform: itself, half of each rod, the payload, (n,) [kg]."""
-    return np.asarray(robot.masses.platform + 3 * robot.masses.rod + at.payload)
+    """What moves with the platform, the payload among it, (n,) [kg]."""
+    return np.asarray(robot.masses.on_platform + at.payload)
 
 
 def pose_of(mechanism: Mechanism, at: Conditions) -> Array:

@@ -1,5 +1,6 @@
 """From measured poses to what the machine really is."""
 
+from delta_calibration.identification.alternating import JointFit, alternate, together
 from delta_calibration.identification.fit import (
     Identification,
     Residuals,
@@ -7,6 +8,7 @@ from delta_calibration.identification.fit import (
     identify,
     prepare,
 )
+from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
 from delta_calibration.identification.noise import Noise, whitening
 from delta_calibration.identification.observability import (
     Observability,
@@ -24,19 +26,24 @@ from delta_calibration.identification.problem import (
 
 __all__ = [
     "Identification",
+    "JointFit",
+    "JointProblem",
     "Noise",
     "Observability",
     "Problem",
     "Redundancy",
     "Residuals",
     "Solution",
+    "alternate",
     "build_problem",
     "chain_of",
     "identify",
+    "joint_covariance",
     "observe",
     "prepare",
     "robust_weights",
     "solve",
     "strong_correlations",
+    "together",
     "whitening",
 ]

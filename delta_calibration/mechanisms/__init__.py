@@ -1,9 +1,20 @@
 """The mechanisms, one closure equation a file, found by their registered names."""
 
 from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.mechanisms.cable_dimensions import CableDimensions, CableTolerances
+from delta_calibration.mechanisms.cable_robot import CableRobot
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta
 from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
 
-MECHANISMS: dict[str, type[Mechanism]] = {kind.name: kind for kind in (RotaryDelta, SixRodDelta)}
+_EVERY: tuple[type[Mechanism], ...] = (RotaryDelta, SixRodDelta, CableRobot)
+MECHANISMS: dict[str, type[Mechanism]] = {kind.name: kind for kind in _EVERY}
 
-__all__ = ["MECHANISMS", "Mechanism", "RotaryDelta", "SixRodDelta"]
+__all__ = [
+    "MECHANISMS",
+    "CableDimensions",
+    "CableRobot",
+    "CableTolerances",
+    "Mechanism",
+    "RotaryDelta",
+    "SixRodDelta",
+]

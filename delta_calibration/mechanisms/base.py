@@ -39,10 +39,11 @@ class Mechanism(ABC):
     Tolerances: ClassVar[type[Any]]
     Masses: ClassVar[type[Any] | None] = None
     joint_unit: ClassVar[str] = "rad"  # or "m" where the joints slide
-    joint_size: ClassVar[float] = 1.0  # of its joints' unit, that move it as far as 1 rad a Delta
+    limb: ClassVar[str] = "joint"  # what a location is called, with its number behind
     commanded: ClassVar[str] = ""  # simpler model that a controller of it uses, if not this one
     detailed: ClassVar[str] = ""  # model of the same drawing that leaves out least, if another
 
+    joint_size: float = 1.0  # of its joints' unit, that move it as far as 1 rad does a Delta
     joints: int  # m
     pose_size: int  # k: 3, or 6 with a rotation vector behind the position
     task_size: int  # the first so many pose coordinates are what the joints command
@@ -96,7 +97,19 @@ class Mechanism(ABC):
             x = x - step
             if _settled(step):
                 break
-        return _without_strays(x, self.closure(q, x, g))
+        return _without_strays(x, self.missed(q, x, g))
+
+    def missed(self, q: Array, x: Array, g: Array) -> Array:
+        """What of the closure another pose could take away, (n, r); zero at a solution.
+
+        All of it where there are as many rows as coordinates; a redundant mechanism keeps the
+        rest, and x is then the pose of least squares.
+        """
+        f = self.closure(q, x, g)
+        if f.shape[1] == self.pose_size:
+            return f
+        slope = self.closure_by_pose(q, x, g)
+        return np.asarray((slope @ solve(slope, f[..., None]))[..., 0])
 
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
         """Joints that bring the commanded coordinates to `task`, (n, m); NaN rows out of reach."""

@@ -60,6 +60,11 @@ class DeltaMasses:
     arm_centre: float = quantity(least=0.0, most=1.0)  # of the arm's length, from the motor axis
     rod: float = mass()  # [kg], each
 
+    @property
+    def on_platform(self) -> float:
+        """What moves with the platform: itself and half of each rod [kg]."""
+        return self.platform + LEGS * self.rod
+
 
 class DeltaModel(Mechanism):
     """What models of a rotary Delta have in common: three motors command the platform's centre."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.effects import EFFECTS, Effect, effect_named
+from delta_calibration.effects import EFFECTS, Effect, catalogue, effect_named
 from delta_calibration.effects.base import Setting
 from delta_calibration.effects.thermal_growth import ThermalGrowth
 from delta_calibration.errors import InputError
@@ -56,9 +56,10 @@ class Hidden:
     values: Array  # (k,) of the effects' parameters
 
 
-def hideable_causes(chain: Chain) -> tuple[str, ...]:
+def hideable_causes(robot: Robot, chain: Chain) -> tuple[str, ...]:
     """Causes that a machine can hide."""
-    return (*dimension_causes(chain), *EFFECTS)
+    effects = (effect.cause for effect in catalogue(robot, chain.mechanism))
+    return tuple(dict.fromkeys((*dimension_causes(chain), *effects)))
 
 
 def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
@@ -72,7 +73,7 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
     for cause, options in causes.items() if isinstance(causes, Mapping) else causes:
         rng = np.random.default_rng([seed, 2, zlib.crc32(cause.encode())])
         if cause not in EFFECTS:
-            _require_place(chain, cause, options)
+            _require_place(robot, chain, cause, options)
             shift = shift + shift_of(chain, cause, options, rng)
             continue
         effect = _shaped(cause, robot, chain, options)
@@ -92,7 +93,7 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
     )
 
 
-def _require_place(chain: Chain, cause: str, options: Options) -> None:
+def _require_place(robot: Robot, chain: Chain, cause: str, options: Options) -> None:
     location = options.get(LOCATION)
     if rows_of(chain, cause, location):
         return
@@ -100,7 +101,7 @@ def _require_place(chain: Chain, cause: str, options: Options) -> None:
     places = ", ".join(dict.fromkeys(p.location for p in dimensions(chain) if p.location))
     raise InputError(
         f"effect {cause}{where} cannot be hidden; "
-        f"causes: {', '.join(hideable_causes(chain))}; locations: {places}"
+        f"causes: {', '.join(hideable_causes(robot, chain))}; locations: {places}"
     )
 
 

@@ -1,0 +1,43 @@
+"""Cable wound over cable: the drum's radius falls as cable leaves it.
+
+    d(r^2)/d(length wound) = c        2 r dr = -c r dphi        r = r_0 - c phi / 2
+
+so that a drum turned by phi has let out r_0 phi - c phi^2 / 4: a spiral. c [m^2/m] is the cable's
+cross-section, spread over the drum's width, over pi. r_0 is the drawing's, c in proportion to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from delta_calibration.effects.base import Array
+from delta_calibration.effects.cables import CableEffect
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.samples import Conditions
+
+
+def let_out(turn: Array, radius: Array, build_up: float) -> Array:
+    """Length that leaves a drum turned by `turn` [rad] from where it has `radius` [m]; [m]."""
+    return np.asarray(radius * turn - build_up * turn**2 / 4)
+
+
+@dataclass(frozen=True)
+class DrumBuildUp(CableEffect):
+    """Layers of cable on all drums alike; the drawing's radius is the one at home."""
+
+    cause: ClassVar[str] = "drum_build_up"
+    kind: ClassVar[str] = "drive"
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """c [m^2/m]: a millimetre of cable in layers that are 10 mm wide gives 0.03 mm^2/mm."""
+        return self.shared("build_up", "m", 50e-6, 0.0, 5e-3)
+
+    def columns(self, at: Conditions) -> Array:
+        """(n, m, 1) [rad/m]."""
+        winch = self.cables.dimensions
+        missing = let_out(at.joint / winch.gear, np.zeros_like(winch.gear), 1.0)
+        return self.as_angle(missing / winch.tackle)[..., None]

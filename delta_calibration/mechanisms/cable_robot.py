@@ -1,0 +1,204 @@
+"""Cable robot: a platform on m cables, each let out by its own drum."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import ReachError
+from delta_calibration.geometry import rotations
+from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.mechanisms.cable_dimensions import (
+    CableDimensions,
+    CableMasses,
+    CableTolerances,
+)
+from delta_calibration.parameters import Parameter, ParameterSet
+
+Array = NDArray[np.float64]
+
+_LEVER = 0.3  # [m] that a joint of a Delta moves its platform a radian
+_TORN = 0.03  # of its length: steel and aramid cables break before they stretch so far
+_AXES = "xyz"
+
+
+class CableRobot(Mechanism):
+    """A point (3 freedoms) or a body (6) on m cables, as many as it has freedoms or more.
+
+    Closure of cable i (paper 002 (1), (2)): |a_i - P - R(w) b_i| = l_0i + k_i theta_i, a length.
+    The counters are zero at the home pose (P_0, w_0), which is known: it defines the robot's
+    frame, and l_0i = |a_i - P_0 - R(w_0) b_i| is no parameter but follows from the others. So the
+    paper counts 7 m of them. Where the tolerances have one of the zeros, each counter's is off by
+    z_i [m], one more parameter a cable, and nothing ties the robot's frame any more: six
+    combinations of a_i, z_i and an unknown frame of the measuring device do not show.
+
+    Pose x (n, 6): P [m], rotation vector w [rad]; or (n, 3), P alone. Joints theta (n, m): motor
+    angles [rad], positive where they let out. Parameters of a cable, in this order: a (3) [m], b
+    (3) [m] for a body, k [m/rad], z [m] if free.
+
+    With more cables than freedoms no pose fits all lengths of a real machine: the direct problem
+    gives the pose of least squared misfit. Its derivatives are those where the misfit is zero.
+    Leaves out mass and stretch of the cables, pulleys, layers on the drum: see the effects.
+    """
+
+    name: ClassVar[str] = "cable_robot"
+    limb: ClassVar[str] = "cable"
+    Dimensions = CableDimensions
+    Tolerances = CableTolerances
+    Masses = CableMasses
+
+    def __init__(
+        self, dimensions: CableDimensions, tolerances: CableTolerances
+    ) -> None:
+        """From the drawing and the expected errors of the parts."""
+        self.dimensions = dimensions
+        self.tolerances = tolerances
+        self.free_zeros = tolerances.zero is not None
+        self.joints = len(dimensions.anchors)
+        self.pose_size = self.task_size = len(dimensions.home)
+        self.joint_size = _LEVER / float(dimensions.gain.mean())
+        self._is_body = self.pose_size == 6
+        self._gain = 6 if self._is_body else 3  # column of k among a cable's parameters
+        self._size = self._gain + 1 + self.free_zeros
+        each = (self._cable_parameters(i) for i in range(self.joints))
+        self.parameters = ParameterSet(tuple(p for cable in each for p in cable))
+
+    def closure(self, q: Array, x: Array, g: Array) -> Array:
+        """Distance of anchor and platform joint less the length let out, (n, m) [m]."""
+        return np.asarray(self.lengths(x, g) - self._let_out(q, g))
+
+    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
+        """-[u, u . d(R b)/dw] with u from platform to anchor, (n, m, k)."""
+        return self._lengths_by_pose(x, g)
+
+    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
+        """Diagonal: each motor lets out its own cable, (n, m, m) [m/rad]."""
+        gain = np.broadcast_to(self._cables(g)[..., self._gain], q.shape)
+        return np.asarray(-gain[..., None] * np.eye(self.joints))
+
+    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
+        """df/dg, (n, m, p): a cable's own parameters on the diagonal."""
+        home = self.dimensions.home[None]
+        u, at_home = self.directions(x, g), self.directions(home, g)
+        block = np.empty((*q.shape, self._size))
+        block[..., :3] = u - at_home
+        if self._is_body:  # v @ R is R^T v
+            block[..., 3:6] = at_home @ self.rotation(home) - u @ self.rotation(x)
+        block[..., self._gain] = -q
+        block[..., self._gain + 1 :] = -1.0
+        spread = block[:, :, None, :] * np.eye(self.joints)[:, :, None]
+        return np.asarray(spread.reshape(*q.shape, -1))
+
+    def start(self, q: Array, g: Array) -> Array:
+        """The home pose, whose assembly mode all others share."""
+        return np.tile(self.dimensions.home, (len(q), 1))
+
+    def start_joints(self, task: Array, g: Array) -> Array:
+        """The solution itself: the inverse problem is closed."""
+        return self.inverse(task, g)
+
+    def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
+        """Pose of least squared misfit of the lengths, (n, k); NaN where cables would be torn."""
+        x = super().forward(q, g, guess)
+        misfit = np.abs(self.closure(q, x, g)) / self.lengths(x, g)
+        return np.where(misfit.max(axis=1, keepdims=True) < _TORN, x, np.nan)
+
+    def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
+        """Motor angles theta = (l - l_0) / k, (n, m) [rad]; paper 002 (2), (3).
+
+        `guess` is not needed and not used.
+        """
+        gain = self._cables(g)[..., self._gain]
+        nothing = np.zeros((len(task), self.joints))
+        return np.asarray((self.lengths(task, g) - self._let_out(nothing, g)) / gain)
+
+    def lengths(self, x: Array, g: Array) -> Array:
+        """Distance of anchor and platform joint of each cable, (n, m) [m]."""
+        return np.asarray(np.sqrt(np.sum(self._vectors(x, g) ** 2, axis=-1)))
+
+    def directions(self, x: Array, g: Array) -> Array:
+        """u: unit vectors along the cables from platform to anchor, (n, m, 3)."""
+        return self._vectors(x, g) / self.lengths(x, g)[..., None]
+
+    def tensions(self, x: Array, g: Array, load: Array) -> Array:
+        """Pull of each cable that bears a load, (n, m) [N]: the nearest to the pretension.
+
+        t = t_p + (f_x^T)^+ (-dU/dx - f_x^T t_p), by virtual work; negative where a cable would
+        have to push. Another distribution may be kept by a force control: this one is the
+        shortest way from the same pull in all.
+
+        Args:
+            x: poses, (n, k).
+            g: geometry.
+            load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
+        """
+        structure = np.swapaxes(self._lengths_by_pose(x, g), 1, 2)
+        wished = np.full((len(x), self.joints, 1), self.dimensions.pretension)
+        missed = -load[..., None] - structure @ wished
+        return np.asarray((wished + np.linalg.pinv(structure) @ missed)[..., 0])
+
+    def require_taut(self, tension: Array, lowest: float = 0.0) -> None:
+        """Refuse poses at which a cable hangs loose.
+
+        Raises:
+            ReachError: names the first pose and cable under `lowest` [N].
+        """
+        bad = np.argwhere(~(tension > lowest))
+        if len(bad):
+            pose, cable = bad[0].tolist()
+            raise ReachError(
+                f"pose {pose + 1}: cable_{cable + 1} is slack: {tension[pose, cable]:.4g} N at a "
+                f"pretension of {self.dimensions.pretension:g} N, more than {lowest:g} N is needed"
+            )
+
+    def _cables(self, g: Array) -> Array:
+        """The parameters by cable.  (..., p) -> (..., m, size)."""
+        return g.reshape((*g.shape[:-1], self.joints, self._size))
+
+    def _joints(self, g: Array) -> Array:
+        return self._cables(g)[..., 3:6] if self._is_body else self.dimensions.joints
+
+    def _vectors(self, x: Array, g: Array) -> Array:
+        """From platform joint to anchor in the robot's frame, (n, m, 3) [m]."""
+        turned = self._joints(g) @ np.swapaxes(self.rotation(x), 1, 2)
+        return np.asarray(self._cables(g)[..., :3] - x[:, None, :3] - turned)
+
+    def _lengths_by_pose(self, x: Array, g: Array) -> Array:
+        u = self.directions(x, g)
+        if not self._is_body:
+            return -u
+        turn = rotations.exp_times_derivative(x[:, None, 3:], self._joints(g))
+        return -np.concatenate([u, (u[..., None, :] @ turn)[..., 0, :]], axis=-1)
+
+    def _let_out(self, q: Array, g: Array) -> Array:
+        """l_0 + k theta, (n, m) [m]."""
+        cable = self._cables(g)
+        zero = cable[..., self._gain + 1] if self.free_zeros else 0.0
+        home = self.lengths(self.dimensions.home[None], g)
+        return np.asarray(home + zero + cable[..., self._gain] * q)
+
+    def _cable_parameters(self, row: int) -> list[Parameter]:
+        d, t = self.dimensions, self.tolerances
+        number, gain = row + 1, float(d.gain[row])
+        rest: dict[str, Any] = {"location": f"cable_{number}"}
+
+        def place(part: str, at: Array, prior: float, cause: str) -> list[Parameter]:
+            return [
+                Parameter(f"{part}_{axis}_{number}", "m", float(value), prior, cause, **rest)
+                for axis, value in zip(_AXES, at, strict=True)
+            ]
+
+        parameters = place("anchor", d.anchors[row], t.anchor, "base_joint_position")
+        if self._is_body:
+            cause = "platform_joint_position"
+            parameters += place("platform", d.joints[row], t.joint, cause)
+        parameters.append(
+            Parameter(f"gain_{number}", "m/rad", gain, t.gain * gain, "drum_scale", **rest)
+        )
+        if t.zero is not None:
+            parameters.append(
+                Parameter(f"zero_{number}", "m", 0.0, t.zero, "joint_zero_offset", **rest)
+            )
+        return parameters

@@ -1,0 +1,74 @@
+"""Cable robots written apart from the package: lengths a cable at a time, turns by quaternions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import dist
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+@dataclass(frozen=True)
+class Winches:
+    """A real machine: where its cables go and what a motor angle lets out; zero at `home`."""
+
+    anchors: np.ndarray  # (m, 3) [m]
+    joints: np.ndarray  # (m, 3) [m]
+    gains: np.ndarray  # (m,) [m/rad]
+    home: np.ndarray  # (3,) or (6,)
+    offsets: np.ndarray | float = 0.0  # [m] let out at counter zero beyond the home length
+
+    def lengths(self, pose) -> np.ndarray:
+        """(m,) [m] at one pose."""
+        turn = Rotation.from_rotvec(pose[3:]) if len(pose) == 6 else Rotation.identity()
+        ends = [turn.apply(joint) + pose[:3] for joint in self.joints]
+        return np.array([dist(a, b) for a, b in zip(self.anchors, ends, strict=True)])
+
+    def motors(self, poses) -> np.ndarray:
+        """(n, m) [rad]."""
+        zero = self.lengths(self.home) + self.offsets
+        return np.array([(self.lengths(pose) - zero) / self.gains for pose in poses])
+
+    def seen_from(self, turn, place, poses) -> np.ndarray:
+        """Poses in a device whose frame sees the robot's turned and at `place`."""
+        turn, rows = Rotation.from_rotvec(turn), []
+        for pose in poses:
+            row = turn.apply(pose[:3]) + place
+            if len(pose) == 6:
+                row = np.concatenate([row, (turn * Rotation.from_rotvec(pose[3:])).as_rotvec()])
+            rows.append(row)
+        return np.array(rows)
+
+
+def built(dimensions, rng, scale=1.0, offsets=0.0) -> Winches:
+    """The drawing with errors of a workshop: 10 mm, 2 mm, half a percent."""
+    d = dimensions
+    body = len(d.home) == 6
+    return Winches(
+        anchors=d.anchors + scale * rng.normal(0.0, 10e-3, d.anchors.shape),
+        joints=d.joints + body * scale * rng.normal(0.0, 2e-3, d.joints.shape),
+        gains=d.drum_radius / (d.gear * d.tackle)
+        * (1 + scale * rng.normal(0.0, 5e-3, len(d.gear))),
+        home=d.home,
+        offsets=offsets,
+    )  # fmt: skip
+
+
+def workspace(dimensions, n, rng) -> np.ndarray:
+    """Poses in the middle of either set of dimensions, (n, k)."""
+    if len(dimensions.home) == 3:
+        return rng.uniform([-0.25, -0.25, 0.3], [0.25, 0.25, 1.4], (n, 3))
+    place = rng.uniform([-1.0, -0.8, 0.7], [1.0, 0.8, 1.8], (n, 3))
+    return np.hstack([place, rng.uniform(-0.15, 0.15, (n, 3))])
+
+
+def geometry_of(machine: Winches, free_zeros=False) -> np.ndarray:
+    """The machine as the package's vector."""
+    parts = [machine.anchors]
+    if len(machine.home) == 6:
+        parts.append(machine.joints)
+    parts.append(machine.gains[:, None])
+    if free_zeros:
+        parts.append(np.broadcast_to(machine.offsets, len(machine.gains))[:, None])
+    return np.concatenate(parts, axis=1).reshape(-1)

@@ -1,0 +1,38 @@
+"""The mechanisms that are registered, each with the drawing of a robot of the package."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from delta_calibration.mechanisms import MECHANISMS, Mechanism
+from delta_calibration.robot import Robot, known_robots, load_robot
+
+ROBOTS = [load_robot(name) for name in known_robots()]
+
+
+def robot_of(mechanism: str) -> Robot:
+    """A robot of the package that can be modelled so."""
+    drawing = MECHANISMS[mechanism].Dimensions
+    return next(robot for robot in ROBOTS if isinstance(robot.dimensions, drawing))
+
+
+def model_of(mechanism: str) -> Mechanism:
+    return robot_of(mechanism).model(mechanism)
+
+
+def machine(mechanism: Mechanism, rng: np.random.Generator, scale: float = 5.0) -> np.ndarray:
+    """Geometry with `scale` times the manufacturing errors one expects."""
+    parameters = mechanism.parameters
+    return parameters.nominal + scale * parameters.prior * rng.standard_normal(len(parameters))
+
+
+def places(
+    mechanism: Mechanism, g: np.ndarray, rng: np.random.Generator, n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joints and poses around home that belong together at geometry g, (n, m), (n, k)."""
+    home, nominal = mechanism.home[None], mechanism.parameters.nominal
+    centre = mechanism.forward(home, nominal)
+    slope = mechanism.velocity_jacobian(home, centre, nominal)[0]
+    way = mechanism.joint_size * rng.uniform(-0.3, 0.6, (n, mechanism.joints))
+    q = mechanism.inverse((centre + way @ slope.T)[:, : mechanism.task_size], g)
+    return q, mechanism.forward(q, g)

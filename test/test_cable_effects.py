@@ -1,0 +1,197 @@
+"""Effects on cable robots, each against a formulation of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.spatial import ConvexHull
+
+from cables import workspace
+from delta_calibration.effects import catalogue, effect_named
+from delta_calibration.effects.cable_elasticity import CableElasticity
+from delta_calibration.effects.cable_sag import CableSag, slack_of_sag
+from delta_calibration.effects.drum_build_up import DrumBuildUp, let_out
+from delta_calibration.effects.drum_scale import DrumScale
+from delta_calibration.effects.pulley_radius import PulleyRadius, excess
+from delta_calibration.errors import InputError, ReachError
+from delta_calibration.mechanisms import CableRobot
+from delta_calibration.mechanisms.cable_dimensions import EIGHT_CABLES, FOUR_CABLES, TOLERANCES
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import at_rest
+
+GRAVITY = 9.80665
+ROBOT = load_robot("cdpr8")
+ALL = (CableElasticity, CableSag, DrumBuildUp, DrumScale, PulleyRadius)
+CABLES = CableRobot(EIGHT_CABLES, TOLERANCES)
+G = CABLES.parameters.nominal
+X = workspace(EIGHT_CABLES, 12, np.random.default_rng(1))
+
+
+def conditions(x, payload=5.0):
+    n = len(x)
+    at = at_rest(CABLES.inverse(x, G))
+    centre = np.tile([0.02, -0.01, 0.05], (n, 1))
+    return replace(at, payload=np.full(n, payload), payload_centre=centre)
+
+
+AT = conditions(X)
+HOME = conditions(EIGHT_CABLES.home[None], payload=0.0)
+
+
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.cause)
+def test_what_every_effect_on_cables_keeps_to(kind):
+    """Shape of the columns, units, a prior, nothing at home; another mechanism is refused."""
+    effect = kind(ROBOT, CABLES)
+    count = len(effect.parameters)
+    assert effect.columns(AT).shape == (len(X), 8, count)
+    assert np.abs(effect.columns(AT)).max() > 0
+    np.testing.assert_allclose(effect.columns(HOME), 0, atol=1e-7)
+    assert {p.cause for p in effect.parameters} == {kind.cause}
+    assert all(p.prior > 0 and p.lower <= 0 < p.upper for p in effect.parameters)
+    assert {p.location for p in effect.parameters} <= {None, *(f"cable_{i}" for i in range(1, 9))}
+    delta = load_robot("srbd")
+    assert kind.cause not in {e.cause for e in catalogue(delta, delta.model())}
+    with pytest.raises(InputError, match=f"effect {kind.cause}: a six_rod_delta has no such part"):
+        effect_named(kind.cause, delta, delta.model(), {})
+
+
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.cause)
+def test_a_typical_effect_moves_the_platform_by_no_more_than_machines_do(kind):
+    """From a hundredth of a millimetre to some centimetres: units are right."""
+    effect = kind(ROBOT, CABLES)
+    size = np.array([p.prior for p in effect.parameters])
+    q = AT.joint + effect.columns(AT) @ size
+    moved = np.linalg.norm(CABLES.forward(q, G)[:, :3] - X[:, :3], axis=1)
+    assert 1e-5 < moved.max() < 50e-3
+
+
+def test_drum_scale_is_an_error_of_k():
+    effect, share = DrumScale(ROBOT, CABLES), np.linspace(-2e-3, 2e-3, 8)
+    wrong = G.copy()
+    wrong[CABLES.parameters.row("gain_1") :: 7] *= 1 + share
+    shifted = AT.joint + effect.columns(AT) @ share
+    np.testing.assert_allclose(CABLES.closure(shifted, X, G), CABLES.closure(AT.joint, X, wrong))
+
+
+def test_build_up_is_a_spiral_summed_over_its_turns():
+    """Turn by turn: a circle of the radius it has, less a layer each turn (in thin slices)."""
+    radius, build_up, turns, slices = 75e-3, 68.75e-6, 12, 4000
+    length = 0.0
+    area = np.pi * radius**2  # of the wound drum, seen along its axis
+    for _ in range(turns * slices):
+        here = np.sqrt(area / np.pi)
+        piece = 2 * np.pi * here / slices
+        length += piece
+        area -= np.pi * build_up * piece  # what leaves, leaves its cross-section
+    turn = np.array(2 * np.pi * turns)
+    assert let_out(turn, np.array(radius), build_up) == pytest.approx(length, rel=1e-5)
+    assert length < 0.99 * radius * turn
+
+
+def test_build_up_acts_through_gear_and_tackle():
+    """Two lines on the drum a line at the platform wind twice as much, and halve the rest."""
+    d = replace(FOUR_CABLES, gear=np.full(4, 12.75), tackle=np.array([1.0, 2.0, 2.0, 4.0]))
+    robot, turn = CableRobot(d, TOLERANCES), np.array([[50.0, -80.0, 120.0, 200.0]])
+    build_up = 70e-6
+    shift = DrumBuildUp(ROBOT, robot).columns(at_rest(turn))[..., 0] * build_up
+    drum = turn / 12.75
+    wanted = (0.05 * drum - build_up * drum**2 / 4) / d.tackle
+    np.testing.assert_allclose(d.gain * (turn + shift), wanted, rtol=1e-12)
+
+
+def test_elasticity_is_what_unstretched_lengths_under_tension_give():
+    """l_u (1 + T/EA), each cable let out from an unstretched home length; second order 1e-3."""
+    stiffness, effect = 4e5, CableElasticity(ROBOT, CABLES)
+    home_pull = CABLES.tensions(EIGHT_CABLES.home[None], G, weight(EIGHT_CABLES.home[None], 0.0))
+    pull = CABLES.tensions(X, G, weight(X, 5.0))
+    home = CABLES.lengths(EIGHT_CABLES.home[None], G) / (1 + home_pull / stiffness)
+    length = (home + EIGHT_CABLES.gain * AT.joint) * (1 + pull / stiffness)
+    added = length - CABLES.lengths(X, G)
+    shift = EIGHT_CABLES.gain * (effect.columns(AT)[..., 0] / stiffness)
+    np.testing.assert_allclose(shift, added, atol=3e-3 * np.abs(added).max())
+    assert 1e-4 < np.abs(added).max() < 5e-3  # a real machine's
+
+
+def weight(x, payload):
+    """dU/dx by differences of the height of the masses, (n, 6)."""
+    def energy(pose):
+        arm = CABLES.rotation(pose[None])[0] @ [0.02, -0.01, 0.05]
+        return GRAVITY * ((20.0 + payload) * pose[2] + payload * arm[2])
+
+    h = 1e-6
+    return np.array(
+        [[(energy(p + d) - energy(p - d)) / (2 * h) for d in h * np.eye(6)] for p in x]
+    )
+
+
+@pytest.mark.parametrize(("level", "rise"), [(3.0, 0.0), (3.0, 1.5), (1.0, 2.5), (4.0, -1.0)])
+def test_sag_is_a_catenary_integrated_along_its_arc(level, rise):
+    """y = a cosh((s - s_0) / a) through both ends; T: its pull along the chord in the middle."""
+    weight_each, level_force = 0.6, 60.0
+    a = level_force / weight_each
+    start = brentq(lambda s: a * (np.cosh((s + level) / a) - np.cosh(s / a)) - rise, -500, 500)
+    arc = quad(lambda s: np.cosh((s + start) / a), 0, level, epsabs=1e-13)[0]
+    chord = np.hypot(level, rise)
+    along = level_force * chord / level
+    written = weight_each**2 * slack_of_sag(np.array(chord), np.array(level), np.array(along))
+    assert written == pytest.approx(arc - chord, rel=2e-3)
+    assert arc - chord > 1e-6
+
+
+def test_sag_is_shared_out_by_horizontal_span_and_pull():
+    effect = CableSag(ROBOT, CABLES)
+    pull = CABLES.tensions(X, G, weight(X, 5.0))
+    vector = EIGHT_CABLES.anchors - X[:, None, :3] - np.einsum(
+        "nij,mj->nmi", CABLES.rotation(X), EIGHT_CABLES.joints
+    )
+    chord, level = np.linalg.norm(vector, axis=-1), np.linalg.norm(vector[..., :2], axis=-1)
+    slack = level**2 * chord / (24 * pull**2)
+    shift = -EIGHT_CABLES.gain * effect.columns(AT)[..., 0]
+    at_home = (slack - shift)[:1]  # the same for all poses: what the zero took up
+    np.testing.assert_allclose(shift + at_home, slack, rtol=1e-6)
+    assert (at_home > 0).all()
+
+
+def test_sag_of_a_slack_cable_is_refused():
+    loose = CableRobot(replace(EIGHT_CABLES, pretension=0.0), TOLERANCES)
+    effect = CableSag(ROBOT, loose)
+    assert effect.missing(AT) == "a cable is slack"
+    assert not CableSag(ROBOT, CABLES).missing(AT)
+    assert CableSag(ROBOT, CABLES).missing(at_rest(AT.joint)) == "the payload is not known"
+    with pytest.raises(ReachError, match=r"cable_\d is slack"):
+        effect.columns(AT)
+
+
+@pytest.mark.parametrize(("level", "above"), [(2.0, -1.0), (1.5, 1.0), (0.5, -2.0), (3.0, 0.0)])
+def test_pulley_is_a_taut_string_around_a_disc(level, above):
+    """Boundary of the convex hull of the disc, a far point down the swivel axis and the joint."""
+    radius, far, count = 0.05, 20.0, 100_000
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    disc = radius * np.column_stack([1 + np.cos(turn), np.sin(turn)])
+    below, joint = np.array([0.0, -far]), np.array([level, above])
+    points = np.vstack([disc, below, joint])
+    hull = ConvexHull(points).vertices.tolist()
+    first, last = hull.index(count), hull.index(count + 1)
+    ring = [hull[(first + step) % len(hull)] for step in range(len(hull) + 1)]
+    cut = (last - first) % len(hull)
+    sides = ring[: cut + 1], ring[cut:]
+    lengths = [np.linalg.norm(np.diff(points[side], axis=0), axis=1).sum() for side in sides]
+    over = max(zip(map(len, sides), lengths, strict=True))[1]  # the side with the disc in it
+    string = over - far
+    written = np.hypot(level, above) + excess(np.array(level), np.array(above), radius)
+    assert written == pytest.approx(string, abs=1e-8)
+
+
+def test_pulley_is_exact_at_the_radius_that_was_found():
+    effect, radius = PulleyRadius(ROBOT, CABLES), np.array([0.03])
+    refined = effect.refined(radius)
+    assert refined.settings == {"radius": 0.03}
+    roughly, exactly = (e.columns(AT) @ radius * EIGHT_CABLES.gain for e in (effect, refined))
+    second = 0.03**2  # over a length of about a metre and more
+    assert 1e-6 < np.abs(roughly - exactly).max() < second
+    assert 1e-3 < np.abs(exactly).max() < 60e-3
+    assert effect.refined(np.array([-0.1])).radius == 0.0
