@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from delta_calibration.chain import Chain
-from delta_calibration.effects import EFFECTS, Effect, Stage, effect_named
+from delta_calibration.effects import EFFECTS, Effect, Stage, catalogue, effect_named
 from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
@@ -20,7 +20,8 @@ ROBOT = load_robot("srbd")
 MODELS = ("rotary_delta", "six_rod_delta")
 OFFSET = np.array([0.06, -0.03, 0.02])
 FRAME = Frame.from_vector(np.array([0.3, -0.2, 1.9, -2.0, 1.0, 0.5]))
-ALL = [(model, cause) for model in MODELS for cause in (*EFFECTS, "unexplained")]
+CAUSES = [effect.cause for effect in catalogue(ROBOT, ROBOT.model())]
+ALL = [(model, cause) for model in MODELS for cause in (*CAUSES, "unexplained")]
 each_effect = pytest.mark.parametrize(("model", "cause"), ALL)
 SETTINGS = {
     "tracker_drift": {"time_constant": 1800.0},

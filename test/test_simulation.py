@@ -136,7 +136,8 @@ def test_a_hidden_cause_changes_nothing_else_of_the_machine():
 
 def test_every_dimension_that_is_offered_can_be_hidden():
     plain = draw_machine(ROBOT, 5)
-    causes = [c for c in hideable_causes(plain.robot, plain.chain) if c not in (*EFFECTS, "smr_offset")]
+    effects = (*EFFECTS, "smr_offset")
+    causes = [c for c in hideable_causes(ROBOT, plain.chain) if c not in effects]
     assert len(causes) == 7
     for cause in causes:
         theta = draw_machine(ROBOT, 5, hidden={cause: {"location": "joint_1"}}).theta

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from delta_calibration.effects import EFFECTS
+from delta_calibration.effects import catalogue
 from delta_calibration.errors import InputError
 from delta_calibration.plans import legs, make_plan
 from delta_calibration.robot import load_robot
@@ -26,6 +26,7 @@ from delta_calibration.simulation import (
 from six_rods import SixRods
 
 ROBOT = load_robot("srbd")
+EFFECTS = [effect.cause for effect in catalogue(ROBOT, ROBOT.model())]
 RATE, PERIOD = 20.0, 120.0
 GRAVITY = 9.80665
 
