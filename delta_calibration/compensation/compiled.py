@@ -127,7 +127,7 @@ class CompiledGeometry:
             self._geometry,
             _rows(q),
             _rows(target),
-            *_drawn(s),
+            *drawn_beforehand(s),
             (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social),
         )
         return Correction(dq, error, evaluations, converged=error <= s.tolerance)
@@ -148,7 +148,7 @@ class CompiledApso:
     def __post_init__(self) -> None:
         """Take the first command's delay now."""
         _swarm_kernel()
-        _drawn(self.settings)
+        drawn_beforehand(self.settings)
 
     def correct(self, q: Array, target: Array) -> Correction:
         """Search the correction of every command; see `Apso.correct`."""
@@ -210,7 +210,7 @@ def _swarm_kernel() -> Any:
 
 
 @lru_cache(maxsize=8)
-def _drawn(s: ApsoSettings) -> tuple[Array, Array, Array]:
+def drawn_beforehand(s: ApsoSettings) -> tuple[Array, Array, Array]:
     """First places, random numbers and gains of entropy: see swarm_kernel.py.
 
     All random numbers that a search can use up are a quarter of a megabyte at the usual settings.
