@@ -59,8 +59,9 @@ lint: install ## ruff, mypy --strict on the package, codespell
 study: install ## put the diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
 	@PYTHONPATH=test:benchmarks $(PY) -m study $(STUDY_ARGS)
 
-bench: install ## time the kernels, fits and bag reading
+bench: install ## time the kernels, fits and bag reading; the swarm beside others (EXTRAS=bench,... for all)
 	@$(PY) benchmarks/run.py
+	@$(PY) benchmarks/compensation.py
 
 clean: ## remove what was built and written, but not .venv
 	@rm -rf build install log dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

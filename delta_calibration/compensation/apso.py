@@ -19,6 +19,8 @@ further off than no correction. A target leaves the search when it is within the
 Every target sees the *same* stream of random numbers, made from `seed` alone. Its answer depends
 then on the seed, the target and the command, not on its row or its neighbours in the batch; and
 along a path the corrections of neighbouring targets vary together.
+
+This is the law to read, for any mechanism; `CompiledApso` is the same one for a Delta, compiled.
 """
 
 from __future__ import annotations
@@ -104,7 +106,7 @@ def swarm_entropy(x: Array, bound: float) -> Array:
     bins = np.clip(np.floor((along + 1.0) * (0.5 * m)).astype(np.int64), 0, m - 1)
     places = bins + m * np.arange(n)[:, None]
     counts = np.bincount(places.ravel(), minlength=n * m).reshape(n, m)
-    return np.asarray(np.sum(_entropy_terms(m)[counts], axis=1) / np.log(m))
+    return np.asarray(np.sum(entropy_terms(m)[counts], axis=1) / np.log(m))
 
 
 def inertia(entropy: Array) -> Array:
@@ -124,6 +126,24 @@ def velocity(v: Array, own: Array, leader: Array, w: Array, s: ApsoSettings) -> 
     """
     most = s.velocity_fraction * 2.0 * s.bound_rad
     return np.clip(w[:, None] * v + s.cognitive * own + s.social * leader, -most, most)
+
+
+def stream(s: ApsoSettings) -> np.random.Generator:
+    """Return the random numbers of a search from their beginning: Philox 4x64, counter-based."""
+    return np.random.Generator(np.random.Philox(s.seed))
+
+
+def first_places(draws: np.random.Generator, joints: int, s: ApsoSettings) -> Array:
+    """Return where the particles start, (joints, m) [rad]: over the box, the first at dq = 0."""
+    start = s.bound_rad * (2.0 * draws.random((joints, s.particles)) - 1.0)
+    start[:, 0] = 0.0
+    return np.asarray(start)
+
+
+def entropy_terms(m: int) -> Array:
+    """Return -q ln q, q = h / m, of a bin with h = 0..m of the m particles; 0 for an empty one."""
+    q = np.arange(m + 1) / m
+    return -q * np.log(np.where(q > 0.0, q, 1.0))
 
 
 @dataclass(frozen=True)
@@ -180,10 +200,8 @@ class _Swarm:
     def __init__(self, n: int, joints: int, s: ApsoSettings) -> None:
         """Spread the particles over the box, alike for every target, the first at dq = 0."""
         self._settings = s
-        self._draws = np.random.Generator(np.random.Philox(s.seed))
-        start = s.bound_rad * (2.0 * self._draws.random((joints, 1, s.particles)) - 1.0)
-        start[..., 0] = 0.0
-        self.x = np.repeat(start, n, axis=1)
+        self._draws = stream(s)
+        self.x = np.repeat(first_places(self._draws, joints, s)[:, None], n, axis=1)
         self._v = np.zeros_like(self.x)
         self._own = self.x.copy()  # p_i
         self._fitness = np.full((n, s.particles), np.inf)  # f(p_i)
@@ -216,9 +234,3 @@ class _Swarm:
         leader = self.best()[0].T[:, :, None]
         self._v = velocity(self._v, r1 * (self._own - self.x), r2 * (leader - self.x), w, s)
         self.x = np.clip(self.x + self._v, -s.bound_rad, s.bound_rad)
-
-
-def _entropy_terms(m: int) -> Array:
-    """Return -q ln q, q = h / m, of a bin with h = 0..m of the m particles; 0 for an empty one."""
-    q = np.arange(m + 1) / m
-    return -q * np.log(np.where(q > 0.0, q, 1.0))

@@ -1,19 +1,27 @@
 """A Delta's geometry as compiled functions, in the form that the ways of compensating take.
 
-numba is imported, and the functions compiled or loaded, with the first `CompiledGeometry`: a
-program that does not compensate at a high rate need not pay for either.
+numba is imported, and the functions compiled or loaded, with the first `CompiledGeometry` (the
+swarm's with the first `CompiledApso`): a program that does not compensate at a high rate need not
+pay for either.
 """
 
 from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.compensation.apso import (
+    ApsoSettings,
+    entropy_terms,
+    first_places,
+    stream,
+)
 from delta_calibration.compensation.base import Correction, checked_commands
 from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.errors import InputError
@@ -113,6 +121,40 @@ class CompiledGeometry:
         )
         return Correction(dq, error, evaluations, converged=error <= s.tolerance)
 
+    def swarm(self, q: Array, target: Array, s: ApsoSettings) -> Correction:
+        """`Apso.correct`, for finite commands (n, 3) [rad] and targets (n, 3) [m]."""
+        dq, error, evaluations = _swarm_kernel().search(
+            self._geometry,
+            _rows(q),
+            _rows(target),
+            *drawn_beforehand(s),
+            (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social),
+        )
+        return Correction(dq, error, evaluations, converged=error <= s.tolerance)
+
+
+@dataclass(frozen=True)
+class CompiledApso:
+    """`Apso` as one compiled function: the same swarms on the same random numbers.
+
+    The corrections are those of `Apso` but for rounding (1e-12 rad where the target is reached),
+    and depend on neither row nor neighbours, to the last bit. Compiles, or loads what an earlier
+    process compiled, when it is made.
+    """
+
+    geometry: CompiledGeometry
+    settings: ApsoSettings = field(default_factory=ApsoSettings)
+
+    def __post_init__(self) -> None:
+        """Take the first command's delay now."""
+        _swarm_kernel()
+        drawn_beforehand(self.settings)
+
+    def correct(self, q: Array, target: Array) -> Correction:
+        """Search the correction of every command; see `Apso.correct`."""
+        q, target, usable = checked_commands(q, target)
+        return self.geometry.swarm(q[usable], target[usable], self.settings).spread(usable)
+
 
 @dataclass(frozen=True)
 class CompiledNewton:
@@ -160,6 +202,24 @@ class CompiledDrawing(RotaryDelta):
 def _kernel() -> Any:
     """The compiled functions."""
     return import_module("delta_calibration.compensation.kernel")
+
+
+def _swarm_kernel() -> Any:
+    """The compiled swarm; apart, as who wants no swarm need not wait for it."""
+    return import_module("delta_calibration.compensation.swarm_kernel")
+
+
+@lru_cache(maxsize=8)
+def drawn_beforehand(s: ApsoSettings) -> tuple[Array, Array, Array]:
+    """First places, random numbers and gains of entropy: see swarm_kernel.py.
+
+    All random numbers that a search can use up are a quarter of a megabyte at the usual settings.
+    """
+    draws = stream(s)
+    start = first_places(draws, LEGS, s).ravel()
+    moves = draws.random(s.iterations * 2 * start.size)
+    gains = np.diff(entropy_terms(s.particles)) / np.log(s.particles)
+    return start, moves, gains
 
 
 def _typical_gain(mechanism: Mechanism) -> float:

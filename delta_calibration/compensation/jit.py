@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from hashlib import blake2s
+from inspect import getsource
+from types import ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -10,16 +13,23 @@ import numba
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def compiled(signature: str | None = None) -> Callable[[_Function], _Function]:
+def compiled(
+    signature: str | None = None, *others: ModuleType
+) -> Callable[[_Function], _Function]:
     """Compile a function, at once if it has a signature, and keep the result for later processes.
 
-    A function and those that it calls have to be in one file: what was kept is thrown away when
-    its own file changes, and only then. Where no folder can be written (installed by root, run by
-    a user without a home), each process compiles for itself.
+    What was kept is thrown away when the function's own file changes, and only then: `others` are
+    the other files of which functions end up in this one. Their sources become part of the name
+    that the result is kept under. Where no folder can be written (installed by root, run by a user
+    without a home), each process compiles for itself.
     """
     njit: Any = numba.njit  # typed in some of numba's versions, in others not
+    sources = "".join(map(getsource, others)).encode()
 
     def decorate(function: _Function) -> _Function:
+        if others:
+            digest = blake2s(sources, digest_size=8).hexdigest()
+            function.__qualname__ = f"{function.__qualname__}_{digest}"
         try:
             made = njit(signature, cache=True, error_model="numpy")(function)
         except RuntimeError:

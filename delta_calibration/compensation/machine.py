@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 from delta_calibration.chain import Chain
 from delta_calibration.compensation.apso import Apso, ApsoSettings
 from delta_calibration.compensation.base import Compensator
-from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton, available
+from delta_calibration.compensation.compiled import (
+    CompiledApso,
+    CompiledGeometry,
+    CompiledNewton,
+    available,
+)
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 from delta_calibration.errors import InputError
 
@@ -29,7 +34,7 @@ class Machine:
         method: one of `METHODS`.
         bound: largest correction of a joint [rad].
         seed: of the swarm.
-        compiled: whether the geometry is to be compiled.
+        compiled: whether geometry and solver are to be compiled.
 
     Raises:
         InputError: no such method.
@@ -83,7 +88,8 @@ class Machine:
 
     def _make_solver(self) -> Compensator:
         if self._method == "apso":
-            return Apso(self.point, ApsoSettings(bound_rad=self._bound, seed=self._seed))
+            law = ApsoSettings(bound_rad=self._bound, seed=self._seed)
+            return Apso(self.point, law) if self.fast is None else CompiledApso(self.fast, law)
         settings = NewtonSettings(bound_rad=self._bound)
         if self.fast is not None:
             return CompiledNewton(self.fast, settings)

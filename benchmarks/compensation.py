@@ -1,0 +1,269 @@
+"""The swarm beside other ways to the same correction, to 1e-3 mm: `make bench`.
+
+    python benchmarks/compensation.py                       the table
+    python benchmarks/compensation.py --failures 200000     how often the swarm fails
+
+The same three-sphere Delta, drawn within its tolerances, the same commands and targets for all,
+one core, in one run. Times are the processor's, and of a target the least of a few: other programs
+only add to it. Median, p99 and spread are those over the targets. A library that is not installed
+is named and left out: pip install '.[bench]'.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import dist
+from time import process_time
+
+for library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+# The libraries read these variables when they are loaded, hence the imports after them.
+# ruff: noqa: E402
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+import plain_swarm
+from delta_calibration.compensation import (
+    Apso,
+    ApsoSettings,
+    NewtonSettings,
+    kernel,
+    swarm_kernel,
+)
+from delta_calibration.compensation.compiled import CompiledGeometry, drawn_beforehand
+from delta_calibration.mechanisms import Mechanism
+from delta_calibration.robot import Robot, load_robot
+from swarm_rivals import RIVALS, Objective, Solver, installed, root, solve
+
+Array = NDArray[np.float64]
+Way = Callable[[slice], tuple[Array, float]]  # rows of the task -> corrections, evaluations
+
+TOLERANCE = 1e-6  # [m]
+SINGLE, SLOW, BATCH = 2000, 20, 10_000  # targets
+REPEATS, FEW = 10, 3  # times that each is corrected, the few where it takes long
+RADIUS, LOW, HIGH = 0.5, -0.83, -0.63  # [m] the paper's disc, 200 mm high
+
+
+@dataclass(frozen=True)
+class Task:
+    """One machine, the commands it is given and the points they mean."""
+
+    mechanism: Mechanism
+    geometry: Array
+    q: Array  # (n, 3) [rad]
+    target: Array  # (n, 3) [m]
+    settings: ApsoSettings
+
+    @property
+    def compiled(self) -> CompiledGeometry:
+        """The machine, compiled."""
+        return CompiledGeometry(self.mechanism, self.geometry, np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one way cost; batches have one time each, shared out."""
+
+    name: str
+    seconds: Array  # a target, of each batch
+    evaluations: float
+    reached: int
+    tried: int
+
+
+def commands(robot: Robot, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Points spread over the disc, (n, 3) [m], and the drawing's joints for them, [rad]."""
+    radius, angle = RADIUS * np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
+    height = rng.uniform(LOW, HIGH, n)
+    target = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    drawing = robot.model("rotary_delta")
+    return drawing.inverse(target, drawing.parameters.nominal), target
+
+
+def drawn(mechanism: Mechanism, rng: np.random.Generator) -> Array:
+    """Parameters (p,) of a machine within its tolerances."""
+    parameters = mechanism.parameters
+    return np.asarray(parameters.nominal + parameters.prior * rng.standard_normal(len(parameters)))
+
+
+def make_task(n: int, seed: int) -> Task:
+    """The machine and the targets that all ways are tried on."""
+    robot, rng = load_robot("srbd"), np.random.default_rng(seed)
+    mechanism = robot.model("rotary_delta")
+    q, target = commands(robot, n, rng)
+    settings = ApsoSettings(bound_rad=robot.limits.correction, tolerance=TOLERANCE)
+    return Task(mechanism, drawn(mechanism, rng), q, target, settings)
+
+
+def timed(task: Task, name: str, way: Way, n: int, size: int = 1) -> Row:
+    """Let a way correct n targets, `size` at once, again and again; the least of each counts.
+
+    What it reached is judged by numpy's model.
+    """
+    batches = [slice(first, first + size) for first in range(0, n, size)]
+    seconds = np.full(len(batches), np.inf)
+    for _ in range(REPEATS if n > SLOW else FEW):
+        found = []
+        for i, batch in enumerate(batches):
+            start = process_time()
+            found.append(way(batch))
+            seconds[i] = min(seconds[i], (process_time() - start) / size)
+    dq = np.concatenate([each for each, _ in found])
+    gap = np.linalg.norm(point(task)(task.q[:n] + dq) - task.target[:n], axis=1)
+    reached = int(np.sum(gap <= TOLERANCE * (1 + 1e-6)))
+    return Row(name, seconds, float(np.mean([count for _, count in found])), reached, n)
+
+
+def point(task: Task) -> Callable[[Array], Array]:
+    """The mechanism's point by numpy, (..., 3) -> (..., 3) [m]."""
+
+    def at(q: Array) -> Array:
+        found = task.mechanism.forward(q.reshape(-1, 3), task.geometry)
+        return np.asarray(found).reshape(q.shape)
+
+    return at
+
+
+def our_swarms(task: Task) -> Iterator[Row]:
+    """The compiled function, called as `CompiledApso` calls it; numpy; plain Python."""
+    s, compiled = task.settings, task.compiled
+    constants = (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social)
+    random_numbers, by_numpy = drawn_beforehand(s), Apso(point(task), s)
+
+    def compiled_swarm(rows: slice) -> tuple[Array, float]:
+        dq, _, evaluations = swarm_kernel.search(
+            compiled._geometry, task.q[rows], task.target[rows], *random_numbers, constants
+        )
+        return dq, evaluations.mean()
+
+    def numpy_swarm(rows: slice) -> tuple[Array, float]:
+        found = by_numpy.correct(task.q[rows], task.target[rows])
+        return found.dq, found.evaluations.mean()
+
+    def plain(rows: slice) -> tuple[Array, float]:
+        i, spheres = rows.start, compiled._geometry[0].tolist()
+        q, p = task.q[i].tolist(), task.target[i].tolist()
+
+        def distance(dq: list[float]) -> float:
+            there = [a + b for a, b in zip(q, dq, strict=True)]
+            try:
+                return dist(plain_swarm.meeting_point(spheres, there), p)
+            except ValueError:
+                return np.inf
+
+        dq, _, evaluations = plain_swarm.search(distance, 3, s, random.Random(i))
+        return np.array([dq]), evaluations
+
+    yield timed(task, "APSO, compiled", compiled_swarm, SINGLE)
+    yield timed(task, f"APSO, compiled, {BATCH} at once", compiled_swarm, BATCH, BATCH)
+    yield timed(task, "APSO, numpy", numpy_swarm, SLOW)
+    yield timed(task, "APSO, numpy, 256 at once", numpy_swarm, 256, 256)
+    yield timed(task, "APSO, plain Python loop", plain, SLOW)
+
+
+def rivals(task: Task) -> Iterator[Row]:
+    """The libraries, each on the first targets."""
+    fast, bound = task.compiled.point, task.settings.bound_rad
+
+    def by(solver: Solver) -> Way:
+        def way(rows: slice) -> tuple[Array, float]:
+            f = Objective(fast, task.q[rows], task.target[rows], bound, TOLERANCE)
+            solve(solver, f, rows.start)
+            return bound * f.best[None], f.evaluations
+
+        return way
+
+    for name, solver in RIVALS.items():
+        if installed(name):
+            yield timed(task, name, by(solver), SLOW)
+        else:
+            print(f"{name} is not installed: pip install '.[bench]'", file=sys.stderr)
+    yield timed(task, "scipy root", by(root), SINGLE)
+
+
+def direct(task: Task) -> Iterator[Row]:
+    """What needs no swarm: Newton's method compiled, and the closed form by numpy."""
+    geometry = task.compiled._geometry
+    s = NewtonSettings(task.settings.bound_rad, TOLERANCE)
+    settings = (s.bound_rad, s.tolerance, s.condition_limit, s.iterations, s.halvings)
+
+    def newton(rows: slice) -> tuple[Array, float]:
+        dq, _, evaluations = kernel.newton(*geometry, task.q[rows], task.target[rows], settings)
+        return dq, evaluations.mean()
+
+    def closed(rows: slice) -> tuple[Array, float]:
+        q = task.mechanism.inverse(task.target[rows], task.geometry)
+        return q - task.q[rows], 0.0
+
+    yield timed(task, "Newton, compiled", newton, SINGLE)
+    yield timed(task, f"Newton, compiled, {BATCH} at once", newton, BATCH, BATCH)
+    yield timed(task, "closed form, numpy", closed, SINGLE)
+    yield timed(task, f"closed form, {BATCH} at once", closed, BATCH, BATCH)
+
+
+def table(rows: list[Row]) -> str:
+    """The rows as Markdown; ratios to the first one's median, 10th to 90th percentile."""
+    head = "way, median [us], p99 [us], times the first (10 % to 90 %), evaluations, reached"
+    columns = head.split(", ")
+    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
+    unit = np.median(rows[0].seconds)
+    for row in rows:
+        median, p99 = 1e6 * np.median(row.seconds), 1e6 * np.percentile(row.seconds, 99)
+        low, middle, high = np.percentile(row.seconds, [10, 50, 90]) / unit
+        ratio = f"{middle:.3g} ({low:.3g} to {high:.3g})"
+        counts = f"{row.evaluations:.0f} | {row.reached} of {row.tried}"
+        lines.append(f"| {row.name} | {median:.3g} | {p99:.3g} | {ratio} | {counts} |")
+    return "\n".join(lines)
+
+
+def failures(n: int, model: str, per_machine: int = 10) -> int:
+    """Searches that end farther than `TOLERANCE` from their target, of n; said by numpy's model.
+
+    Each machine is drawn within its tolerances, has targets of its own, and its number is the
+    swarm's seed.
+    """
+    robot = load_robot("srbd")
+    mechanism, rng = robot.model(model), np.random.default_rng(0)
+    settings = ApsoSettings(bound_rad=robot.limits.correction, tolerance=TOLERANCE)
+    compiled = CompiledGeometry(mechanism, mechanism.parameters.nominal, np.zeros(3))
+    failed, most = 0, 0
+    for number in tqdm(range(0, n, per_machine), disable=not sys.stderr.isatty()):
+        geometry = drawn(mechanism, rng)
+        q, target = commands(robot, min(per_machine, n - number), rng)
+        law = replace(settings, seed=number)
+        found = compiled.at(geometry).swarm(q, target, law)
+        there = mechanism.forward(q + found.dq, geometry)[:, :3]
+        missed = ~(np.linalg.norm(there - target, axis=1) <= TOLERANCE * (1 + 1e-6))
+        failed, most = failed + int(missed.sum()), max(most, int(found.evaluations.max()))
+    print(f"{failed} of {n} searches failed, {model}; at most {most} evaluations of a target")
+    return failed
+
+
+def main() -> int:
+    """Print the table, or the number of failures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--failures", type=int, metavar="N", help="count failures of N searches")
+    parser.add_argument("--model", default="rotary_delta", help="of the machines with --failures")
+    chosen = parser.parse_args()
+    if chosen.failures is not None:
+        return int(failures(chosen.failures, chosen.model) > 0)
+    task = make_task(BATCH, seed=0)
+    home = os.getcwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)  # pyswarms leaves a log wherever it runs
+        rows = [*our_swarms(task), *rivals(task), *direct(task)]
+        os.chdir(home)
+    print(table(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,244 @@
+"""The compiled swarm is the one of apso.py: the same particles at the same places."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.chain import Chain
+from delta_calibration.compensation import Apso, ApsoSettings, NewtonSettings, swarm_kernel
+from delta_calibration.compensation.compiled import CompiledApso, CompiledGeometry, CompiledNewton
+from delta_calibration.compensation.machine import Machine
+from delta_calibration.errors import InputError
+from delta_calibration.robot import load_robot
+from six_rods import SixRods, workspace
+
+ROBOT = load_robot("srbd")
+DELTAS = ("rotary_delta", "six_rod_delta")
+TOOL = np.array([0.02, -0.03, -0.08])
+BOUND = ROBOT.limits.correction
+HUNDREDTH = ApsoSettings(bound_rad=BOUND, tolerance=1e-5)  # quick by numpy too
+
+
+class Made:
+    """A machine drawn within its tolerances, and its point by numpy."""
+
+    def __init__(self, name, seed=0):
+        self.mechanism = ROBOT.model(name)
+        parameters, rng = self.mechanism.parameters, np.random.default_rng(seed)
+        drawn = parameters.prior * rng.standard_normal(len(parameters))
+        self.errors = dict(zip(parameters.names, drawn, strict=True))
+        self.geometry = parameters.nominal + drawn
+        self.chain = Chain(self.mechanism, np.zeros(3), 0.05)
+        self.compiled = CompiledGeometry(self.mechanism, self.geometry, TOOL)
+
+    def point(self, q):
+        rows = q.reshape(-1, 3)
+        with np.errstate(invalid="ignore"):
+            x = self.mechanism.forward(rows, self.geometry)
+        return self.chain.point(x, TOOL).reshape(q.shape)
+
+
+def tasks(n, seed=0):
+    """Commands, and the points that the drawing means by them."""
+    q, drawing = workspace(n, np.random.default_rng(seed)), ROBOT.model("rotary_delta")
+    return q, drawing.forward(q, drawing.parameters.nominal) + TOOL
+
+
+def assert_same(found, expected):
+    """Particle by particle, but for rounding.
+
+    A swarm that cannot reach its target draws together where the distance is least and so flat:
+    places 1e-9 rad apart are equally good there but for rounding, and rounding decides.
+    """
+    np.testing.assert_array_equal(found.converged, expected.converged)
+    done = found.converged
+    np.testing.assert_allclose(found.dq[done], expected.dq[done], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.dq, expected.dq, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.error, expected.error, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found.evaluations, expected.evaluations)
+
+
+@pytest.mark.parametrize(("name", "n"), [("rotary_delta", 100), ("six_rod_delta", 5)])
+def test_it_is_the_swarm_of_numpy(name, n):
+    made, (q, target) = Made(name), tasks(n)
+    settings = ApsoSettings(bound_rad=BOUND, seed=3)
+    found = CompiledApso(made.compiled, settings).correct(q, target)
+    assert_same(found, Apso(made.point, settings).correct(q, target))
+    assert found.converged.all()
+    assert len(np.unique(found.evaluations)) > 3  # not all alike
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"bound_rad": 1e-3},  # many of the corrections are larger
+        {"bound_rad": swarm_kernel.SHORT, "iterations": 40},
+        {"bound_rad": 0.2},  # beyond the series
+        {"particles": 17},
+        {"particles": 101},
+        {"iterations": 1},
+        {"iterations": 7},
+        {"velocity_fraction": 0.5},
+        {"cognitive": 1.4, "social": 2.3},
+        {"seed": 12},
+    ],
+    ids=str,
+)
+def test_every_setting_means_the_same(change):
+    settings = ApsoSettings(**{"bound_rad": BOUND, "tolerance": 1e-6, **change})
+    made, (q, target) = Made("rotary_delta", 1), tasks(30, 1)
+    expected = Apso(made.point, settings).correct(q, target)
+    assert_same(CompiledApso(made.compiled, settings).correct(q, target), expected)
+
+
+@pytest.mark.parametrize("bound", [BOUND, 0.2])
+def test_what_is_out_of_reach_is_treated_alike(bound):
+    """Part of the box has no pose, and some targets nothing reaches."""
+    made = Made("rotary_delta", 2)
+    settings = ApsoSettings(bound_rad=bound, tolerance=1e-3, iterations=60)
+    rng = np.random.default_rng(2)
+    q = rng.uniform(-np.pi, np.pi, (4000, 3))
+    around = made.point(q + bound * rng.uniform(-1, 1, (40, 1, 3)))
+    reached = np.isfinite(around).all(axis=2)
+    some = np.flatnonzero(reached.any(axis=0) & ~reached.all(axis=0))[:40]
+    q, target = q[some], around[reached.argmax(axis=0)[some], some]
+    target[::5] = [0.0, 0.0, -3.0]
+    q[7], target[8, 1] = np.nan, np.inf
+    expected = Apso(made.point, settings).correct(q, target)
+    found = CompiledApso(made.compiled, settings).correct(q, target)
+    assert_same(found, expected)
+    assert len(q) == 40
+    assert np.isinf(found.error).any()
+    assert 5 < found.converged.sum() < 35
+
+
+@pytest.mark.parametrize("name", DELTAS)
+def test_a_target_has_one_answer_whatever_the_batch(name):
+    n = 200 if name == "rotary_delta" else 20
+    solver, (q, target) = CompiledApso(Made(name).compiled, HUNDREDTH), tasks(n)
+    together = solver.correct(q, target)
+    order = np.random.default_rng(0).integers(0, n, n)  # another order, some twice, some not
+    shuffled = solver.correct(q[order], target[order])
+    np.testing.assert_array_equal(shuffled.dq, together.dq[order])
+    np.testing.assert_array_equal(shuffled.error, together.error[order])
+    halves = [solver.correct(q[part], target[part]).dq for part in (slice(0, 7), slice(7, n))]
+    np.testing.assert_array_equal(np.concatenate(halves), together.dq)
+    for row in (0, n // 2, n - 1):
+        alone = solver.correct(q[[row]], target[[row]])
+        np.testing.assert_array_equal(alone.dq[0], together.dq[row])
+    again = CompiledApso(Made(name).compiled, HUNDREDTH).correct(q, target)
+    np.testing.assert_array_equal(again.dq, together.dq)
+
+
+def test_another_seed_is_another_search():
+    made, (q, target) = Made("rotary_delta"), tasks(50)
+    one, two = (
+        CompiledApso(made.compiled, ApsoSettings(bound_rad=BOUND, seed=seed)).correct(q, target)
+        for seed in (0, 1)
+    )
+    assert np.all(np.any(one.dq != two.dq, axis=1))
+    np.testing.assert_allclose(one.dq, two.dq, rtol=0, atol=2e-6)
+
+
+def test_it_brings_a_machine_written_apart_to_its_targets():
+    made, (q, target) = Made("six_rod_delta", 5), tasks(30, 5)
+    apart = SixRods(made.errors)
+    before = np.linalg.norm(apart.point(q, TOOL) - target, axis=1)
+    settings = ApsoSettings(bound_rad=BOUND, tolerance=1e-6)
+    found = CompiledApso(made.compiled, settings).correct(q, target)
+    after = np.linalg.norm(apart.point(q + found.dq, TOOL) - target, axis=1)
+    assert before.min() > 1e-5
+    assert after.max() <= 1e-6
+    np.testing.assert_allclose(found.error, after, rtol=0, atol=1e-11)
+
+
+def test_it_agrees_with_newton_to_the_tolerance():
+    made, (q, target) = Made("rotary_delta", 6), tasks(500, 6)
+    settings = ApsoSettings(bound_rad=BOUND)
+    found = CompiledApso(made.compiled, settings).correct(q, target)
+    newton = CompiledNewton(made.compiled, NewtonSettings(bound_rad=BOUND)).correct(q, target)
+    weakest = made.compiled.jacobian(q)
+    weakest = np.linalg.svd(weakest, compute_uv=False).min()
+    np.testing.assert_allclose(found.dq, newton.dq, rtol=0, atol=1.05e-7 / weakest)
+
+
+def test_short_series_is_off_by_less_than_rounding():
+    """In extended precision, so that what is left out is seen and not the rounding."""
+    d = np.linspace(-swarm_kernel.SHORT, swarm_kernel.SHORT, 2001, dtype=np.longdouble)
+    assert np.finfo(d.dtype).eps < 1e-18
+    cos, sin = swarm_kernel._short.py_func(d)
+    np.testing.assert_array_less(np.abs(cos - np.cos(d)), 3e-17)
+    np.testing.assert_array_less(np.abs(sin - np.sin(d)), 3e-17)
+
+
+def test_shapes_are_checked():
+    with pytest.raises(InputError, match="target has shape"):
+        CompiledApso(Made("rotary_delta").compiled).correct(np.zeros((2, 3)), np.zeros((3, 3)))
+
+
+def test_a_machine_takes_it_where_compiled_is_wanted():
+    made = Made("rotary_delta")
+    for wanted, kind in ((True, CompiledApso), (False, Apso)):
+        machine = Machine(
+            made.chain, made.geometry, TOOL, "apso", BOUND, seed=4, compiled=wanted
+        )  # fmt: skip
+        for each in (machine, machine.at(made.geometry + 1e-5)):
+            assert type(each.solver) is kind
+            assert each.solver.settings == ApsoSettings(bound_rad=BOUND, seed=4)
+
+
+def test_no_swarm_is_compiled_for_newton():
+    script = (
+        "import sys, numpy as np;"
+        "from delta_calibration.chain import Chain;"
+        "from delta_calibration.compensation.machine import Machine;"
+        "from delta_calibration.robot import load_robot;"
+        "model = load_robot('srbd').model('rotary_delta');"
+        "chain = Chain(model, np.zeros(3), 0.05);"
+        "Machine(chain, model.parameters.nominal, np.zeros(3), compiled=True);"
+        "assert 'delta_calibration.compensation.kernel' in sys.modules;"
+        "sys.exit('delta_calibration.compensation.swarm_kernel' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_a_change_of_another_file_is_seen(tmp_path: Path):
+    """What was kept of a function holds those of other files, and must not outlive them."""
+    (tmp_path / "outer.py").write_text(
+        "import inner\n"
+        "from delta_calibration.compensation.jit import compiled\n"
+        "@compiled('i8(i8)', inner)\n"
+        "def twice(x):\n"
+        "    return 2 * inner.more(x)\n"
+    )
+
+    def run(more: int) -> tuple[str, ...]:
+        (tmp_path / "inner.py").write_text(
+            "from delta_calibration.compensation.jit import compiled\n"
+            "@compiled()\n"
+            "def more(x):\n"
+            f"    return x + {more}\n"
+        )
+        script = (
+            "import outer; print(outer.twice(0), sum(outer.twice.stats.cache_hits.values()))"
+        )  # fmt: skip
+        environment = {
+            **os.environ,
+            "PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}",
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            check=True, capture_output=True, text=True, env=environment,
+        )  # fmt: skip
+        return tuple(done.stdout.split())
+
+    assert run(1) == ("2", "0")
+    assert run(1) == ("2", "1")
+    assert run(3) == ("6", "0")
