@@ -21,6 +21,7 @@ LAYERS = [
     "processes",
     "documents",
     "parameters",
+    "swarm_law",
     "geometry",
     "samples",
     "mechanisms",

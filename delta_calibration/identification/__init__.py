@@ -14,6 +14,12 @@ from delta_calibration.identification.observability import (
     observe,
     strong_correlations,
 )
+from delta_calibration.identification.pose_residual import (
+    LinearResidual,
+    PoseResidual,
+    in_rounds,
+    least_squares,
+)
 from delta_calibration.identification.problem import (
     Problem,
     Solution,
@@ -21,22 +27,52 @@ from delta_calibration.identification.problem import (
     robust_weights,
     solve,
 )
+from delta_calibration.identification.stepwise import (
+    Settled,
+    all_singular,
+    stepwise,
+    stepwise_singular,
+)
+from delta_calibration.identification.swarm import (
+    Apso,
+    Box,
+    Found,
+    Pso,
+    Qpso,
+    SwarmSettings,
+    minimise,
+)
 
 __all__ = [
+    "Apso",
+    "Box",
+    "Found",
     "Identification",
+    "LinearResidual",
     "Noise",
     "Observability",
+    "PoseResidual",
     "Problem",
+    "Pso",
+    "Qpso",
     "Redundancy",
     "Residuals",
+    "Settled",
     "Solution",
+    "SwarmSettings",
+    "all_singular",
     "build_problem",
     "chain_of",
     "identify",
+    "in_rounds",
+    "least_squares",
+    "minimise",
     "observe",
     "prepare",
     "robust_weights",
     "solve",
+    "stepwise",
+    "stepwise_singular",
     "strong_correlations",
     "whitening",
 ]

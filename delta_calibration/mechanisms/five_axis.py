@@ -1,4 +1,4 @@
-"""Five-axis parallel machine: four vertical sliders, four struts, a platform that moves in a plane.
+"""Five-axis parallel machine: four vertical sliders, four struts, a platform in a plane.
 
 Dang, Fang, *A step identification method of mechanism parameters of a 5-DOF parallel machine tool*
 (2015), paper 004. The table's feed, the fifth axis, carries the work piece and is no part of it.
@@ -54,8 +54,8 @@ class FiveAxisTolerances:
     joint_position: float  # [m] each coordinate of each joint's centre
 
 
-# The paper gives no dimensions. These are ours, found by search: a joint's error reaches the tool's
-# tip about doubled.
+# The paper gives no dimensions. These are ours, found by search: a joint's error reaches the
+# tool's tip about doubled.
 DIMENSIONS = FiveAxisDimensions(
     turning=StrutPair(-0.245, 0.123, 0.096, -0.286, 0.475, 0.628),
     hinged=StrutPair(0.0, 0.142, 0.078, 0.0, 0.548, 0.644),
@@ -68,8 +68,8 @@ TOLERANCES = FiveAxisTolerances(joint_position=0.03e-3 / np.sqrt(3))  # +-0.03 m
 class FiveAxis(Mechanism):
     """Sliders on columns, struts to a platform that moves in the plane x = 0 and turns twice.
 
-    Closure of strut v: |o + T_v t_v - s_v - q_v e_z|^2 = L_v^2, o = (0, y, z), paper (3), (4), with
-    T = R_X(A) R_Y(B) for struts 1, 2 and R_X(A) for struts 3, 4.
+    Closure of strut v: |o + T_v t_v - s_v - q_v e_z|^2 = L_v^2, o = (0, y, z), paper (3), (4),
+    with T = R_X(A) R_Y(B) for struts 1, 2 and R_X(A) for struts 3, 4.
 
     Joints q (n, 4) [m]: heights of the sliders. Pose x (n, 4): the platform centre's y, z [m] and
     the angles A, B [rad]; all four are commanded. The base is the one of the plane's guides: the
@@ -138,7 +138,7 @@ class FiveAxis(Mechanism):
     def start(self, q: Array, g: Array) -> Array:
         """What the nominal machine does at first order about its home, (n, 4)."""
         del g
-        return self._centre + (q - self._home) @ self._slope_at_home.T
+        return np.asarray(self._centre + (q - self._home) @ self._slope_at_home.T)
 
     def start_joints(self, task: Array, g: Array) -> Array:
         """The solution itself, sliders 1, 2 over and 3, 4 under their joints; NaN out of reach."""
@@ -193,10 +193,8 @@ class FiveAxis(Mechanism):
         """From slider joint to platform joint, (n, 4, 3) [m] in the base."""
         strut = _struts_of(g)
         turned = _about_x(x[:, 2], _about_y(_angle_y(x), strut[..., PLATFORM]))
-        s = turned - strut[..., SLIDER]
-        s[..., 1] += x[:, :1]
-        s[..., 2] += x[:, 1:2] - q
-        return s
+        rise = np.stack([np.zeros_like(q), x[:, :1] + 0 * q, x[:, 1:2] - q], axis=-1)
+        return turned + rise - strut[..., SLIDER]
 
 
 def _struts_of(g: Array) -> Array:
@@ -206,7 +204,7 @@ def _struts_of(g: Array) -> Array:
 
 def _angle_y(x: Array) -> Array:
     """By how much each strut's end turns about y, (n, 4) [rad]: B, or nothing."""
-    return x[:, 3, None] * TURNS_ABOUT_Y
+    return np.asarray(x[:, 3, None] * TURNS_ABOUT_Y)
 
 
 def _about_x(angle: Array, v: Array, slope: bool = False) -> Array:
