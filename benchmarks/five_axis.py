@@ -246,8 +246,8 @@ def settling(machines: int) -> None:
 
 def conditions(machines: int) -> None:
     """The paper's two ways on error models of other condition: singular vectors kept."""
-    print("| condition | plain: worst [%] | within 10 % | stepwise: worst [%] | within 10 % |")
-    print("|---|---|---|---|---|")
+    each = "worst parameter [%] | parameters within 10 % | machines with all within 10 %"
+    print(f"| condition | plain: {each} | stepwise: {each} |\n|---|---|---|---|---|---|---|")
     nothing = np.zeros(len(FREE))
     model = measure(nothing, None, np.random.default_rng(0)).linear(nothing)
     u, values, vt = np.linalg.svd(model.factor)
@@ -256,18 +256,22 @@ def conditions(machines: int) -> None:
         flat = (u * values ** (np.log(condition) / whole)) @ vt
         cells = [f"{condition:.0f}"]
         for search in (minimise, stepwise):
-            worst = np.array([_on_model(search, flat, seed) for seed in range(machines)])
-            share = f"{(worst <= PRINTED_ERROR).sum()} of {machines}"
-            cells += [f"{np.median(worst):.2g} ({worst.max():.2g})", share]
+            percent = np.array([_on_model(search, flat, seed) for seed in range(machines)])
+            worst, good = percent.max(axis=1), percent <= PRINTED_ERROR
+            cells += [
+                f"{np.median(worst):.2g} ({worst.max():.2g})",
+                f"{np.median(good.sum(axis=1)):.0f} of {len(FREE)}",
+                f"{good.all(axis=1).sum()} of {machines}",
+            ]
         print(f"| {' | '.join(cells)} |", flush=True)
 
 
-def _on_model(search: Callable[..., Found], factor: Array, seed: int) -> float:
-    """Worst error of a parameter [%] on a linear machine."""
+def _on_model(search: Callable[..., Found], factor: Array, seed: int) -> Array:
+    """Errors of the parameters over their true values, (20,) [%], on a linear machine."""
     truth = np.random.default_rng(seed).uniform(-ERROR, ERROR, len(FREE))
     model = LinearResidual(factor, factor @ truth, 0.0)
     found = search(model, search_box(), SWARM, np.random.default_rng([seed, 2]))
-    return 100 * float((np.abs(found.best - truth) / np.abs(truth)).max())
+    return 100 * np.abs(found.best - truth) / np.abs(truth)
 
 
 def main() -> None:

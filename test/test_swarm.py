@@ -191,6 +191,22 @@ def test_stepwise_frees_parameters_one_by_one_and_then_all():
     assert found.evaluations <= 9 * 80 * 300
 
 
+def test_the_parameter_that_settled_is_frozen_and_the_last_search_begins_from_all_of_them():
+    weight, truth = np.array([1e-3, 1.0, 1e-6]), np.array([0.3, -0.4, 0.5])
+    asked = []
+
+    def watched(x):
+        asked.append(x)
+        return np.linalg.norm(weight * (x - truth), axis=1)
+
+    stepwise(watched, UNIT, SwarmSettings(), rng(), Settled(30, 1e-3))
+    frozen = [tuple(np.flatnonzero(np.ptp(x, axis=0) == 0)) for x in asked]
+    order = [f for f, last in zip(frozen, [None, *frozen], strict=False) if f != last]
+    assert order == [(), (1,), (0, 1), ()]  # the strongest parameter first
+    last = max(k for k, f in enumerate(frozen) if f == (0, 1))
+    np.testing.assert_array_equal(asked[last][0, :2], asked[last + 1][0, :2])
+
+
 def test_a_parameter_has_settled_when_its_best_value_stays():
     trace = np.zeros((30, 2))
     trace[:, 0] = np.linspace(0, 1, 30)
@@ -291,6 +307,16 @@ def test_rounds_of_least_squares_end_where_the_residual_is_zero(mechanism):
     assert thrice.norm < 1e-2 * once.norm  # what one round leaves are the squares of the errors
     np.testing.assert_allclose(thrice.best, truth, rtol=1e-3)
     assert (once.evaluations, thrice.evaluations) == (1, 3)
+
+
+def test_a_swarm_may_ask_the_residual_itself():
+    """Without an error model in between nothing is left out, and every particle costs poses."""
+    residual, truth = measured(FiveAxis(DIMENSIONS, TOLERANCES), size=1.0, n=20)
+    box = Box.about_zero(np.full(len(truth), 0.1e-3))
+    slope = residual.jacobian(np.zeros(len(truth)))
+    found = stepwise_singular(residual, slope, box, SwarmSettings(20, 80), rng())
+    np.testing.assert_allclose(found.best, truth, atol=0.02 * np.abs(truth).max())
+    assert found.norm == pytest.approx(residual(found.best[None])[0], rel=1e-6, abs=1e-12)
 
 
 def test_noise_that_no_parameter_explains_stays_in_the_error_model():
