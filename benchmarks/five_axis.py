@@ -155,6 +155,21 @@ def judge(found: Found, truth: Array, seconds: float) -> Outcome:
     )
 
 
+def condition() -> float:
+    """Of the error model about the drawing."""
+    nothing = np.zeros(len(FREE))
+    slope = measure(nothing, None, np.random.default_rng(0)).jacobian(nothing)
+    return float(np.linalg.cond(slope))
+
+
+def gain() -> float:
+    """Error of the tip over that of each joint's coordinates, root mean square over the arcs."""
+    joint = MACHINE.inverse(MEASURED, NOMINAL)
+    by_pose = MACHINE.point_by_pose(MEASURED, MACHINE.tool)
+    slope = by_pose @ MACHINE.identification_jacobian(joint, MEASURED, NOMINAL)
+    return float(np.sqrt(np.sum(slope**2, axis=(1, 2)).mean()))
+
+
 def methods() -> dict[str, Method]:
     """The table's rows."""
 
@@ -162,6 +177,9 @@ def methods() -> dict[str, Method]:
         return once(lambda r, box, rng: minimise(r, box, settings, rng))
 
     return {
+        "the drawing, nothing identified": lambda r, _: Found(
+            np.zeros(len(FREE)), float(r(np.zeros((1, len(FREE))))[0]), 0, np.empty(0)
+        ),
         "least squares (Gauss-Newton)": lambda r, _: in_rounds(r, search_box(), least_squares, 3),
         "PSO": plain(replace(SWARM, law=Pso())),
         "APSO": plain(replace(SWARM, law=Apso())),
@@ -252,9 +270,9 @@ def conditions(machines: int) -> None:
     model = measure(nothing, None, np.random.default_rng(0)).linear(nothing)
     u, values, vt = np.linalg.svd(model.factor)
     whole = np.log(values[0] / values[-1])
-    for condition in (1.0, 3.0, 6.0, 10.0, 20.0, 50.0, 100.0, float(np.exp(whole))):
-        flat = (u * values ** (np.log(condition) / whole)) @ vt
-        cells = [f"{condition:.0f}"]
+    for wanted in (1.0, 3.0, 6.0, 10.0, 20.0, 50.0, 100.0, float(np.exp(whole))):
+        flat = (u * values ** (np.log(wanted) / whole)) @ vt
+        cells = [f"{wanted:.0f}"]
         for search in (minimise, stepwise):
             percent = np.array([_on_model(search, flat, seed) for seed in range(machines)])
             worst, good = percent.max(axis=1), percent <= PRINTED_ERROR
@@ -286,6 +304,7 @@ def main() -> None:
     if asked.settling or asked.conditions:
         (settling if asked.settling else conditions)(asked.machines)
         return
+    print(f"condition {condition():.0f}, gain from joints to tip {gain():.2f}")
     noise = Noise(asked.noise_um * 1e-6, asked.noise_urad * 1e-6)
     for title, each in (("without noise", None), (f"with noise: {noise}", noise)):
         print(f"\n{asked.machines} machines, {title}; budget of the paper's stepwise: {BUDGET}\n")

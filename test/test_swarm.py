@@ -265,7 +265,8 @@ def measured(mechanism, size=0.1, n=40, seed=0):
     actual = nominal.copy()
     actual[free] += truth
     pose = mechanism.forward(joint, actual)
-    weight = np.broadcast_to(np.eye(mechanism.pose_size), (n, *2 * (mechanism.pose_size,)))
+    k = mechanism.pose_size
+    weight = np.broadcast_to(np.diag(1.0 + np.arange(k)), (n, k, k))
     return PoseResidual(mechanism, joint, pose, weight, free), truth
 
 
@@ -277,7 +278,7 @@ def test_pose_residual_is_zero_at_the_truth_and_the_pose_error_elsewhere(mechani
     drawn = mechanism.forward(residual.joint, mechanism.parameters.nominal)
     np.testing.assert_allclose(
         residual.errors(np.zeros((1, len(truth)))).reshape(drawn.shape),
-        residual.pose - drawn,
+        (1.0 + np.arange(mechanism.pose_size)) * (residual.pose - drawn),
         atol=2e-3 * np.abs(residual.pose - drawn).max(),
     )
 
@@ -294,8 +295,9 @@ def test_the_error_model_is_the_residual_s_slope(mechanism):
     jacobian = mechanism.identification_jacobian(
         residual.joint, residual.pose, mechanism.parameters.nominal
     )
+    weighted = (residual.weight @ jacobian)[..., residual.free]
     own = residual.jacobian(np.zeros(len(truth)))
-    np.testing.assert_allclose(own, jacobian[..., residual.free].reshape(own.shape), atol=1e-10)
+    np.testing.assert_allclose(own, weighted.reshape(own.shape), atol=1e-10)
 
 
 @each_mechanism
