@@ -22,6 +22,7 @@ LAYERS = [
     "documents",
     "parameters",
     "sections",
+    "swarm_law",
     "geometry",
     "samples",
     "mechanisms",

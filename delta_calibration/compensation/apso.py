@@ -43,6 +43,7 @@ from delta_calibration.compensation.base import (
     require_whole,
 )
 from delta_calibration.errors import InputError
+from delta_calibration.swarm_law import diversity, inertia
 
 FEWEST_PARTICLES = 16  # with 8 a search now and then settles on a wrong place
 _BLOCK = 256  # targets searched side by side: bounds memory, keeps the arrays in cache
@@ -101,17 +102,7 @@ def swarm_entropy(x: Array, bound: float) -> Array:
         x: Places of the particles (joints, n, m) [rad], |x| <= bound.
         bound: Half the width of the box [rad].
     """
-    joints, n, m = x.shape
-    along = np.sum(x, axis=0) / (joints * bound)  # d . x in half diagonals, -1 to 1
-    bins = np.clip(np.floor((along + 1.0) * (0.5 * m)).astype(np.int64), 0, m - 1)
-    places = bins + m * np.arange(n)[:, None]
-    counts = np.bincount(places.ravel(), minlength=n * m).reshape(n, m)
-    return np.asarray(np.sum(entropy_terms(m)[counts], axis=1) / np.log(m))
-
-
-def inertia(entropy: Array) -> Array:
-    """Return the weight w of (14): 0.4 for a swarm in one place, 0.9 for one spread evenly."""
-    return np.asarray(1.0 / (1.0 + 1.5 * np.exp(-2.6 * entropy)))
+    return diversity(np.sum(x, axis=0) / (len(x) * bound))  # d . x in half diagonals, -1 to 1
 
 
 def velocity(v: Array, own: Array, leader: Array, w: Array, s: ApsoSettings) -> Array:
@@ -138,12 +129,6 @@ def first_places(draws: np.random.Generator, joints: int, s: ApsoSettings) -> Ar
     start = s.bound_rad * (2.0 * draws.random((joints, s.particles)) - 1.0)
     start[:, 0] = 0.0
     return np.asarray(start)
-
-
-def entropy_terms(m: int) -> Array:
-    """Return -q ln q, q = h / m, of a bin with h = 0..m of the m particles; 0 for an empty one."""
-    q = np.arange(m + 1) / m
-    return -q * np.log(np.where(q > 0.0, q, 1.0))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from delta_calibration.compensation.apso import (
     ApsoSettings,
-    entropy_terms,
     first_places,
     stream,
 )
@@ -37,6 +36,7 @@ from delta_calibration.mechanisms.delta_leg import (
     arm_direction,
     tilt_vector,
 )
+from delta_calibration.swarm_law import entropy_terms
 
 Array = NDArray[np.float64]
 

@@ -20,6 +20,7 @@ from delta_calibration.effects.joint_lag import JointLag
 from delta_calibration.effects.joint_scale import JointScale
 from delta_calibration.effects.joint_zero_drift import JointZeroDrift
 from delta_calibration.effects.pulley_radius import PulleyRadius
+from delta_calibration.effects.slider_pitch import SliderPitch
 from delta_calibration.effects.stick_slip import StickSlip
 from delta_calibration.effects.thermal_growth_arm import ThermalGrowthArm
 from delta_calibration.effects.thermal_growth_base import ThermalGrowthBase
@@ -58,6 +59,7 @@ EFFECTS: Mapping[str, type[Effect]] = {
         PulleyRadius,
         DrumBuildUp,
         DrumScale,
+        SliderPitch,
     )
 }
 

@@ -44,6 +44,7 @@ class DynamicDeflection(Effect):
         """(n, m, 1) [N m]."""
         x = pose_of(self.mechanism, at)
         nominal = self.mechanism.parameters.nominal
-        slope = self.mechanism.velocity_jacobian(at.joint, x, nominal)[:, :3]
+        by_pose = self.mechanism.point_by_pose(x, np.zeros(3))
+        slope = by_pose @ self.mechanism.velocity_jacobian(at.joint, x, nominal)
         force = carried_mass(self.robot, at)[:, None] * platform_acceleration(self.mechanism, at)
         return np.asarray(-np.einsum("nk,nkm->nm", force, slope)[:, :, None])

@@ -22,6 +22,11 @@ class JointScale(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
 
     @property
+    def suits(self) -> bool:
+        """Whether the joints turn; sliders have a pitch, and cables drums."""
+        return self.mechanism.joint_unit == "rad" and self.mechanism.limb == "joint"
+
+    @property
     def parameters(self) -> ParameterSet:
         """s of each joint [1]."""
         return self.each_joint("scale", "1", 200e-6, -0.05, 0.05)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
@@ -36,12 +35,10 @@ def pose_of(mechanism: Mechanism, at: Conditions) -> Array:
 
 def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Array:
     """dU/dx of what the platform carries, (n, k) [N, N m]; z is up."""
-    slope = np.zeros_like(x)
-    slope[:, 2] = GRAVITY * carried_mass(robot, at)
-    if mechanism.pose_size == 6:
-        lever = rotations.exp_times_derivative(x[:, 3:], at.payload_centre)
-        slope[:, 3:] = GRAVITY * at.payload[:, None] * lever[:, 2]
-    return slope
+    own = (carried_mass(robot, at) - at.payload)[:, None]
+    centre = mechanism.point_by_pose(x, np.zeros(3))[:, 2]
+    payload = mechanism.point_by_pose(x, at.payload_centre)[:, 2]
+    return np.asarray(GRAVITY * (own * centre + at.payload[:, None] * payload))
 
 
 def gravity_torque(robot: Robot, mechanism: Mechanism, at: Conditions) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from delta_calibration.effects.base import Array
 from delta_calibration.effects.thermal_growth import ThermalGrowth
+from delta_calibration.mechanisms.delta_leg import DeltaModel
 
 
 @dataclass(frozen=True)
@@ -17,6 +18,11 @@ class ThermalGrowthBase(ThermalGrowth):
 
     cause: ClassVar[str] = "thermal_growth_base"
     part: ClassVar[str] = "base"
+
+    @property
+    def suits(self) -> bool:
+        """Whether there is such a plate: a rotary Delta's."""
+        return isinstance(self.mechanism, DeltaModel)
 
     def lengths(self) -> Array:
         """(p,) [m]."""

@@ -3,10 +3,11 @@
 from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.mechanisms.cable_dimensions import CableDimensions, CableTolerances
 from delta_calibration.mechanisms.cable_robot import CableRobot
+from delta_calibration.mechanisms.five_axis import FiveAxis
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta
 from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
 
-_EVERY: tuple[type[Mechanism], ...] = (RotaryDelta, SixRodDelta, CableRobot)
+_EVERY: tuple[type[Mechanism], ...] = (RotaryDelta, SixRodDelta, CableRobot, FiveAxis)
 MECHANISMS: dict[str, type[Mechanism]] = {kind.name: kind for kind in _EVERY}
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "CableDimensions",
     "CableRobot",
     "CableTolerances",
+    "FiveAxis",
     "Mechanism",
     "RotaryDelta",
     "SixRodDelta",

@@ -1,0 +1,234 @@
+"""Five-axis parallel machine: four vertical sliders, four struts, a platform in a plane.
+
+Dang, Fang, *A step identification method of mechanism parameters of a 5-DOF parallel machine tool*
+(2015), paper 004. The table's feed, the fifth axis, carries the work piece and is no part of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.parameters import Parameter, ParameterSet
+from delta_calibration.sections import length, place, tolerance
+
+Array = NDArray[np.float64]
+
+STRUTS = 4
+_SIZE = 6  # parameters a strut
+PLATFORM, SLIDER = slice(0, 3), slice(3, 6)  # each x, y, z
+TURNS_ABOUT_Y = np.array([1.0, 1.0, 0.0, 0.0])  # struts 3, 4 hold the part that only turns about x
+SIDE = np.array([-1.0, 1.0, -1.0, 1.0])  # in y
+ABOVE = np.array([1.0, 1.0, -1.0, -1.0])  # the slider over its platform joint, or under it
+
+
+@dataclass(frozen=True)
+class StrutPair:
+    """Two struts, one either side of the plane y = 0, all [m]."""
+
+    platform_x: float = place()  # platform joint, in the platform
+    platform_y: float = place()  # its distance from the plane
+    platform_z: float = place()
+    column_x: float = place()  # where the slider runs, in the base
+    column_y: float = place()
+    strut: float = length()  # measured on the bench
+
+
+@dataclass(frozen=True)
+class FiveAxisDimensions:
+    """The drawing of a five-axis machine, [m]."""
+
+    turning: StrutPair  # struts 1, 2: on the platform, R = R_X R_Y
+    hinged: StrutPair  # struts 3, 4: on the part that turns about x only, R_X
+    tool: float = length()  # tip from the platform's centre, along its z
+    height: float = length()  # of the platform's centre in the middle of the workspace
+
+
+@dataclass(frozen=True)
+class FiveAxisTolerances:
+    """Standard deviations of a machine's parts about the drawing."""
+
+    joint_position: float = tolerance()  # [m] each coordinate of each joint's centre
+
+
+# The paper gives no dimensions. These are ours, found by search: a joint's error reaches the
+# tool's tip about doubled.
+DIMENSIONS = FiveAxisDimensions(
+    turning=StrutPair(-0.245, 0.123, 0.096, -0.286, 0.475, 0.628),
+    hinged=StrutPair(0.0, 0.142, 0.078, 0.0, 0.548, 0.644),
+    tool=0.150,
+    height=1.050,
+)
+TOLERANCES = FiveAxisTolerances(joint_position=0.03e-3 / np.sqrt(3))  # +-0.03 mm, all alike likely
+
+
+class FiveAxis(Mechanism):
+    """Sliders on columns, struts to a platform that moves in the plane x = 0 and turns twice.
+
+    Closure of strut v: |o + T_v t_v - s_v - q_v e_z|^2 = L_v^2, o = (0, y, z), paper (3), (4),
+    with T = R_X(A) R_Y(B) for struts 1, 2 and R_X(A) for struts 3, 4.
+
+    Joints q (n, 4) [m]: heights of the sliders. Pose x (n, 4): the platform centre's y, z [m] and
+    the angles A, B [rad]; all four are commanded. The base is the one of the plane's guides: the
+    platform's centre has x = 0. Parameters of a strut, shape (24,) in all: platform joint t (x, y,
+    z) in the platform and slider joint s (x, y, z) in the base at q = 0 [m]; an error of s_z is an
+    error of the slider's zero.
+
+    20 of the 24 show in the pose: t_x and s_x of struts 3, 4, which stay in planes across x, do
+    nothing at first order about the drawing. The struts' lengths are measured before assembly, as
+    the paper has it, and are no parameters. Leaves out errors of the plane's guides, tilt of the
+    columns, and play.
+    """
+
+    name: ClassVar[str] = "five_axis"
+    Dimensions = FiveAxisDimensions
+    Tolerances = FiveAxisTolerances
+    joint_unit: ClassVar[str] = "m"
+    joint_size: float = 0.3
+    joints: int = STRUTS
+    pose_size: int = 4
+    task_size: int = 4
+
+    def __init__(self, dimensions: FiveAxisDimensions, tolerances: FiveAxisTolerances) -> None:
+        """From the drawing and the expected errors of the parts."""
+        self.dimensions = dimensions
+        self.tolerances = tolerances
+        pairs = (dimensions.turning, dimensions.turning, dimensions.hinged, dimensions.hinged)
+        self.lengths: Array = np.array([pair.strut for pair in pairs])
+        self.parameters = ParameterSet(
+            tuple(p for strut, pair in enumerate(pairs) for p in self._strut(strut, pair))
+        )
+        centre, nominal = np.array([[0.0, dimensions.height, 0.0, 0.0]]), self.parameters.nominal
+        self._centre = centre
+        self._home = self.start_joints(centre, nominal)
+        self._slope_at_home = self.velocity_jacobian(self._home, centre, nominal)[0]
+
+    @property
+    def home(self) -> Array:
+        """Sliders of the level platform in the middle of the workspace, (4,) [m]."""
+        return np.array(self._home[0])
+
+    @property
+    def tool(self) -> Array:
+        """The tool's tip in the platform, (3,) [m]."""
+        return np.array([0.0, 0.0, self.dimensions.tool])
+
+    def closure(self, q: Array, x: Array, g: Array) -> Array:
+        """Squared length of each strut less what it should be, (n, 4) [m^2]."""
+        return np.asarray(np.sum(self._struts(q, x, g) ** 2, axis=-1) - self.lengths**2)
+
+    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
+        """2 s . [e_y, e_z, dT/dA t, dT/dB t], (n, 4, 4)."""
+        s, t = self._struts(q, x, g), _struts_of(g)[..., PLATFORM]
+        by_a = _about_x(x[:, 2], _about_y(_angle_y(x), t), slope=True)
+        by_b = _about_x(x[:, 2], TURNS_ABOUT_Y[:, None] * _about_y(_angle_y(x), t, slope=True))
+        return 2 * np.stack([s[..., 1], s[..., 2], _dot(s, by_a), _dot(s, by_b)], axis=-1)
+
+    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
+        """-2 s_z, each slider in its own closure only, (n, 4, 4)."""
+        return np.asarray(-2 * self._struts(q, x, g)[..., 2, None] * np.eye(STRUTS))
+
+    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
+        """2 [T^T s, -s], blocks of six columns on the diagonal, (n, 4, 24)."""
+        s = self._struts(q, x, g)
+        in_platform = _about_y(-_angle_y(x), _about_x(-x[:, 2], s))
+        block = 2 * np.concatenate([in_platform, -s], axis=-1)
+        own = np.eye(STRUTS)[..., None] * block[:, :, None, :]
+        return np.asarray(own.reshape(len(s), STRUTS, STRUTS * _SIZE))
+
+    def start(self, q: Array, g: Array) -> Array:
+        """What the nominal machine does at first order about its home, (n, 4)."""
+        del g
+        return np.asarray(self._centre + (q - self._home) @ self._slope_at_home.T)
+
+    def start_joints(self, task: Array, g: Array) -> Array:
+        """The solution itself, sliders 1, 2 over and 3, 4 under their joints; NaN out of reach."""
+        s = self._struts(np.zeros_like(task), task, g)
+        with np.errstate(invalid="ignore"):
+            rise = np.sqrt(self.lengths**2 - s[..., 0] ** 2 - s[..., 1] ** 2)
+        return np.asarray(s[..., 2] + ABOVE * rise)
+
+    def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
+        """Heights of the sliders, (n, 4) [m]; closed form.
+
+        `guess` is not needed and not used.
+        """
+        return self.start_joints(task, g)
+
+    def position(self, x: Array) -> Array:
+        """(0, y, z), (n, 3) [m]."""
+        return np.concatenate([np.zeros_like(x[:, :1]), x[:, :2]], axis=1)
+
+    def rotation(self, x: Array) -> Array:
+        """R_X(A) R_Y(B) of the platform, (n, 3, 3)."""
+        return _about_x(x[:, 2], _about_y(x[:, 3, None], np.eye(3))).swapaxes(1, 2)
+
+    def point_by_pose(self, x: Array, offset: Array) -> Array:
+        """d(point)/d(y, z, A, B), (n, 3, 4)."""
+        v = np.broadcast_to(offset, (len(x), 3))[:, None]
+        slope = np.zeros((len(x), 3, self.pose_size))
+        slope[:, 1, 0] = slope[:, 2, 1] = 1.0
+        slope[:, :, 2] = _about_x(x[:, 2], _about_y(x[:, 3, None], v), slope=True)[:, 0]
+        slope[:, :, 3] = _about_x(x[:, 2], _about_y(x[:, 3, None], v, slope=True))[:, 0]
+        return slope
+
+    def _strut(self, strut: int, pair: StrutPair) -> list[Parameter]:
+        where, side = f"joint_{strut + 1}", float(SIDE[strut])
+        ends = {
+            "platform": (pair.platform_x, side * pair.platform_y, pair.platform_z),
+            "slider": (pair.column_x, side * pair.column_y, 0.0),
+        }
+        causes = {"platform": "platform_joint_position", "slider": "base_joint_position"}
+
+        def cause(end: str, axis: str) -> str:
+            return "joint_zero_offset" if (end, axis) == ("slider", "z") else causes[end]
+
+        prior = self.tolerances.joint_position
+        return [
+            Parameter(f"{end}_{axis}_{strut + 1}", "m", value, prior, cause(end, axis), where)
+            for end, place in ends.items()
+            for axis, value in zip("xyz", place, strict=True)
+        ]
+
+    def _struts(self, q: Array, x: Array, g: Array) -> Array:
+        """From slider joint to platform joint, (n, 4, 3) [m] in the base."""
+        strut = _struts_of(g)
+        turned = _about_x(x[:, 2], _about_y(_angle_y(x), strut[..., PLATFORM]))
+        rise = np.stack([np.zeros_like(q), x[:, :1] + 0 * q, x[:, 1:2] - q], axis=-1)
+        return turned + rise - strut[..., SLIDER]
+
+
+def _struts_of(g: Array) -> Array:
+    """Geometry by strut.  (24,) or (n, 24) -> (4, 6) or (n, 4, 6)."""
+    return g.reshape((*g.shape[:-1], STRUTS, _SIZE))
+
+
+def _angle_y(x: Array) -> Array:
+    """By how much each strut's end turns about y, (n, 4) [rad]: B, or nothing."""
+    return np.asarray(x[:, 3, None] * TURNS_ABOUT_Y)
+
+
+def _about_x(angle: Array, v: Array, slope: bool = False) -> Array:
+    """R_X(angle) v, or its derivative by the angle.  (n,), (n, j, 3) -> (n, j, 3)."""
+    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    y, z = v[..., 1], v[..., 2]
+    if slope:
+        return np.stack([np.zeros_like(c * y), -s * y - c * z, c * y - s * z], axis=-1)
+    return np.stack([v[..., 0] + np.zeros_like(c), c * y - s * z, s * y + c * z], axis=-1)
+
+
+def _about_y(angle: Array, v: Array, slope: bool = False) -> Array:
+    """R_Y(angle) v, or its derivative by the angle.  (n, j), (j, 3) or (n, j, 3) -> (n, j, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, z = v[..., 0], v[..., 2]
+    if slope:
+        return np.stack([-s * x + c * z, np.zeros_like(c * x), -c * x - s * z], axis=-1)
+    return np.stack([c * x + s * z, v[..., 1] + np.zeros_like(c), -s * x + c * z], axis=-1)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.sum(a * b, axis=-1))
