@@ -35,7 +35,7 @@ from delta_calibration.errors import InputError
 
 Array = NDArray[np.float64]
 
-COVERAGE = 2.0  # standard uncertainties of a difference within which distances are equal
+COVERAGE = 1.0  # standard uncertainties of a difference within which distances are equal
 _EXACT = 1e-9  # share of a distance: rounding is not a difference
 
 
@@ -195,7 +195,11 @@ class GridSearch:
             self._present = nearest
 
     def _promising(self, around: list[Node]) -> Iterator[Node]:
-        """Nodes predicted to be nearer than any measured, one by one: each one teaches."""
+        """Nodes predicted to be nearer than any measured, one by one: each one teaches.
+
+        Nearer by as much as could be told after all the visits a node may have.
+        """
+        visits = self._settings.visits
         while True:
             unknown = [node for node in around if not self._lattice.visits(node)]
             if not unknown:
@@ -203,7 +207,7 @@ class GridSearch:
             gaps = self._lattice.gaps(self._lattice.predicted(unknown, self._present))
             best = int(np.argmin(gaps))
             nearest = min(map(self._lattice.distance, self._known(around)))
-            if gaps[best] >= nearest - self._tolerance(nearest):
+            if gaps[best] >= nearest - self._tolerance(nearest, visits, visits):
                 return
             yield unknown[best]
 
@@ -212,12 +216,12 @@ class GridSearch:
         lattice = self._lattice
         while True:
             equal = self._equal(self._known(around))
-            if self._present in equal:
-                return self._present
             again = min(equal, key=lattice.visits)
             if len(equal) == 1 or lattice.visits(again) >= self._settings.visits:
                 break
             yield again
+        if self._present in equal:
+            return self._present
         here = lattice.distance(self._present)
         return min((n for n in equal if lattice.distance(n) < here), key=self._travel)
 
