@@ -157,16 +157,15 @@ class JointLattice:
     def edges(self) -> Array:
         """Change of the point by one command unit of each joint, (d, m).
 
-        Least squares over all nodes measured; edges that were given weigh as much as one cell of
-        the first lattice, so that wrong ones are soon outvoted.
+        Least squares over all nodes measured. Edges that were given count as one measurement a
+        single command unit away along each joint: the first nodes driven to outvote wrong ones.
         """
         nodes = np.array(self.known(), dtype=float)
         points = np.array([self.mean(node) for node in self._points])
         n, p = nodes - nodes.mean(axis=0), points - points.mean(axis=0)
         if self._given is not None:
-            weight = float(self._settings.spacing)
-            n = np.concatenate([n, weight * np.eye(n.shape[1])])
-            p = np.concatenate([p, weight * self._given.T])
+            n = np.concatenate([n, np.eye(n.shape[1])])
+            p = np.concatenate([p, self._given.T])
         return np.asarray(np.linalg.lstsq(n, p, rcond=None)[0].T)
 
     def predicted(self, nodes: Sequence[Node], here: Node) -> Array:
