@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -32,6 +33,10 @@ def scara(q: np.ndarray, l1: float = 500.0, l2: float = 500.0) -> np.ndarray:
             l1 * np.sin(q[0]) + l2 * np.sin(q[0] + q[1]),
         ]
     )
+
+
+def scara_beside(q: np.ndarray, links: np.ndarray, zeros: np.ndarray) -> np.ndarray:
+    return scara(q + zeros, *links)
 
 
 def settings(m: int = 2, unit: float = UNIT, bound: float = 0.05, **more: object) -> GridSettings:
@@ -69,7 +74,7 @@ PRINTED = {  # target; nodes at k = 16, 8, 4, 2; error [mm]
 def test_table_1_to_its_last_decimal(group: str, every_node: bool) -> None:
     target, nodes, error = PRINTED[group]
     search = GridSearch(START, np.array(target), settings(every_node=every_node))
-    found, _ = driven(search, scara)
+    found, steps = driven(search, scara)
     assert [level.spacing for level in found.levels] == [16, 8, 4, 2, 1]
     np.testing.assert_array_equal(
         np.round([level.point for level in found.levels[:4]], 4), nodes
@@ -78,6 +83,7 @@ def test_table_1_to_its_last_decimal(group: str, every_node: bool) -> None:
     assert round(found.error, 4) == error
     assert found.stop is Stop.FINEST
     assert found.moves <= (50 if every_node else 5)
+    np.testing.assert_array_equal(steps[-1], START + found.dq)  # the machine stands there
 
 
 def test_the_printed_error_of_group_c_is_not_that_of_its_coordinates() -> None:
@@ -85,8 +91,9 @@ def test_the_printed_error_of_group_c_is_not_that_of_its_coordinates() -> None:
     assert round(float(np.linalg.norm(np.subtract(nodes[-1], target))), 4) == error != 0.0275
 
 
-# Table 2: wanted, before, after [mm], and the error printed beside them. It cannot be driven again:
-# neither joint commands nor the true machine are given, and half of it is out of the robot's reach.
+# Table 2: wanted, before, after [mm], and the error printed beside them. It cannot be driven
+# again: neither joint commands nor the true machine are given, and half of the positions are out
+# of the robot's reach.
 TABLE_2 = np.array(
     [
         [[243.457, 932.466], [243.055, 932.133], [243.542, 932.430]],
@@ -126,8 +133,7 @@ def test_machines_as_far_off_as_table_2s_come_nearer_than_its_mean() -> None:
         links = 500.0 + 0.3 * rng.standard_normal(2)
         zeros = 3e-4 * rng.standard_normal(2)
 
-        def truly(q: np.ndarray, links: np.ndarray = links, zeros: np.ndarray = zeros) -> np.ndarray:
-            return scara(q + zeros, *links)
+        truly = partial(scara_beside, links=links, zeros=zeros)
 
         for target in TABLE_2[:2, 0]:
             radius, bearing = np.hypot(*target), np.arctan2(target[1], target[0])
@@ -137,7 +143,7 @@ def test_machines_as_far_off_as_table_2s_come_nearer_than_its_mean() -> None:
             found = [
                 driven(
                     GridSearch(command, target, settings(noise=noise)),
-                    lambda q: truly(q) + noise * rng.standard_normal(2),
+                    lambda q, truly=truly: truly(q) + noise * rng.standard_normal(2),
                 )[0]
                 for _ in range(5)
             ]
@@ -180,7 +186,7 @@ def test_at_the_circumcentre_the_shortest_move_wins(
 def test_what_repeatability_can_tell_apart_is_not_equal(
     noise: float, goes: tuple[int, int]
 ) -> None:
-    """A node that is nearer by 0.40: worth the move, unless two distances differ by that anyway."""
+    """A node nearer by 0.40 is worth the move, unless two distances differ by that anyway."""
     edges = np.diag([1.0, 0.6])
     grid = settings(unit=1.0, bound=40.0, every_node=True, noise=noise, visits=1)
     found, _ = driven(GridSearch(np.zeros(2), edges @ [8.2, 2.0], grid), linear(edges))
@@ -226,6 +232,23 @@ def test_it_ends_where_no_neighbour_is_nearer(m: int, known: bool) -> None:
         np.testing.assert_array_equal(steps[-1], found.dq)  # the machine stands there
         assert found.moves == len(steps) < 30
         assert known or np.abs(found.edges - edges).max() < 1e-9
+
+
+def test_a_far_node_is_found_through_a_narrow_cell() -> None:
+    """Edges 6 degrees apart: sixteen units of one against thirty-two of the other are one step."""
+    edges = np.array([[1.0, 0.5], [-0.3, -0.1]])
+    noise, rng = 0.1, np.random.default_rng(2)
+    target = edges @ [16.2, -31.3]
+
+    def plant(n: np.ndarray) -> np.ndarray:
+        return edges @ n + noise * rng.standard_normal(2)
+
+    grid = settings(unit=1.0, bound=60.0, noise=noise)
+    found, _ = driven(GridSearch(np.zeros(2), target, grid), plant)
+    assert np.linalg.norm(edges @ found.dq - target) < 0.5
+    paper = replace(grid, every_node=True)
+    stuck, _ = driven(GridSearch(np.zeros(2), target, paper), plant)
+    assert np.linalg.norm(edges @ stuck.dq - target) > 1.0
 
 
 def test_wrong_edges_cost_moves_and_no_accuracy() -> None:

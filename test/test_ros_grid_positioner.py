@@ -33,6 +33,7 @@ def points(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_points_are_driven_right_and_it_ends(launch: Launch, points: Path, tmp_path: Path) -> None:
     table = tmp_path / "corrections.csv"
     # no calibration node in this cell: the drives hear the nominal commands themselves

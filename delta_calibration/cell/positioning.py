@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.grid_search import GridResult, GridSearch, Stop, averaged
 from delta_calibration.compensation.joint_lattice import GridSettings
-from delta_calibration.errors import InputError
+from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame, align
 from delta_calibration.plans import make_plan, nominal_joints
 from delta_calibration.robot import Robot
@@ -32,8 +32,8 @@ _RIM = 24  # points of the plan `identify` that lie on its rim: twelve direction
 class TrackerFrame:
     """The tracker's frame, laid by the best rigid motion on stops of the robot itself.
 
-    What of the robot's error is a rigid motion is in the frame and stays uncorrected; errors are
-    told in this frame. `std` counts the robot's error as if it were random from stop to stop.
+    Errors are told in this frame. What of the robot's error moves all of its points alike, as a
+    rigid body, is in the frame: it is not seen and not corrected, whatever its size.
     """
 
     frame: Frame  # T_tracker_base
@@ -53,15 +53,19 @@ class TrackerFrame:
 
     @property
     def std(self) -> float:
-        """Standard uncertainty of where it has a point among the stops [m]."""
+        """How far from here other stops would have laid a point [m].
+
+        Counts the robot's error, less its rigid part, as if it were random from stop to stop.
+        """
         return self.rest * float(np.sqrt(6.0 / (3.0 * self.stops - 6.0)))
 
     def __str__(self) -> str:
         """What it costs not to know the frame."""
         return (
             f"tracker frame by {self.stops} stops of the robot itself, which are "
-            f"{self.rest * 1e3:.3f} mm (RMS) off in it: the base is known to about "
-            f"{self.std * 1e3:.3f} mm, and what of the robot's error is a rigid motion stays"
+            f"{self.rest * 1e3:.3f} mm (RMS) off in it; other stops would lay it about "
+            f"{self.std * 1e3:.3f} mm elsewhere. Points are driven right in this frame: an error "
+            "that moves the whole robot against its base is not seen in it"
         )
 
 
@@ -128,23 +132,26 @@ class Positioning:
         """Joint command to drive to next, (m,) [rad].
 
         Raises:
-            InputError: all targets are done.
+            InputError: it is done, or was broken off by an error.
         """
         if self._next is None:
-            raise InputError("all targets are done")
+            raise InputError(f"nothing left to drive to: {len(self.outcomes)} targets are done")
         return self._next
 
     @property
     def done(self) -> bool:
         """Whether all targets are done."""
-        return self._next is None
+        return len(self.outcomes) == len(self._targets)
 
     def tell(self, reading: Array) -> None:
         """Take the tracker's mean reading at `step`, (3,) [m] in its own frame.
 
         Raises:
-            DataError: it is not finite, or the stops of the frame lie on one line.
+            DataError: it is not finite, and the step still waits for one that is; or the readings
+                of the frame's stops lie on one line, which ends it.
         """
+        if not np.isfinite(reading).all():
+            raise DataError(f"{self.doing}: reading {reading}; finite values are needed")
         try:
             self._next = self._way.send(reading)
         except StopIteration:
@@ -233,9 +240,15 @@ class Positioning:
 
 
 def frame_joints(robot: Robot, count: int) -> Array:
-    """Stops that a frame can be laid on, (count, m) [rad]: about the rim, at two heights."""
+    """Stops that a frame can be laid on, (count, m) [rad]: about the rim, at two heights.
+
+    A few go once around, high and low in turn: two directions alone would lie in one plane.
+    """
     rim = make_plan("identify", robot, count=max(count, _RIM), both_sides=False).joint
-    return np.asarray(rim[np.arange(count) * len(rim) // count])
+    number, half = np.arange(count), len(rim) // 2
+    if count <= half:
+        return np.asarray(rim[number * half // count + half * (number % 2)])
+    return np.asarray(rim[number * len(rim) // count])
 
 
 def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]) -> None:

@@ -16,9 +16,11 @@ move, and no move at all is the shortest. The two special cases of the paper:
   no direction to go; the machine stays, and the next lattice has 3/4 of the spacing (in whole
   command units) where else it would have half.
 
-How near "at" is, the paper leaves open: here, as near as the repeatability can tell. And where
-cells are narrow (the edges of a SCARA's include 15 degrees) the nearest of the neighbours at k = 1
-need not be the nearest node of all.
+How near "at" is, the paper leaves open: here, as near as the repeatability can tell. Where cells
+are narrow (the edges of a stretched SCARA include 15 degrees and less) a far node may be nearer
+than all neighbours, and the paper's search stops half a millimetre short. So one node more is
+considered beside the neighbours: that which the edges point at, of the same lattice. Only with
+`every_node` the search is the paper's alone. Neither finds the nearest node of all for certain.
 """
 
 from __future__ import annotations
@@ -188,11 +190,18 @@ class GridSearch:
                 yield from (node for node in around if not lattice.visits(node))
             if k > 2 and self._at_cell_centre(around):  # 3/4 and 1/2 of 2 are the same unit
                 return True
+            if not self._settings.every_node:
+                around += [node for node in self._pointed_at(k) if node not in around]
             yield from self._promising(around)
             nearest = yield from self._nearest(around)
             if nearest == self._present:
                 return False
             self._present = nearest
+
+    def _pointed_at(self, k: int) -> list[Node]:
+        """The node at a spacing of k that the edges point at from the present one, if allowed."""
+        node = self._lattice.toward(self._present, k)
+        return [node] if node != self._present and self._lattice.allowed(node) else []
 
     def _promising(self, around: list[Node]) -> Iterator[Node]:
         """Nodes predicted to be nearer than any measured, one by one: each one teaches.

@@ -173,6 +173,12 @@ class JointLattice:
         away = np.array(nodes, dtype=float) - here
         return np.asarray(self.mean(here) + away @ self.edges().T)
 
+    def toward(self, here: Node, k: int) -> Node:
+        """The node whole steps of k from a measured one that the edges lead to the target by."""
+        steps = np.linalg.lstsq(self.edges(), self._target - self.mean(here), rcond=None)[0]
+        whole = np.rint(steps / k).astype(int).tolist()
+        return tuple(n + k * w for n, w in zip(here, whole, strict=True))
+
     def points(self, nodes: Sequence[Node], here: Node) -> Array:
         """Points of nodes, measured where they were and predicted elsewhere, (n, d)."""
         points = self.predicted(nodes, here)
