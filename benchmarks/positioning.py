@@ -146,7 +146,8 @@ def main() -> None:
     print(_row("0.01 degree, 3 searches", lattice(robot), robot), flush=True)
     fine = lattice(robot, 0.002, spacing=64)
     print(_row("0.002 degree, 3 searches", fine, robot), flush=True)
-    print(_row("0.01 degree, 3 searches, frame known", lattice(robot), robot, frame_stops=0), flush=True)
+    known = "0.01 degree, 3 searches, frame known"
+    print(_row(known, lattice(robot), robot, frame_stops=0), flush=True)
 
 
 if __name__ == "__main__":

@@ -18,8 +18,8 @@ move, and no move at all is the shortest. The two special cases of the paper:
 
 How near "at" is, the paper leaves open: here, as near as the repeatability can tell. Where cells
 are narrow (the edges of a stretched SCARA include 15 degrees and less) a far node may be nearer
-than all neighbours, and the paper's search stops half a millimetre short. So one node more is
-considered beside the neighbours: that which the edges point at, of the same lattice. Only with
+than all neighbours, and the paper's search stops short of it. So one node more is considered
+beside the neighbours: that which the edges point at, of the same lattice. Only with
 `every_node` the search is the paper's alone. Neither finds the nearest node of all for certain.
 """
 
