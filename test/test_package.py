@@ -27,6 +27,7 @@ NODES = {
     "calibration_node",
     "simulated_tracker",
     "measurement_plan",
+    "grid_positioner",
     "session_recorder",
     "session_player",
 }

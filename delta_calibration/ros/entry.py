@@ -56,3 +56,8 @@ def simulated_tracker() -> int:
 def measurement_plan() -> int:
     """Drive a machine through a plan of poses."""
     return run_node("measurement_plan")
+
+
+def grid_positioner() -> int:
+    """Drive points right by the tracker alone."""
+    return run_node("grid_positioner")

@@ -1,0 +1,154 @@
+"""How near the grid search comes on simulated Deltas, without a model, and in how many moves.
+
+    python benchmarks/positioning.py
+
+Each machine is drawn with its tolerances, comes to rest beside its commands as its joints repeat
+and is read by a noisy tracker; ten points a machine, spread over the paper's disc and 0.1 m of
+height. `before` and `after` are by the tracker, in the frame that was found with it or is known;
+`truly` is in the machine's own base, which no measurement of the robot alone can find.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+for _library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+# The libraries read these variables when they are loaded, hence the imports after them.
+# ruff: noqa: E402
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.cell.positioning import Positioning, TrackerFrame
+from delta_calibration.compensation.joint_lattice import GridSettings
+from delta_calibration.region import Region
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.ros.simulated_machine import SimulatedMachine
+from delta_calibration.simulation import Machine, draw_machine, standing
+
+Array = NDArray[np.float64]
+
+SEEDS = range(1, 11)
+POINTS = 10
+FRAME_STOPS = 24
+READINGS = 10
+MOVE_S = 1.0  # [s] from stop to stop
+
+
+@dataclass(frozen=True)
+class Run:
+    """One machine's targets, (n,) each, [m] where nothing else is said."""
+
+    before: Array  # by the tracker
+    after: Array
+    truly_before: Array  # in the machine's own base
+    truly_after: Array
+    moves: Array
+    frame_error: Array  # how far the frame that was found has the targets from where they are
+
+
+def targets(seed: int, count: int) -> Array:
+    """Tool points (n, 3) [m]."""
+    rng = np.random.default_rng([seed, 9])
+    r, angle = 0.45 * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
+    height = -0.761 + 0.1 * rng.random(count)
+    return np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)
+
+
+def lattice(robot: Robot, unit_deg: float = 0.01, **more: object) -> GridSettings:
+    """The paper's lattice on this robot."""
+    unit = np.full(len(robot.joints.names), np.radians(unit_deg))
+    joints = robot.joints
+    return GridSettings(unit, joints.lower, joints.upper, robot.limits.correction, **more)
+
+
+def drive(
+    robot: Robot,
+    seed: int,
+    settings: GridSettings,
+    points: int = POINTS,
+    repeats: int = 3,
+    frame_stops: int = FRAME_STOPS,
+) -> Run:
+    """Let one machine be driven to its targets; without stops for it, its frame is known."""
+    machine = draw_machine(robot, seed)
+    simulated = SimulatedMachine(machine, np.random.default_rng([seed, 7]), 0.0)
+    wanted = targets(seed, points)
+    frame = frame_stops or truth(machine)
+    work = Positioning(robot, wanted, settings, repeats, READINGS, frame)
+    now = 0.0
+    while not work.done:
+        now += MOVE_S
+        simulated.command(work.step, now)
+        readings = [simulated.measure(now).position for _ in range(READINGS)]
+        work.tell(np.mean(readings, axis=0))
+    found = work.outcomes
+    return Run(
+        before=np.array([o.before for o in found]),
+        after=np.array([o.after for o in found]),
+        truly_before=_off(machine, np.array([o.command for o in found]), wanted),
+        truly_after=_off(machine, np.array([o.joint for o in found]), wanted),
+        moves=np.array([o.moves for o in found]),
+        frame_error=_frame_error(machine, work.frame, wanted),
+    )
+
+
+def truth(machine: Machine) -> Calibration:
+    """A calibration that knows all of a machine: here, where the tracker stands before it."""
+    joints = machine.robot.joints
+    anywhere = Region(np.vstack([np.zeros(3), np.eye(3)]))
+    return Calibration(
+        machine.robot, machine.chain, machine.theta, anywhere, joints.lower, joints.upper,
+        1e-5, "truth", seal="",
+    )  # fmt: skip
+
+
+def _off(machine: Machine, joint: Array, wanted: Array) -> Array:
+    return np.linalg.norm(machine.tool_points(standing(joint)) - wanted, axis=1)
+
+
+def _frame_error(machine: Machine, found: TrackerFrame | None, wanted: Array) -> Array:
+    """Distance of each target, as the found frame has it before the tracker, from where it is.
+
+    A frame that was laid on readings has the reflector's offset in it.
+    """
+    _, offset, frame = machine.chain.split(machine.theta)
+    if found is None:
+        return np.zeros(len(wanted))
+    return np.linalg.norm(found.frame.apply(wanted) - frame.apply(wanted + offset), axis=1)
+
+
+def _row(name: str, settings: GridSettings, robot: Robot, **more: int) -> str:
+    runs = [drive(robot, seed, settings, **more) for seed in SEEDS]
+
+    def both(what: str) -> str:
+        values = 1e3 * np.concatenate([getattr(run, what) for run in runs])
+        return f"{values.mean():.3f} | {values.max():.3f}"
+
+    moves = np.concatenate([run.moves for run in runs])
+    cells = [both("before"), both("after"), both("truly_before"), both("truly_after")]
+    frame = np.concatenate([run.frame_error for run in runs])
+    last = [f"{1e3 * frame.mean():.3f}", f"{moves.mean():.1f}", f"{moves.max()} |"]
+    return " | ".join([f"| {name}", *cells, *last])
+
+
+def main() -> None:
+    """Print the table."""
+    robot = load_robot("srbd")
+    print(
+        "| lattice | before: mean | max | after: mean | max | truly before: mean | max "
+        "| truly after: mean | max | frame off | moves: mean | max |"
+    )
+    print("|---|" + "---|" * 11)
+    print(_row("0.01 degree, 3 searches", lattice(robot), robot), flush=True)
+    fine = lattice(robot, 0.002, spacing=64)
+    print(_row("0.002 degree, 3 searches", fine, robot), flush=True)
+    known = "0.01 degree, 3 searches, frame known"
+    print(_row(known, lattice(robot), robot, frame_stops=0), flush=True)
+
+
+if __name__ == "__main__":
+    main()

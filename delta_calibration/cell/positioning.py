@@ -1,0 +1,283 @@
+"""Points driven right by the tracker alone: stop after stop, target after target.
+
+First the tracker's frame, unless a calibration brings it; then for each target the grid search,
+as often as wanted, and a stop with the mean correction, which took no part in finding it.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.compensation.grid_search import GridResult, GridSearch, Stop, averaged
+from delta_calibration.compensation.joint_lattice import GridSettings
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.geometry import Frame, align
+from delta_calibration.plans import make_plan, nominal_joints
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+FEWEST_FRAME_STOPS = 4
+_RIM = 24  # points of the plan `identify` that lie on its rim: twelve directions, two heights
+
+
+@dataclass(frozen=True)
+class TrackerFrame:
+    """The tracker's frame, laid by the best rigid motion on stops of the robot itself.
+
+    Errors are told in this frame. What of the robot's error moves all of its points alike, as a
+    rigid body, is in the frame: it is not seen and not corrected, whatever its size.
+    """
+
+    frame: Frame  # T_tracker_base
+    stops: int
+    rest: float  # [m] RMS distance of the stops from their commands in this frame
+
+    @classmethod
+    def on(cls, commanded: Array, readings: Array) -> TrackerFrame:
+        """Laid on tool points (n, 3) [m] in the base and the readings of them.
+
+        Raises:
+            DataError: too few points, or all on one line.
+        """
+        frame = align(commanded, readings)
+        off = np.linalg.norm(frame.apply(commanded) - readings, axis=1)
+        return cls(frame, len(commanded), float(np.sqrt(np.mean(off**2))))
+
+    @property
+    def std(self) -> float:
+        """How far from here other stops would have laid a point [m].
+
+        Counts the robot's error, less its rigid part, as if it were random from stop to stop.
+        """
+        return self.rest * float(np.sqrt(6.0 / (3.0 * self.stops - 6.0)))
+
+    def __str__(self) -> str:
+        """What it costs not to know the frame."""
+        return (
+            f"tracker frame by {self.stops} stops of the robot itself, which are "
+            f"{self.rest * 1e3:.3f} mm (RMS) off in it; other stops would lay it about "
+            f"{self.std * 1e3:.3f} mm elsewhere. Points are driven right in this frame: an error "
+            "that moves the whole robot against its base is not seen in it"
+        )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was found for one target; errors are distances from it by the tracker."""
+
+    target: Array  # (3,) [m] in the base
+    command: Array  # (m,) [rad] nominal
+    dq: Array  # (m,) [rad] mean correction
+    std: Array  # (m,) [rad] its standard uncertainty
+    before: float  # [m] mean over the searches' first stops
+    after: float  # [m] at a stop of its own
+    moves: int  # stops in all
+    stop: Stop  # the first reason other than the finest lattice, if any search had one
+
+    @property
+    def joint(self) -> Array:
+        """Joint command that brings the tool to the target, (m,) [rad]."""
+        return np.asarray(self.command + self.dq)
+
+
+class Positioning:
+    """Drive to `step`, `tell` the tracker's mean reading there, until `done`.
+
+    Args:
+        robot: decides nominal joints, limits and what noise to expect.
+        targets: (n, 3) [m] tool points in the base.
+        settings: of the lattice; a noise of 0 is taken from the robot file for each target.
+        repeats: searches for each target, 2 or more.
+        readings: tracker readings averaged at a stop.
+        frame: how the tracker stands: a calibration, or so many stops to find out.
+
+    Raises:
+        InputError: too few repeats, readings or stops.
+        ReachError: a target out of reach.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        targets: Array,
+        settings: GridSettings,
+        repeats: int,
+        readings: int,
+        frame: Calibration | int,
+    ) -> None:
+        _require_least("repeats", repeats, 2)
+        _require_least("readings", readings, 1)
+        if isinstance(frame, int):
+            _require_least("frame_stops", frame, FEWEST_FRAME_STOPS)
+        self._robot, self._targets, self._settings = robot, targets, settings
+        self._repeats, self._readings, self._given = repeats, readings, frame
+        self._commands = nominal_joints(robot, targets)
+        self._model = robot.commanded
+        self.frame: TrackerFrame | None = None
+        self.outcomes: list[Outcome] = []
+        self.doing = ""  # what the next step is for
+        self._way = self._run()
+        self._next: Array | None = next(self._way)
+
+    @property
+    def step(self) -> Array:
+        """Joint command to drive to next, (m,) [rad].
+
+        Raises:
+            InputError: it is done, or was broken off by an error.
+        """
+        if self._next is None:
+            raise InputError(f"nothing left to drive to: {len(self.outcomes)} targets are done")
+        return self._next
+
+    @property
+    def done(self) -> bool:
+        """Whether all targets are done."""
+        return len(self.outcomes) == len(self._targets)
+
+    def tell(self, reading: Array) -> None:
+        """Take the tracker's mean reading at `step`, (3,) [m] in its own frame.
+
+        Raises:
+            DataError: it is not finite, and the step still waits for one that is; or the readings
+                of the frame's stops lie on one line, which ends it.
+        """
+        if not np.isfinite(reading).all():
+            raise DataError(f"{self.doing}: reading {reading}; finite values are needed")
+        try:
+            self._next = self._way.send(reading)
+        except StopIteration:
+            self._next = None
+
+    def _run(self) -> Generator[Array, Array, None]:
+        if isinstance(self._given, int):
+            yield from self._lay_frame(self._given)
+        for number in range(len(self._targets)):
+            yield from self._right(number)
+
+    def _lay_frame(self, stops: int) -> Generator[Array, Array, None]:
+        joints = frame_joints(self._robot, stops)
+        readings = []
+        for number, joint in enumerate(joints, start=1):
+            self.doing = f"tracker frame, stop {number} of {stops}"
+            readings.append((yield joint))
+        points = self._model.forward(joints, self._model.parameters.nominal)
+        self.frame = TrackerFrame.on(points + self._robot.tool_offset, np.array(readings))
+
+    def _right(self, number: int) -> Generator[Array, Array, None]:
+        """Search for one target as often as wanted, and look what the mean comes to."""
+        target, command = self._targets[number], self._commands[number]
+        settings, edges = self._laid(target, command)
+        found: list[GridResult] = []
+        for repeat in range(1, self._repeats + 1):
+            search = GridSearch(command, target, settings, edges)
+            while not search.done:
+                self.doing = (
+                    f"target {number + 1} of {len(self._targets)}, search {repeat} of "
+                    f"{self._repeats}, move {search.moves + 1}"
+                )
+                joint = search.step
+                search.tell(self._in_base((yield joint), joint))
+            found.append(search.result)
+            edges = search.result.edges
+        mean = averaged(found, settings.unit)
+        self.doing = f"target {number + 1} of {len(self._targets)}, corrected"
+        joint = command + mean.dq
+        after = self._in_base((yield joint), joint)
+        ends = [result.stop for result in found if result.stop is not Stop.FINEST]
+        self.outcomes.append(
+            Outcome(
+                target=target,
+                command=command,
+                dq=mean.dq,
+                std=mean.std,
+                before=float(np.mean([result.before for result in found])),
+                after=float(np.linalg.norm(after - target)),
+                moves=sum(result.moves for result in found) + 1,
+                stop=ends[0] if ends else Stop.FINEST,
+            )
+        )
+
+    def _laid(self, target: Array, command: Array) -> tuple[GridSettings, Array]:
+        """The lattice with the noise to expect at a target, and its nominal edges."""
+        x, g = (target - self._robot.tool_offset)[None], self._model.parameters.nominal
+        slope = self._model.velocity_jacobian(command[None], x, g)[0, :3]
+        settings = self._settings
+        if settings.noise == 0.0:
+            settings = replace(settings, noise=self._noise(target, slope))
+        return settings, slope * settings.unit
+
+    def _noise(self, target: Array, slope: Array) -> float:
+        """Standard uncertainty of a coordinate at one stop: joints come to rest, tracker reads."""
+        distance = np.array([np.linalg.norm(self._placed.apply(target))])
+        along, across = (float(s[0]) for s in self._robot.tracker.sigmas(distance))
+        read = (along**2 + 2.0 * across**2) / self._readings
+        rest = self._robot.joints.repeatability**2 * float(np.sum(slope**2))
+        return float(np.sqrt((read + rest) / 3.0))
+
+    def _in_base(self, reading: Array, joint: Array) -> Array:
+        """Where the tool is in the base, (3,) [m]."""
+        if isinstance(self._given, Calibration):
+            return np.asarray(self._given.tool_points(reading[None], joint[None])[0])
+        return self._placed.inverse().apply(reading)
+
+    @property
+    def _placed(self) -> Frame:
+        """`T_tracker_base`."""
+        if isinstance(self._given, Calibration):
+            return self._given.frame
+        if self.frame is None:
+            raise InputError("the tracker's frame is not laid yet")
+        return self.frame.frame
+
+
+def frame_joints(robot: Robot, count: int) -> Array:
+    """Stops that a frame can be laid on, (count, m) [rad]: about the rim, at two heights.
+
+    A few go once around, high and low in turn: two directions alone would lie in one plane.
+    """
+    rim = make_plan("identify", robot, count=max(count, _RIM), both_sides=False).joint
+    number, half = np.arange(count), len(rim) // 2
+    if count <= half:
+        return np.asarray(rim[number * half // count + half * (number % 2)])
+    return np.asarray(rim[number * len(rim) // count])
+
+
+def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
+    """Write corrected commands and what they came to, whole or not at all.
+
+    Columns: target x_mm, y_mm, z_mm; the joints' corrected commands [rad]; the correction that is
+    in them and its standard uncertainty [rad]; stops; errors by the tracker; why it ended.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    head = ["x_mm", "y_mm", "z_mm", *names]
+    head += [f"correction_{name}" for name in names] + [f"std_{name}" for name in names]
+    head += ["moves", "before_mm", "after_mm", "ended"]
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        with beside.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(head)
+            for o in outcomes:
+                angles = [f"{v:.9f}" for v in (*o.joint, *o.dq, *o.std)]
+                errors = [f"{o.before * 1e3:.4f}", f"{o.after * 1e3:.4f}"]
+                place = [f"{v * 1e3:.6f}" for v in o.target]
+                writer.writerow([*place, *angles, o.moves, *errors, o.stop.value])
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _require_least(name: str, value: int, least: int) -> None:
+    if value < least:
+        raise InputError(f"{name} is {value}; it has to be at least {least}")
