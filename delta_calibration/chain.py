@@ -132,12 +132,7 @@ class Chain:
 
     def point_by_pose(self, x: Array, offset: Array) -> Array:
         """d(point)/dx, (n, 3, k)."""
-        slope = np.zeros((len(x), 3, self.mechanism.pose_size))
-        slope[:, :, :3] = np.eye(3)
-        if self.mechanism.pose_size == 6:
-            each = np.broadcast_to(offset, (len(x), 3))
-            slope[:, :, 3:] = rotations.exp_times_derivative(x[:, 3:], each)
-        return slope
+        return self.mechanism.point_by_pose(x, offset)
 
     def point_by_joints(self, at: Conditions, x: Array, theta: Array) -> Array:
         """d(reflector in the base)/dq', (n, 3, m) [m/rad]."""

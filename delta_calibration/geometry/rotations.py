@@ -61,6 +61,13 @@ def exp_times_derivative(w: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(-rotation @ skew(v) @ right)
 
 
+def left_jacobian(w: NDArray[Any]) -> NDArray[Any]:
+    """J with dR = [J dw]x R: the small turn, in fixed axes, of a change of w.  -> (..., 3, 3)."""
+    _, b, c = _coefficients(w)
+    k = skew(w)
+    return np.asarray(np.eye(3) + b * k + c * (k @ k))
+
+
 def log(rotation: Array) -> Array:
     """Rotation vector of a rotation matrix, |w| <= pi.  (..., 3, 3) -> (..., 3) [rad]."""
     flat = np.asarray(rotation, dtype=float).reshape(-1, 3, 3)

@@ -31,12 +31,17 @@ _STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solu
 
 
 class Mechanism(ABC):
-    """Base of all mechanisms. Poses start with the platform centre's position, (n, 3) [m]."""
+    """Base of all mechanisms.
+
+    The pose x is the platform centre's position [m], with a rotation vector [rad] behind it where
+    the platform turns. A mechanism of other coordinates says by `position`, `rotation` and
+    `point_by_pose` what they mean; nothing else in the package asks.
+    """
 
     name: ClassVar[str]
-    joints: ClassVar[int]  # m
-    pose_size: ClassVar[int]  # k: 3, or 6 with a rotation vector behind the position
-    task_size: ClassVar[int]  # the first so many pose coordinates are what the joints command
+    joints: int  # m
+    pose_size: int  # k
+    task_size: int  # the first so many pose coordinates are what the joints command
 
     parameters: ParameterSet
 
@@ -141,6 +146,15 @@ class Mechanism(ABC):
         if self.pose_size == 3:
             return np.broadcast_to(np.eye(3), (len(x), 3, 3))
         return rotations.exp(x[:, 3:6])
+
+    def point_by_pose(self, x: Array, offset: Array) -> Array:
+        """d(point)/dx of a point fixed to the platform at `offset`, (3,) or (n, 3), (n, 3, k)."""
+        slope = np.zeros((len(x), 3, self.pose_size))
+        slope[:, :, :3] = np.eye(3)
+        if self.pose_size == 6:
+            each = np.broadcast_to(offset, (len(x), 3))
+            slope[:, :, 3:] = rotations.exp_times_derivative(x[:, 3:], each)
+        return slope
 
     def require_reach(self, solution: Array, wanted: Array, what: str, unit: str) -> None:
         """Refuse a batch that holds a row out of reach; `what` and `unit` say what was wanted.

@@ -10,7 +10,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from itertools import chain
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +52,8 @@ class DeltaTolerances:
 class DeltaModel(Mechanism):
     """What models of a rotary Delta have in common: three motors command the platform's centre."""
 
-    joints: ClassVar[int] = LEGS
-    task_size: ClassVar[int] = 3
+    joints: int = LEGS
+    task_size: int = 3
 
     def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
         """From the drawing and the expected errors of the parts."""

@@ -42,7 +42,7 @@ class RotaryDelta(DeltaModel):
     """
 
     name: ClassVar[str] = "rotary_delta"
-    pose_size: ClassVar[int] = 3
+    pose_size: int = 3
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """|x - e_i|^2 - l_i^2, (n, 3) [m^2]."""

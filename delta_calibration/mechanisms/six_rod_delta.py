@@ -52,7 +52,7 @@ class SixRodDelta(DeltaModel):
     """
 
     name: ClassVar[str] = "six_rod_delta"
-    pose_size: ClassVar[int] = 6
+    pose_size: int = 6
 
     def __init__(self, dimensions: DeltaDimensions, tolerances: DeltaTolerances) -> None:
         """From the drawing and the expected errors of the parts."""
