@@ -176,6 +176,17 @@ def test_scara_reach_and_its_edge():
     assert condition[0] > 1e5 > 10 > condition[1]
 
 
+def test_one_bad_row_does_not_hold_up_the_others():
+    arm = SerialArm(UR10, TOLERANCES)
+    g = arm.parameters.nominal
+    x = arm.forward(np.tile(arm.home, (3, 1)), g)
+    x[1], x[2, :3] = np.nan, 9.0
+    q = arm.inverse(x, g)
+    np.testing.assert_allclose(q[0], arm.home, atol=1e-9)
+    assert np.isnan(q[1:]).all()
+    assert (np.isnan(arm.forward(q, g)).all(axis=1) == [False, True, True]).all()
+
+
 def observed_rank(arm, frame: bool, rng):
     q = rng.uniform(-2.5, 2.5, (150, arm.joints))
     g = arm.parameters.nominal

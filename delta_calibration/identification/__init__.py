@@ -7,12 +7,21 @@ from delta_calibration.identification.fit import (
     identify,
     prepare,
 )
+from delta_calibration.identification.mixed import MixedFit, fit_observations
 from delta_calibration.identification.noise import Noise, whitening
 from delta_calibration.identification.observability import (
     Observability,
     Redundancy,
     observe,
     strong_correlations,
+)
+from delta_calibration.identification.observations import (
+    DistanceBetween,
+    HeightAtContact,
+    Machine,
+    Observation,
+    PointMeasured,
+    PoseMeasured,
 )
 from delta_calibration.identification.problem import (
     Problem,
@@ -23,15 +32,23 @@ from delta_calibration.identification.problem import (
 )
 
 __all__ = [
+    "DistanceBetween",
+    "HeightAtContact",
     "Identification",
+    "Machine",
+    "MixedFit",
     "Noise",
     "Observability",
+    "Observation",
+    "PointMeasured",
+    "PoseMeasured",
     "Problem",
     "Redundancy",
     "Residuals",
     "Solution",
     "build_problem",
     "chain_of",
+    "fit_observations",
     "identify",
     "observe",
     "prepare",

@@ -25,12 +25,17 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _STEP = 1e-3  # typical size of an unknown without prior [m, rad]
+_SPARE = 1e-6  # degrees of freedom under which nothing is left to judge the noise by
 FRAME_NAMES = tuple(f"device_{kind}_{axis}" for kind in ("turn", "place") for axis in "xyz")
 
 
 @dataclass(frozen=True)
 class MixedFit:
-    """A machine as measured, and how much of it the measurements say."""
+    """A machine as measured, and how much of it the measurements say.
+
+    `told` counts the combinations of unknowns that the observations set, between none and all of
+    them: one that they leave as uncertain as its prior had it counts nothing.
+    """
 
     machine: Machine
     names: tuple[str, ...]  # of the fitted unknowns, (F,)
@@ -38,16 +43,13 @@ class MixedFit:
     prior: Array  # (F,) inf where there is none or none was used
     observability: Observability  # of the observations alone
     missed: tuple[Array, ...]  # of each observation, (n, d) [m, rad]
+    told: float
+    chi_square: float  # per degree of freedom, of the stated noise; inf where none is left
 
     @property
     def std(self) -> Array:
         """Standard errors, (F,)."""
         return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def told(self) -> Array:
-        """Share of each unknown's prior variance that the observations took away, (F,)."""
-        return np.asarray(1 - (self.std / self.prior) ** 2)
 
     def rms(self, observation: int, numbers: slice = slice(None)) -> float:
         """Root mean square of the distance missed by an observation [m, rad]."""
@@ -82,16 +84,20 @@ def fit_observations(
         raise DataError(f"the fit found no rest: {found.message}")
     machine = problem.machine(found.x)
     white = problem.slopes(found.x)
-    data = white[: len(white) - problem.size][:, None, :] / problem.scale
+    data = white[: len(white) - problem.size]
     names = tuple(np.array(mechanism.parameters.names + FRAME_NAMES)[problem.free].tolist())
     spread = np.linalg.pinv(white.T @ white, hermitian=True)
+    told = float(np.trace(spread @ data.T @ data))
+    squares, degrees = np.sum(problem.rows(found.x)[: len(data)] ** 2), len(data) - told
     return MixedFit(
         machine=machine,
         names=names,
         covariance=problem.scale[:, None] * spread * problem.scale,
         prior=problem.prior,
-        observability=observe(data, problem.scale, names),
+        observability=observe(data[:, None] / problem.scale, problem.scale, names),
         missed=tuple(o.missed(machine) for o in observations),
+        told=told,
+        chi_square=float(squares / degrees) if degrees > _SPARE else np.inf,
     )
 
 

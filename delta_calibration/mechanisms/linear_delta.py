@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,8 +16,8 @@ from delta_calibration.parameters import Parameter, ParameterSet
 Array = NDArray[np.float64]
 
 TOWERS = 3
-_SIZE = 4  # parameters a tower
-RADIUS, ANGLE, ENDSTOP, ARM = range(_SIZE)
+RADIUS = 0  # columns of the parameters
+ANGLE, ENDSTOP, ARM = slice(1, 4), slice(4, 7), slice(7, 10)
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,16 @@ class LinearDeltaTolerances:
 class LinearDelta(Mechanism):
     """Carriages on vertical towers, each with an arm (a parallelogram) to the platform.
 
-    Closure of tower i: |x - c_i|^2 = L_i^2, c_i = (R_i cos phi_i, R_i sin phi_i, h_i - q_i), the
-    carriage's joint moved in by the platform's radius.
+    Closure of tower i: |x - c_i|^2 = L_i^2, c_i = (R cos phi_i, R sin phi_i, h_i - q_i), the
+    carriage's joint moved in by the platform's radius. Three joints always stand on a circle: the
+    base's z axis is its middle, so one radius is no less than three.
 
     Joints q (n, 3) [m]: how far each carriage stands down from its endstop. Pose x (n, 3) [m]: the
-    platform's centre; z = 0 is the bed. Parameters of a tower, shape (12,) in all: radius R [m],
-    angle phi [rad], height h [m] of the joint at its endstop, arm L [m]. All 12 show in the
-    positions. Turning the base about z or shifting it along the bed changes no height over the bed
-    and no distance: of these observations alone 9 combinations show. A tower that leans, a carriage
-    that tilts, and unequal arms of a pair are left out: the platform then tilts.
+    platform's centre; z = 0 is the bed. Parameters, shape (10,): radius R [m]; of the towers angle
+    phi (3) [rad], height h (3) [m] of the joint at its endstop, arm L (3) [m]. All show in the
+    positions. A turn of the base about z changes no height over the bed and no distance: of these
+    observations alone 9 combinations show. Leaves out a tower that leans, a carriage that tilts,
+    and unequal arms of a pair: the platform then tilts.
     """
 
     name: ClassVar[str] = "linear_delta"
@@ -64,9 +66,7 @@ class LinearDelta(Mechanism):
         """From the drawing and the expected errors of the parts."""
         self.dimensions = dimensions
         self.tolerances = tolerances
-        self.parameters = ParameterSet(
-            tuple(p for tower in range(TOWERS) for p in self._tower(tower))
-        )
+        self.parameters = ParameterSet((self._radius(), *self._towers()))
 
     @property
     def home(self) -> Array:
@@ -75,8 +75,7 @@ class LinearDelta(Mechanism):
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """|x - c_i|^2 - L_i^2, (n, 3) [m^2]."""
-        arm = _towers(g)[..., ARM]
-        return np.asarray(np.sum(self._arms(q, x, g) ** 2, axis=-1) - arm**2)
+        return np.asarray(np.sum(self._arms(q, x, g) ** 2, axis=-1) - g[..., ARM] ** 2)
 
     def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
         """2 (x - c_i), (n, 3, 3)."""
@@ -87,23 +86,24 @@ class LinearDelta(Mechanism):
         return np.asarray(2 * self._arms(q, x, g)[..., 2, None] * np.eye(TOWERS))
 
     def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
-        """Blocks of four columns on the diagonal, (n, 3, 12)."""
-        tower, s = _towers(g), self._arms(q, x, g)
-        c, sine = np.cos(tower[..., ANGLE]), np.sin(tower[..., ANGLE])
-        block = np.empty((*q.shape, _SIZE))
-        block[..., RADIUS] = -2 * (s[..., 0] * c + s[..., 1] * sine)
-        block[..., ANGLE] = 2 * tower[..., RADIUS] * (s[..., 0] * sine - s[..., 1] * c)
-        block[..., ENDSTOP] = -2 * s[..., 2]
-        block[..., ARM] = -2 * tower[..., ARM]
-        own = np.eye(TOWERS)[..., None] * block[:, :, None, :]
-        return np.asarray(own.reshape(len(q), TOWERS, TOWERS * _SIZE))
+        """The radius in every closure, the rest each in its own, (n, 3, 10)."""
+        s = self._arms(q, x, g)
+        along, across = _radial(g), _tangential(g)
+        own = np.eye(TOWERS)
+        f = np.empty((*q.shape, len(self.parameters)))
+        f[..., RADIUS] = -2 * np.sum(s[..., :2] * along, axis=-1)
+        by_angle = -2 * g[..., RADIUS, None] * np.sum(s[..., :2] * across, axis=-1)
+        f[..., ANGLE] = by_angle[..., None] * own
+        f[..., ENDSTOP] = -2 * s[..., 2, None] * own
+        f[..., ARM] = -2 * g[..., None, ARM] * own
+        return f
 
     def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
         """Platform's centre under the carriages, (n, 3) [m]; closed form, NaN out of reach.
 
         `guess` is not needed and not used.
         """
-        arm = np.broadcast_to(_towers(g)[..., ARM], q.shape)
+        arm = np.broadcast_to(g[..., ARM], q.shape)
         return lower_meeting_point(_carriages(q, g), arm)
 
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
@@ -111,10 +111,9 @@ class LinearDelta(Mechanism):
 
         `guess` is not needed and not used.
         """
-        tower = _towers(g)
         s = self._arms(np.zeros_like(task), task, g)
         with np.errstate(invalid="ignore"):
-            rise = np.sqrt(tower[..., ARM] ** 2 - s[..., 0] ** 2 - s[..., 1] ** 2)
+            rise = np.sqrt(g[..., ARM] ** 2 - s[..., 0] ** 2 - s[..., 1] ** 2)
         return np.asarray(-s[..., 2] - rise)
 
     def start(self, q: Array, g: Array) -> Array:
@@ -125,35 +124,40 @@ class LinearDelta(Mechanism):
         """The solution itself: the inverse problem is closed."""
         return self.inverse(task, g)
 
-    def _tower(self, tower: int) -> list[Parameter]:
+    def _radius(self) -> Parameter:
         d, t = self.dimensions, self.tolerances
-        number, where = tower + 1, f"joint_{tower + 1}"
+        return Parameter("tower_radius", "m", d.radius, t.radius, "base_joint_position")
+
+    def _towers(self) -> Iterator[Parameter]:
+        d, t = self.dimensions, self.tolerances
         endstop = d.height + float(np.sqrt(d.arm**2 - d.radius**2))
-        angle, place = float(d.angles[tower]), "base_joint_position"
-        return [
-            Parameter(f"tower_radius_{number}", "m", d.radius, t.radius, place, where),
-            Parameter(f"tower_angle_{number}", "rad", angle, t.angle, place, where),
-            Parameter(
-                f"endstop_height_{number}", "m", endstop, t.endstop, "joint_zero_offset", where
-            ),
-            Parameter(f"arm_{number}", "m", d.arm, t.arm, "arm_length", where),
-        ]
+        for i, angle in enumerate(d.angles.tolist(), 1):
+            where = f"joint_{i}"
+            cause = "base_joint_position"
+            yield Parameter(f"tower_angle_{i}", "rad", angle, t.angle, cause, where)
+        for i in range(1, TOWERS + 1):
+            name, cause = f"endstop_height_{i}", "joint_zero_offset"
+            yield Parameter(name, "m", endstop, t.endstop, cause, f"joint_{i}")
+        for i in range(1, TOWERS + 1):
+            yield Parameter(f"arm_{i}", "m", d.arm, t.arm, "arm_length", f"joint_{i}")
 
     def _arms(self, q: Array, x: Array, g: Array) -> Array:
         """From carriage to platform, (n, 3 towers, 3) [m]."""
         return x[:, None, :] - _carriages(q, g)
 
 
-def _towers(g: Array) -> Array:
-    """Geometry by tower.  (12,) or (n, 12) -> (3, 4) or (n, 3, 4)."""
-    return g.reshape((*g.shape[:-1], TOWERS, _SIZE))
+def _radial(g: Array) -> Array:
+    """From the axis towards each tower.  (10,) or (n, 10) -> (3, 2) or (n, 3, 2)."""
+    return np.stack([np.cos(g[..., ANGLE]), np.sin(g[..., ANGLE])], axis=-1)
+
+
+def _tangential(g: Array) -> Array:
+    """Its derivative by the tower's angle."""
+    return np.stack([-np.sin(g[..., ANGLE]), np.cos(g[..., ANGLE])], axis=-1)
 
 
 def _carriages(q: Array, g: Array) -> Array:
     """Joints of the carriages, moved in by the platform's radius, (n, 3 towers, 3) [m]."""
-    tower = _towers(g)
-    radius, angle = tower[..., RADIUS], tower[..., ANGLE]
-    around = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-    height = tower[..., ENDSTOP] - q
-    flat = np.broadcast_to(around, (*height.shape, 2))
-    return np.concatenate([flat, height[..., None]], axis=-1)
+    height = g[..., ENDSTOP] - q
+    around = np.broadcast_to(g[..., RADIUS, None, None] * _radial(g), (*height.shape, 2))
+    return np.concatenate([around, height[..., None]], axis=-1)

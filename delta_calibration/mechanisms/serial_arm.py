@@ -61,9 +61,10 @@ class SerialArm(Mechanism):
     measuring device 4 m + 6 combinations of 4 m + 12 show in the pose: the first link does four of
     the frame's six, the last zero and offset do as much as the tool.
 
-    Two joints command x and y, six or more the pose, others the place. The inverse problem keeps
-    the posture of `home` (elbow of two parallel axes) or of the guess. Leaves out links that bend
-    and gears that give way.
+    Two joints command x and y, six or more the pose, others the place. Of the postures that reach
+    a task, two parallel axes keep the elbow of `home`, and with a guess any arm takes the one at
+    the guess; without, damped steps from home decide. Leaves out links that bend and gears that
+    give way.
     """
 
     name: ClassVar[str] = "serial_arm"
@@ -118,13 +119,10 @@ class SerialArm(Mechanism):
         `guess` is not needed and not used.
         """
         walk = self.walk(q, g)
-        finite = np.asarray(np.isfinite(walk.rotation).all(axis=(1, 2)))
-        turn = rotations.log(np.where(finite[:, None, None], walk.rotation, np.eye(3)))
-        x = np.concatenate([walk.position, turn], axis=1)
-        return np.where(finite[:, None], x, np.nan)
+        return np.concatenate([walk.position, _rotation_vector(walk.rotation)], axis=1)
 
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
-        """Joints in the posture of `guess`, or of home, (n, m) [rad]; NaN rows out of reach.
+        """Joints in the posture of `guess`, or near home, (n, m) [rad]; NaN rows out of reach.
 
         Steps damped by the squared miss (Sugihara): they stay short far off and near a
         singularity, and become Newton's at the end.
@@ -137,7 +135,7 @@ class SerialArm(Mechanism):
             tiny = np.finfo(float).eps * np.eye(self.task_size)
             step = across @ np.linalg.solve(slope @ across + damping + tiny, miss[..., None])
             q = q + step[..., 0]
-            if np.max(np.abs(miss), initial=0.0) < _TOLERANCE:
+            if np.max(np.nan_to_num(np.abs(miss)), initial=0.0) < _TOLERANCE:
                 break
         good = np.abs(self._task_miss(q, task, g)[0]).max(axis=1) < _TOLERANCE
         return np.where(good[:, None], q, np.nan)
@@ -206,7 +204,7 @@ class SerialArm(Mechanism):
         if self.task_size < 6:
             return miss, shift[:, : self.task_size]
         wanted = rotations.exp(task[:, 3:6])
-        miss_turn = rotations.log(wanted @ np.swapaxes(walk.rotation, 1, 2))
+        miss_turn = _rotation_vector(wanted @ np.swapaxes(walk.rotation, 1, 2))
         return np.concatenate([miss, miss_turn], 1), np.concatenate([shift, turn], 1)
 
     def _misturned(self, x: Array, walk: Walk) -> Array:
@@ -267,6 +265,13 @@ def _turned(rotation: Array, axis: int, angle: Array) -> Array:
     turned[:, :, one] = c * rotation[:, :, one] + s * rotation[:, :, two]
     turned[:, :, two] = c * rotation[:, :, two] - s * rotation[:, :, one]
     return turned
+
+
+def _rotation_vector(rotation: Array) -> Array:
+    """(n, 3, 3) -> (n, 3) [rad]; NaN where the matrix has NaN."""
+    finite = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
+    turn = rotations.log(np.where(finite[:, None, None], rotation, np.eye(3)))
+    return np.where(finite[:, None], turn, np.nan)
 
 
 def _vee(skew: Array) -> Array:
