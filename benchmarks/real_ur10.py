@@ -33,6 +33,7 @@ NOISE, TURN_NOISE = 0.2e-3, 1e-3  # [m], [rad]: probe and what the model leaves 
 BLOCKS = 10
 KNOT = np.radians(4.0)  # of a joint's own error curve; chosen beforehand, never tuned
 CURVE, HARMONIC, DRIFT = 0.15e-3, 0.15e-3, 0.1e-3  # expected sizes [rad, m]
+BENDING = (0, 1, 2, 3, 4)  # joints whose angle moves the probe far; the last turns it in place
 _GENEROUS = 10.0  # times: what the geometry may still move by in a linearised fit
 
 
@@ -164,7 +165,7 @@ def curves(left: Left, joints: tuple[int, ...]) -> Array:
     )
 
 
-def curve_of(left: Left, joint: int, at: Array, joints: tuple[int, ...] = (0, 1, 2)) -> Array:
+def curve_of(left: Left, joint: int, at: Array, joints: tuple[int, ...] = BENDING) -> Array:
     """Estimated error of a joint at some angles, (k,) [rad], beside those of the others."""
     columns = np.concatenate([left.geometry, curves(left, joints)], axis=-1)
     values = _solve(*_normal(columns, left.missed), _generous(left))
@@ -242,16 +243,16 @@ def report(root: Path) -> None:
         print(f"  {'geometry':48s} held out {rms(base) * 1e3:.3f} mm")
         for what, columns in extensions(left):
             _tell(what, base, held_out(left, columns))
-        for joints in ((0,), (1,), (2,), (0, 1, 2), (0, 1, 2, 3, 4)):
+        for joints in ((0,), (1,), (2,), (0, 1, 2), BENDING):
             named = ", ".join(str(joint + 1) for joint in joints)
             _tell(f"own error curve of joint {named}", base, held_out(left, curves(left, joints)))
-        own = curves(left, (0, 1, 2, 3, 4))
+        own = curves(left, BENDING)
         base = held_out(left, own)
         print("  beside the five curves")
         for what, columns in extensions(left):
             _tell(what, base, held_out(left, own, columns))
-    print("error curves of one joint, found in A and in C apart")
-    for joint in (1, 2):
+    print("error curves of one joint, found in A and in C apart (joint 1 shares no range)")
+    for joint in (1, 2, 3, 4):
         correlation, (low, high) = agreement(lefts["A"], lefts["C"], joint)
         shared = f"{np.degrees(low):.0f} to {np.degrees(high):.0f} deg"
         print(f"  joint {joint + 1}, {shared}: correlation {correlation:.3f}")

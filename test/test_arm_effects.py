@@ -110,3 +110,13 @@ def test_a_length_at_fault_is_named_link_length():
     assert cause["length_2"] == cause["tool_x"] == "link_length"
     assert cause["zero_2"] == "joint_zero_offset"
     assert cause["skew_2"] == "joint_axis_tilt"
+
+
+def test_all_that_is_drawn_along_a_link_grows():
+    arm = SerialArm(UR10, TOLERANCES)
+    lengths = dict(zip(arm.parameters.names, ThermalGrowthLink(None, arm).lengths(), strict=True))
+    grown = {name: value for name, value in lengths.items() if value != 0}
+    assert grown == {
+        "offset_1": 0.1273, "length_3": -0.612, "length_4": -0.5723,
+        "offset_5": 0.1157, "offset_6": 0.0922,
+    }  # fmt: skip

@@ -139,7 +139,7 @@ def test_a_wave_of_one_joint_is_found_there_and_only_there():
     ]
     assert gains[2] > 0.05e-3 > 0.01e-3 > max(gains[:2])
     at = np.linspace(-2.2, 2.2, 200)
-    curve = real_ur10.curve_of(left, 2, at)
+    curve = real_ur10.curve_of(left, 2, at, (0, 1, 2))
     assert np.corrcoef(curve, np.sin(17 * at))[0, 1] > 0.95
 
 
