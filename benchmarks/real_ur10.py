@@ -179,6 +179,12 @@ def curve_of(left: Left, joint: int, at: Array, joints: tuple[int, ...] = BENDIN
     raise ValueError(f"joint {joint} is none of {joints}")
 
 
+def curve_size(left: Left, joint: int) -> float:
+    """RMS of a joint's error curve about its mean, over the middle 80 % of the poses [rad]."""
+    low, high = np.quantile(left.series.joint[:, joint], [0.1, 0.9])
+    return float(np.std(curve_of(left, joint, np.linspace(low, high, 500))))
+
+
 def agreement(one: Left, other: Left, joint: int) -> tuple[float, Array]:
     """Correlation of a joint's error curves found in two series, and the range they share [rad].
 
@@ -248,7 +254,8 @@ def report(root: Path) -> None:
             _tell(f"own error curve of joint {named}", base, held_out(left, curves(left, joints)))
         own = curves(left, BENDING)
         base = held_out(left, own)
-        print("  beside the five curves")
+        sizes = ", ".join(f"{curve_size(left, joint) * 1e3:.2f}" for joint in BENDING)
+        print(f"  the five curves: {sizes} mrad RMS; beside them")
         for what, columns in extensions(left):
             _tell(what, base, held_out(left, own, columns))
     print("error curves of one joint, found in A and in C apart (joint 1 shares no range)")
