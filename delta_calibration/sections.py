@@ -40,6 +40,7 @@ class _Entry:
     schema: Mapping[str, Any]
     unit: str | None = None  # of a number or an array of them; None: not a number
     key: str | None = None  # where it is not the field's name and the unit
+    part: type[Any] | None = None  # section of which there is a list
 
 
 def quantity(
@@ -104,6 +105,16 @@ def names() -> Any:
     return _field(_Entry({**_array(word, (None,)), "uniqueItems": True}))
 
 
+def flag(default: bool) -> Any:
+    """True or false."""
+    return _field(_Entry({"type": "boolean"}), default)
+
+
+def parts(kind: type[Any]) -> Any:
+    """Several sections of one kind."""
+    return _field(_Entry(_array(schema_of(kind), (None,)), part=kind))
+
+
 def schema_of(kind: type) -> dict[str, Any]:
     """JSON schema of a section."""
     hints = get_type_hints(kind)
@@ -152,6 +163,8 @@ def _value(item: Field[Any], kind: Any, value: Any) -> Any:
     if is_dataclass(kind):
         return built(kind, value)  # type: ignore[arg-type]
     entry: _Entry = item.metadata["entry"]
+    if entry.part is not None:
+        return tuple(built(entry.part, one) for one in value)
     if entry.unit is None:
         return tuple(value) if isinstance(value, list) else value
     in_si = np.asarray(value, dtype=float) * SI[entry.unit]

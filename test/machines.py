@@ -31,8 +31,11 @@ def places(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joints and poses around home that belong together at geometry g, (n, m), (n, k)."""
     home, nominal = mechanism.home[None], mechanism.parameters.nominal
-    centre = mechanism.forward(home, nominal)
-    slope = mechanism.velocity_jacobian(home, centre, nominal)[0]
-    way = mechanism.joint_size * rng.uniform(-0.3, 0.6, (n, mechanism.joints))
-    q = mechanism.inverse((centre + way @ slope.T)[:, : mechanism.task_size], g)
+    way = mechanism.joint_size * rng.uniform(-0.2, 0.2, (n, mechanism.joints))
+    x = mechanism.forward(home, nominal)
+    if mechanism.joints == mechanism.task_size:
+        x = mechanism.forward(home + way, nominal)
+    else:  # not all joints together have a pose
+        x = x + way @ mechanism.velocity_jacobian(home, x, nominal)[0].T
+    q = mechanism.inverse(x[:, : mechanism.task_size], g)
     return q, mechanism.forward(q, g)

@@ -20,11 +20,13 @@ from delta_calibration.effects.joint_lag import JointLag
 from delta_calibration.effects.joint_scale import JointScale
 from delta_calibration.effects.joint_zero_drift import JointZeroDrift
 from delta_calibration.effects.pulley_radius import PulleyRadius
+from delta_calibration.effects.reducer_compliance import ReducerCompliance
 from delta_calibration.effects.slider_pitch import SliderPitch
 from delta_calibration.effects.stick_slip import StickSlip
 from delta_calibration.effects.thermal_growth_arm import ThermalGrowthArm
 from delta_calibration.effects.thermal_growth_base import ThermalGrowthBase
 from delta_calibration.effects.thermal_growth_forearm import ThermalGrowthForearm
+from delta_calibration.effects.thermal_growth_link import ThermalGrowthLink
 from delta_calibration.effects.timestamp_latency import TimestampLatency
 from delta_calibration.effects.tracker_drift import TrackerDrift
 from delta_calibration.effects.tracker_scale import TrackerScale
@@ -60,6 +62,8 @@ EFFECTS: Mapping[str, type[Effect]] = {
         DrumBuildUp,
         DrumScale,
         SliderPitch,
+        ReducerCompliance,
+        ThermalGrowthLink,
     )
 }
 

@@ -9,12 +9,21 @@ from delta_calibration.identification.fit import (
     prepare,
 )
 from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
+from delta_calibration.identification.mixed import MixedFit, fit_observations
 from delta_calibration.identification.noise import Noise, whitening
 from delta_calibration.identification.observability import (
     Observability,
     Redundancy,
     observe,
     strong_correlations,
+)
+from delta_calibration.identification.observations import (
+    DistanceBetween,
+    HeightAtContact,
+    Machine,
+    Observation,
+    PointMeasured,
+    PoseMeasured,
 )
 from delta_calibration.identification.pose_residual import (
     LinearResidual,
@@ -48,13 +57,20 @@ from delta_calibration.identification.swarm import (
 __all__ = [
     "Apso",
     "Box",
+    "DistanceBetween",
     "Found",
+    "HeightAtContact",
     "Identification",
     "JointFit",
     "JointProblem",
     "LinearResidual",
+    "Machine",
+    "MixedFit",
     "Noise",
     "Observability",
+    "Observation",
+    "PointMeasured",
+    "PoseMeasured",
     "PoseResidual",
     "Problem",
     "Pso",
@@ -68,6 +84,7 @@ __all__ = [
     "alternate",
     "build_problem",
     "chain_of",
+    "fit_observations",
     "identify",
     "in_rounds",
     "joint_covariance",

@@ -4,10 +4,19 @@ from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.mechanisms.cable_dimensions import CableDimensions, CableTolerances
 from delta_calibration.mechanisms.cable_robot import CableRobot
 from delta_calibration.mechanisms.five_axis import FiveAxis
+from delta_calibration.mechanisms.linear_delta import LinearDelta
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta
+from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
 
-_EVERY: tuple[type[Mechanism], ...] = (RotaryDelta, SixRodDelta, CableRobot, FiveAxis)
+_EVERY: tuple[type[Mechanism], ...] = (
+    RotaryDelta,
+    SixRodDelta,
+    LinearDelta,
+    CableRobot,
+    FiveAxis,
+    SerialArm,
+)
 MECHANISMS: dict[str, type[Mechanism]] = {kind.name: kind for kind in _EVERY}
 
 __all__ = [
@@ -16,7 +25,9 @@ __all__ = [
     "CableRobot",
     "CableTolerances",
     "FiveAxis",
+    "LinearDelta",
     "Mechanism",
     "RotaryDelta",
+    "SerialArm",
     "SixRodDelta",
 ]

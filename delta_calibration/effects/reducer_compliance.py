@@ -1,0 +1,44 @@
+"""Reducers of a serial arm that twist under what they accelerate and hold.
+
+dq = -tau / k
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from delta_calibration.effects.arm_loads import joint_torque
+from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.mechanisms import SerialArm
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.samples import Conditions
+
+
+@dataclass(frozen=True)
+class ReducerCompliance(Effect):
+    """Elastic twist of each joint's reducer.
+
+    Joints that stand upright, as a SCARA's, bear no weight: there it shows by acceleration only.
+    """
+
+    cause: ClassVar[str] = "reducer_compliance"
+    kind: ClassVar[str] = "structure"
+    stage: ClassVar[Stage] = Stage.DRIVE
+    needs: ClassVar[tuple[str, ...]] = ("payload",)
+
+    @property
+    def suits(self) -> bool:
+        """Whether the mechanism has links of known mass."""
+        arm = self.mechanism
+        return isinstance(arm, SerialArm) and any(link.mass for link in arm.dimensions.links)
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """1/k of each joint [rad/(N m)]: reducers of such arms have 1e4 to 1e5 N m/rad."""
+        return self.each_joint("compliance", "rad/(N m)", 4e-5, 0.0, 1e-2)
+
+    def columns(self, at: Conditions) -> Array:
+        """(n, m, m) [N m]."""
+        assert isinstance(self.mechanism, SerialArm)
+        return diagonal(-joint_torque(self.mechanism, at))

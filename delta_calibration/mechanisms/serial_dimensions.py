@@ -1,0 +1,93 @@
+"""The drawing of a serial arm and the expected errors of its parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import ConfigError
+from delta_calibration.sections import angle, flag, parts, place, quantity, tolerance
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Link:
+    """From joint axis i - 1 (the base for the first) to axis i, modified DH (Craig).
+
+        A_i = R_x(twist) T_x(length) R_z(q_i) T_z(offset)
+
+    `parallel` says that the two axes are nearly so. Their common normal is then badly defined: an
+    error of twist moves it far along the axes. Hayati's angle about y takes the offset's place
+    among what can be wrong, and the offset stays as drawn.
+    """
+
+    twist: float = angle()  # alpha [rad]
+    length: float = place()  # a [m]
+    offset: float = place()  # d [m]
+    parallel: bool = flag(False)
+    # [kg] of what turns with joint i, spread along the way to the next
+    mass: float = quantity("kg", least=0.0, default=0.0)
+
+
+@dataclass(frozen=True)
+class ArmDimensions:
+    """The drawing of a serial arm.
+
+    Raises:
+        ConfigError: no link, a first axis said to be parallel, or a home of another size.
+    """
+
+    links: tuple[Link, ...] = parts(Link)
+    tool: Array = place(shape=(3,))  # (3,) [m] tool centre point in the last link
+    # (m,) [rad] in the middle of the workspace, in the posture that is wanted
+    home: Array = angle(shape=(None,))
+    mount: Array = angle(shape=(3,))  # [rad] tool turned about z, y, x
+
+    def __post_init__(self) -> None:
+        """Refuse what no arm can be made of."""
+        if not self.links:
+            raise ConfigError("links: none is not allowed; one or more")
+        if self.links[0].parallel:
+            raise ConfigError("links[1].parallel: the first axis has none before it to lie along")
+        for name, value, size in (
+            ("home", self.home, len(self.links)),
+            ("tool", self.tool, 3),
+            ("mount", self.mount, 3),
+        ):
+            if value.shape != (size,) or not np.isfinite(value).all():
+                raise ConfigError(f"{name}: {value} is not allowed; {size} finite numbers")
+
+
+@dataclass(frozen=True)
+class ArmTolerances:
+    """Standard deviations of an arm's parts about the drawing; `inf` where nothing is known."""
+
+    length: float = tolerance()  # [m] a and d
+    twist: float = tolerance("mrad")  # [rad] alpha and beta
+    zero: float = tolerance("mrad")  # [rad] encoder zero
+    tool: float = tolerance()  # [m] tool centre point, each coordinate
+    mount: float = tolerance("mrad")  # [rad] how the tool is turned, each axis
+
+
+SCARA = ArmDimensions(  # paper 003: l1 = l2 = 500 mm; the masses are ours
+    links=(Link(0.0, 0.0, 0.0, mass=8.0), Link(0.0, 0.5, 0.0, parallel=True, mass=5.0)),
+    tool=np.array([0.5, 0.0, 0.0]),
+    home=np.array([np.pi / 3, np.pi / 6]),
+    mount=np.zeros(3),
+)
+UR10 = ArmDimensions(  # by the maker's table of DH parameters
+    links=(
+        Link(0.0, 0.0, 0.1273),
+        Link(np.pi / 2, 0.0, 0.0),
+        Link(0.0, -0.612, 0.0, parallel=True),
+        Link(0.0, -0.5723, 0.163941, parallel=True),
+        Link(np.pi / 2, 0.0, 0.1157),
+        Link(-np.pi / 2, 0.0, 0.0922),
+    ),
+    tool=np.zeros(3),
+    home=np.array([0.0, -2.0, 2.0, -1.5, -1.5, 0.0]),
+    mount=np.zeros(3),
+)

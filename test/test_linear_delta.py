@@ -1,0 +1,154 @@
+"""Linear Delta: closure, derivatives, both problems, what heights and distances can say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from delta_calibration.errors import ReachError
+from delta_calibration.mechanisms.linear_delta import (
+    LinearDelta,
+    LinearDeltaDimensions,
+    LinearDeltaTolerances,
+)
+
+DRAWING = LinearDeltaDimensions(0.160, np.radians([210.0, 330.0, 90.0]), 0.345, 0.415)
+TOLERANCES = LinearDeltaTolerances(1e-3, 5e-3, 3e-3, 1e-3)
+STEP = 1e-30  # complex step
+
+
+@pytest.fixture
+def delta():
+    return LinearDelta(DRAWING, TOLERANCES)
+
+
+def machine(delta, rng, scale=2.0):
+    parameters = delta.parameters
+    return parameters.nominal + scale * parameters.prior * rng.standard_normal(len(parameters))
+
+
+def carriages(rng, n):
+    return rng.uniform(0.3, 0.42, (n, 3))
+
+
+def complex_step(function, x):
+    columns = []
+    for k in range(x.shape[-1]):
+        moved = x.astype(complex)
+        moved[..., k] += 1j * STEP
+        columns.append(np.imag(function(moved)) / STEP)
+    return np.stack(columns, axis=-1)
+
+
+def test_on_the_drawing(delta):
+    """Carriages at their endstops hold the platform at its height, over the middle."""
+    g = delta.parameters.nominal
+    x = delta.forward(np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]), g)
+    np.testing.assert_allclose(x, [[0, 0, 0.415], [0, 0, 0.315]], atol=1e-14)
+
+
+def test_arms_have_their_lengths(delta):
+    """Pythagoras from each tower to the platform, by the towers' places in plain numbers."""
+    rng = np.random.default_rng(1)
+    q = carriages(rng, 20)
+    x = delta.forward(q, delta.parameters.nominal)
+    top = 0.415 + np.sqrt(0.345**2 - 0.160**2)
+    for tower, degrees in enumerate((210, 330, 90)):
+        across = x[:, :2] - 0.160 * np.array(
+            [np.cos(np.radians(degrees)), np.sin(np.radians(degrees))]
+        )
+        down = top - q[:, tower] - x[:, 2]
+        assert (down > 0).all()
+        np.testing.assert_allclose(np.hypot(np.hypot(*across.T), down), 0.345, atol=1e-14)
+
+
+def test_forward_and_inverse_undo_each_other(delta):
+    rng = np.random.default_rng(2)
+    g, q = machine(delta, rng), carriages(rng, 50)
+    x = delta.forward(q, g)
+    assert np.abs(delta.closure(q, x, g)).max() < 1e-15
+    np.testing.assert_allclose(delta.inverse(x, g), q, atol=1e-13)
+
+
+def test_closure_derivatives_against_complex_step(delta):
+    rng = np.random.default_rng(3)
+    g, q = machine(delta, rng), carriages(rng, 7)
+    x = delta.forward(q, g) + 0.01 * rng.standard_normal((7, 3))
+    pairs = [
+        (delta.closure_by_pose(q, x, g), complex_step(lambda v: delta.closure(q, v, g), x)),
+        (delta.closure_by_joints(q, x, g), complex_step(lambda v: delta.closure(v, x, g), q)),
+        (delta.closure_by_geometry(q, x, g), complex_step(lambda v: delta.closure(q, x, v), g)),
+    ]
+    for written, exact in pairs:
+        np.testing.assert_allclose(written, exact, atol=1e-14)
+
+
+def test_geometry_may_change_from_sample_to_sample(delta):
+    rng = np.random.default_rng(4)
+    q = carriages(rng, 4)
+    each = np.stack([machine(delta, rng) for _ in q])
+    x = delta.forward(q, each)
+    jacobians = delta.identification_jacobian(q, x, each)
+    for k in range(len(q)):
+        alone = delta.forward(q[k : k + 1], each[k])
+        own = delta.identification_jacobian(q[k : k + 1], alone, each[k])
+        np.testing.assert_allclose(x[k], alone[0], atol=1e-14)
+        np.testing.assert_allclose(jacobians[k], own[0], atol=1e-11)
+    np.testing.assert_allclose(delta.inverse(x, each), q, atol=1e-13)
+
+
+def test_out_of_reach_is_nan_alone_and_refused_by_name(delta):
+    targets = np.array([[0.0, 0.0, 0.1], [0.4, 0.0, 0.1]])
+    q = delta.inverse(targets, delta.parameters.nominal)
+    assert np.isfinite(q[0]).all()
+    assert np.isnan(q[1]).any()
+    with pytest.raises(ReachError, match=r"target 2 \(0.4, 0, 0.1 m\)"):
+        delta.require_reach(q, targets, "target", "m")
+
+
+def test_condition_grows_where_an_arm_lies_level(delta):
+    """There the carriage cannot move the platform along the arm any more."""
+    g = delta.parameters.nominal
+    level = np.array([[0.0, -(0.345 - 0.160) + 1e-6, 0.1]])
+    q = delta.inverse(np.concatenate([level, [[0.0, 0.0, 0.1]]]), g)
+    condition = delta.condition(q, delta.forward(q, g), g)
+    assert condition[0] > 50
+    assert condition[1] < 3
+
+
+def rank(matrix):
+    values = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
+    return int((values > 1e-9 * values[0]).sum())
+
+
+def test_nine_of_ten_show_in_heights_and_distances(delta):
+    rng = np.random.default_rng(5)
+    g = delta.parameters.nominal
+    q, other = carriages(rng, 60), carriages(rng, 60)
+    x, y = delta.forward(q, g), delta.forward(other, g)
+    here = delta.identification_jacobian(q, x, g)
+    there = delta.identification_jacobian(other, y, g)
+    along = (y - x) / np.linalg.norm(y - x, axis=1)[:, None]
+    apart = np.einsum("ni,nip->np", along, there - here)
+    assert rank(here.reshape(-1, 10)) == 10
+    assert rank(np.concatenate([here[:, 2], apart])) == 9
+
+
+def test_three_radii_are_one_and_a_shift_of_the_base():
+    """Towers moved singly still stand on a circle: distances follow from one radius and angles."""
+    rng = np.random.default_rng(6)
+    angle, radius = np.radians([210.0, 330.0, 90.0]), np.array([0.1612, 0.1590, 0.1604])
+    foot = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    middle = np.linalg.solve(2 * np.diff(foot, axis=0), np.diff(np.sum(foot**2, axis=1)))
+    spoke = foot - middle
+    size = np.linalg.norm(spoke, axis=1)
+    np.testing.assert_allclose(size, size[0], atol=1e-15)
+    turned = np.mod(np.arctan2(spoke[:, 1], spoke[:, 0]), 2 * np.pi)
+    delta = LinearDelta(LinearDeltaDimensions(size[0], turned, 0.345, 0.415), TOLERANCES)
+    q = carriages(rng, 20)
+    x = delta.forward(q, delta.parameters.nominal) + np.append(middle, 0.0)
+    top = 0.415 + np.sqrt(0.345**2 - size[0] ** 2)
+    for tower in range(3):
+        across = x[:, :2] - foot[tower]
+        down = top - q[:, tower] - x[:, 2]
+        np.testing.assert_allclose(np.hypot(np.hypot(*across.T), down), 0.345, atol=1e-13)

@@ -1,0 +1,152 @@
+"""A printer and a UR10 as measured; the curves of joints also on an arm made here."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import real_ur10
+import real_v400
+from delta_calibration.mechanisms.serial_arm import SerialArm
+from delta_calibration.mechanisms.serial_dimensions import UR10
+from real_machines import DATA
+
+V400, ARM = DATA / "v400_linear_delta", DATA / "ur10_lasertracker"
+
+
+def present(folder):
+    reason = "the measurements of real machines are not beside the repository"
+    return pytest.mark.skipif(not folder.is_dir(), reason=reason)
+
+
+@pytest.mark.real
+@present(V400)
+def test_nine_parameters_of_the_printer():
+    found = real_v400.fit(V400 / real_v400.MEASURED, priors=False)
+    assert found.observability.rank == 9
+    assert found.rms(0) < 0.041e-3
+    assert found.rms(1) < 0.063e-3
+
+
+@pytest.mark.real
+@present(V400)
+def test_19_data_do_not_say_how_long_the_arms_are():
+    """The fit asks for arms off by more than a millimetre; by its own interval that is nothing."""
+    folder = V400 / real_v400.MEASURED
+    alone, believed = (real_v400.fit(folder, priors) for priors in (False, True))
+    arms = [name.startswith("arm") for name in alone.names]
+    assert (alone.std[arms] > 1e-3).all()
+    assert ((believed.std / believed.prior)[arms] > 0.6).all()
+    assert believed.told < 7.5
+    assert alone.observability.indices["O2"] < 0.01
+    unseen = [
+        np.sqrt(np.mean([real_v400.rms(kind) ** 2 for kind in real_v400.left_out(folder, priors)]))
+        for priors in (False, True)
+    ]
+    assert unseen[1] < 0.85 * unseen[0]  # with priors the data that were left out are nearer
+
+
+@pytest.mark.real
+@present(V400)
+def test_what_stays_of_the_meshes_and_what_does_not():
+    meshes = [real_v400.mesh(V400 / day) for day in real_v400.AUGUST]
+    assert len(meshes[0].error) == 377
+    one, two = (real_v400.beyond_geometry(mesh) for mesh in meshes)
+    assert np.corrcoef(one, two)[0, 1] > 0.8
+    assert real_v400.rms((one + two) / 2) == pytest.approx(0.038e-3, abs=0.001e-3)
+    assert real_v400.rms((one - two) / 2) < 0.015e-3
+    # by height alone leaning towers do as well as a smooth bed: neither can be named
+    stays = (one + two) / 2
+    lean = real_v400.lean_share(meshes[0], stays)
+    bed = real_v400.bed_share(meshes[0], stays, 4)
+    assert abs(lean - bed) < 0.1
+    assert lean > 0.7
+    rng = np.random.default_rng(1)
+    chance = real_v400.lean_share(meshes[0], rng.standard_normal(len(stays)))
+    assert chance < 0.1
+
+
+def sampled(series, n, seed=1):
+    """Some of the poses, in the order of their measurement."""
+    rows = np.random.default_rng(seed).choice(len(series.joint), n, replace=False)
+    return series.take(np.sort(rows))
+
+
+@pytest.mark.real
+@present(ARM)
+@pytest.mark.parametrize(
+    ("name", "before", "after"), [("A", 0.84e-3, 0.44e-3), ("C", 0.99e-3, 0.49e-3)]
+)
+def test_ur10_geometry_and_what_is_left(name, before, after):
+    """Of 1500 poses; all of them: `python benchmarks/real_machines.py ur10`."""
+    series = sampled(real_ur10.read(ARM / real_ur10.SERIES[name]), 1500)
+    nominal, full = real_ur10.fits(series)
+    assert real_ur10.position_rms(nominal) == pytest.approx(before, abs=0.03e-3)
+    assert real_ur10.position_rms(full) == pytest.approx(after, abs=0.02e-3)
+    assert full.observability.rank == 30
+    left = real_ur10.left_by(full, series)
+    geometry = real_ur10.held_out(left)
+    warm = dict(real_ur10.extensions(left))["tracker or base by room temperature"]
+    gain, half = real_ur10.margin(geometry, real_ur10.held_out(left, warm))
+    assert gain < half + 0.005e-3  # no temperature
+    curved = real_ur10.held_out(left, real_ur10.curves(left, (0, 1, 2)))
+    gain, half = real_ur10.margin(geometry, curved)
+    assert gain - half > 0.2e-3
+    assert real_ur10.rms(curved) < 0.22e-3
+    shuffled = replace(series, joint=np.random.default_rng(2).permutation(series.joint))
+    placebo = real_ur10.curves(replace(left, series=shuffled), (0, 1, 2))
+    assert real_ur10.margin(geometry, real_ur10.held_out(left, placebo))[0] < 0.005e-3
+
+
+@pytest.mark.real
+@present(ARM)
+def test_two_series_four_months_apart_tell_the_same_curve_of_joint_3():
+    lefts = []
+    for name in "AC":
+        series = sampled(real_ur10.read(ARM / real_ur10.SERIES[name]), 1500)
+        lefts.append(real_ur10.left_by(real_ur10.fits(series)[1], series))
+    assert real_ur10.agreement(*lefts, 2)[0] > 0.9
+
+
+def simulated(rng, n, size):
+    """An arm off its drawing whose third joint errs by a wave of 17 cycles; base turned far."""
+    tool, mount = np.array([0.01, -0.02, 0.1]), np.array([0.5, 0.3, -0.8])
+    arm = SerialArm(replace(UR10, tool=tool, mount=mount), replace(
+        real_ur10.TOLERANCES, tool=1e-3, mount=1e-3
+    ))  # fmt: skip
+    p = arm.parameters
+    joint = rng.uniform(-2.5, 2.5, (n, 6))
+    wave = np.zeros((n, 6))
+    wave[:, 2] = size * np.sin(17 * joint[:, 2])
+    x = arm.forward(joint + wave, p.nominal + p.prior * rng.standard_normal(len(p)))
+    base = Rotation.from_rotvec([0.2, -0.4, 1.5]).as_matrix()
+    point = x[:, :3] @ base.T + [1.0, -2.0, 0.3] + 30e-6 * rng.standard_normal((n, 3))
+    clock = np.linspace(-1, 1, n)
+    return real_ur10.Series(joint, point, base @ arm.rotation(x), clock, 20 + clock)
+
+
+def test_a_wave_of_one_joint_is_found_there_and_only_there():
+    rng = np.random.default_rng(3)
+    series = simulated(rng, 800, 0.3e-3)
+    left = real_ur10.left_by(real_ur10.fits(series)[1], series)
+    geometry = real_ur10.held_out(left)
+    gains = [
+        real_ur10.margin(geometry, real_ur10.held_out(left, real_ur10.curves(left, (joint,))))[0]
+        for joint in range(3)
+    ]
+    assert gains[2] > 0.05e-3 > 0.01e-3 > max(gains[:2])
+    at = np.linspace(-2.2, 2.2, 200)
+    curve = real_ur10.curve_of(left, 2, at, (0, 1, 2))
+    assert np.corrcoef(curve, np.sin(17 * at))[0, 1] > 0.95
+
+
+def test_without_a_wave_no_extension_helps():
+    series = simulated(np.random.default_rng(4), 800, 0.0)
+    left = real_ur10.left_by(real_ur10.fits(series)[1], series)
+    geometry = real_ur10.held_out(left)
+    assert real_ur10.rms(geometry) < 60e-6  # 52 of them are noise
+    for name, columns in real_ur10.extensions(left):
+        assert real_ur10.margin(geometry, real_ur10.held_out(left, columns))[0] < 1e-6, name

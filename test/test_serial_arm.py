@@ -1,0 +1,227 @@
+"""Serial arm: closure, derivatives, postures, rank, and plain DH matrices beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from delta_calibration.errors import ConfigError, ReachError
+from delta_calibration.geometry import rotations
+from delta_calibration.mechanisms.serial_arm import SerialArm
+from delta_calibration.mechanisms.serial_dimensions import SCARA, UR10, ArmTolerances
+
+TOLERANCES = ArmTolerances(0.5e-3, 1e-3, 1e-3, 2e-3, 5e-3)
+MOUNTED = replace(
+    UR10, tool=np.array([0.02, -0.01, 0.09]), mount=np.array([0.4, np.pi / 2, -1.1])
+)
+ARMS = {"six_axes": MOUNTED, "scara": SCARA, "three_axes": replace(
+    UR10, links=UR10.links[:3], tool=np.array([-0.57, 0.0, 0.16]), home=UR10.home[:3]
+)}  # fmt: skip
+STEP = 1e-30  # complex step
+
+
+@pytest.fixture(params=ARMS)
+def arm(request):
+    return SerialArm(ARMS[request.param], TOLERANCES)
+
+
+def machine(arm, rng, scale=3.0):
+    parameters = arm.parameters
+    return parameters.nominal + scale * parameters.prior * rng.standard_normal(len(parameters))
+
+
+def joints_about_home(arm, rng, n, spread=1.0):
+    return arm.home + rng.uniform(-spread, spread, (n, arm.joints))
+
+
+def complex_step(function, x):
+    columns = []
+    for k in range(x.shape[-1]):
+        moved = x.astype(complex)
+        moved[..., k] += 1j * STEP
+        columns.append(np.imag(function(moved)) / STEP)
+    return np.stack(columns, axis=-1)
+
+
+def test_ur10_against_its_dh_matrices():
+    """A_i = R_z(theta) T_z(d) T_x(a) R_x(alpha), the maker's form, multiplied out."""
+    a, d = [0, -0.612, -0.5723, 0, 0, 0], [0.1273, 0, 0, 0.163941, 0.1157, 0.0922]
+    alpha = np.radians([90, 0, 0, 90, -90, 0])
+    arm = SerialArm(UR10, TOLERANCES)
+    q = joints_about_home(arm, np.random.default_rng(1), 20, spread=3.0)
+    x = arm.forward(q, arm.parameters.nominal)
+    for row in range(len(q)):
+        total = np.eye(4)
+        for j in range(6):
+            c, s = np.cos(q[row, j]), np.sin(q[row, j])
+            ca, sa = np.cos(alpha[j]), np.sin(alpha[j])
+            total = total @ [
+                [c, -s * ca, s * sa, a[j] * c],
+                [s, c * ca, -c * sa, a[j] * s],
+                [0, sa, ca, d[j]],
+                [0, 0, 0, 1],
+            ]
+        np.testing.assert_allclose(x[row, :3], total[:3, 3], atol=1e-14)
+        np.testing.assert_allclose(arm.rotation(x)[row], total[:3, :3], atol=1e-14)
+
+
+def test_tool_is_mounted_as_scipy_says():
+    plain, mounted = SerialArm(UR10, TOLERANCES), SerialArm(MOUNTED, TOLERANCES)
+    q = joints_about_home(plain, np.random.default_rng(2), 5)
+    bare = plain.forward(q, plain.parameters.nominal)
+    x = mounted.forward(q, mounted.parameters.nominal)
+    flange = plain.rotation(bare)
+    np.testing.assert_allclose(x[:, :3], bare[:, :3] + flange @ MOUNTED.tool, atol=1e-14)
+    turn = Rotation.from_euler("ZYX", MOUNTED.mount).as_matrix()
+    np.testing.assert_allclose(mounted.rotation(x), flange @ turn, atol=1e-12)
+
+
+def test_forward_meets_the_closure(arm):
+    rng = np.random.default_rng(3)
+    g, q = machine(arm, rng), joints_about_home(arm, rng, 50, 3.0)
+    assert np.abs(arm.closure(q, arm.forward(q, g), g)).max() < 1e-14
+
+
+def test_closure_derivatives_against_complex_step(arm):
+    rng = np.random.default_rng(4)
+    g, q = machine(arm, rng), joints_about_home(arm, rng, 7)
+    x = arm.forward(q, g) + 0.05 * rng.standard_normal((7, 6))
+    pairs = [
+        (arm.closure_by_pose(q, x, g), complex_step(lambda v: arm.closure(q, v, g), x)),
+        (arm.closure_by_joints(q, x, g), complex_step(lambda v: arm.closure(v, x, g), q)),
+        (arm.closure_by_geometry(q, x, g), complex_step(lambda v: arm.closure(q, x, v), g)),
+    ]
+    for written, exact in pairs:
+        np.testing.assert_allclose(written, exact, atol=1e-13)
+
+
+def test_jacobians_are_slopes_of_the_direct_problem(arm):
+    rng = np.random.default_rng(5)
+    g, q, h = machine(arm, rng), joints_about_home(arm, rng, 5), 1e-6
+    x = arm.forward(q, g)
+    for jacobian, size, moved in (
+        (arm.velocity_jacobian(q, x, g), arm.joints, lambda d: arm.forward(q + d, g)),
+        (arm.identification_jacobian(q, x, g), len(g), lambda d: arm.forward(q, g + d)),
+    ):
+        for k in range(size):
+            d = h * np.eye(size)[k]
+            slope = (moved(d) - moved(-d)) / (2 * h)
+            np.testing.assert_allclose(jacobian[..., k], slope, atol=2e-8)
+
+
+def test_geometry_may_change_from_sample_to_sample(arm):
+    rng = np.random.default_rng(6)
+    q = joints_about_home(arm, rng, 4)
+    each = np.stack([machine(arm, rng) for _ in q])
+    together = arm.forward(q, each)
+    back = arm.inverse(together[:, : arm.task_size], each, guess=q + 0.02)
+    for k in range(len(q)):
+        np.testing.assert_allclose(together[k], arm.forward(q[k : k + 1], each[k])[0], atol=1e-14)
+    np.testing.assert_allclose(back, q, atol=1e-9)
+
+
+def test_inverse_undoes_forward_beside_its_guess(arm):
+    rng = np.random.default_rng(7)
+    g, q = machine(arm, rng), joints_about_home(arm, rng, 50, 0.5)
+    x = arm.forward(q, g)[:, : arm.task_size]
+    np.testing.assert_allclose(arm.inverse(x, g, q + 0.03), q, atol=1e-9)
+
+
+def test_pose_of_half_a_turn_is_found():
+    """Where the rotation vector jumps from pi to -pi the miss must not."""
+    arm = SerialArm(UR10, TOLERANCES)
+    g = arm.parameters.nominal
+    task = np.array([[0.5, 0.3, 0.4, np.pi - 1e-9, 0.0, 0.0], [0.5, 0.3, 0.4, 1e-9 - np.pi, 0, 0]])
+    q = arm.inverse(task, g, np.tile(arm.home, (2, 1)))
+    np.testing.assert_allclose(q[0], q[1], atol=1e-7)
+    turned = arm.rotation(arm.forward(q, g))
+    np.testing.assert_allclose(turned, rotations.exp(task[:, 3:]), atol=1e-9)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_elbow_stays_on_the_side_of_home(side):
+    arm = SerialArm(replace(SCARA, home=side * SCARA.home), TOLERANCES)
+    rng = np.random.default_rng(8)
+    g = machine(arm, rng)
+    q = np.stack([rng.uniform(-3, 3, 200), side * rng.uniform(0.05, 3.0, 200)], axis=1)
+    found = arm.inverse(arm.forward(q, g)[:, :2], g)
+    apart = np.mod(found - q + np.pi, 2 * np.pi) - np.pi
+    assert np.abs(apart).max() < 1e-7
+
+
+def test_scara_is_paper_003_equation_5():
+    """x = l1 cos t1 + l2 cos(t1 + t2), y the same with sines."""
+    arm = SerialArm(SCARA, TOLERANCES)
+    q = np.random.default_rng(9).uniform(-3, 3, (20, 2))
+    one, both = q[:, 0], q.sum(axis=1)
+    wanted = 0.5 * np.stack([np.cos(one) + np.cos(both), np.sin(one) + np.sin(both)], axis=1)
+    x = arm.forward(q, arm.parameters.nominal)
+    np.testing.assert_allclose(x[:, :2], wanted, atol=1e-14)
+    np.testing.assert_allclose(x[:, 2], 0.0, atol=1e-14)
+
+
+def test_scara_reach_and_its_edge():
+    arm = SerialArm(SCARA, TOLERANCES)
+    g = arm.parameters.nominal
+    target = np.array([[0.6, 0.2], [1.01, 0.0]])
+    q = arm.inverse(target, g)
+    assert np.isfinite(q[0]).all()
+    with pytest.raises(ReachError, match=r"target 2 \(1.01, 0 m\) is out of the robot's reach"):
+        arm.require_reach(q, target, "target", "m")
+    stretched = np.array([[0.3, 1e-6], [0.3, 1.0]])
+    condition = arm.condition(stretched, arm.forward(stretched, g), g)
+    assert condition[0] > 1e5 > 10 > condition[1]
+
+
+def test_one_bad_row_does_not_hold_up_the_others():
+    arm = SerialArm(UR10, TOLERANCES)
+    g = arm.parameters.nominal
+    x = arm.forward(np.tile(arm.home, (3, 1)), g)
+    x[1], x[2, :3] = np.nan, 9.0
+    q = arm.inverse(x, g)
+    np.testing.assert_allclose(q[0], arm.home, atol=1e-9)
+    assert np.isnan(q[1:]).all()
+    assert (np.isnan(arm.forward(q, g)).all(axis=1) == [False, True, True]).all()
+
+
+def observed_rank(arm, frame: bool, rng):
+    q = rng.uniform(-2.5, 2.5, (150, arm.joints))
+    g = arm.parameters.nominal
+    x = arm.forward(q, g)
+    twist = np.zeros((len(q), 6, 6))  # of the base, in the base
+    twist[:, :3, :3], twist[:, :3, 3:] = -rotations.skew(x[:, :3]), np.eye(3)
+    twist[:, 3:, :3] = np.eye(3)
+    by_turn = np.linalg.inv(rotations.left_jacobian(x[:, 3:]))
+    twist[:, 3:] = by_turn @ twist[:, 3:]
+    jacobian = arm.identification_jacobian(q, x, g)
+    columns = np.concatenate([jacobian, twist], axis=-1) if frame else jacobian
+    values = np.linalg.svd(columns.reshape(-1, columns.shape[-1]), compute_uv=False)
+    kept = values > 1e-9 * values[0]
+    assert values[kept].min() > 1e-4 * values[0]  # the gap is clear: the parameters are regular
+    return int(kept.sum())
+
+
+@pytest.mark.parametrize("dimensions", [UR10, MOUNTED, SCARA], ids=["ur10", "mounted", "scara"])
+def test_identifiable_parameters_are_four_a_joint_and_six(dimensions):
+    """4 R + 2 P + 6 with both end frames free (Mooring, Roth, Driels 1991); two less without."""
+    arm = SerialArm(dimensions, TOLERANCES)
+    assert len(arm.parameters) == 4 * arm.joints + 6
+    assert observed_rank(arm, True, np.random.default_rng(10)) == 4 * arm.joints + 6
+    assert observed_rank(arm, False, np.random.default_rng(10)) == 4 * arm.joints + 4
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"links": ()}, "links: none is not allowed"),
+        ({"home": np.zeros(5)}, "home: .* is not allowed; 6 finite numbers"),
+        ({"tool": np.array([0.0, np.nan, 0.0])}, "tool: .* is not allowed; 3 finite"),
+        ({"links": (replace(UR10.links[0], parallel=True),)}, r"links\[1\].parallel"),
+    ],
+)
+def test_impossible_arms_are_refused(change, message):
+    with pytest.raises(ConfigError, match=message):
+        replace(UR10, **change)
