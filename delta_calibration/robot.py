@@ -15,6 +15,7 @@ from delta_calibration.documents import Document, Schema, content_hash, read_doc
 from delta_calibration.errors import ConfigError
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.sections import (
+    angle,
     built,
     choice,
     key_of,
@@ -113,6 +114,15 @@ class Limits:
 
 
 @dataclass(frozen=True)
+class Workspace:
+    """Where it works: a box of tool points, and how far the platform turns there."""
+
+    centre: Array = place(shape=(3,))
+    size: Array = quantity("mm", least=0.0, most=1e4, shape=(3,))
+    turn: float = angle(default=0.0)  # about each axis that it can turn about, either way
+
+
+@dataclass(frozen=True)
 class SlidingLimits(Limits):
     """The same for joints that slide."""
 
@@ -142,6 +152,7 @@ class Robot:
     tool_offset: Array  # (3,) [m] in the platform's frame
     tracker: Tracker
     limits: Limits
+    workspace: Workspace | None = None  # None: that of the Delta paper
 
     def model(self, mechanism: str | None = None) -> Mechanism:
         """The mechanism with this robot's drawing and tolerances; by default the file's own.
@@ -193,6 +204,7 @@ def load_robot(path_or_name: str | Path) -> Robot:
             tool_offset=built(Tool, data["tool"]).offset,
             tracker=built(Tracker, data["tracker"]),
             limits=built(_LIMITS[kind.joint_unit], data["limits"]),
+            workspace=built(Workspace, data["workspace"]) if "workspace" in data else None,
         )
     except ConfigError as error:
         raise ConfigError(f"{path}: geometry: {error}") from error
@@ -243,7 +255,7 @@ def _schema(data: Document) -> Schema:
         "type": "object",
         "additionalProperties": kind is None,
         "required": list(parts),
-        "properties": parts,
+        "properties": {**parts, "workspace": schema_of(Workspace)},
     }
 
 

@@ -173,6 +173,13 @@ class Mechanism(ABC):
             return np.broadcast_to(np.eye(3), (len(x), 3, 3))
         return rotations.exp(x[:, 3:6])
 
+    def task(self, position: Array, turn: Array) -> Array:
+        """What the joints command of a place (n, 3) [m] and a turn (n, 3) [rad], (n, task_size).
+
+        The turn is a rotation vector, or what the mechanism turns by about x, y and z.
+        """
+        return np.concatenate([position, turn], axis=1)[:, : self.task_size]
+
     def point_by_pose(self, x: Array, offset: Array) -> Array:
         """d(point)/dx of a point fixed to the platform at `offset`, (3,) or (n, 3), (n, 3, k)."""
         slope = np.zeros((len(x), 3, self.pose_size))

@@ -152,6 +152,10 @@ class FiveAxis(Mechanism):
             rise = np.sqrt(self.lengths**2 - s[..., 0] ** 2 - s[..., 1] ** 2)
         return np.asarray(s[..., 2] + ABOVE * rise)
 
+    def task(self, position: Array, turn: Array) -> Array:
+        """y, z, A, B, (n, 4); x is no choice."""
+        return np.stack([position[:, 1], position[:, 2], turn[:, 0], turn[:, 1]], axis=1)
+
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
         """Heights of the sliders, (n, 4) [m]; closed form.
 

@@ -92,6 +92,12 @@ class SerialArm(Mechanism):
         """Joints of the drawing's home, (m,) [rad]."""
         return np.array(self.dimensions.home)
 
+    def task(self, position: Array, turn: Array) -> Array:
+        """The tool at a place, turned from how it is held at home, (n, task_size)."""
+        home = self.forward(self.home[None], self.parameters.nominal)
+        held = rotations.log(rotations.exp(turn) @ self.rotation(home))
+        return np.concatenate([position, held], axis=1)[:, : self.task_size]
+
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """Misfit of pose and arm, (n, 6) [m, 1]."""
         walk = self.walk(q, g)

@@ -9,14 +9,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-APPROACH = 0.01  # [rad] how far short of a stop each joint turns round, so that play is taken up
+APPROACH = 0.01  # [rad] before a stop, where each joint turns round so that play is taken up
 _JERK_PEAK = 1.875  # peak over mean speed of a minimum-jerk move
 _LEAST_MOVE = 0.05  # [s]
-_ACCELERATION = 5.0  # [rad/s^2] with which a joint comes up to the speed of a path, and stops
+_ACCELERATION = 5.0  # [rad/s^2] of a Delta's joints, coming up to a path's speed and stopping
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,7 @@ def legs(plan: Plan, robot: Robot, rate: float, start: Array | None = None) -> I
     here = plan.joint[0] if start is None else start
     for row in range(len(plan)):
         goal = plan.joint[row]
-        short = goal - plan.direction[row] * APPROACH
-        short = np.clip(short, robot.joints.lower, robot.joints.upper)
+        short = _short_of(goal, float(plan.direction[row]), robot)
         yield _leg([here, short, goal], robot, rate, plan.dwell, float(plan.payload[row]))
         here = goal
     for path in plan.paths:
@@ -73,7 +73,7 @@ def legs(plan: Plan, robot: Robot, rate: float, start: Array | None = None) -> I
 
 
 def _leg(ways: list[Array], robot: Robot, rate: float, dwell: float, payload: float) -> Leg:
-    moves = [_minimum_jerk(a, b, robot.joints.speed, rate) for a, b in pairwise(ways)]
+    moves = [_minimum_jerk(a, b, robot, rate) for a, b in pairwise(ways)]
     rest = np.repeat(ways[-1][None], max(round(dwell * rate) + 1, 1), axis=0)
     joint = np.concatenate([*moves, rest])
     resting = np.arange(len(joint)) >= len(joint) - len(rest)
@@ -84,7 +84,7 @@ def _path_leg(path: MotionPath, robot: Robot, rate: float, dwell: float, payload
     """A path at its own pace, slower where a joint would else exceed its speed."""
     widest = float(np.abs(np.diff(path.joint, axis=0)).max()) * (len(path.joint) - 1)
     duration = max(path.duration, widest / robot.joints.speed)
-    ramp = min(widest / duration / _ACCELERATION, duration)
+    ramp = min(widest / duration / (_ACCELERATION * robot.commanded.joint_size), duration)
     count = max(int(np.ceil((duration + ramp) * rate)) + 1, 2)
     share = (len(path.joint) - 1) * _trapezoid(np.linspace(0, duration + ramp, count), ramp)
     moving = np.column_stack(
@@ -105,9 +105,40 @@ def _trapezoid(time: Array, ramp: float) -> Array:
     return np.asarray((up**2 / 2 + constant * ramp + (ramp**2 - down**2) / 2) / (ramp * whole))
 
 
-def _minimum_jerk(begin: Array, end: Array, speed: float, rate: float) -> Array:
+def _short_of(goal: Array, direction: float, robot: Robot) -> Array:
+    """Where the joints turn round before a stop, (m,)."""
+    model = robot.commanded
+    back = -direction * APPROACH * model.joint_size * np.ones_like(goal)
+    if model.joints != model.task_size:
+        back = _together(model, goal[None], back[None])[0] - goal
+    return np.clip(goal + back, robot.joints.lower, robot.joints.upper)
+
+
+def _together(model: Mechanism, joint: Array, way: Array) -> Array:
+    """Joints (n, m) moved by nearly `way` (n, m), so that all of them still fit one pose."""
+    nominal = model.parameters.nominal
+    x = model.forward(joint, nominal)
+    slope = model.velocity_jacobian(joint, x, nominal)
+    moved = x + (slope @ way[..., None])[..., 0]
+    return model.inverse(moved[:, : model.task_size], nominal)
+
+
+def _between(begin: Array, end: Array, share: Array, robot: Robot) -> Array:
+    """Joints part of the way, (k, m).
+
+    Straight in the joints, or in the pose where more joints than freedoms must keep together.
+    """
+    model, nominal = robot.commanded, robot.commanded.parameters.nominal
+    if model.joints == model.task_size:
+        return np.asarray(begin + share[:, None] * (end - begin))
+    first, last = model.forward(np.stack([begin, end]), nominal)[:, : model.task_size]
+    return model.inverse(first + share[:, None] * (last - first), nominal)
+
+
+def _minimum_jerk(begin: Array, end: Array, robot: Robot, rate: float) -> Array:
     """Joints of a move that starts and ends softly, the end itself left out, (k, m)."""
-    duration = max(float(np.abs(end - begin).max()) * _JERK_PEAK / speed, _LEAST_MOVE)
+    way = float(np.abs(end - begin).max())
+    duration = max(way * _JERK_PEAK / robot.joints.speed, _LEAST_MOVE)
     tau = np.arange(max(int(np.ceil(duration * rate)), 1)) / np.ceil(duration * rate)
     share = tau**3 * (10 - 15 * tau + 6 * tau**2)
-    return np.asarray(begin + share[:, None] * (end - begin))
+    return _between(begin, end, share, robot)

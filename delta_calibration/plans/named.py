@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError, ReachError
-from delta_calibration.plans import points
+from delta_calibration.plans import points, workspace
 from delta_calibration.plans.motion import MotionPath, Plan
 from delta_calibration.plans.plan_file import read_plan
 from delta_calibration.robot import Robot
@@ -64,8 +64,11 @@ def make_plan(
             raise InputError(
                 f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file"
             )
-        targets = _POINTS[name_or_csv](robot, count, radius, np.random.default_rng(seed))
-        joint = points.nominal_joints(robot, targets)
+        rng = np.random.default_rng(seed)
+        targets, turns = _places(name_or_csv, robot, count, radius, rng)
+        joint = points.nominal_joints(robot, targets, turns)
+        if robot.workspace is not None:  # not all of a point is a choice of every mechanism
+            targets = points.tool_points(robot, joint)
     except ReachError as error:
         raise ReachError(f"plan {name_or_csv}: {error}") from error
     direction = np.tile(sides, len(targets))
@@ -75,12 +78,19 @@ def make_plan(
     return Plan(name_or_csv, targets, joint, direction, mass, dwell, paths)
 
 
+def _places(
+    name: str, robot: Robot, count: int | None, radius: float, rng: np.random.Generator
+) -> tuple[Array, Array | None]:
+    """Tool points of a plan, and turns of the platform; the Delta paper's without a workspace."""
+    if robot.workspace is not None:
+        return workspace.places(name, robot, robot.workspace, count, rng)
+    return _POINTS[name](robot, count, radius, rng), None
+
+
 def _iso9283_paths(robot: Robot, cycles: int) -> tuple[MotionPath, ...]:
     """The standard's line and large circle, each so many times."""
-    ways = {
-        "line": points.CUBE.line(stations=_FINE),
-        "circle": points.CUBE.circle(stations=_FINE),
-    }
+    cube = points.CUBE if robot.workspace is None else workspace.cube(robot.workspace)
+    ways = {"line": cube.line(stations=_FINE), "circle": cube.circle(stations=_FINE)}
     joints = {name: points.nominal_joints(robot, way) for name, way in ways.items()}
     lengths = {
         name: float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
@@ -98,7 +108,7 @@ def _rich(
 ) -> Plan:
     """Poses from both sides with two payloads, shuffled; repeats; sweeps; circles both ways."""
     rng = np.random.default_rng(seed)
-    places = points.identify(robot, count, radius, rng)
+    places, turns = _places("identify", robot, count, radius, rng)
     each = np.array([(row, side) for row in range(count) for side in (1, -1)])
     again = np.array([(row, 1) for row in rng.choice(count, min(10, count), replace=False)] * 3)
     empty, loaded = rng.permutation(np.concatenate([each, again])), rng.permutation(each)
@@ -107,7 +117,9 @@ def _rich(
     blocks = [halves[0][0], halves[1][0], halves[0][1], halves[1][1]]
     stops = np.concatenate(blocks)
     mass = np.repeat([0.0, payload, 0.0, payload], [len(block) for block in blocks])
-    row, joint = stops[:, 0], points.nominal_joints(robot, places)
+    row, joint = stops[:, 0], points.nominal_joints(robot, places, turns)
+    if robot.workspace is not None:
+        places = points.tool_points(robot, joint)
     return Plan(
         "rich",
         places[row],
@@ -121,6 +133,8 @@ def _rich(
 
 def motion_paths(robot: Robot) -> tuple[MotionPath, ...]:
     """A slow sweep of each joint, and a circle at three speeds both ways round."""
+    if robot.workspace is not None:
+        return workspace.paths(robot, robot.workspace)
     home = points.nominal_joints(robot, np.array([[0.0, 0.0, points.PLANE - 0.05]]))[0]
     sweep = np.concatenate([np.linspace(-0.25, 0.35, 200), np.linspace(0.35, -0.25, 200)])
     paths = [

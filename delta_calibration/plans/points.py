@@ -24,23 +24,39 @@ COLUMNS = ("x_mm", "y_mm", "z_mm")
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
 
 
-def nominal_joints(robot: Robot, targets: Array) -> Array:
-    """Joints that the drawing takes for the tool points, (n, m) [rad].
+def nominal_joints(robot: Robot, targets: Array, turns: Array | None = None) -> Array:
+    """Joints that the drawing takes for the tool points, (n, m) [rad or m].
+
+    Args:
+        robot: whose drawing.
+        targets: tool points, (n, 3) [m].
+        turns: of the platform, where it can be turned, (n, 3) [rad]; none where not given.
 
     Raises:
         ReachError: the first point out of reach or beyond a joint's limit.
     """
-    model = robot.commanded
-    joint = model.inverse(targets - robot.tool_offset, model.parameters.nominal)
-    model.require_reach(joint, targets, "point", "m")
+    joint = _joints(robot, targets, turns)
+    robot.commanded.require_reach(joint, targets, "point", "m")
     require_limits(robot, joint, "point")
     return joint
 
 
-def tool_points(robot: Robot, joint: Array) -> Array:
-    """Where the drawing has the tool at joints (n, m) [rad], (n, 3) [m]; NaN out of reach."""
+def _joints(robot: Robot, targets: Array, turns: Array | None) -> Array:
+    """The same; NaN rows out of reach."""
     model = robot.commanded
-    return model.forward(joint, model.parameters.nominal) + robot.tool_offset
+    turns = np.zeros_like(targets) if turns is None else turns
+    task = model.task(targets, turns)
+    turned = task.shape[1] == model.pose_size  # else the platform does not turn
+    offset = model.rotation(task) @ robot.tool_offset if turned else robot.tool_offset
+    task = model.task(targets - offset, turns)
+    return model.inverse(task, model.parameters.nominal)
+
+
+def tool_points(robot: Robot, joint: Array) -> Array:
+    """Where the drawing has the tool at joints (n, m), (n, 3) [m]; NaN out of reach."""
+    model = robot.commanded
+    x = model.forward(joint, model.parameters.nominal)
+    return np.asarray(model.position(x) + model.rotation(x) @ robot.tool_offset)
 
 
 def require_limits(robot: Robot, joint: Array, what: str) -> None:
@@ -180,15 +196,15 @@ def _rim(robot: Robot, widest: float) -> Array:
     return np.array(rim).reshape(-1, 3)
 
 
-def usable(robot: Robot, points: Array) -> NDArray[np.bool_]:
-    """Points within reach and joint limits, well away from singularities, (n,)."""
+def usable(robot: Robot, points: Array, turns: Array | None = None) -> NDArray[np.bool_]:
+    """Points, and turns there, within reach and limits, well away from singularities, (n,)."""
     model = robot.commanded
-    nominal, x = model.parameters.nominal, points - robot.tool_offset
-    joint = model.inverse(x, nominal)
-    room = 2 * APPROACH  # the way into a stop must be within the limits too
+    nominal, joint = model.parameters.nominal, _joints(robot, points, turns)
+    room = 2 * APPROACH * model.joint_size  # the way into a stop must be within the limits too
     inside = (joint > robot.joints.lower + room) & (joint < robot.joints.upper - room)
     good = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
-    good[good] = model.condition(joint[good], x[good], nominal) < robot.limits.condition / 2
+    x = model.forward(joint[good], nominal)
+    good[good] = model.condition(joint[good], x, nominal) < robot.limits.condition / 2
     return good
 
 
