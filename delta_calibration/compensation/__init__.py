@@ -5,6 +5,8 @@ from delta_calibration.compensation.base import Compensator, Correction
 from delta_calibration.compensation.compensator import Compensated, JointCompensator, Verdict
 from delta_calibration.compensation.machine import METHODS
 from delta_calibration.compensation.newton import Newton, NewtonSettings
+from delta_calibration.compensation.table import Table
+from delta_calibration.compensation.table_build import TableSettings
 
 __all__ = [
     "METHODS",
@@ -17,5 +19,7 @@ __all__ = [
     "JointCompensator",
     "Newton",
     "NewtonSettings",
+    "Table",
+    "TableSettings",
     "Verdict",
 ]
