@@ -3,13 +3,16 @@
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
 from delta_calibration.compensation.compensator import Compensated, JointCompensator, Verdict
-from delta_calibration.compensation.machine import METHODS
+from delta_calibration.compensation.machine import METHODS, SOLVERS, TABLE
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 from delta_calibration.compensation.table import Table
 from delta_calibration.compensation.table_build import TableSettings
+from delta_calibration.compensation.table_file import load_table, save_table
 
 __all__ = [
     "METHODS",
+    "SOLVERS",
+    "TABLE",
     "Apso",
     "ApsoSettings",
     "ApsoStep",
@@ -22,4 +25,6 @@ __all__ = [
     "Table",
     "TableSettings",
     "Verdict",
+    "load_table",
+    "save_table",
 ]

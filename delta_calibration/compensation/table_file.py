@@ -28,8 +28,10 @@ from delta_calibration.documents import check_document, content_hash
 from delta_calibration.errors import ConfigError, InputError
 
 _SEAL = "sha256"
-_HEADER, _CORRECTIONS = "header", "corrections"
-_UNREADABLE = (OSError, ValueError, EOFError, BadZipFile, KeyError, zlib.error, MemoryError)
+_UNREADABLE = (  # what numpy, zip and JSON raise for a file that is none of theirs, or not whole
+    OSError, ValueError, EOFError, KeyError, TypeError, AttributeError, NotImplementedError,
+    RecursionError, MemoryError, BadZipFile, zlib.error,
+)  # fmt: skip
 
 
 def save_table(path: Path, table: Table) -> None:
@@ -43,8 +45,7 @@ def save_table(path: Path, table: Table) -> None:
     beside = path.with_name(f".{path.name}.part")
     try:
         with beside.open("wb") as file:
-            members = {_HEADER: np.array(header), _CORRECTIONS: table.corrections}
-            np.savez(file, allow_pickle=False, **members)
+            np.savez(file, header=np.array(header), corrections=table.corrections)
             file.flush()
             os.fsync(file.fileno())
         beside.replace(path)
@@ -135,8 +136,8 @@ def _read(path: Path) -> tuple[Any, Array]:
     """Header and corrections of an archive."""
     try:
         with np.load(path, allow_pickle=False) as archive:
-            header = json.loads(str(archive[_HEADER]))
-            corrections = archive[_CORRECTIONS]
+            header = json.loads(str(archive["header"]))
+            corrections = archive["corrections"]
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except _UNREADABLE as error:
