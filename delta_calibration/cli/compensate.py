@@ -106,7 +106,7 @@ def command(
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
     click.echo(
-        f"written: {out} ({len(points)} commands by {method}, largest correction "
+        f"written: {out} ({len(points)} commands by {compensator.by}, largest correction "
         f"{np.degrees(np.abs(found.correction).max()):.3f} degrees; error by the model at most "
         f"{found.model_error.max() * 1e3:.2e} mm, {found.evaluations.mean():.0f} evaluations each)"
     )

@@ -134,13 +134,18 @@ class JointCompensator:
         return self._backward.stages
 
     @property
+    def by(self) -> str:
+        """What finds the geometry's corrections: one of `METHODS`."""
+        return self._solver if self.table is None else TABLE
+
+    @property
     def way(self) -> str:
         """How the geometry's corrections are found, for people."""
         if self.table is not None:
             return f"{TABLE} ({self.table.told()})"
         if self.method == TABLE:
             causes = ", ".join(self._backward.reshaping)
-            return f"{self._solver} (no table: the dimensions change with {causes})"
+            return f"{self.by} (no table: the dimensions change with {causes})"
         return self.method
 
     def missing(self, at: Conditions) -> str:

@@ -135,10 +135,10 @@ def _table(header: Mapping[str, Any], corrections: Array) -> Table:
 def _read(path: Path) -> tuple[Any, Array]:
     """Header and corrections of an archive."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             header = json.loads(str(archive["header"]))
             corrections = archive["corrections"]
-    except FileNotFoundError as error:
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except _UNREADABLE as error:
         what = " ".join(str(error).split())
