@@ -140,7 +140,7 @@ def test_a_table_is_made_when_a_calibration_is_loaded_and_compensates(
     newton = Desk(Settings("srbd", calibration=str(file), ramp_s=0.0))
     newton.enable(True)
     assert newton.health(0.0, TIMEOUT_S).message == "compensating by newton"
-    for k, q in enumerate(make_plan("line", desk.robot, count=9).joint[2:-2]):
+    for k, q in enumerate(make_plan("disc", desk.robot, count=9, radius=0.15).joint):
         sent, exact = (d.send(q, k, 0.01 * k, False) for d in (desk, newton))
         np.testing.assert_allclose(sent.joint, exact.joint, atol=3e-6)
         assert np.abs(sent.joint - q).max() > 1e-5

@@ -36,7 +36,7 @@ def errors(seed: int, robot=ROBOT) -> dict[str, float]:
 def body(radius: float, low: float = -0.711, high: float = -0.711) -> Region:
     turn = np.linspace(0, 2 * np.pi, 90, endpoint=False)
     rim = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
-    return Region.of(np.concatenate([rim + [0, 0, z] for z in {low, high}]))
+    return Region.of(np.concatenate([rim + np.array([0, 0, z]) for z in {low, high}]))
 
 
 def calibration(

@@ -55,14 +55,15 @@ def compensate(cell: Path, name: str, method: str, *more: str) -> int:
 def commands(cell: Path, method: str) -> np.ndarray:
     with (cell / f"{method}.csv").open() as file:
         rows = list(csv.DictReader(file))
-    return np.array([[float(row[name]) for name in (*ROBOT.joints.names, "error_mm")] for row in rows])
+    names = (*ROBOT.joints.names, "error_mm")
+    return np.array([[float(row[name]) for name in names] for row in rows])
 
 
 @pytest.mark.parametrize("name", ["plain", "play"])
 def test_a_table_gives_newtons_commands_and_says_how_well(cell, capsys, name):
     assert compensate(cell, name, "table") == 0
     said = capsys.readouterr().out
-    words = r"corrections by table \(\d+ nodes an axis by newton, at most 0.\d+ um off at \d+ places"
+    words = r"corrections by table \(\d+ nodes an axis by newton, at most 0.\d+ um off at \d+ pl"
     assert re.search(words, said)
     assert "bound 1 um)" in said
     assert compensate(cell, name, "newton") == 0

@@ -26,7 +26,7 @@ from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
 
-_PLACES = 30_000  # of the region at which a table is tried, beside the middles of its cells
+_PLACES = 10_000  # of the region at which a table is tried, beside the middles of its cells
 _WIDE = 10.0  # times the bound of a correction: at nodes beyond the region it may be larger
 
 

@@ -23,6 +23,7 @@ the region and its boundary that know nothing of the grid; the grid is refined u
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -186,6 +187,7 @@ def _splined(values: Array) -> Array:
     return np.ascontiguousarray(values)
 
 
+@cache
 def _kernel() -> Any:
     """The compiled lookup; numba is loaded with the first table that is asked."""
     try:
