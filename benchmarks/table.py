@@ -60,7 +60,7 @@ def machine(robot: Robot, model: str, seed: int) -> Calibration:
     return Calibration(robot, chain, theta, region, lower, upper, 1e-5, "bench", "0" * 64)
 
 
-def least(function: Callable[[], object], number: int, items: int, repeats: int = 300) -> float:
+def least(function: Callable[[], object], number: int, items: int, repeats: int) -> float:
     """Microseconds an item."""
     return 1e6 * min(timeit.repeat(function, number=number, repeat=repeats)) / number / items
 
@@ -100,8 +100,8 @@ def cost(robot: Robot) -> None:
 
     def row(name: str, call: Callable[[np.ndarray, np.ndarray], object]) -> None:
         first = q[:1].copy(), target[:1].copy()
-        batch = least(lambda: call(q, target), 1, BATCH)
-        alone = least(lambda: call(*first), 50, 1)
+        batch = least(lambda: call(q, target), 1, BATCH, 300)
+        alone = least(lambda: call(*first), 20, 1, 3000)
         print(f"| {name} | {batch:.3f} | {alone:.2f} |")
 
     made = machine(robot, "six_rod_delta", 0)

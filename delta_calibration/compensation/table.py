@@ -2,17 +2,17 @@
 
 The grid lies in *nominal joint space*, dq(q) with point(q + dq) = p*(q), and not in the space of
 the targets. Near the edge of the reach an arm and its rods come into one line; the joints go there
-as the square root of the distance that is left, in the joints themselves all is smooth. At the
-same number of nodes a grid over the targets of the paper's disc is 50 to 150 times less exact, a
-tenth of its nodes is out of reach, and cells at the rim have no value; of the box of joints around
-a region the mechanism takes every place. The command is in joints already: nothing but the lookup
-stands between the two.
+as the square root of the distance that is left, in the joints themselves all is smooth. A grid
+over the targets of the paper's disc is far less exact with as many nodes, some of them are out of
+reach, and cells at the rim have no value; of the disc's box of joints the robot takes every place.
+The command is in joints already: nothing but the lookup stands between the two.
 
 What changes most, changes at the ends of the joints' ranges. The nodes lie therefore closer
-towards the ends, evenly in x (1 + b x^2) with x from -1 to 1 along an axis, b = 0.4: seven to
-fifteen times less error than evenly in x. Splines through the nodes (with a continuous third
-derivative next to the ends, so that cubics in x (1 + b x^2) are met exactly) have half the error
-of Catmull-Rom's or Lagrange's cubics, and steady velocity and acceleration, at the same cost.
+towards the ends, evenly in x (1 + b x^2) with x from -1 to 1 along an axis: an order of magnitude
+less error than evenly in x. Splines through the nodes (with a continuous third derivative next to
+the ends, so that cubics in x (1 + b x^2) are met exactly) have about half the error of Lagrange's
+or Catmull-Rom's cubics, and steady velocity and acceleration, at the cost of the same 64 terms.
+`benchmarks/table_choices.py` measures all of this, docs/performance.md has its figures.
 
 The region is a body in space, and its box of joints holds commands outside of it: their nodes
 carry the spline, the bound is promised for commands that the guards let pass. It is checked
