@@ -191,7 +191,7 @@ def test_nodes_beyond_the_region_may_be_without_an_answer() -> None:
     table = build(task, TableSettings())
     q = 0.9 * inside(700)
     assert np.isfinite(table.corrections).all()
-    assert table.nodes == 15  # their makeshift values do no harm that more nodes would have to mend
+    assert table.nodes == 15  # makeshift values do no harm that more would mend
     np.testing.assert_allclose(table.at(q), 5e-3 + 1e-4 * np.sin(q[:, [0, 0, 0]]), atol=3e-6)
     nothing = replace(task, solver=toy(np.sin, task.asked, lambda q: q[:, 0] > 9).solver)
     with pytest.raises(DataError, match="newton has no answer at any of its nodes"):
