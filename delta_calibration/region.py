@@ -55,6 +55,23 @@ class Region:
         """
         return np.asarray(np.max(points @ self._planes[:, :3].T + self._planes[:, 3], axis=-1))
 
+    def sample(self, n: int, margin: float, rng: np.random.Generator) -> Array:
+        """Points less than `margin` [m] outside: beyond each corner, and n others.
+
+        A third of the others lie on the boundary, the rest are spread inside. All are found along
+        rays from the middle, drawn as the corners lie, so that a thin body is met as well.
+        """
+        middle = self.vertices.mean(axis=0)
+        corners = self.vertices - middle
+        rays = np.concatenate([corners, rng.standard_normal((n, 3)) @ np.linalg.qr(corners)[1]])
+        slope = rays @ self._planes[:, :3].T
+        room = margin - (self._planes[:, :3] @ middle + self._planes[:, 3])
+        with np.errstate(divide="ignore"):
+            reach = np.where(slope > 0, room / slope, np.inf).min(axis=1)
+        share = np.full(len(rays), 1 - 1e-9)  # of the way: none is outside by rounding
+        share[len(corners) + n // 3 :] = np.cbrt(rng.random(n - n // 3))
+        return np.asarray(middle + (share * reach)[:, None] * rays)
+
 
 def _thickened(points: Array) -> Array:
     """Points of a disc or a line drawn out either way along the directions they are thin in.

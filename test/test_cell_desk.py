@@ -129,6 +129,23 @@ def test_a_file_that_is_no_good_leaves_the_one_in_force(
         Desk(Settings("srbd", calibration=str(bad)))
 
 
+def test_a_table_is_made_when_a_calibration_is_loaded_and_compensates(
+    fitted: Desk, file: Path
+) -> None:
+    """The first command finds it ready: nothing is left to be made, compiled or loaded."""
+    desk = Desk(Settings("srbd", calibration=str(file), method="table", ramp_s=0.0))
+    desk.enable(True)
+    assert "compensating by table (" in desk.health(0.0, TIMEOUT_S).message
+    assert "um off at" in desk.health(0.0, TIMEOUT_S).message
+    newton = Desk(Settings("srbd", calibration=str(file), ramp_s=0.0))
+    newton.enable(True)
+    assert newton.health(0.0, TIMEOUT_S).message == "compensating by newton"
+    for k, q in enumerate(make_plan("disc", desk.robot, count=9, radius=0.15).joint):
+        sent, exact = (d.send(q, k, 0.01 * k, False) for d in (desk, newton))
+        np.testing.assert_allclose(sent.joint, exact.joint, atol=3e-6)
+        assert np.abs(sent.joint - q).max() > 1e-5
+
+
 def test_orders_out_of_turn_are_refused_with_the_reason(fitted: Desk, tmp_path: Path) -> None:
     desk = Desk(Settings("srbd"))
     with pytest.raises(DataError, match="nothing is being captured"):

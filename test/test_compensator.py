@@ -182,8 +182,8 @@ def test_nothing_is_nan_and_nothing_beyond_the_bound_wherever_one_asks(method):
 
 
 def test_wrong_method_is_refused():
-    with pytest.raises(InputError, match="no method 'table'; choose from: apso, newton"):
-        JointCompensator(calibration({}), "table")
+    with pytest.raises(InputError, match="no method 'tables'; choose from: apso, newton, table"):
+        JointCompensator(calibration({}), "tables")
 
 
 def test_tool_points_are_those_of_the_base_the_tracker_stands_before():

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from delta_calibration.errors import DataError
 from delta_calibration.region import Region
@@ -60,3 +61,24 @@ def test_fewer_than_four_points_are_refused():
     for few in (CUBE[:3], CUBE[:0]):
         with pytest.raises(DataError, match=f"4 points or more, found {len(few)}"):
             Region.of(few)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_sample_fills_the_region_and_its_margin_and_nothing_else(flat):
+    rng, margin = np.random.default_rng(4), 0.01
+    points = rng.uniform(-0.3, 0.3, (60, 3))
+    if flat:
+        points = points * [1, 1, 0] @ Rotation.from_rotvec([0.4, -0.3, 0.1]).as_matrix().T
+    region = Region.of(points)
+    found = region.sample(3000, margin, np.random.default_rng(1))
+    outside = region.outside(found)
+    assert outside.max() <= margin
+    boundary = np.abs(outside - margin) < 1e-8
+    assert boundary[: len(region.vertices)].all()  # beyond the corners
+    assert boundary.sum() >= 1000
+    assert (outside < 0.5 * margin).sum() > (100 if flat else 1000)
+    # no direction is left out: each half space by the middle holds its share
+    middle = region.vertices.mean(axis=0)
+    for way in rng.standard_normal((20, 3)):
+        assert 0.2 < np.mean((found - middle) @ way > 0) < 0.8
+    np.testing.assert_array_equal(found, region.sample(3000, margin, np.random.default_rng(1)))

@@ -31,8 +31,9 @@ from calibration_bench import (  # noqa: F401
     positions,
     session_fixture,
 )
-from delta_calibration.calibration_file import save_calibration
+from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cell.desk import Desk
+from delta_calibration.compensation import JointCompensator
 from delta_calibration.ros.calibration_node import MARK
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp, stamp_to_ns
 from delta_calibration.ros.qos import PAYLOAD, STREAM_OUT
@@ -77,6 +78,16 @@ def true_error(desk: Desk, q: np.ndarray) -> float:
     nominal = ROBOT.model("rotary_delta")
     meant = nominal.forward(Q[None], nominal.parameters.nominal)[0] + ROBOT.tool_offset
     return float(np.linalg.norm(reached - meant))
+
+
+def test_a_table_is_ready_when_the_node_is_configured(bench: Bench, file: Path) -> None:
+    cell = Cell(bench, calibration=file, ramp_s=0.0, method="table")
+    newton = JointCompensator(load_calibration(file, ROBOT))
+    assert cell.call("enable", True)[0]
+    out = cell.give(Q)
+    np.testing.assert_allclose(positions(out), newton.compensate(Q[None]).joint[0], atol=3e-6)
+    assert np.abs(positions(out) - Q).max() > CLEARLY
+    assert cell.diagnosed("compensating by table (", DiagnosticStatus.OK)
 
 
 def test_the_correction_comes_without_a_jump(bench: Bench, file: Path) -> None:

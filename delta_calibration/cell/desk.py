@@ -66,7 +66,7 @@ class Desk:
             settings.temperature_timeout_s,
             settings.payload_timeout_s,
         )
-        self._by_conditions = False
+        self._by_conditions, self._way = False, settings.method
         self.watch = Watch()
         self.fitted: Fitted | None = None
         self.calibration: Calibration | None = None
@@ -192,7 +192,7 @@ class Desk:
 
     def _state(self) -> str:
         if self.path.enabled:
-            state = f"compensating by {self.settings.method}"
+            state = f"compensating by {self._way}"
         else:
             state = "passing commands through, " + (
                 "compensation is off" if self.path.loaded else "no calibration"
@@ -230,7 +230,7 @@ class Desk:
 
     def _load(self, calibration: Calibration, compensator: JointCompensator) -> None:
         self.calibration = calibration
-        self._by_conditions = compensator.needs_conditions
+        self._by_conditions, self._way = compensator.needs_conditions, compensator.way
         self.path.load(compensator)
 
     def _loaded_sentence(self) -> str:

@@ -18,7 +18,14 @@ from delta_calibration.cli.options import (
     robot_option,
     seed_option,
 )
-from delta_calibration.compensation import METHODS, Compensated, JointCompensator, Verdict
+from delta_calibration.cli.tables import TableOptions, table_options
+from delta_calibration.compensation import (
+    METHODS,
+    TABLE,
+    Compensated,
+    JointCompensator,
+    Verdict,
+)
 from delta_calibration.errors import DataError, InputError, ReachError
 from delta_calibration.plans import nominal_joints, read_points
 from delta_calibration.robot import Robot, load_robot
@@ -46,6 +53,7 @@ _BATCH = 64  # commands searched side by side
     "--temperature", "temperatures", multiple=True, metavar="PART=DEGREES",
     help="How warm a part will be; for a calibration with growth in it. As often as needed.",
 )  # fmt: skip
+@table_options
 @seed_option
 def command(
     robot_file: str,
@@ -55,6 +63,9 @@ def command(
     out: Path,
     payload: float | None,
     temperatures: tuple[str, ...],
+    table_file: Path | None,
+    table_by: str | None,
+    table_bound_um: float | None,
     seed: int,
 ) -> None:
     """Correct the joint commands for the tool points in TARGETS (CSV: x_mm, y_mm, z_mm).
@@ -62,15 +73,25 @@ def command(
     The machine is taken to stop at each point, and to come to it from the one before: play is
     taken back by that direction, and from its middle where a joint has not moved yet.
 
+    Method `table` finds corrections on a grid over the calibrated region first, as many as it
+    takes to stay within 1 um between the nodes, and looks them up. Where the calibration holds an
+    effect that changes the robot's dimensions from command to command no table can follow; each
+    correction is then found exactly, and this is said.
+
     Writes the joints [rad] and error_mm: how far the tool stays from the target *by the identified
     model*; not what a tracker would measure.
     """
     require_folder(out)
+    options = TableOptions(table_file, table_by, table_bound_um)
+    options.require_method(method)
     robot = load_robot(robot_file)
     points = read_points(targets)
     calibration = load_calibration(calibration_file, robot)
-    compensator = JointCompensator(calibration, method, seed, compiled=len(points) > _BATCH)
     nominal = _nominal(robot, points, targets)
+    if method == TABLE:
+        compensator = options.compensator(calibration, seed)
+    else:
+        compensator = JointCompensator(calibration, method, seed, compiled=len(points) > _BATCH)
     at = _conditions(nominal, payload, _by_part(temperatures))
     parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
     found = Compensated.joined(
@@ -85,7 +106,7 @@ def command(
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
     click.echo(
-        f"written: {out} ({len(points)} commands by {method}, largest correction "
+        f"written: {out} ({len(points)} commands by {compensator.by}, largest correction "
         f"{np.degrees(np.abs(found.correction).max()):.3f} degrees; error by the model at most "
         f"{found.model_error.max() * 1e3:.2e} mm, {found.evaluations.mean():.0f} evaluations each)"
     )

@@ -3,11 +3,16 @@
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
 from delta_calibration.compensation.compensator import Compensated, JointCompensator, Verdict
-from delta_calibration.compensation.machine import METHODS
+from delta_calibration.compensation.machine import METHODS, SOLVERS, TABLE
 from delta_calibration.compensation.newton import Newton, NewtonSettings
+from delta_calibration.compensation.table import Table
+from delta_calibration.compensation.table_build import TableSettings
+from delta_calibration.compensation.table_file import load_table, save_table
 
 __all__ = [
     "METHODS",
+    "SOLVERS",
+    "TABLE",
     "Apso",
     "ApsoSettings",
     "ApsoStep",
@@ -17,5 +22,9 @@ __all__ = [
     "JointCompensator",
     "Newton",
     "NewtonSettings",
+    "Table",
+    "TableSettings",
     "Verdict",
+    "load_table",
+    "save_table",
 ]

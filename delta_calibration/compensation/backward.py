@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation.base import Correction, Counts, distance
+from delta_calibration.compensation.base import REACHED, Correction, Counts, distance
 from delta_calibration.compensation.compiled import CompiledDrawing
 from delta_calibration.compensation.machine import Machine
 from delta_calibration.effects import Effect, Stage
@@ -30,7 +30,6 @@ from delta_calibration.samples import Conditions
 Array = NDArray[np.float64]
 Live = list[tuple[Effect, Array]]
 
-REACHED = 1e-6  # [m] by the model; a correction that ends farther off is none
 _STEP = 3e-4  # [m] no clearance that a machine is run with steps farther: see `Backward.correct`
 _DRIVE_STEPS, _DRIVE_SETTLED = 20, 1e-9  # [rad]
 _ROUNDS, _SAME = 3, 1e-7  # [m, rad] a geometry this near is the same
@@ -62,6 +61,11 @@ class Backward:
         self._structure: Live = [
             pair for pair in calibration.live if pair[0].stage is Stage.STRUCTURE
         ]
+
+    @property
+    def reshaping(self) -> tuple[str, ...]:
+        """Causes by which the dimensions change from command to command."""
+        return tuple(effect.cause for effect, _ in self._structure)
 
     @property
     def stages(self) -> bool:

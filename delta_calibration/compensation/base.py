@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
 
+REACHED = 1e-6  # [m] by the model; a correction that ends farther off is none
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Counts = NDArray[np.int64]

@@ -18,11 +18,16 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.backward import Backward
 from delta_calibration.compensation.base import Correction, Flags
 from delta_calibration.compensation.compiled import CompiledGeometry
-from delta_calibration.compensation.machine import Machine
+from delta_calibration.compensation.machine import METHODS, TABLE, Machine
+from delta_calibration.compensation.table import Stamp, Table
+from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
 from delta_calibration.errors import InputError
 from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
+
+_PLACES = 10_000  # of the region at which a table is tried, beside the middles of its cells
+_WIDE = 10.0  # times the bound of a correction: at nodes beyond the region it may be larger
 
 
 class Verdict(Enum):
@@ -34,6 +39,7 @@ class Verdict(Enum):
     OUT_OF_REACH = "no pose of the nominal robot"
     OUTSIDE_REGION = "outside the calibrated region"
     SINGULAR = "near a singularity"
+    OUTSIDE_TABLE = "outside the table of corrections"
     NOT_REACHED = "no correction within the bound reaches the target"
     MISSING_CONDITION = "a condition that the model needs is not known"
 
@@ -73,30 +79,49 @@ class JointCompensator:
         seed: int = 0,
         *,
         compiled: bool = False,
+        table: Table | TableSettings | None = None,
+        follow: Follow = iter,
     ) -> None:
         """From a calibration; `method` is one of `METHODS`, `seed` that of the swarm.
+
+        For method `table`, `table` is one or says how to make one, which is done before this
+        returns; `follow` is handed the blocks of that work, for a progress bar. A table holds the
+        corrections of one geometry. What drives do by direction, speed, load or angle is undone
+        around it; where an effect changes the dimensions themselves there is no table, and every
+        correction is found by the solver that would have made it: see `way`.
 
         With `compiled` the geometry is compiled, or loaded from where an earlier process left it,
         before this returns: the same answers to 1e-10 rad, much sooner for single commands. The
         property `compiled` says whether it came to that.
 
         Raises:
-            InputError: no such method.
+            InputError: no such method, a table for another one, or one made for something else.
+            DataError: no table within its bound.
         """
+        if method not in METHODS:
+            raise InputError(f"no method {method!r}; choose from: {', '.join(METHODS)}")
+        if table is not None and method != TABLE:
+            raise InputError(f"a table is for method {TABLE!r}, not {method!r}")
         self.calibration = calibration
         self.robot = calibration.robot
         self.method = method
         tool, bound = self.robot.tool_offset, self.robot.limits.correction
         self._nominal = self.robot.commanded
+        made = TableSettings() if table is None else table
+        self._solver = made.solver if method == TABLE else method
         self._model = Machine(
-            calibration.chain, calibration.geometry, tool, method, bound, seed, compiled=compiled
-        )
+            calibration.chain, calibration.geometry, tool, self._solver, bound, seed,
+            compiled=compiled,
+        )  # fmt: skip
         self._effects = tuple(effect for effect, _ in calibration.live)
         self._backward = Backward(calibration, self._model)
         self._fast_nominal: CompiledGeometry | None = None
         if self._model.fast is not None:
             nominal = self._nominal.parameters.nominal
             self._fast_nominal = CompiledGeometry(self._nominal, nominal, tool)
+        self.table: Table | None = None
+        if method == TABLE and not self._backward.reshaping:
+            self._tabulate(made, follow)
 
     @property
     def compiled(self) -> bool:
@@ -107,6 +132,21 @@ class JointCompensator:
     def needs_conditions(self) -> bool:
         """Whether the answer depends on more than the command: direction, payload, speed ..."""
         return self._backward.stages
+
+    @property
+    def by(self) -> str:
+        """What finds the geometry's corrections: one of `METHODS`."""
+        return self._solver if self.table is None else TABLE
+
+    @property
+    def way(self) -> str:
+        """How the geometry's corrections are found, for people."""
+        if self.table is not None:
+            return f"{TABLE} ({self.table.told()})"
+        if self.method == TABLE:
+            causes = ", ".join(self._backward.reshaping)
+            return f"{self.by} (no table: the dimensions change with {causes})"
+        return self.method
 
     def missing(self, at: Conditions) -> str:
         """What of the conditions the model needs is not known; empty where all is.
@@ -176,8 +216,44 @@ class JointCompensator:
         """Commands of which something is missing."""
         return [row for row in range(len(at)) if self.missing(at.take(slice(row, row + 1)))]
 
+    def _tabulate(self, made: Table | TableSettings, follow: Follow) -> None:
+        """Take a table, made here or before, in the place of the search."""
+        if isinstance(made, TableSettings):
+            made = build(self._task(), made, follow)
+        made.stamp.require(self.calibration)
+        self.table, self._model = made, self._model.tabulated(made)
+        self._backward = Backward(self.calibration, self._model)
+
+    def _task(self) -> Task:
+        """What a table is to hold."""
+        bound, region = self.robot.limits.correction, self.calibration.region
+        places = region.sample(_PLACES, self.robot.limits.region_margin, np.random.default_rng(0))
+        q = self._nominal.inverse(places, self._nominal.parameters.nominal)
+        reached = q[_finite(q)]
+        return Task(
+            stamp=Stamp.of(self.calibration),
+            solver=self._model.within(_WIDE * bound).solver,
+            meant=self.targets,
+            point=self.point,
+            admitted=self._admitted,
+            largest=bound,
+            asked=reached[self._admitted(reached)],
+        )
+
+    def _admitted(self, q: Array) -> Flags:
+        """Commands that no guard refuses, (n,)."""
+        return np.asarray(np.all([passed for passed, _ in self._checks(q, self.targets(q))], 0))
+
     def _guard(self, q: Array, target: Array) -> list[Verdict]:
         """The first guard that each command fails, `CORRECTED` where it passes all."""
+        checks = self._checks(q, target)
+        return [
+            next((verdict for passed, verdict in checks if not passed[row]), Verdict.CORRECTED)
+            for row in range(len(q))
+        ]
+
+    def _checks(self, q: Array, target: Array) -> list[tuple[Flags, Verdict]]:
+        """Which commands pass each guard, (n,), and what the others are told."""
         limits = self.robot.limits
         finite, reached = _finite(q), _finite(target)
         known = np.where(reached[:, None], target, 0.0)
@@ -192,10 +268,9 @@ class JointCompensator:
             (covered, Verdict.OUTSIDE_REGION),
             (regular, Verdict.SINGULAR),
         ]
-        return [
-            next((verdict for passed, verdict in checks if not passed[row]), Verdict.CORRECTED)
-            for row in range(len(q))
-        ]
+        if self.table is not None:
+            checks.append((self.table.covers(q), Verdict.OUTSIDE_TABLE))
+        return checks
 
     def _condition(self, q: Array, x: Array) -> Array:
         """`Mechanism.condition` of the nominal robot, (n,)."""

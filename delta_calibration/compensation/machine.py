@@ -17,11 +17,14 @@ from delta_calibration.compensation.compiled import (
     available,
 )
 from delta_calibration.compensation.newton import Newton, NewtonSettings
+from delta_calibration.compensation.table import Table, Tabulated
 from delta_calibration.errors import InputError
 
 Array = NDArray[np.float64]
 
-METHODS = ("apso", "newton")
+SOLVERS = ("apso", "newton")
+TABLE = "table"
+METHODS = (*SOLVERS, TABLE)
 
 
 class Machine:
@@ -31,13 +34,13 @@ class Machine:
         chain: whose mechanism it is.
         geometry: its parameters (p,).
         tool: tool centre point in the platform's frame (3,) [m].
-        method: one of `METHODS`.
+        method: one of `SOLVERS`.
         bound: largest correction of a joint [rad].
         seed: of the swarm.
         compiled: whether geometry and solver are to be compiled.
 
     Raises:
-        InputError: no such method.
+        InputError: no such solver.
     """
 
     def __init__(
@@ -51,8 +54,8 @@ class Machine:
         *,
         compiled: bool = False,
     ) -> None:
-        if method not in METHODS:
-            raise InputError(f"no method {method!r}; choose from: {', '.join(METHODS)}")
+        if method not in SOLVERS:
+            raise InputError(f"no solver {method!r}; choose from: {', '.join(SOLVERS)}")
         self._chain, self._geometry, self._tool = chain, geometry, tool
         self._method, self._bound, self._seed = method, bound, seed
         self.fast: CompiledGeometry | None = None
@@ -66,6 +69,19 @@ class Machine:
         other._geometry = geometry
         other.fast = None if self.fast is None else self.fast.at(geometry)
         other.solver = other._make_solver()
+        return other
+
+    def within(self, bound: float) -> Machine:
+        """The same machine with another largest correction [rad]."""
+        other = copy(self)
+        other._bound = bound
+        other.solver = other._make_solver()
+        return other
+
+    def tabulated(self, table: Table) -> Machine:
+        """The same machine with a table of its corrections; with other dimensions it has none."""
+        other = copy(self)
+        other.solver = Tabulated(table, self.point)
         return other
 
     def point(self, q: Array) -> Array:

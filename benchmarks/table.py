@@ -1,0 +1,128 @@
+"""How exact a table of corrections is between its nodes, and what a lookup costs beside Newton.
+
+    python benchmarks/table.py
+
+Machines with errors as their tolerances allow, each its own calibration over the disc in the
+paper's plane that its line crosses. The errors are the distance of the tool, by the identified
+model, from where Newton's correction brings it, at many places of the disc that know nothing of
+the grid. Times are the least of many short runs of the compiled functions themselves: a batch is
+2000 commands; one alone is a call from Python.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import timeit
+from collections.abc import Callable
+
+for _library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+# The libraries read these variables when they are loaded, hence the imports after them.
+# ruff: noqa: E402
+import numpy as np
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.chain import Chain
+from delta_calibration.compensation import JointCompensator, NewtonSettings, TableSettings
+from delta_calibration.compensation.compiled import CompiledGeometry
+from delta_calibration.geometry import Frame
+from delta_calibration.plans import nominal_joints
+from delta_calibration.region import Region
+from delta_calibration.robot import Robot, load_robot
+
+RADIUS, PLANE = 0.45 * np.sqrt(2), -0.711  # [m]
+NODES = (15, 20, 40)
+MACHINES, PLACES, BATCH = 6, 50_000, 2000
+
+
+def disc(n: int, seed: int) -> np.ndarray:
+    """Places of the disc (n, 3) [m], a tenth of them on its rim."""
+    rng = np.random.default_rng(seed)
+    r = RADIUS * np.sqrt(np.where(np.arange(n) < n // 10, 1.0, rng.random(n)))
+    turn = rng.uniform(0, 2 * np.pi, n)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), np.full(n, PLANE)], axis=1)
+
+
+def machine(robot: Robot, model: str, seed: int) -> Calibration:
+    """A machine as its tolerances allow, known as it is, over the disc."""
+    mechanism = robot.model(model)
+    parameters = mechanism.parameters
+    drawn = parameters.prior * np.random.default_rng(seed).standard_normal(len(parameters))
+    chain = Chain(mechanism, np.zeros(3), 0.05)
+    theta = chain.join(parameters.nominal + drawn, np.zeros(3), Frame.identity())
+    lower, upper = robot.joints.lower, robot.joints.upper
+    turn = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+    rim = np.stack([RADIUS * np.cos(turn), RADIUS * np.sin(turn), np.full(180, PLANE)], axis=1)
+    region = Region.of(rim)
+    return Calibration(robot, chain, theta, region, lower, upper, 1e-5, "bench", "0" * 64)
+
+
+def least(function: Callable[[], object], number: int, items: int, repeats: int) -> float:
+    """Microseconds an item."""
+    return 1e6 * min(timeit.repeat(function, number=number, repeat=repeats)) / number / items
+
+
+def exactness(robot: Robot) -> None:
+    """The largest error of all machines, by model and nodes."""
+    q = nominal_joints(robot, disc(PLACES, 1))
+    print("| model | nodes an axis | made in [s] | by its own check [um] | on the disc [um] |")
+    print("|---|---|---|---|---|")
+    for model in ("rotary_delta", "six_rod_delta"):
+        made = [machine(robot, model, seed) for seed in range(MACHINES)]
+        exact = [JointCompensator(each, compiled=True) for each in made]
+        newton = [each.point(each.compensate(q).joint) for each in exact]
+        for nodes in NODES:
+            settings = TableSettings(nodes=nodes, most=nodes)
+            start = time.perf_counter()
+            tables = [
+                JointCompensator(each, "table", compiled=True, table=settings) for each in made
+            ]
+            seconds = (time.perf_counter() - start) / MACHINES
+            off = [
+                np.linalg.norm(t.point(q + t.table.at(q)) - there, axis=1).max()
+                for t, there in zip(tables, newton, strict=True)
+            ]
+            found = max(t.table.worst for t in tables)
+            errors = f"{1e6 * found:.2g} | {1e6 * max(off):.2g}"
+            print(f"| {model} | {nodes} | {seconds:.2f} | {errors} |")
+
+
+def cost(robot: Robot) -> None:
+    """A lookup, beside Newton's compiled search of the same corrections."""
+    target = disc(BATCH, 2)
+    q = nominal_joints(robot, target)
+    settings = NewtonSettings(bound_rad=robot.limits.correction)
+    print("\n| compiled | a command in a batch [us] | one alone [us] |")
+    print("|---|---|---|")
+
+    def row(name: str, call: Callable[[np.ndarray, np.ndarray], object]) -> None:
+        first = q[:1].copy(), target[:1].copy()
+        batch = least(lambda: call(q, target), 1, BATCH, 300)
+        alone = least(lambda: call(*first), 20, 1, 3000)
+        print(f"| {name} | {batch:.3f} | {alone:.2f} |")
+
+    made = machine(robot, "six_rod_delta", 0)
+    for nodes in NODES:
+        settled = TableSettings(nodes=nodes, most=nodes)
+        table = JointCompensator(made, "table", compiled=True, table=settled).table
+        assert table is not None
+        row(f"table, {nodes} nodes an axis", lambda a, b, table=table: table.at(a))
+    for model in ("rotary_delta", "six_rod_delta"):
+        known = machine(robot, model, 0)
+        geometry = CompiledGeometry(known.chain.mechanism, known.geometry, robot.tool_offset)
+        row(f"newton, {model}", lambda a, b, g=geometry: g.newton(a, b, settings))
+
+
+def main() -> int:
+    """Print both tables."""
+    robot = load_robot("srbd")
+    exactness(robot)
+    cost(robot)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,115 @@
+"""Options of a table of corrections: made, or loaded from where an earlier run left it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.cli.options import progress, require_folder
+from delta_calibration.compensation import (
+    SOLVERS,
+    TABLE,
+    JointCompensator,
+    Table,
+    TableSettings,
+    load_table,
+    save_table,
+)
+from delta_calibration.errors import InputError
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class TableOptions:
+    """What was asked for, None where it was left open."""
+
+    file: Path | None
+    solver: str | None
+    bound_um: float | None
+
+    def require_method(self, method: str) -> None:
+        """Refuse the options of a table beside another method, before any work is done.
+
+        Raises:
+            InputError: names the option.
+        """
+        if method != TABLE:
+            for option, value in (
+                ("--table", self.file),
+                ("--table-by", self.solver),
+                ("--table-bound-um", self.bound_um),
+            ):
+                if value is not None:
+                    raise InputError(f"{option} is for --method {TABLE}, not {method}")
+        elif self.file is not None:
+            require_folder(self.file)
+
+    def compensator(self, calibration: Calibration, seed: int) -> JointCompensator:
+        """One that compensates by the table, and says what it does.
+
+        Raises:
+            InputError: the file is not such a table.
+            DataError: no table within its bound.
+        """
+        file = self.file
+        there = file is not None and file.exists()
+        table = self._loaded(file, calibration) if file and there else self._settings()
+        made = JointCompensator(
+            calibration, TABLE, seed, compiled=True, table=table, follow=_bar
+        )
+        said = f"corrections by {made.way}"
+        if file and there:
+            said += f", loaded from {file}"
+        elif file and made.table is not None:
+            save_table(file, made.table)
+            said += f", written: {file}"
+        click.echo(said)
+        return made
+
+    def _settings(self) -> TableSettings:
+        usual = TableSettings()
+        bound = usual.bound if self.bound_um is None else 1e-6 * self.bound_um
+        return TableSettings(self.solver or usual.solver, bound)
+
+    def _loaded(self, file: Path, calibration: Calibration) -> Table:
+        """The file's table, if it is what was asked for."""
+        table = load_table(file, calibration)
+        if self.solver not in (None, table.solver):
+            raise InputError(f"{file}: made by {table.solver}, not by {self.solver}")
+        if self.bound_um is not None and table.bound > 1e-6 * self.bound_um * (1 + 1e-9):
+            raise InputError(
+                f"{file}: its bound is {table.bound * 1e6:g} um, not {self.bound_um:g}"
+            )
+        return table
+
+
+def table_options(function: Function) -> Function:
+    """`--table`, `--table-by` and `--table-bound-um`."""
+    options = (
+        click.option(
+            "--table", "table_file", type=click.Path(path_type=Path), default=None,
+            help="File of --method table: loaded if it is there, else made and written.",
+        ),
+        click.option(
+            "--table-by", type=click.Choice(SOLVERS), default=None,
+            help="What finds the corrections of a table that is made.  [default: newton]",
+        ),
+        click.option(
+            "--table-bound-um", default=None, metavar="UM",
+            type=click.FloatRange(min=0.0, max=1.0, min_open=True),
+            help="Error that a table may have between its nodes.  [default: 1]",
+        ),
+    )  # fmt: skip
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def _bar(blocks: range) -> Iterable[int]:
+    return progress(blocks, len(blocks), "block")

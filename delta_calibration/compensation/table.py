@@ -1,0 +1,196 @@
+"""Corrections at the nodes of a grid, and between them by tricubic splines.
+
+The grid lies in *nominal joint space*, dq(q) with point(q + dq) = p*(q), and not in the space of
+the targets. Near the edge of the reach an arm and its rods come into one line; the joints go there
+as the square root of the distance that is left, in the joints themselves all is smooth. A grid
+over the targets of the paper's disc is far less exact with as many nodes, some of them are out of
+reach, and cells at the rim have no value; of the disc's box of joints the robot takes every place.
+The command is in joints already: nothing but the lookup stands between the two.
+
+What changes most, changes at the ends of the joints' ranges. The nodes lie therefore closer
+towards the ends, evenly in x (1 + b x^2) with x from -1 to 1 along an axis: an order of magnitude
+less error than evenly in x. Splines through the nodes (with a continuous third derivative next to
+the ends, so that cubics in x (1 + b x^2) are met exactly) have about half the error of Lagrange's
+or Catmull-Rom's cubics, and steady velocity and acceleration, at the cost of the same 64 terms.
+`benchmarks/table_choices.py` measures all of this, docs/performance.md has its figures.
+
+The region is a body in space, and its box of joints holds commands outside of it: their nodes
+carry the spline, the bound is promised for commands that the guards let pass. It is checked
+between the nodes, in the middle of every cell, where such a spline errs most, and at places of
+the region and its boundary that know nothing of the grid; the grid is refined until it holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.compensation.base import (
+    Array,
+    Correction,
+    Flags,
+    PointFunction,
+    checked_commands,
+    distance,
+)
+from delta_calibration.errors import InputError
+
+BEND = 0.4  # b
+FEWEST_NODES = 5  # an axis: as many as the condition at an end takes
+_AXES = 3
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """What a table was made for."""
+
+    calibration: str  # its seal
+    robot: str  # hash of its file
+    model: str  # name of the mechanism
+    tool: tuple[float, ...]  # (3,) [m] tool centre point in the platform's frame
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> Stamp:
+        """What a table for this calibration carries."""
+        robot = calibration.robot
+        name = calibration.chain.mechanism.name
+        return cls(calibration.seal, robot.hash, name, tuple(map(float, robot.tool_offset)))
+
+    def require(self, calibration: Calibration) -> None:
+        """Refuse any other calibration than the one that the table was made for.
+
+        Raises:
+            InputError: what the table was made for, and what is in force.
+        """
+        now = Stamp.of(calibration)
+        for what, own, other in (
+            ("robot", self.robot[:12], now.robot[:12]),
+            ("tool [m]", self.tool, now.tool),
+            ("model", self.model, now.model),
+            ("calibration", self.calibration[:12], now.calibration[:12]),
+        ):
+            if own != other:
+                raise InputError(
+                    f"the table is stale: made for {what} {own}, in force is {other}; "
+                    "make it anew"
+                )
+
+
+@dataclass(frozen=True)
+class Table:
+    """Corrections at the nodes of a grid over nominal joint angles.
+
+    Raises:
+        InputError: values that are no table.
+    """
+
+    lower: Array  # (3,) [rad] ends of the axes
+    upper: Array  # (3,) [rad]
+    corrections: Array  # (k, k, k, 3) [rad] at the nodes
+    stamp: Stamp
+    solver: str  # that found them
+    bound: float  # [m] error that is promised between the nodes
+    worst: float  # [m] largest that was found there
+    checked: int  # places at which it was looked for
+    bend: float = BEND  # b, see above
+    _axes: Array = field(init=False, repr=False, compare=False)
+    _coefficients: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Find the splines through the nodes."""
+        shape, k = self.corrections.shape, len(self.corrections)
+        if shape != (k, k, k, _AXES) or k < FEWEST_NODES:
+            raise InputError(
+                f"corrections have shape {shape}; it has to be (k, k, k, 3), k at least "
+                f"{FEWEST_NODES}"
+            )
+        if not np.isfinite(self.corrections).all():
+            raise InputError("corrections hold values that are not finite")
+        if self.lower.shape != (_AXES,) or not (self.lower < self.upper).all():
+            raise InputError(f"axes from {self.lower} to {self.upper}: no grid of three joints")
+        half = (self.upper - self.lower) / 2
+        steps = np.full(_AXES, (k - 1) / 2 / (1 + self.bend))
+        columns = self.lower, self.upper, self.lower + half, 1 / half, 0 * half + self.bend, steps
+        object.__setattr__(self, "_axes", np.stack(columns, axis=1))
+        object.__setattr__(self, "_coefficients", _splined(self.corrections))
+
+    @property
+    def nodes(self) -> int:
+        """An axis."""
+        return len(self.corrections)
+
+    def covers(self, q: Array) -> Flags:
+        """Commands (n, 3) [rad] within the grid, (n,)."""
+        return np.asarray(((q >= self.lower) & (q <= self.upper)).all(axis=1))
+
+    def at(self, q: Array) -> Array:
+        """Corrections (n, 3) [rad] of commands (n, 3) [rad]; NaN outside the grid.
+
+        Raises:
+            InputError: no numba that can be used.
+        """
+        rows = np.array(q, dtype=np.float64, order="C")  # memory of their own, of one layout
+        return np.asarray(_kernel().look_up(self._axes, self._coefficients, rows))
+
+    def told(self) -> str:
+        """How exact it is, for people."""
+        return (
+            f"{self.nodes} nodes an axis by {self.solver}, at most {self.worst * 1e6:.2g} um off "
+            f"at {self.checked} places between them, bound {self.bound * 1e6:g} um"
+        )
+
+
+@dataclass(frozen=True)
+class Tabulated:
+    """A table as a `Compensator`; each correction is judged by one evaluation of the model."""
+
+    table: Table
+    point: PointFunction
+
+    def correct(self, q: Array, target: Array) -> Correction:
+        """Look up the correction of every command; none outside of the grid.
+
+        Args:
+            q: Nominal commands (n, 3) [rad].
+            target: Points they mean (n, 3) [m], by the nominal model that the table was made with.
+        """
+        q, target, usable = checked_commands(q, target)
+        usable &= self.table.covers(q)
+        dq = self.table.at(q[usable])
+        error = distance(self.point(q[usable] + dq) - target[usable])
+        ones = np.ones(len(dq), dtype=np.int64)
+        return Correction(dq, error, ones, converged=error <= self.table.bound).spread(usable)
+
+
+def nodes_between(lower: Array, upper: Array, steps: Array, bend: float) -> Array:
+    """Joint angles of each axis (k, 3) [rad] at these x (1 + b x^2) / (1 + b), (k,) in -1 .. 1."""
+    root = np.sqrt(3 * bend)
+    x = 2 / root * np.sinh(np.arcsinh(1.5 * root * (1 + bend) * steps) / 3)  # Cardano's
+    return np.asarray((lower + upper) / 2 + np.outer(x, (upper - lower) / 2))
+
+
+def _splined(values: Array) -> Array:
+    """Coefficients (k + 2, k + 2, k + 2, 3) of the splines through the nodes' values."""
+    k = len(values)
+    rows = np.zeros((k + 2, k + 2))
+    for node in range(k):
+        rows[node, node : node + 3] = 1 / 6, 4 / 6, 1 / 6
+    rows[k, :5] = rows[k + 1, -5:] = 1, -4, 6, -4, 1  # one cubic on both sides of the second node
+    solve = np.linalg.inv(rows)[:, :k]
+    for axis in range(_AXES):
+        values = np.moveaxis(np.tensordot(solve, values, (1, axis)), 0, axis)
+    return np.ascontiguousarray(values)
+
+
+@cache
+def _kernel() -> Any:
+    """The compiled lookup; numba is loaded with the first table that is asked."""
+    try:
+        return import_module("delta_calibration.compensation.table_kernel")
+    except ImportError as error:
+        raise InputError(f"method table needs numba, which cannot be used: {error}") from error

@@ -1,0 +1,162 @@
+"""Making a table: corrections at the nodes, then the error between them, until it is small enough.
+
+Between nodes the splines err by the fourth power of their distance, most in the middle of a cell.
+The error is looked for there, in every cell, and at places of the region and of its boundary that
+know nothing of the grid; it is the distance of the identified model's tool from the target, as for
+any other correction. Only commands that the guards let pass count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from delta_calibration.compensation.base import (
+    REACHED,
+    Array,
+    Compensator,
+    Flags,
+    PointFunction,
+    distance,
+    require_positive,
+    require_whole,
+)
+from delta_calibration.compensation.machine import SOLVERS
+from delta_calibration.compensation.table import (
+    BEND,
+    FEWEST_NODES,
+    Stamp,
+    Table,
+    nodes_between,
+)
+from delta_calibration.errors import DataError, InputError
+
+_SHARE = 0.8  # of the bound, for the largest error found: what lies between is not looked at
+_ORDER, _GROWTH = 4, 2.0  # of the error in the nodes' distance; most of their number at once
+_PAD = 0.01  # of the box's width, either side of the commands that it is made for
+_BLOCK = 1024  # places worked on at once
+
+Follow = Callable[[range], Iterable[int]]
+
+
+@dataclass(frozen=True)
+class TableSettings:
+    """How a table is made."""
+
+    solver: str = "newton"  # what finds the corrections at the nodes: newton or apso
+    bound: float = REACHED  # [m] largest error of a command between the nodes
+    nodes: int = 15  # an axis, at first
+    most: int = 80  # an axis; beyond, no table is made
+
+    def __post_init__(self) -> None:
+        """Refuse settings with which no table can be made."""
+        if self.solver not in SOLVERS:
+            raise InputError(
+                f"no solver {self.solver!r} for a table; choose from: {', '.join(SOLVERS)}"
+            )
+        require_positive("bound", self.bound, "m")
+        require_whole("nodes", self.nodes, FEWEST_NODES)
+        require_whole("most", self.most, self.nodes)
+        if self.bound > REACHED:
+            raise InputError(
+                f"bound is {self.bound * 1e6:g} um; at most {REACHED * 1e6:g} allowed, as a "
+                "correction that ends farther off counts as none"
+            )
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a table is to hold, as functions of nominal commands (n, 3) [rad]."""
+
+    stamp: Stamp
+    solver: Compensator  # exact
+    meant: PointFunction  # tool points of the nominal robot
+    point: PointFunction  # of the identified one
+    admitted: Callable[[Array], Flags]  # commands that no guard refuses
+    largest: float  # [rad] correction of a joint; a larger one is refused
+    asked: Array  # (a, 3) [rad] commands all over the region, none that is refused
+
+
+def build(task: Task, settings: TableSettings, follow: Follow = iter) -> Table:
+    """A table of which the error between the nodes is within the bound.
+
+    Args:
+        task: what it is to hold.
+        settings: how.
+        follow: is handed the blocks of work and hands them on; for a progress bar.
+
+    Raises:
+        DataError: the region holds no command, or the bound cannot be held.
+    """
+    if not len(task.asked):
+        raise DataError("no table: the region holds no command that is within reach and limits")
+    nodes, goal = settings.nodes, _SHARE * settings.bound
+    while True:
+        table = _checked(task, _filled(task, settings, nodes, follow), follow)
+        if table.worst <= goal:
+            return table
+        if nodes == settings.most:
+            break
+        growth = min((table.worst / goal) ** (1 / _ORDER), _GROWTH)
+        nodes = min(int(np.ceil((nodes - 1) * growth)) + 1, settings.most)
+    raise DataError(
+        f"no table: with {table.nodes} nodes an axis it is {table.worst * 1e6:.2g} um off between "
+        f"them, {goal * 1e6:.2g} um is wanted, and {settings.most} nodes are the most; take "
+        "another method, or a region that keeps farther from the edge of the reach"
+    )
+
+
+def _filled(task: Task, settings: TableSettings, k: int, follow: Follow) -> Table:
+    """A table of k nodes an axis that was not checked yet.
+
+    A node without an answer, somewhere beyond the region, takes that of the nearest that has one.
+    """
+    lowest, highest = task.asked.min(axis=0), task.asked.max(axis=0)
+    pad = _PAD * (highest - lowest)
+    lower, upper = lowest - pad, highest + pad
+    q = _lattice(nodes_between(lower, upper, np.linspace(-1, 1, k), BEND))
+    dq = np.full_like(q, np.nan)
+    for rows in _blocks(len(q), follow):
+        found = task.solver.correct(q[rows], task.meant(q[rows]))
+        dq[rows] = np.where(found.converged[:, None], found.dq, np.nan)
+    lacking = np.isnan(dq[:, 0]).reshape(k, k, k)
+    if lacking.all():
+        raise DataError(f"no table: {settings.solver} has no answer at any of its nodes")
+    nearest = distance_transform_edt(lacking, return_distances=False, return_indices=True)
+    corrections = dq.reshape(k, k, k, -1)[tuple(nearest)]
+    return Table(
+        lower, upper, corrections, task.stamp, settings.solver, settings.bound, np.inf, 0
+    )
+
+
+def _checked(task: Task, table: Table, follow: Follow) -> Table:
+    """The table with the largest error that is found in it."""
+    steps = np.linspace(-1, 1, 2 * table.nodes - 1)[1::2]
+    middles = _lattice(nodes_between(table.lower, table.upper, steps, table.bend))
+    q, worst, checked = np.concatenate([task.asked, middles]), 0.0, 0
+    for rows in _blocks(len(q), follow):
+        error = _errors(task, table, q[rows][task.admitted(q[rows])])
+        worst, checked = max(worst, error.max(initial=0.0)), checked + len(error)
+    return replace(table, worst=worst, checked=checked)
+
+
+def _errors(task: Task, table: Table, q: Array) -> Array:
+    """Distances from the targets (c,) [m], but for corrections that the bound refuses."""
+    dq = table.at(q)
+    passed = ~(np.abs(dq) > task.largest).any(axis=1)
+    return distance(task.point(q[passed] + dq[passed]) - task.meant(q[passed]))
+
+
+def _lattice(axes: Array) -> Array:
+    """All joints of a grid, (k, 3) -> (k^3, 3) [rad]; the last joint changes first."""
+    grid = np.meshgrid(*axes.T, indexing="ij")
+    return np.stack(grid, axis=-1).reshape(-1, axes.shape[1])
+
+
+def _blocks(n: int, follow: Follow) -> Iterable[slice]:
+    """The rows of n in blocks."""
+    for block in follow(range(-(-n // _BLOCK))):
+        yield slice(block * _BLOCK, (block + 1) * _BLOCK)
