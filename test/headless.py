@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import select
@@ -151,13 +152,22 @@ class Browser:
                 self.errors.append(json.dumps(parameters["args"]))
 
 
+def _pipe() -> tuple[int, int]:
+    """Ends of a pipe with numbers out of the way of 3 and 4."""
+    ends = os.pipe()
+    high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in ends]
+    for end in ends:
+        os.close(end)
+    return high[0], high[1]
+
+
 @contextmanager
 def browser() -> Iterator[Browser]:
     """A browser for a while, its profile in a folder of its own."""
     program = chromium()
     assert program is not None
-    to_child, from_here = os.pipe()
-    to_here, from_child = os.pipe()
+    to_child, from_here = _pipe()
+    to_here, from_child = _pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         # the pipe's ends have to be descriptors 3 and 4 there
         script = f'exec "$0" "$@" 3<&{to_child} 4>&{from_child}'

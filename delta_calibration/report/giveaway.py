@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,18 +78,24 @@ def _figure(judged: Judged, robot: Robot, member: Candidate, number: int) -> Fig
     rows = _rows(judged, member)
     at = judged.evidence.seen.take(rows)
     against = regressor_of(member, robot, at)
-    seen = _seen(judged, member, rows)
+    seen = _seen(judged, robot, member, rows)
     panels = [
         _panel(seen, k, against, at, groups_of(member, at, joint))
         for k, joint in enumerate(seen.joints)
     ]
     where = "in motion" if rows[0] >= judged.evidence.poses else "at rest"
     thinned = f", {len(rows)} of them shown" if len(rows) == _MOST else ""
+    agree = (
+        "The map follows it; it explains nothing."
+        if member.unexplained
+        else "Where the two agree, the cause explains the residual."
+    )
+    name = "structure of no known cause" if member.unexplained else spoken(member.label)
     return Figure(
         f"giveaway_{number}_{member.cause}",
-        f"{capital(spoken(member.label))}: residual against what gives it away",
+        f"{capital(name)}: residual against {against.title.partition(' [')[0]}",
         f"What is left {where} when all but this are in the model{thinned}, and what this makes "
-        "of it (crosses). Where the two agree, the cause explains the residual.",
+        f"of it (crosses). {agree}",
         tuple(panels),
         columns=min(3, len(panels)),
     )
@@ -107,7 +114,7 @@ def _rows(judged: Judged, member: Candidate) -> Index:
     return moving[np.linspace(0, len(moving) - 1, min(len(moving), _MOST)).astype(int)]
 
 
-def _seen(judged: Judged, member: Candidate, rows: Index) -> _Seen:
+def _seen(judged: Judged, robot: Robot, member: Candidate, rows: Index) -> _Seen:
     whole, part = judged.beside_member(member, rows), judged.moved_by(member, rows)
     joints = judged.evidence.at.joint.shape[1]
     if member.effect is not None and member.effect.stage is Stage.DRIVE and joints == 3:
@@ -120,7 +127,7 @@ def _seen(judged: Judged, member: Candidate, rows: Index) -> _Seen:
         return _Seen(
             angles[0][:, chosen],
             angles[1][:, chosen],
-            tuple(f"joint {j + 1}" for j in chosen),
+            tuple(robot.joints.names[j] for j in chosen),
             tuple(chosen),
             "stand-off of the joint [µrad]",
         )
@@ -153,7 +160,7 @@ def _panel(
     return Panel(seen.titles[k], Axis(against.title), Axis(seen.unit), tuple(marks))
 
 
-def leftovers(judged: Judged) -> Figure:
+def leftovers(judged: Judged, robot: Robot) -> Figure:
     """What the extended model leaves at the poses, against what might still be in it."""
     rows = judged.rows
     at = judged.evidence.at.take(rows)
@@ -174,7 +181,7 @@ def leftovers(judged: Judged) -> Figure:
                 ),
             ),
         )
-        for against in _recorded(at)
+        for against in _recorded(at, robot)
     )
     tests = judged.diagnosis.audit.p
     told = ", ".join(f"{spoken(name.removeprefix('moran_'))} {chance(p)}" for name, p in tests.items())
@@ -188,13 +195,15 @@ def leftovers(judged: Judged) -> Figure:
     )
 
 
-def _recorded(at: Conditions) -> Iterator[Regressor]:
+def _angle(at: Conditions, _: int, joint: int) -> Array:
+    return np.asarray(np.degrees(at.joint[:, joint]))
+
+
+def _recorded(at: Conditions, robot: Robot) -> Iterator[Regressor]:
     """What changed in the session."""
     yield CLOCK
-    for j in range(at.joint.shape[1]):
-        yield Regressor(
-            f"angle of joint {j + 1} [°]", lambda at, _, j=j: np.degrees(at.joint[:, j])
-        )
+    for j, name in enumerate(robot.joints.names):
+        yield Regressor(f"angle of {name} [°]", partial(_angle, joint=j))
     if np.isfinite(at.payload).all() and np.ptp(at.payload) > 0:
         yield LOAD
     for k, part in enumerate(at.temperature_parts):

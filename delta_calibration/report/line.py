@@ -14,6 +14,7 @@ from delta_calibration.report.drawing import (
     BEFORE,
     CALIBRATED,
     EXTENDED,
+    GREY,
     PAPER,
     Axis,
     Figure,
@@ -32,6 +33,7 @@ MM = 1e3
 PAPER_MAX, PAPER_MEAN, PAPER_THREE_STD = 3.305, 0.803, 2.086  # [mm] table 3, not compensated
 _POINTS = 181
 _SURE = 1.96
+_FEWEST = 3  # points that a spread is told of
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class AlongLine:
     before: Array  # (n,) [m] extended machine less drawing, root mean square of both sides
     calibrated: Array  # (n,) [m] extended less calibrated machine, likewise
     spread: Array  # (n,) [m] standard error of the extended machine's point, 3-D
-    outside: int  # points outside the region that was measured
+    inside: NDArray[np.bool_]  # (n,) within the region that was measured
 
 
 def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
@@ -69,18 +71,18 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
     at = judged.usual(plan.joint, 1.0)
     slope = found.chain.jacobian(at, found.chain.pose(at, found.theta), found.theta)
     spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.covariance, slope))
-    outside = int(np.sum(judged.region.outside(plan.target) > 0))
+    inside = judged.region.outside(plan.target) <= 0
     before, calibrated = np.sqrt(square)
-    return AlongLine(plan.target[:, 0], before, calibrated, spread, outside)
+    return AlongLine(plan.target[:, 0], before, calibrated, spread, inside)
 
 
 def line_figure(line: AlongLine) -> Figure:
     """The three errors over x, the paper's mean and largest beside them."""
     x = MM * line.x
     beyond = (
-        f" {line.outside} of {len(x)} points lie outside the region that was measured: there the "
-        "models extrapolate."
-        if line.outside
+        f" {np.sum(~line.inside)} of {len(x)} points lie outside the region that was measured: "
+        "there the models extrapolate."
+        if not line.inside.all()
         else ""
     )
     everything = np.concatenate([line.before, line.calibrated, line.spread])
@@ -104,6 +106,7 @@ def line_figure(line: AlongLine) -> Figure:
                     Line("extended, 95 % bound", x, MM * _SURE * line.spread, EXTENDED, "dot"),
                     Rule("the paper, largest: 3.305 mm", PAPER_MAX, PAPER, at=0.62),
                     Rule("the paper, mean: 0.803 mm", PAPER_MEAN, PAPER, at=0.62),
+                    *_ends(x[line.inside]),
                 ),
                 tall=1.25,
             ),
@@ -112,17 +115,32 @@ def line_figure(line: AlongLine) -> Figure:
     )
 
 
+def _ends(inside: Array) -> tuple[Rule, ...]:
+    """Where the region that was measured begins and ends along x (k,) [mm]."""
+    if not len(inside):
+        return ()
+    return tuple(
+        Rule(name, float(value), GREY, "dot", upright=True)
+        for name, value in (("measured from", inside.min()), ("to", inside.max()))
+    )
+
+
 def line_table(line: AlongLine) -> Table:
     """Mean, largest and three standard deviations, as in the paper's table 3."""
-    named = (("before", line.before), ("calibrated", line.calibrated))
     rows = [("the paper's machine, measured", PAPER_MEAN, PAPER_MAX, PAPER_THREE_STD)]
-    for name, error in named:
-        each = Errors.of(error)
-        rows.append((name, *(MM * v for v in (each.mean, each.maximum, each.three_std))))
-    bound = Errors.of(_SURE * line.spread)
-    rows.append(
-        ("extended, 95 % bound", *(MM * v for v in (bound.mean, bound.maximum, bound.three_std)))
-    )
+    named = {
+        "before": line.before,
+        "calibrated": line.calibrated,
+        "extended, 95 % bound": _SURE * line.spread,
+    }
+    parts = {"": np.ones(len(line.x), dtype=bool)}
+    if _FEWEST <= line.inside.sum() < len(line.x):
+        parts[", in the region measured"] = line.inside
+    for part, rows_of in parts.items():
+        for name, error in named.items():
+            each = Errors.of(error[rows_of])
+            three = (each.mean, each.maximum, each.three_std)
+            rows.append((name + part, *(MM * v for v in three)))
     return Table(
         "error_line_table",
         "The line in figures",

@@ -25,6 +25,7 @@ from delta_calibration.report.words import (
     NO_VALUE,
     between,
     called,
+    capital,
     chance,
     estimate,
     figures,
@@ -34,9 +35,10 @@ from delta_calibration.report.words import (
     sentence,
     spoken,
     statements,
+    structure,
     sure,
 )
-from delta_calibration.report.workspace import maps
+from delta_calibration.report.workspace import maps, unknown_maps
 from delta_calibration.robot import Robot
 
 
@@ -95,11 +97,11 @@ def verdict_section(verdict: Verdict) -> Section:
                 "findings",
                 "Findings, strongest first",
                 (
-                    "cause", "kind", "parameters", "confidence", "p", "signal λ",
+                    "cause", "parameters", "confidence", "p", "signal λ",
                     "held out [mm]", "gain, 95 % [1]", "the same here; to part them",
                 ),
                 tuple(_finding(f) for f in verdict.findings),
-                words=(0, 1, 2, 8),
+                words=(0, 1, 7),
             )
         )  # fmt: skip
     if verdict.cannot_tell:
@@ -122,8 +124,7 @@ def _finding(finding: Finding) -> tuple[str, ...]:
     same = listed(map(spoken, finding.equivalents))
     part = f"; {finding.separated_by}" if finding.separated_by else ""
     return (
-        called(finding),
-        finding.kind,
+        f"{called(finding)} ({finding.kind})",
         ", ".join(every[:6]) + more,
         sure(finding.confidence),
         chance(finding.p_value),
@@ -136,14 +137,9 @@ def _finding(finding: Finding) -> tuple[str, ...]:
 
 def _tests(verdict: Verdict) -> Table:
     unknown = verdict.unknown_structure
+    told = "No structure is left that chance would not leave."
     if unknown.found:
-        where = f", {unknown.where}" if unknown.where else ""
-        told = (
-            f"Structure of no known cause: {mm(unknown.rms_mm)} mm RMS, moves with "
-            f"{spoken(unknown.moves_with or 'nothing recorded')}{where}."
-        )
-    else:
-        told = "No structure is left that chance would not leave."
+        told = capital(f"{structure(unknown)}.")
     rows = tuple((_test(name), chance(p)) for name, p in unknown.tests.items())
     return Table("left", "Tests of what is left", ("test", "p"), rows, told)
 
@@ -196,9 +192,9 @@ def _line(judged: Judged, robot: Robot) -> Section:
 
 def _causes(judged: Judged, robot: Robot) -> Section:
     title = "What gives the cause away"
-    shown = giveaways(judged, robot)
+    shown = (*unknown_maps(judged), *giveaways(judged, robot))
     text = () if shown else ("No effect was added to the geometry: what is left is shown below.",)
-    return Section("causes", title, text, (), (*shown, leftovers(judged)))
+    return Section("causes", title, text, (), (*shown, leftovers(judged, robot)))
 
 
 def _parts(judged: Judged) -> Section:

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import floor, log10
 
-from delta_calibration.diagnosis.verdict import CannotTell, Estimate, Finding, Verdict
+from delta_calibration.diagnosis.verdict import (
+    CannotTell,
+    Estimate,
+    Finding,
+    UnknownStructure,
+    Verdict,
+)
+from delta_calibration.effects.unexplained import UNEXPLAINED
 from delta_calibration.report.document import KeyFigure, Statement
 
 MM = 1e3
@@ -133,13 +140,8 @@ def _wrong(verdict: Verdict) -> str:
         rest = f" and {more} more" if more else ""
         parts.append(f"{called(finding)}: {', '.join(values)}{rest}.")
     if unknown.found:
-        where = f", {unknown.where}" if unknown.where else ""
-        parts.append(
-            f"structure of no known cause, {mm(unknown.rms_mm)} mm RMS, which moves with "
-            f"{spoken(unknown.moves_with or 'nothing recorded')}{where}."
-        )
-    joined = " ".join(parts) or "nothing beyond the errors of the parts, which calibration sets."
-    return capital(joined)
+        parts.append(f"{structure(unknown)}.")
+    return capital(" ".join(parts) or "nothing beyond the errors of the parts, which calibration sets.")
 
 
 def _how_sure(verdict: Verdict) -> str:
@@ -151,28 +153,45 @@ def _how_sure(verdict: Verdict) -> str:
             f"{called(finding)} {sure(finding.confidence)}, p = {chance(finding.p_value)}"
             f"{class_}."
         )
-    if verdict.unknown_structure.found:
-        known = [p for p in verdict.unknown_structure.tests.values() if p is not None]
-        least = min(known) if known else None
-        parts.append(f"unknown structure: least p of what is left {chance(least)}.")
-    if not parts:
-        tests = verdict.unknown_structure.tests.values()
-        least = min((p for p in tests if p is not None), default=None)
-        parts.append(f"least p of {len(tests)} tests of what is left: {chance(least)}.")
+    tests = verdict.unknown_structure.tests.values()
+    least = chance(min((p for p in tests if p is not None), default=None))
+    if verdict.unknown_structure.found and _mapped(verdict):
+        parts.append(
+            "that something is there: a smooth map that follows it foretells poses it has not "
+            f"seen, and leaves nothing but noise (least p of {len(tests)} tests: {least}). "
+            "What it is: not known."
+        )
+    elif not parts or verdict.unknown_structure.found:
+        parts.append(f"least p of {len(tests)} tests of what is left: {least}.")
     joined = " ".join(parts).replace("p = <", "p <")
     return capital(joined)
 
 
 def _gains(verdict: Verdict) -> str:
-    if not verdict.findings:
+    if not verdict.findings and not _mapped(verdict):
         before, after = verdict.baseline.held_out_rms_mm, verdict.calibrated.held_out_rms_mm
         return f"Calibration: {mm(before)} → {mm(after)} mm on poses that the fit has not seen."
     parts = [
         f"{called(f)}: {mm(f.rms_before_mm)} → {mm(f.rms_after_mm)} mm held out, {_share(f)}."
         for f in verdict.findings
     ]
-    joined = " ".join(parts)
-    return capital(joined)
+    if _mapped(verdict):
+        before, after = verdict.calibrated.held_out_rms_mm, verdict.extended.held_out_rms_mm
+        parts.append(f"all with the map of what has no name: {mm(before)} → {mm(after)} mm.")
+    return capital(" ".join(parts))
+
+
+def _mapped(verdict: Verdict) -> bool:
+    """Whether what nothing explains is in the extended model, as a smooth map."""
+    return UNEXPLAINED in verdict.extended.model
+
+
+def structure(unknown: UnknownStructure) -> str:
+    """Structure that no cause explains: how large, what it moves with, where."""
+    where = f", {unknown.where.replace('= -', '= ' + _MINUS)}" if unknown.where else ""
+    moves = spoken(unknown.moves_with or "nothing recorded")
+    size = "" if unknown.rms_mm is None else f", {mm(unknown.rms_mm)} mm RMS"
+    return f"structure of no known cause{size}; it moves with {moves}{where}"
 
 
 def _share(finding: Finding) -> str:
@@ -187,9 +206,9 @@ def _untold(verdict: Verdict) -> str:
 
 def between(entry: CannotTell) -> str:
     """What cannot be told from what."""
-    names = [spoken(name) for name in entry.between]
-    joined = " or ".join(names)
-    return capital(joined)
+    names = [spoken(name) for name in entry.between if name != "none"]
+    nothing = ", or none at all" if "none" in entry.between else ""
+    return capital(" or ".join(names)) + nothing
 
 
 def key_figures(verdict: Verdict) -> tuple[KeyFigure, ...]:

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.region import Region
 from delta_calibration.report.drawing import Axis, Field, Figure, Panel, Points, Scale
+from delta_calibration.report.judged import Judged
 
 Array = NDArray[np.float64]
 
@@ -44,7 +46,7 @@ def maps(
         ("map", f"Seen from above, z = {MM * middle[2]:.0f} mm", (0, 1, 2)),
         ("section", f"Section, y = {MM * middle[1]:.0f} mm", (0, 2, 1)),
     ]
-    if np.ptp(place[:, 2]) < _FLAT:
+    if _flat(place):
         planes = planes[:1]
         told += " The poses lie in one plane: there is no section to show."
     return tuple(
@@ -60,6 +62,41 @@ def maps(
         )
         for name, title, axes in planes
     )
+
+
+def unknown_maps(judged: Judged) -> tuple[Figure, ...]:
+    """Where structure lives that no cause explains: what the smooth map in the model moves."""
+    return tuple(
+        _unknown(judged, member)
+        for member in judged.diagnosis.model.members
+        if member.unexplained
+    )
+
+
+def _unknown(judged: Judged, member: Candidate) -> Figure:
+    moved = judged.moved_by(member, judged.rows)
+    size = np.linalg.norm(moved - moved.mean(axis=0), axis=1)
+    place, width = judged.place, kernel(judged.place)
+    middle = np.median(place, axis=0)
+    scale = Scale("displacement, RMS [mm]", 0.0, _up(MM * float(np.quantile(size, 0.98))))
+    planes = (("above", (0, 1, 2)), ("side", (0, 2, 1)))[: 2 - int(_flat(place))]
+    return Figure(
+        "unknown_structure",
+        "Where the structure of no known cause lives",
+        "What the smooth map that follows it moves the reflector by, less the mean, around each "
+        f"point (Gaussian kernel, {MM * width:.0f} mm).",
+        tuple(
+            _panel(
+                f"seen from {name}" if name == "above" else "section",
+                place, size, judged.region, scale, axes, float(middle[axes[2]]), width,
+            )
+            for name, axes in planes
+        ),
+    )  # fmt: skip
+
+
+def _flat(place: Array) -> bool:
+    return bool(np.ptp(place[:, 2]) < _FLAT)
 
 
 def _panel(

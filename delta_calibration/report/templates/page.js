@@ -6,7 +6,6 @@
     responsive: false, displaylogo: false, showLink: false, scrollZoom: false,
     displayModeBar: false, doubleClick: "reset",
   };
-  const PRINTED = 680; // px between the margins of an A4 page
   const drawn = new Map();
 
   const draw = (id, width) => {
@@ -41,11 +40,11 @@
   });
 
   window.addEventListener("beforeprint", () => {
-    document.body.style.width = `${PRINTED}px`;
+    document.body.classList.add("printing");
     for (const id of ids) draw(id);
   });
   window.addEventListener("afterprint", () => {
-    document.body.style.width = "";
+    document.body.classList.remove("printing");
     for (const id of ids) draw(id);
   });
 })();
