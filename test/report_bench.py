@@ -1,4 +1,4 @@
-"""One diagnosed session that the tests of the report share: a play, at rest, so that it is quick."""
+"""One diagnosed session that the tests of the report share: a play, seen at rest."""
 
 from __future__ import annotations
 

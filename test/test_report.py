@@ -15,9 +15,11 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("plotly", reason="needs the extra [report]")
 
 from delta_calibration.accuracy import IsoReport, IsoValue
+from delta_calibration.diagnosis.verdict import Estimate
 from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import STANDARD
 from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.plans import make_plan
 from delta_calibration.report import (
     build_page,
     missing,
@@ -34,8 +36,6 @@ from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line
 from delta_calibration.report.words import chance, estimate, figures, sure
 from delta_calibration.report.workspace import around, scale_of
-from delta_calibration.diagnosis.verdict import Estimate
-from delta_calibration.plans import make_plan
 from report_bench import HOSTILE, JOINTS, NAME, PROVENANCE, ROBOT, found, hidden
 
 ISO = IsoReport(STANDARD, "calibration <x>", (IsoValue("AP", "P1", 0.862e-3, 30),))

@@ -13,9 +13,9 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("plotly", reason="needs the extra [report]")
 image = pytest.importorskip("matplotlib.image", reason="needs the extra [report]")
 
-from delta_calibration.report import report_of, write_page
-from headless import Browser, browser, chromium
-from report_bench import HOSTILE, JOINTS, PROVENANCE, found
+from delta_calibration.report import report_of, write_page  # noqa: E402
+from headless import Browser, browser, chromium  # noqa: E402
+from report_bench import HOSTILE, JOINTS, PROVENANCE, found  # noqa: E402
 
 pytestmark = pytest.mark.skipif(
     chromium() is None, reason="no Chromium on this machine: apt install chromium"
@@ -64,9 +64,8 @@ def test_no_error_no_request_and_the_plots_are_drawn(
     whole = image.imread(io.BytesIO(chrome.screenshot()))[..., :3]
     for id_ in ids:
         x, y, wide, high = chrome.run(
-            f"(() => {{ const b = document.getElementById('{id_}').querySelector('.plotly .bglayer')"
-            ".closest('svg').getBoundingClientRect(); return [b.x, b.y + scrollY, b.width, b.height]"
-            "})()"
+            f"(() => {{ const b = document.getElementById('{id_}').querySelector('.main-svg')"
+            ".getBoundingClientRect(); return [b.x, b.y + scrollY, b.width, b.height]; })()"
         )
         inside = whole[int(y) : int(y + high), int(x) : int(x + wide)]
         coloured = (np.ptp(inside, axis=-1) > 0.15).mean()  # data are coloured, axes grey

@@ -33,8 +33,8 @@ from delta_calibration.identification import Identification, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.processes import remove_dead_shared_memory
 from delta_calibration.recording import read_session
-from delta_calibration.robot import Robot, load_robot
 from delta_calibration.report import require_libraries
+from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import collect, survey
 from delta_calibration.simulation import draw_machine
 from delta_calibration.trial import Errors, measured_errors, paper_simulation, true_errors

@@ -9,7 +9,6 @@ from delta_calibration.report.document import Report, Section, Table
 from delta_calibration.report.drift import (
     CalibrationRecord,
     drift_of_calibrations,
-    drift_of_verdicts,
     read_calibration,
 )
 from delta_calibration.report.missing import require_libraries
@@ -19,6 +18,7 @@ from delta_calibration.report.picture import write_figures
 from delta_calibration.report.provenance import Provenance, session_provenance
 from delta_calibration.report.session_report import report_of
 from delta_calibration.report.verdict_file import VerdictFile, read_verdict
+from delta_calibration.report.verdicts import drift_of_verdicts
 
 __all__ = [
     "CalibrationRecord",

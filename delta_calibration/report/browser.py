@@ -145,14 +145,16 @@ def _told(trace: Trace, told: tuple[str, ...]) -> Trace:
     """What is shown when pointed at; the usual coordinates where nothing is given."""
     if not told:
         return trace
-    return {**trace, "text": [escape(text) for text in told], "hovertemplate": "%{text}<extra></extra>"}
+    text = [escape(each) for each in told]
+    return {**trace, "text": text, "hovertemplate": "%{text}<extra></extra>"}
 
 
 def _line(mark: Line) -> list[Trace]:
     line = {"color": mark.colour, "width": 2, "dash": mark.dash}
     x, y = numbers(mark.x), numbers(mark.y)
     own: Trace = {
-        "type": "scatter", "mode": "lines", "name": escape(mark.name), "x": x, "y": y, "line": line,
+        "type": "scatter", "mode": "lines", "name": escape(mark.name),
+        "x": x, "y": y, "line": line,
     }  # fmt: skip
     if mark.low is None or mark.high is None:
         return [own]
@@ -206,14 +208,14 @@ def _field(mark: Field) -> Trace:
         "showscale": False,  # one for the whole figure stands beside it
         "hoverongaps": False,
         "text": told or shown,
-        "hovertemplate": ("%{text}" if told else "%{x:.4g}, %{y:.4g}: %{text}") + "<extra></extra>",
+        "hovertemplate": f"{'' if told else '%{x:.4g}, %{y:.4g}: '}%{{text}}<extra></extra>",
     }
 
 
 def ticks_of(scale: Scale) -> list[float]:
     """Round values of a scale: 1, 2 and 5 of each decade, or five equal steps."""
     if not scale.log:
-        return np.linspace(scale.low, scale.high, 5).tolist()
+        return [float(t) for t in np.linspace(scale.low, scale.high, 5)]
     decades = range(int(np.floor(np.log10(scale.low))), int(np.ceil(np.log10(scale.high))) + 1)
     every = [first * 10.0**decade for decade in decades for first in _TICKS]
     return [float(t) for t in every if scale.low <= t * 1.001 and t <= scale.high * 1.001]
@@ -223,7 +225,10 @@ def places_of(scale: Scale) -> list[tuple[str, float]]:
     """Ticks of a scale as they are shown, and where along it they stand [%]."""
     of = np.log10 if scale.log else np.asarray
     low, high = of([scale.low, scale.high])
-    return [(f"{t:g}".replace("-", "\u2212"), float(100 * (of(t) - low) / (high - low))) for t in ticks_of(scale)]
+    return [
+        (f"{t:g}".replace("-", "\u2212"), float(100 * (of(t) - low) / (high - low)))
+        for t in ticks_of(scale)
+    ]
 
 
 def _rule(mark: Rule) -> dict[str, Any]:

@@ -9,7 +9,16 @@ from delta_calibration.diagnosis.scores import Score
 from delta_calibration.diagnosis.search import Scan
 from delta_calibration.diagnosis.verdict import Finding
 from delta_calibration.report.document import Table
-from delta_calibration.report.drawing import CALIBRATED, EXTENDED, GREY, Axis, Bars, Figure, Panel, Rule
+from delta_calibration.report.drawing import (
+    CALIBRATED,
+    EXTENDED,
+    GREY,
+    Axis,
+    Bars,
+    Figure,
+    Panel,
+    Rule,
+)
 from delta_calibration.report.words import NO_VALUE, chance, figures, spoken, sure
 
 _SHOWN = 20
@@ -42,18 +51,22 @@ def evidence_figure(found: Diagnosis) -> Figure:
     }  # fmt: skip
     gain = np.array([max(s.gain, _LEAST) for s in shown])
     marks = [
-        Bars(name, np.array(rows, dtype=float), gain[rows], colour, tuple(map(_told, _at(shown, rows))))
+        Bars(
+            name, np.array(rows, dtype=float), gain[rows], colour,
+            tuple(_told(shown[row]) for row in rows),
+        )
         for name, (colour, rows) in groups.items()
         if rows
-    ]
-    names = tuple(_called(s) for s in shown)
+    ]  # fmt: skip
+    names = tuple(spoken(s.candidate.label) for s in shown)
     return Figure(
         "evidence",
         "Evidence for each candidate",
         "How much of chi square each candidate takes away, tried alone on the calibrated model; "
         "best shape and place of each cause, strongest case (ln B) first. A strong cause leaves "
         "traces on its likes, so that long grey bars beside a named one are no findings: what is "
-        "left beside it decides. Noise alone gives about one for each parameter.",
+        "left beside it decides. Noise alone gives about one for each parameter. A smooth map "
+        "explains nothing; it says what structure goes with.",
         (
             Panel(
                 "",
@@ -74,18 +87,9 @@ def evidence_figure(found: Diagnosis) -> Figure:
     )  # fmt: skip
 
 
-def _called(score: Score) -> str:
-    return spoken(score.candidate.label).replace("unexplained", "smooth map, no cause")
-
-
-def _at(shown: tuple[Score, ...], rows: list[int]) -> list[Score]:
-    return [shown[row] for row in rows]
-
-
 def _told(score: Score) -> str:
-    return (
-        f"{_called(score)}: {figures(score.gain, 4)}, ln B {figures(score.log_bayes)}"
-    )
+    name = spoken(score.candidate.label)
+    return f"{name}: {figures(score.gain, 4)}, ln B {figures(score.log_bayes)}"
 
 
 def evidence_table(found: Diagnosis) -> Table:
@@ -106,7 +110,7 @@ def _row(score: Score, scan: Scan, findings: dict[str, Finding]) -> tuple[str, .
     p = float(np.exp(min(0.0, score.log_p + np.log(scan.tests))))
     finding = findings.get(score.candidate.cause)
     return (
-        _called(score),
+        spoken(score.candidate.label),
         figures(score.gain, 4),
         str(score.degrees),
         figures(score.log_bayes, 4),

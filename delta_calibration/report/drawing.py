@@ -105,6 +105,13 @@ class Rule:
     at: float = 1.0  # where its name stands along it, 0 to 1
 
 
+def course(
+    name: str, x: Array, y: Array, colour: str, dash: str, symbol: str
+) -> tuple[Line, Points]:
+    """A few values in a row: a line with points on it, named once."""
+    return Line(name, x, y, colour, dash), Points("", x, y, colour, symbol, 7.0)
+
+
 Mark = Points | Line | Bars | Field | Rule
 
 

@@ -1,4 +1,4 @@
-"""Calibrations and verdicts of one robot beside each other: what changed over months."""
+"""Calibrations of one robot beside each other: how the machine changed over months."""
 
 from __future__ import annotations
 
@@ -14,33 +14,24 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.documents import read_document
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import align
-from delta_calibration.report.document import KeyFigure, Report, Section, Statement, Table
+from delta_calibration.report.document import Report, Section, Statement, Table
 from delta_calibration.report.drawing import (
     BEFORE,
     CALIBRATED,
-    EXTENDED,
     PAPER,
     SERIES,
-    SYMBOLS,
     Axis,
     Figure,
-    Line,
     Panel,
     Points,
+    course,
 )
-from delta_calibration.report.verdict_file import VerdictFile
 from delta_calibration.report.words import (
     NO_VALUE,
-    called,
-    estimate,
     figures,
-    key_figures,
     listed,
     mm,
-    sentence,
     spoken,
-    statements,
-    sure,
 )
 from delta_calibration.robot import Robot
 
@@ -49,7 +40,7 @@ Array = NDArray[np.float64]
 MM = 1e3
 _NODES = 9  # of the grid over each joint
 _SHOWN = 6  # parameters that drift most
-_UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
+UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 
 
 @dataclass(frozen=True)
@@ -99,8 +90,8 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
         title=f"Comparison of {len(records)} calibrations: {first.calibration.robot.name}",
         subtitle=f"{first.start} to {records[-1].start}",
         sentence=(
-            f"From {first.name} to {records[-1].name} the machine moved by {mm(MM * last)} mm RMS, "
-            f"at most {mm(MM * largest)} mm, over their common region."
+            f"From {first.name} to {records[-1].name} the machine moved by {mm(MM * last)} mm "
+            f"RMS, at most {mm(MM * largest)} mm, over their common region."
         ),
         statements=(
             Statement(
@@ -216,9 +207,9 @@ def _shift_figure(
                 Axis("calibration", names=names),
                 Axis("distance [mm]"),
                 (
-                    *_course("RMS", place, rms, CALIBRATED, "solid", "circle"),
-                    *_course("largest", place, most, BEFORE, "dash", "diamond"),
-                    *_course("held out", place, held, PAPER, "dot", "square"),
+                    *course("RMS", place, rms, CALIBRATED, "solid", "circle"),
+                    *course("largest", place, most, BEFORE, "dash", "diamond"),
+                    *course("held out", place, held, PAPER, "dot", "square"),
                 ),
             ),
         ),
@@ -231,7 +222,7 @@ def _parameter_figure(records: Sequence[CalibrationRecord], order: NDArray[np.in
     place = np.arange(len(records), dtype=float)
     panels = []
     for number, k in enumerate(order.tolist()):
-        factor, unit = _UNITS.get(items[k].unit, (1.0, items[k].unit))
+        factor, unit = UNITS.get(items[k].unit, (1.0, items[k].unit))
         value = np.array([r.calibration.geometry[k] - items[k].nominal for r in records])
         std = np.array([r.std[k] for r in records])
         colour = SERIES[number % len(SERIES)]
@@ -250,152 +241,4 @@ def _parameter_figure(records: Sequence[CalibrationRecord], order: NDArray[np.in
         "standard errors.",
         tuple(panels),
         columns=3,
-    )
-
-
-def _course(
-    name: str, x: Array, y: Array, colour: str, dash: str, symbol: str
-) -> tuple[Line, Points]:
-    return Line(name, x, y, colour, dash), Points("", x, y, colour, symbol, 7.0)
-
-
-def drift_of_verdicts(files: Sequence[VerdictFile]) -> Report:
-    """Verdicts in the order given: errors, noise, findings and their values."""
-    last = files[-1]
-    one = len(files) == 1
-    sections = [
-        Section("verdicts", "Verdicts", (), (_verdict_table(files), _findings_table(files)))
-    ]
-    if not one:
-        shown = (_errors_figure(files), *_values_figures(files))
-        sections[0] = Section("verdicts", "Verdicts", (), sections[0].tables, shown)
-    return Report(
-        title="Verdict" if one else f"Comparison of {len(files)} verdicts",
-        subtitle=listed(file.name for file in files),
-        sentence=sentence(last.verdict) if one else f"{last.name}: {sentence(last.verdict)}",
-        statements=statements(last.verdict),
-        key_figures=_key_figures(last),
-        sections=tuple(sections),
-        data={"verdicts": {file.name: file.verdict.as_dict() for file in files}},
-    )
-
-
-def _key_figures(file: VerdictFile) -> tuple[KeyFigure, ...]:
-    return key_figures(file.verdict)
-
-
-def _verdict_table(files: Sequence[VerdictFile]) -> Table:
-    rows = tuple(
-        (
-            file.name,
-            *(
-                mm(value)
-                for value in (
-                    file.verdict.baseline.held_out_rms_mm,
-                    file.verdict.calibrated.held_out_rms_mm,
-                    file.verdict.extended.held_out_rms_mm,
-                    file.verdict.noise_mm,
-                )
-            ),
-            str(file.verdict.session.poses),
-            listed(called(f) for f in file.verdict.findings)
-            or ("unknown structure" if file.verdict.unknown_structure.found else "none"),
-        )
-        for file in files
-    )
-    head = (
-        "verdict", "before [mm]", "calibrated [mm]", "extended [mm]", "noise [mm]", "poses",
-        "findings",
-    )  # fmt: skip
-    return Table("verdicts", "Held-out error, RMS in 3-D", head, rows, words=(0, 6))
-
-
-def _findings_table(files: Sequence[VerdictFile]) -> Table:
-    rows = tuple(
-        (
-            file.name,
-            called(finding),
-            "; ".join(estimate(name, e) for name, e in list(finding.parameters.items())[:6]),
-            sure(finding.confidence),
-            f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}",
-        )
-        for file in files
-        for finding in file.verdict.findings
-    )
-    head = "verdict", "cause", "parameters", "confidence", "held out [mm]"
-    return Table(
-        "findings", "Findings", head, rows, "" if rows else "No findings.", words=(0, 1, 2)
-    )
-
-
-def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
-    place = np.arange(len(files), dtype=float)
-
-    def values(of: str) -> Array:
-        held = [getattr(file.verdict, of).held_out_rms_mm for file in files]
-        return np.array([np.nan if v is None else v for v in held], dtype=float)
-
-    noise = np.array([file.verdict.noise_mm or np.nan for file in files], dtype=float)
-    return Figure(
-        "errors",
-        "Held-out error over time",
-        "Verdicts in the order given.",
-        (
-            Panel(
-                "",
-                Axis("verdict", names=tuple(file.name for file in files)),
-                Axis("held-out error, RMS [mm]", log=True),
-                (
-                    *_course("before", place, values("baseline"), BEFORE, "solid", "circle"),
-                    *_course(
-                        "calibrated", place, values("calibrated"), CALIBRATED, "dash", "diamond"
-                    ),
-                    *_course("extended", place, values("extended"), EXTENDED, "dot", "square"),
-                    *_course("noise", place, noise, PAPER, "dot", "cross"),
-                ),
-            ),
-        ),
-        columns=1,
-    )
-
-
-def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
-    """The parameters of each cause that was found more than once."""
-    names = tuple(file.name for file in files)
-    found: dict[str, dict[str, list[tuple[int, float, float, str]]]] = {}
-    for number, file in enumerate(files):
-        for finding in file.verdict.findings:
-            of_cause = found.setdefault(called(finding), {})
-            for name, e in finding.parameters.items():
-                of_cause.setdefault(name, []).append((number, e.value, e.std or 0.0, e.unit))
-    return tuple(
-        Figure(
-            f"values_{'_'.join(cause.split())}",
-            f"{cause} over time",
-            "With 95 % intervals.",
-            (_values_panel(cause, names, of_cause),),
-            columns=1,
-        )
-        for cause, of_cause in found.items()
-        if 2 <= max(map(len, of_cause.values())) and len(of_cause) <= len(SERIES)
-    )
-
-
-def _values_panel(
-    cause: str, names: tuple[str, ...], values: dict[str, list[tuple[int, float, float, str]]]
-) -> Panel:
-    own = next(iter(values.values()))[0][3]
-    factor, unit = _UNITS.get(own, (1.0, own))
-    marks = []
-    for (name, rows), colour, symbol in zip(
-        values.items(), SERIES, (*SYMBOLS, *SYMBOLS), strict=False
-    ):
-        place, value, std = (np.array([row[k] for row in rows], dtype=float) for k in range(3))
-        marks.append(
-            Points(
-                spoken(name), place, factor * value, colour, symbol, 7.0, 1.96 * factor * std
-            )
-        )
-    return Panel(
-        "", Axis("verdict", names=names), Axis(f"{cause} [{unit}]"), tuple(marks)
     )

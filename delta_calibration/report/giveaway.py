@@ -46,7 +46,7 @@ from delta_calibration.samples import Conditions
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-MM = 1e3
+MM, UM = 1e3, 1e6
 _MOVING = 0.25  # a part at rest this small beside the one in motion is shown in motion
 _MOST = 1200  # samples in a panel
 _COLOURS = ((PLUS, "circle"), (MINUS, "diamond"), (THIRD, "square"))
@@ -111,7 +111,7 @@ def _rows(judged: Judged, member: Candidate) -> Index:
     size = [np.mean(judged.moved_by(member, rows) ** 2) for rows in (judged.rows, moving)]
     if size[0] >= _MOVING**2 * size[1]:
         return judged.rows
-    return moving[np.linspace(0, len(moving) - 1, min(len(moving), _MOST)).astype(int)]
+    return moving[np.linspace(0, len(moving) - 1, min(len(moving), _MOST)).astype(np.intp)]
 
 
 def _seen(judged: Judged, robot: Robot, member: Candidate, rows: Index) -> _Seen:
@@ -121,7 +121,7 @@ def _seen(judged: Judged, robot: Robot, member: Candidate, rows: Index) -> _Seen
         chosen = _joints(member, joints)
         evidence = judged.evidence
         angles = [
-            1e6 * solve(evidence.by_joints[rows], (evidence.whiten[rows] @ moved[..., None]))[..., 0]
+            UM * solve(evidence.by_joints[rows], evidence.whiten[rows] @ moved[..., None])[..., 0]
             for moved in (whole, part)
         ]
         return _Seen(
@@ -173,18 +173,15 @@ def leftovers(judged: Judged, robot: Robot) -> Figure:
             Axis("residual [mm]"),
             (
                 *(Rule("", sign * 2 * noise, GREY, "dot") for sign in (-1, 1)),
-                *(
-                    Points(f"along {name} of the tracker", against.of(at, 0), left[:, k], colour, symbol)
-                    for k, (name, (colour, symbol)) in enumerate(
-                        zip("xyz", _COLOURS, strict=True)
-                    )
-                ),
+                *_by_axis(against.of(at, 0), left),
             ),
         )
         for against in _recorded(at, robot)
     )
     tests = judged.diagnosis.audit.p
-    told = ", ".join(f"{spoken(name.removeprefix('moran_'))} {chance(p)}" for name, p in tests.items())
+    told = ", ".join(
+        f"{spoken(name.removeprefix('moran_'))} {chance(p)}" for name, p in tests.items()
+    )
     return Figure(
         "residual_left",
         "What the extended model leaves",
@@ -193,6 +190,12 @@ def leftovers(judged: Judged, robot: Robot) -> Figure:
         panels,
         columns=3,
     )
+
+
+def _by_axis(x: Array, left: Array) -> Iterator[Points]:
+    """Residuals (n, 3) [mm] over x (n,)."""
+    for k, (name, (colour, symbol)) in enumerate(zip("xyz", _COLOURS, strict=True)):
+        yield Points(f"along {name} of the tracker", x, left[:, k], colour, symbol)
 
 
 def _angle(at: Conditions, _: int, joint: int) -> Array:

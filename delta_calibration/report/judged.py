@@ -51,7 +51,7 @@ class Judged:
 
     @property
     def calibrated_theta(self) -> Array:
-        """Geometry, offset and frame of the model without its members, (P,) of the base chain."""
+        """Geometry, offset and frame without the members, linearly, (P,) of the base chain."""
         problem, evidence = self.diagnosis.model.problem, self.evidence
         z = evidence.best(evidence.misfit)
         base = problem.chain.base_size

@@ -60,16 +60,18 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
     except DataError:
         return None
     found = judged.diagnosis.identification
-    base, drawing = judged.diagnosis.model.problem, found.frame_only_theta
+    base = judged.diagnosis.model.problem.chain
+    drawing, change = found.frame_only_theta[: base.base_size], found.theta.copy()
+    change[: base.base_size] -= judged.calibrated_theta
     square = np.zeros((2, _POINTS))
     for side in (-1.0, 1.0):
         at = judged.usual(plan.joint, side)
-        machine = found.chain.predict(at, found.theta)
-        for row, theta in enumerate((drawing[: base.chain.base_size], judged.calibrated_theta)):
-            missed = machine - base.chain.predict(at, theta)
+        pose = found.chain.pose(at, found.theta)
+        machine = found.chain.reading(at, pose, found.theta)
+        slope = found.chain.jacobian(at, pose, found.theta)
+        # linear, as in the fit: offset and frame may lie far from the other's, but move nothing
+        for row, missed in enumerate((machine - base.predict(at, drawing), slope @ change)):
             square[row] += np.sum(missed**2, axis=1) / 2
-    at = judged.usual(plan.joint, 1.0)
-    slope = found.chain.jacobian(at, found.chain.pose(at, found.theta), found.theta)
     spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.covariance, slope))
     inside = judged.region.outside(plan.target) <= 0
     before, calibrated = np.sqrt(square)
@@ -127,7 +129,9 @@ def _ends(inside: Array) -> tuple[Rule, ...]:
 
 def line_table(line: AlongLine) -> Table:
     """Mean, largest and three standard deviations, as in the paper's table 3."""
-    rows = [("the paper's machine, measured", PAPER_MEAN, PAPER_MAX, PAPER_THREE_STD)]
+    rows: list[tuple[str, float, float, float]] = [
+        ("the paper's machine, measured", PAPER_MEAN, PAPER_MAX, PAPER_THREE_STD)
+    ]
     named = {
         "before": line.before,
         "calibrated": line.calibrated,
@@ -139,8 +143,7 @@ def line_table(line: AlongLine) -> Table:
     for part, rows_of in parts.items():
         for name, error in named.items():
             each = Errors.of(error[rows_of])
-            three = (each.mean, each.maximum, each.three_std)
-            rows.append((name + part, *(MM * v for v in three)))
+            rows.append((name + part, MM * each.mean, MM * each.maximum, MM * each.three_std))
     return Table(
         "error_line_table",
         "The line in figures",

@@ -73,6 +73,6 @@ def noise_table(noise: Noise, poses: Poses, robot: Robot) -> Table:
         "Noise in figures",
         ("one standard deviation", "specified", "found", "found / specified [1]"),
         tuple(measured),
-        f"Distance from the tracker {distance.min():.2f} to {distance.max():.2f} m. Noise floor of "
-        f"a pose: {1e3 * noise.floor:.4f} mm RMS in 3-D ({origin}).",
+        f"Distance from the tracker {distance.min():.2f} to {distance.max():.2f} m. Noise floor "
+        f"of a pose: {1e3 * noise.floor:.4f} mm RMS in 3-D ({origin}).",
     )

@@ -79,7 +79,8 @@ def write_page(path: Path, report: Report) -> None:
 
 def _plots(report: Report) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """Every panel by the id of its place in the page, and the ids of each figure."""
-    plots, places = {}, {}
+    plots: dict[str, Any] = {}
+    places: dict[str, list[str]] = {}
     for figure in report.figures():
         ids = [f"plot-{figure.name}-{number}" for number in range(len(figure.panels))]
         places[figure.name] = ids

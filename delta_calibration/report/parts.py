@@ -86,8 +86,8 @@ def set_by_data(found: Identification) -> Figure:
     return Figure(
         "set_by_data",
         "What the data set",
-        "Standard error left of each kind of dimension over its tolerance: near 0 the data set it, "
-        "near 1 only the drawing's tolerance does.",
+        "Standard error left of each kind of dimension over its tolerance: near 0 the data set "
+        "it, near 1 only the drawing's tolerance does.",
         (
             Panel(
                 "",
@@ -109,7 +109,10 @@ def correlation_figure(found: Identification) -> Figure:
     scale = Scale("correlation [1]", -1.0, 1.0, diverging=True)
     called = tuple(spoken(names[k]) for k in kept)
     told = tuple(
-        tuple(f"{a}, {b}: {r:+.2f}" if abs(r) > _TOLD else f"{r:+.2f}" for b, r in zip(called, row, strict=True))
+        tuple(
+            f"{a}, {b}: {r:+.2f}" if abs(r) > _TOLD else f"{r:+.2f}"
+            for b, r in zip(called, row, strict=True)
+        )
         for a, row in zip(called, value, strict=True)
     )
     return Figure(

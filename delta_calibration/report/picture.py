@@ -86,7 +86,7 @@ def draw(figure: Figure) -> Canvas:
         _panel(canvas, axes, panel)
     for axes in every.flat[len(figure.panels) :]:
         axes.set_visible(False)
-    return canvas  # type: ignore[no-any-return]
+    return canvas
 
 
 def _panel(canvas: Canvas, axes: Axes, panel: Panel) -> None:

@@ -1,4 +1,4 @@
-"""What each cause shows itself against: the quantity that gives it away, and how to split by it."""
+"""What each cause is to be looked at against: the quantity that gives it away."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ ACCELERATION = Regressor(
 )
 LOAD = Regressor("payload [kg]", lambda at, j: at.payload)
 DISTANCE = Regressor("distance from the tracker [m]", lambda at, j: _length(at.reading))
-READING_SPEED = Regressor("speed of the reflector [m/s]", lambda at, j: _length(at.reading_velocity))
+READING_SPEED = Regressor(
+    "speed of the reflector [m/s]", lambda at, j: _length(at.reading_velocity)
+)
 
 
 def _length(v: Array) -> Array:

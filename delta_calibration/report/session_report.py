@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.diagnosis.diagnose import Diagnosis
 from delta_calibration.diagnosis.verdict import Finding, Verdict
@@ -164,7 +166,7 @@ def _workspace(judged: Judged) -> Section:
     }
     noise = judged.diagnosis.model.cell.noise.floor
     rows = tuple(
-        (name, *(mm(1e3 * v) for v in ((e**2).mean() ** 0.5, float(sorted(e)[len(e) // 2]), e.max())))
+        (name, *(mm(1e3 * float(v)) for v in (np.sqrt(np.mean(e**2)), np.median(e), e.max())))
         for name, e in errors.items()
     )
     table = Table(

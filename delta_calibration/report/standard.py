@@ -32,7 +32,10 @@ def standard_section(iso: IsoReport | str) -> Section:
         f"own and are not checked. Tracker registered by the {iso.frame}.",
     )
     rows = tuple(
-        (v.symbol, _MEANING.get(v.symbol, ""), v.where, mm(MM * v.value).replace("-", "−"), str(v.cycles))
+        (
+            v.symbol, _MEANING.get(v.symbol, ""), v.where,
+            mm(MM * v.value).replace("-", "−"), str(v.cycles),
+        )
         for v in iso.values
     )
     table = Table(

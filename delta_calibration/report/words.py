@@ -22,7 +22,7 @@ _SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _LEAST_P = 1e-300
 _PLAIN = 1e-3, 1e7  # numbers between are written out
 _MINUS, _THIN = "\u2212", "\u202f"
-_RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SMALL = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
 _SMALL_FROM = 1e-3  # [m, rad] below
 
@@ -63,7 +63,7 @@ def sure(confidence: float) -> str:
 def spoken(name: str) -> str:
     """A cause or part by its fixed name, as words."""
     words = ["SMR" if word == "smr" else word for word in name.split("_")]
-    return " ".join(words)
+    return " ".join(words).replace(UNEXPLAINED, "smooth map")
 
 
 def listed(items: Iterable[str]) -> str:
@@ -141,7 +141,8 @@ def _wrong(verdict: Verdict) -> str:
         parts.append(f"{called(finding)}: {', '.join(values)}{rest}.")
     if unknown.found:
         parts.append(f"{structure(unknown)}.")
-    return capital(" ".join(parts) or "nothing beyond the errors of the parts, which calibration sets.")
+    nothing = "nothing beyond the errors of the parts, which calibration sets."
+    return capital(" ".join(parts) or nothing)
 
 
 def _how_sure(verdict: Verdict) -> str:
