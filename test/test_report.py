@@ -34,6 +34,7 @@ from delta_calibration.report.document import Report
 from delta_calibration.report.drawing import Axis, Panel, Points, Rule, Scale
 from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line
+from delta_calibration.report.picture import draw
 from delta_calibration.report.words import chance, estimate, figures, sure
 from delta_calibration.report.workspace import around, scale_of
 from report_bench import HOSTILE, JOINTS, NAME, PROVENANCE, ROBOT, found, hidden
@@ -268,6 +269,15 @@ def test_figures_as_pictures(report: Report, tmp_path: Path) -> None:
         picture = pyplot.imread(path)
         inked = (picture[..., :3].min(axis=-1) < 0.8).mean()
         assert 0.005 < inked < 0.8, path
+
+
+def test_a_pictures_logarithmic_axis_has_plain_numbers(report: Report) -> None:
+    pyplot = pytest.importorskip("matplotlib.pyplot", reason="needs the extra [report]")
+    canvas = draw(figure(report, "error_line"))
+    canvas.canvas.draw()
+    labels = [label.get_text() for label in canvas.axes[0].get_yticklabels()]
+    pyplot.close(canvas)
+    assert {"0.01", "0.1", "1"} <= set(labels)
 
 
 # --- words

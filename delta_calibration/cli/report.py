@@ -41,6 +41,10 @@ PATH = click.Path(path_type=Path)
     help="What the robot is compensated by: held against the session in the drawing's place.",
 )  # fmt: skip
 @click.option(
+    "--iso9283", "cycles", type=PATH, default=None, metavar="SESSION",
+    help="A session of the standard's cycles (plan iso9283), where SESSION does not hold them.",
+)  # fmt: skip
+@click.option(
     "--figures", type=PATH, default=None, metavar="FOLDER",
     help="Also every figure as a PNG file in this folder (needs matplotlib).",
 )  # fmt: skip
@@ -59,6 +63,7 @@ def command(
     robot_file: str,
     out: Path,
     in_force: Path | None,
+    cycles: Path | None,
     figures: Path | None,
     numbers: Path | None,
     model: str | None,
@@ -75,11 +80,13 @@ def command(
     require_libraries()
     robot = load_robot(robot_file)
     calibration = None if in_force is None else load_calibration(in_force, robot)
-    recorded = read_session(session, Topics.from_options(topics))
+    known = Topics.from_options(topics)
+    recorded = read_session(session, known)
+    standard = None if cycles is None else (cycles, read_session(cycles, known))
     seen = survey(recorded, robot.joints.names)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
-    made = report_on(session, recorded, found, robot, seed, calibration)
+    made = report_on(session, recorded, found, robot, seed, calibration, standard)
     click.echo(f"verdict: {made.sentence}")
     write(made, out, figures, numbers)
 

@@ -15,7 +15,7 @@ from delta_calibration.report.missing import require_libraries
 from delta_calibration.report.numbers import write_numbers
 from delta_calibration.report.page import build_page, page_of, write_page
 from delta_calibration.report.picture import write_figures
-from delta_calibration.report.provenance import Provenance, session_provenance
+from delta_calibration.report.provenance import Provenance, hash_of, session_provenance
 from delta_calibration.report.session_report import report_of
 from delta_calibration.report.verdict_file import VerdictFile, read_verdict
 from delta_calibration.report.verdicts import drift_of_verdicts
@@ -30,6 +30,7 @@ __all__ = [
     "build_page",
     "drift_of_calibrations",
     "drift_of_verdicts",
+    "hash_of",
     "page_of",
     "read_calibration",
     "read_verdict",

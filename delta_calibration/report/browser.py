@@ -31,6 +31,7 @@ _DIVERGING = [[0.0, "#b35806"], [0.5, "#f7f7f7"], [1.0, "#542788"]]  # orange, w
 _SYMBOLS = {"triangle": "triangle-up"}
 _TICKS = (1.0, 2.0, 5.0)
 _PLAIN = 1e4  # beyond it an axis counts in powers of ten
+_LOW = 0.7  # a panel so low has room for few ticks
 _FEW = 16  # names that an axis has room for
 
 
@@ -56,6 +57,8 @@ def plot_of(panel: Panel) -> dict[str, Any]:
         "shapes": [_rule(rule) for rule in rules],
         "annotations": [_rule_name(rule, panel) for rule in rules if rule.name],
     }
+    if panel.tall < _LOW:
+        layout["yaxis"]["nticks"] = 4
     if panel.y.names:
         layout["yaxis"]["autorange"] = "reversed"
         layout["yaxis"]["automargin"] = True

@@ -65,8 +65,9 @@ def evidence_figure(found: Diagnosis) -> Figure:
         "How much of chi square each candidate takes away, tried alone on the calibrated model; "
         "best shape and place of each cause, strongest case (ln B) first. A strong cause leaves "
         "traces on its likes, so that long grey bars beside a named one are no findings: what is "
-        "left beside it decides. Noise alone gives about one for each parameter. A smooth map "
-        "explains nothing; it says what structure goes with.",
+        "left beside it decides. Noise alone gives about one for each parameter; from about "
+        "40 a cause is seen, from 80 it can be named. A smooth map explains nothing; it says what "
+        "structure goes with.",
         (
             Panel(
                 "",
@@ -77,8 +78,8 @@ def evidence_figure(found: Diagnosis) -> Figure:
                 Axis("", names=names),
                 (
                     *marks,
-                    Rule("seen", _DETECTED, dash="dot", upright=True),
-                    Rule("named", _NAMED, upright=True),
+                    Rule(f"{_DETECTED:g}", _DETECTED, dash="dot", upright=True),
+                    Rule(f"{_NAMED:g}", _NAMED, upright=True),
                 ),
                 tall=max(1.0, 0.22 * len(shown) / 3 + 0.35),
             ),

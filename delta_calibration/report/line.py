@@ -108,7 +108,7 @@ def line_figure(line: AlongLine) -> Figure:
                     Line("extended, 95 % bound", x, MM * _SURE * line.spread, EXTENDED, "dot"),
                     Rule("the paper, largest: 3.305 mm", PAPER_MAX, PAPER, at=0.62),
                     Rule("the paper, mean: 0.803 mm", PAPER_MEAN, PAPER, at=0.62),
-                    *_ends(x[line.inside]),
+                    *_ends(x, line.inside),
                 ),
                 tall=1.25,
             ),
@@ -117,14 +117,12 @@ def line_figure(line: AlongLine) -> Figure:
     )
 
 
-def _ends(inside: Array) -> tuple[Rule, ...]:
-    """Where the region that was measured begins and ends along x (k,) [mm]."""
-    if not len(inside):
+def _ends(x: Array, inside: NDArray[np.bool_]) -> tuple[Rule, ...]:
+    """Where the region that was measured begins and ends along x (n,) [mm], if it does."""
+    if inside.all() or not inside.any():
         return ()
-    return tuple(
-        Rule(name, float(value), GREY, "dot", upright=True)
-        for name, value in (("measured from", inside.min()), ("to", inside.max()))
-    )
+    ends = ("measured from", x[inside].min()), ("to", x[inside].max())
+    return tuple(Rule(name, float(end), GREY, "dot", upright=True) for name, end in ends)
 
 
 def line_table(line: AlongLine) -> Table:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 DPI = 150
 _FEW = 24  # names that an axis has room for
 _WIDE, _TALL = 4.6, 3.5  # [inch] of a panel
+_ALONE = 7.5  # [inch] width of a panel that fills the page
 _SYMBOLS = {"circle": "o", "diamond": "D", "square": "s", "triangle": "^", "cross": "x"}
 _DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 _STYLE = {
@@ -79,13 +80,16 @@ def draw(figure: Figure) -> Canvas:
     tall = max(panel.tall for panel in figure.panels)
     canvas, every = pyplot.subplots(
         rows, columns, squeeze=False, layout="constrained",
-        figsize=(_WIDE * columns, _TALL * tall * rows + 0.4),
+        figsize=(_ALONE if figure.columns == 1 else _WIDE * columns, _TALL * tall * rows + 0.7),
     )  # fmt: skip
     canvas.suptitle(figure.title, x=0.01, ha="left", weight="bold")
     for axes, panel in zip(every.flat, figure.panels, strict=False):
         _panel(canvas, axes, panel)
     for axes in every.flat[len(figure.panels) :]:
         axes.set_visible(False)
+    if figure.legend:
+        handles, names = every.flat[0].get_legend_handles_labels()
+        canvas.legend(handles, names, loc="outside lower left", ncols=4, fontsize=8)
     return canvas
 
 
@@ -99,8 +103,6 @@ def _panel(canvas: Canvas, axes: Axes, panel: Panel) -> None:
         axes.set_ylim(len(panel.y.names) - 0.4, -0.6)
     if panel.equal:
         axes.set_aspect("equal")
-    if len(axes.get_legend_handles_labels()[1]) > 1:
-        axes.legend(fontsize=8)
 
 
 def _axis(axes: Axes, which: str, axis: Axis) -> None:
@@ -110,6 +112,10 @@ def _axis(axes: Axes, which: str, axis: Axis) -> None:
     if axis.low is not None and axis.high is not None:
         settings[f"{which}lim"] = (axis.low, axis.high)
     axes.set(**settings)
+    if axis.log:
+        own = axes.xaxis if which == "x" else axes.yaxis
+        own.set_major_formatter(lambda value, _: f"{value:g}")
+        own.set_minor_formatter(lambda value, _: "")
     if axis.names:
         ticks = axes.set_yticks if which == "y" else axes.set_xticks
         step = max(1, len(axis.names) // _FEW)
@@ -136,8 +142,21 @@ def _mark(canvas: Canvas, axes: Axes, panel: Panel, mark: Mark) -> None:
         case Field():
             _field(canvas, axes, mark)
         case Rule():
-            line = axes.axvline if mark.upright else axes.axhline
-            line(mark.value, color=mark.colour, ls=_DASHES[mark.dash], lw=1.2, label=name)
+            _rule(axes, mark)
+
+
+def _rule(axes: Axes, mark: Rule) -> None:
+    """A line right across, its name at its end."""
+    style = {"color": mark.colour, "ls": _DASHES[mark.dash], "lw": 1.2}
+    words = {"color": mark.colour, "fontsize": 7, "va": "bottom"}
+    if mark.upright:
+        axes.axvline(mark.value, **style)
+        place = axes.get_xaxis_transform()
+        axes.text(mark.value, mark.at, mark.name, transform=place, ha="center", **words)
+    else:
+        axes.axhline(mark.value, **style)
+        place = axes.get_yaxis_transform()
+        axes.text(mark.at, mark.value, mark.name, transform=place, ha="right", **words)
 
 
 def _field(canvas: Canvas, axes: Axes, mark: Field) -> None:

@@ -34,6 +34,8 @@ class Provenance:
     seed: int
     calibration: str = ""
     calibration_sha256: str = ""
+    cycles: str = ""  # the session of the standard's cycles, where it is another one
+    cycles_sha256: str = ""
     recorded: Mapping[str, str] = field(default_factory=dict)  # what the session says of itself
     notes: tuple[str, ...] = ()
 
@@ -56,6 +58,11 @@ class Provenance:
             rows += [
                 ("calibration in force", self.calibration),
                 ("its SHA-256", self.calibration_sha256),
+            ]
+        if self.cycles:
+            rows += [
+                ("session of ISO 9283", self.cycles),
+                ("its SHA-256", self.cycles_sha256),
             ]
         return Table("provenance", "", ("", ""), tuple(rows), words=(0, 1))
 

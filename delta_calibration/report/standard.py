@@ -22,7 +22,7 @@ def standard_section(iso: IsoReport | str) -> Section:
     title = "Accuracy by ISO 9283"
     if isinstance(iso, str):
         why = "This session does not hold the standard's cycles"
-        how = "Record one with: delta-cal plan --robot ROBOT --name iso9283 --out cycles.csv"
+        how = "Record them by the plan iso9283, and name that session with --iso9283"
         return Section("iso9283", title, (f"{why}: {iso}. {how}.",))
     c = iso.conditions
     text = (

@@ -126,7 +126,7 @@ def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
                         "calibrated", place, values("calibrated"), CALIBRATED, "dash", "diamond"
                     ),
                     *course("extended", place, values("extended"), EXTENDED, "dot", "square"),
-                    *course("noise", place, noise, PAPER, "dot", "cross"),
+                    *course("noise", place, noise, PAPER, "solid", "cross"),
                 ),
             ),
         ),
