@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
+Style = dict[str, Any]
+
 DPI = 150
 _FEW = 24  # names that an axis has room for
 _WIDE, _TALL = 4.6, 3.5  # [inch] of a panel
@@ -78,6 +80,7 @@ def draw(figure: Figure) -> Canvas:
     columns = min(figure.columns, len(figure.panels))
     rows = -(-len(figure.panels) // columns)
     tall = max(panel.tall for panel in figure.panels)
+    canvas: Canvas
     canvas, every = pyplot.subplots(
         rows, columns, squeeze=False, layout="constrained",
         figsize=(_ALONE if figure.columns == 1 else _WIDE * columns, _TALL * tall * rows + 0.7),
@@ -106,7 +109,7 @@ def _panel(canvas: Canvas, axes: Axes, panel: Panel) -> None:
 
 
 def _axis(axes: Axes, which: str, axis: Axis) -> None:
-    settings: dict[str, Any] = {f"{which}label": axis.title}
+    settings: Style = {f"{which}label": axis.title}
     if axis.log:
         settings[f"{which}scale"] = "log"
     if axis.low is not None and axis.high is not None:
@@ -127,11 +130,11 @@ def _mark(canvas: Canvas, axes: Axes, panel: Panel, mark: Mark) -> None:
     name = mark.name or "_nolegend_"
     match mark:
         case Points():
-            style = {"color": mark.colour, "marker": _SYMBOLS[mark.symbol], "label": name}
-            edge = {"mec": INK, "mew": 0.5} if mark.edge else {"alpha": 0.75}
+            style: Style = {"color": mark.colour, "marker": _SYMBOLS[mark.symbol], "label": name}
+            edge: Style = {"mec": INK, "mew": 0.5} if mark.edge else {"alpha": 0.75}
             axes.plot(mark.x, mark.y, linestyle="", ms=mark.size * 0.7, **style, **edge)
             if mark.error is not None:
-                way = {"xerr" if panel.y.names else "yerr": mark.error}
+                way: Style = {"xerr" if panel.y.names else "yerr": mark.error}
                 axes.errorbar(mark.x, mark.y, fmt="none", ecolor=mark.colour, capsize=2, **way)
         case Line():
             if mark.low is not None and mark.high is not None:
@@ -147,8 +150,8 @@ def _mark(canvas: Canvas, axes: Axes, panel: Panel, mark: Mark) -> None:
 
 def _rule(axes: Axes, mark: Rule) -> None:
     """A line right across, its name at its end."""
-    style = {"color": mark.colour, "ls": _DASHES[mark.dash], "lw": 1.2}
-    words = {"color": mark.colour, "fontsize": 7, "va": "bottom"}
+    style: Style = {"color": mark.colour, "ls": _DASHES[mark.dash], "lw": 1.2}
+    words: Style = {"color": mark.colour, "fontsize": 7, "va": "bottom"}
     if mark.upright:
         axes.axvline(mark.value, **style)
         place = axes.get_xaxis_transform()
