@@ -82,6 +82,7 @@ def test_nothing_sticks_out_of_the_window(chrome: Browser, page: Path, width: in
         ".map(e => e.outerHTML.slice(0, 80))"
     )
     assert too_wide == []
+    assert chrome.run("document.querySelector('.scale .bar').clientHeight") > 8
     assert chrome.run("document.querySelector('.plot svg').getBoundingClientRect().width") > 180
 
 
