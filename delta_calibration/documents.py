@@ -48,19 +48,18 @@ def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[
         raise ConfigError(f"{path}: not valid YAML: {_line(str(error))}") from error
     except RecursionError as error:
         raise ConfigError(f"{path}: not valid YAML: nested too deep") from error
-    if not isinstance(data, Mapping):
-        found = "nothing" if data is None else type(data).__name__
-        raise ConfigError(f"{path}: a mapping of keys to values is expected, found {found}")
+    _require_mapping(data, str(path))
     check_document(data, schema_for(data), str(path))
     return dict(data)
 
 
-def check_document(data: Document, schema: Schema, source: str) -> None:
+def check_document(data: Any, schema: Schema, source: str) -> None:
     """Refuse data that do not follow the schema.
 
     Raises:
         ConfigError: names `source`, the entry's path, the value and what is allowed.
     """
+    _require_mapping(data, source)
     errors = list(Draft202012Validator(schema).iter_errors(data))
     # A file of another version first says so, whatever else is different in it.
     error = next((e for e in errors if e.validator == "const"), None) or best_match(errors)
@@ -107,6 +106,12 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(value) + 0.0 if number else value  # + 0.0: -0.0 is 0.0
+
+
+def _require_mapping(data: Any, source: str) -> None:
+    if not isinstance(data, Mapping):
+        found = "nothing" if data is None else type(data).__name__
+        raise ConfigError(f"{source}: a mapping of keys to values is expected, found {found}")
 
 
 def load_schema(name: str) -> dict[str, Any]:

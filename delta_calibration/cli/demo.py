@@ -13,6 +13,7 @@ import click
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.fit import describe
 from delta_calibration.cli.live_cell import (
     RADIUS,
@@ -23,15 +24,18 @@ from delta_calibration.cli.live_cell import (
     clock,
     part_of,
 )
+from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import table, write_json
+from delta_calibration.cli.report import write
 from delta_calibration.cli.second_act import second_act
 from delta_calibration.errors import InputError
 from delta_calibration.identification import Identification, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.processes import remove_dead_shared_memory
 from delta_calibration.recording import read_session
+from delta_calibration.report import require_libraries
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import collect
+from delta_calibration.samples import collect, survey
 from delta_calibration.simulation import draw_machine
 from delta_calibration.trial import Errors, measured_errors, paper_simulation, true_errors
 
@@ -78,6 +82,23 @@ def command(robot_file: str, out: Path, seed: int, method: str) -> None:
         f"written: {out}/session, {out}/calibration.yaml, {out}/session_2, {out}/extended.yaml, "
         f"{out}/summary.json"
     )
+    say("writing the report of the second act")
+    _report(out, robot)
+
+
+def _report(out: Path, robot: Robot) -> None:
+    """The page on what the second act recorded; where a library is missing, which one."""
+    try:
+        require_libraries()
+    except InputError as error:
+        click.echo(f"no report: {error}")
+        return
+    path = out / "session_2"
+    recorded = read_session(path)
+    found = diagnosed(survey(recorded, robot.joints.names), robot, None, 0, None)
+    made = report_on(path, recorded, found, robot, 0)
+    click.echo(f"verdict: {made.sentence}")
+    write(made, out / "report.html", None, None)
 
 
 def _first_act(cell: LiveCell, say: Say) -> dict[str, int]:
@@ -169,7 +190,7 @@ def _clean(out: Path) -> None:
     """The output folder without what an earlier run left, with a folder of logs."""
     for name in ("session", "session_2", "logs"):
         shutil.rmtree(out / name, ignore_errors=True)
-    for name in ("calibration.yaml", "extended.yaml", "summary.json"):
+    for name in ("calibration.yaml", "extended.yaml", "summary.json", "report.html"):
         (out / name).unlink(missing_ok=True)
     try:
         (out / "logs").mkdir(parents=True)

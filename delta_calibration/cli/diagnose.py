@@ -10,6 +10,7 @@ from tqdm import tqdm
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration, save_extended
 from delta_calibration.cli.fit import describe_poses
+from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import (
     SESSION,
     require_folder,
@@ -22,6 +23,7 @@ from delta_calibration.cli.options import (
 from delta_calibration.diagnosis import STEPS, Diagnosis, Finding, Verdict, diagnose
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.recording import Topics, read_session
+from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Survey, survey
 
@@ -41,6 +43,10 @@ _FILE = click.Path(path_type=Path)
     help="Calibration file to write, extended by what was found.",
 )  # fmt: skip
 @click.option(
+    "--report", "report_file", type=_FILE, default=None,
+    help="HTML page to write; it opens offline.",
+)  # fmt: skip
+@click.option(
     "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
     help="Mechanism to fit; the robot file's own where not given.",
 )  # fmt: skip
@@ -53,6 +59,7 @@ def command(
     in_force: Path | None,
     json_file: Path | None,
     out: Path | None,
+    report_file: Path | None,
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
@@ -65,14 +72,17 @@ def command(
     name is and what it gains on data that the fit has not seen. What fits no cause is reported as
     unknown, and what this session cannot tell is said, with the measurement that would.
     """
-    for path in (json_file, out):
+    for path in (json_file, out, report_file):
         if path is not None:
             require_folder(path)
+    if report_file is not None:
+        require_libraries()
     robot = load_robot(robot_file)
     calibration = None if in_force is None else load_calibration(in_force, robot)
-    seen = survey(read_session(session, Topics.from_options(topics)), robot.joints.names)
+    recorded = read_session(session, Topics.from_options(topics))
+    seen = survey(recorded, robot.joints.names)
     click.echo(describe_poses(seen.poses))
-    found = _diagnosed(seen, robot, model, seed, calibration)
+    found = diagnosed(seen, robot, model, seed, calibration)
     click.echo(describe(found.verdict))
     if verbose:
         click.echo(tried(found))
@@ -82,9 +92,13 @@ def command(
     if out is not None:
         save_extended(out, found, robot, seen.poses)
         click.echo(f"written: {out}")
+    if report_file is not None:
+        made = report_on(session, recorded, found, robot, seed, calibration)
+        write_page(report_file, made)
+        click.echo(f"written: {report_file}")
 
 
-def _diagnosed(
+def diagnosed(
     seen: Survey, robot: Robot, model: str | None, seed: int, calibration: Calibration | None
 ) -> Diagnosis:
     """The diagnosis, with a bar that names its step."""

@@ -12,7 +12,10 @@ import click
 from delta_calibration import __version__
 from delta_calibration.errors import CalibrationError
 
-VERBS = ("plan", "simulate", "fit", "diagnose", "compensate", "iso9283", "replay", "info", "demo")
+VERBS = (
+    "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
+    "info", "demo",
+)  # fmt: skip
 _INTERRUPTED = 130
 
 # The matrices here are small: threads of the linear algebra library cost more than they bring.

@@ -24,7 +24,7 @@ from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.base import Array
 from delta_calibration.compensation.table import Stamp, Table
-from delta_calibration.documents import check_document, content_hash
+from delta_calibration.documents import check_document, content_hash, load_schema
 from delta_calibration.errors import ConfigError, InputError
 
 _SEAL = "sha256"
@@ -64,7 +64,7 @@ def load_table(path: Path, calibration: Calibration) -> Table:
             calibration, robot or tool.
     """
     header, corrections = _read(path)
-    check_document(header, "table", f"{path}: header")
+    check_document(header, load_schema("table"), f"{path}: header")
     content = {key: value for key, value in header.items() if key != _SEAL}
     whole = content_hash(content) == header[_SEAL]
     if not whole or _hash(corrections) != header["corrections_sha256"]:

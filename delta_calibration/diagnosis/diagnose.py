@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import MOTION, Audit, audit
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.confirm import held_out
+from delta_calibration.diagnosis.confirm import HeldOut, held_out
 from delta_calibration.diagnosis.evidence import Cell
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import (
@@ -62,6 +62,8 @@ class Diagnosis:
     model: Model
     found: Found
     audit: Audit
+    held: HeldOutModels  # the errors that the verdict tells, pose by pose
+    before: HeldOut  # those of the baseline
     identification: Identification  # the same model as a fit has it, effects in its chain
 
 
@@ -109,17 +111,19 @@ def diagnose(
     unknown = _unknown(found.model, sought.model, left, explained)
     findings += _of_what_is_fitted(found, held, unknown.found, rng)
     findings.sort(key=lambda finding: -finding.signal)
+    baseline = _baseline(held, calibration)
     verdict = Verdict(
         session=_facts(survey),
         noise_mm=MM * start.cell.noise.floor,
-        baseline=_baseline(held, calibration),
+        baseline=Held(_baseline_name(calibration), held.mm(baseline)),
         calibrated=Held("geometry + frame", held.mm(held.members((), held.sectors))),
         extended=Held(_name(members), held.mm(held.members(members, held.sectors))),
         findings=tuple(findings),
         unknown_structure=unknown,
         cannot_tell=unseen(found.model.beside, effects, findings),
     )
-    return Diagnosis(verdict, found.model, found, left, extended(found.model, held, seed))
+    whole = extended(found.model, held, seed)
+    return Diagnosis(verdict, found.model, found, left, held, baseline, whole)
 
 
 def _borne_out(
@@ -170,18 +174,23 @@ def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
     return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
 
 
-def _baseline(held: HeldOutModels, calibration: Calibration | None) -> Held:
+def _baseline(held: HeldOutModels, calibration: Calibration | None) -> HeldOut:
     """The drawing, or the calibration in force, in the best frame."""
     if calibration is None:
-        return Held("nominal + frame", held.mm(held.frame))
+        return held.frame
     evidence, items = held.evidence, calibration.chain.mechanism.parameters
     known = evidence.geometry @ ((calibration.geometry - items.nominal) / items.prior)
     values = calibration.chain.effect_values(calibration.theta)
     for effect, value in zip(calibration.chain.effects, values, strict=True):
         known = known + evidence.columns(effect) @ (value / effect.parameters.prior)
     fixed = replace(evidence, residual=evidence.residual - known.reshape(-1, 3))
-    square = held_out(without_geometry(fixed), held.sectors)
-    return Held(f"calibration of {Path(calibration.source).name} + frame", held.mm(square))
+    return held_out(without_geometry(fixed), held.sectors)
+
+
+def _baseline_name(calibration: Calibration | None) -> str:
+    if calibration is None:
+        return "nominal + frame"
+    return f"calibration of {Path(calibration.source).name} + frame"
 
 
 def _facts(survey: Survey) -> SessionFacts:

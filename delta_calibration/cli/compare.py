@@ -1,0 +1,81 @@
+"""`delta-cal compare`: what changed from one calibration or verdict to the next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from delta_calibration.cli.options import require_folder, table
+from delta_calibration.cli.report import PATH, write
+from delta_calibration.errors import InputError
+from delta_calibration.report import (
+    Report,
+    drift_of_calibrations,
+    drift_of_verdicts,
+    read_calibration,
+    read_verdict,
+    require_libraries,
+)
+from delta_calibration.robot import load_robot
+
+
+@click.command("compare", short_help="drift of calibrations or verdicts over months")
+@click.argument("files", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--robot", "robot_file", default=None, metavar="FILE|NAME",
+    help="The robot of the calibrations; verdicts need none.",
+)  # fmt: skip
+@click.option("--out", type=PATH, default=None, help="HTML page to write; it opens offline.")
+@click.option(
+    "--figures", type=PATH, default=None, metavar="FOLDER",
+    help="Also every figure as a PNG file in this folder (needs matplotlib).",
+)  # fmt: skip
+@click.option(
+    "--numbers", type=PATH, default=None, metavar="FOLDER",
+    help="Also all numbers: report.json, and a CSV file a figure and table.",
+)  # fmt: skip
+def command(
+    files: tuple[Path, ...],
+    robot_file: str | None,
+    out: Path | None,
+    figures: Path | None,
+    numbers: Path | None,
+) -> None:
+    """Compare FILES: calibrations (YAML) by the dates of their sessions, or verdicts (JSON).
+
+    Calibrations: how far the machine of each stands from that of the first at the same joint
+    angles, over the region that both cover, whatever stood the tracker. Verdicts: errors, noise
+    and findings in the order given. One verdict by itself makes a page as well.
+    """
+    if out is not None:
+        require_folder(out)
+        require_libraries()
+    made = _compared(files, robot_file)
+    click.echo(made.sentence)
+    for each in made.tables():
+        if each.rows:
+            click.echo("\n" + table(each.head, each.rows))
+    write(made, out, figures, numbers)
+
+
+def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
+    """The comparison of files of one kind.
+
+    Raises:
+        InputError: calibrations and verdicts mixed, one calibration only, or no robot for them.
+    """
+    verdicts = [path for path in files if path.suffix.lower() == ".json"]
+    if len(verdicts) == len(files):
+        return drift_of_verdicts([read_verdict(path) for path in files])
+    if verdicts:
+        raise InputError(
+            f"{verdicts[0]} is a verdict (JSON) and others are calibrations (YAML); "
+            "compare files of one kind"
+        )
+    if len(files) < 2:
+        raise InputError(f"{files[0]}: a calibration is compared with another; name two or more")
+    if robot_file is None:
+        raise InputError("calibrations are compared by their robot: --robot FILE|NAME")
+    robot = load_robot(robot_file)
+    return drift_of_calibrations([read_calibration(path, robot) for path in files])

@@ -1,0 +1,61 @@
+"""A report of a session that has been read and diagnosed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from delta_calibration.accuracy import IsoReport, evaluate
+from delta_calibration.calibration import Calibration
+from delta_calibration.diagnosis import Diagnosis
+from delta_calibration.errors import CalibrationError
+from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
+from delta_calibration.report import Report, hash_of, report_of, session_provenance
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Session, collect, match
+
+
+def report_on(
+    path: Path,
+    session: Session,
+    found: Diagnosis,
+    robot: Robot,
+    seed: int,
+    calibration: Calibration | None = None,
+    cycles: tuple[Path, Session] | None = None,
+) -> Report:
+    """The report of a diagnosed session, ISO 9283 within where its cycles were recorded.
+
+    Args:
+        path: of the session, for its hash.
+        session: what was read from it.
+        found: its diagnosis.
+        robot: drawing, tolerances, tracker.
+        seed: of the diagnosis.
+        calibration: in force while it was recorded, if one was.
+        cycles: another session, with the standard's cycles; the same one where not given.
+
+    Raises:
+        RecordingError: a file of the session cannot be read.
+    """
+    poses = found.model.survey.poses
+    provenance = session_provenance(path, poses, robot, seed, session.metadata, calibration)
+    of_cycles = session
+    if cycles is not None:
+        also, of_cycles = cycles
+        provenance = replace(provenance, cycles=also.name, cycles_sha256=hash_of(also))
+    return report_of(found, robot, provenance, _standard(of_cycles, robot, calibration))
+
+
+def _standard(
+    session: Session, robot: Robot, calibration: Calibration | None
+) -> IsoReport | str:
+    """The standard's criteria by its own cycles, else by the paper's; or why there are none."""
+    names = robot.joints.names
+    poses, readings, why = collect(session, names), match(session, names), ""
+    for conditions in (STANDARD, DELTA_PAPER):
+        try:
+            return evaluate(poses, readings, robot, conditions, calibration)
+        except CalibrationError as error:
+            why = why or str(error)
+    return why

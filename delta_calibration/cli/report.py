@@ -1,0 +1,101 @@
+"""`delta-cal report`: the page that an engineer signs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.diagnose import diagnosed
+from delta_calibration.cli.fit import describe_poses
+from delta_calibration.cli.making import report_on
+from delta_calibration.cli.options import (
+    SESSION,
+    require_folder,
+    robot_option,
+    seed_option,
+    topics_option,
+)
+from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.report import (
+    Report,
+    require_libraries,
+    write_figures,
+    write_numbers,
+    write_page,
+)
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import survey
+
+PATH = click.Path(path_type=Path)
+
+
+@click.command("report", short_help="one page on a session, to read and sign")
+@SESSION
+@robot_option
+@click.option("--out", type=PATH, required=True, help="HTML page to write; it opens offline.")
+@click.option(
+    "--calibration", "in_force", type=PATH, default=None,
+    help="What the robot is compensated by: held against the session in the drawing's place.",
+)  # fmt: skip
+@click.option(
+    "--iso9283", "cycles", type=PATH, default=None, metavar="SESSION",
+    help="A session of the standard's cycles (plan iso9283), where SESSION does not hold them.",
+)  # fmt: skip
+@click.option(
+    "--figures", type=PATH, default=None, metavar="FOLDER",
+    help="Also every figure as a PNG file in this folder (needs matplotlib).",
+)  # fmt: skip
+@click.option(
+    "--numbers", type=PATH, default=None, metavar="FOLDER",
+    help="Also all numbers: report.json, and a CSV file a figure and table.",
+)  # fmt: skip
+@click.option(
+    "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
+    help="Mechanism to fit; the robot file's own where not given.",
+)  # fmt: skip
+@seed_option
+@topics_option
+def command(
+    session: Path,
+    robot_file: str,
+    out: Path,
+    in_force: Path | None,
+    cycles: Path | None,
+    figures: Path | None,
+    numbers: Path | None,
+    model: str | None,
+    seed: int,
+    topics: tuple[str, ...],
+) -> None:
+    """Diagnose SESSION and write what was found as one HTML page that opens without a network.
+
+    The verdict on top; then the error over the workspace and along the Delta paper's line, what
+    gives the cause away, the evidence, what the data cannot set, noise, ISO 9283 where its cycles
+    were recorded, and where every number comes from.
+    """
+    require_folder(out)
+    require_libraries()
+    robot = load_robot(robot_file)
+    calibration = None if in_force is None else load_calibration(in_force, robot)
+    known = Topics.from_options(topics)
+    recorded = read_session(session, known)
+    standard = None if cycles is None else (cycles, read_session(cycles, known))
+    seen = survey(recorded, robot.joints.names)
+    click.echo(describe_poses(seen.poses))
+    found = diagnosed(seen, robot, model, seed, calibration)
+    made = report_on(session, recorded, found, robot, seed, calibration, standard)
+    click.echo(f"verdict: {made.sentence}")
+    write(made, out, figures, numbers)
+
+
+def write(made: Report, out: Path | None, figures: Path | None, numbers: Path | None) -> None:
+    """Write what was asked for, and say so."""
+    if out is not None:
+        write_page(out, made)
+        click.echo(f"written: {out}")
+    for folder, writer in ((figures, write_figures), (numbers, write_numbers)):
+        if folder is not None:
+            click.echo(f"written: {len(writer(made, folder))} files in {folder}")

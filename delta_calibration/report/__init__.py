@@ -1,0 +1,43 @@
+"""What an engineer signs: figures, tables, one page that opens offline. The only place that plots.
+
+A report is data (`document.py`): sections of sentences, tables and figures, each figure a
+description of arrays with units (`drawing.py`). One description is drawn three ways: live in the
+page (`browser.py`), as a picture (`picture.py`), and as numbers (`numbers.py`).
+"""
+
+from delta_calibration.report.document import Report, Section, Table
+from delta_calibration.report.drift import (
+    CalibrationRecord,
+    drift_of_calibrations,
+    read_calibration,
+)
+from delta_calibration.report.missing import require_libraries
+from delta_calibration.report.numbers import write_numbers
+from delta_calibration.report.page import build_page, page_of, write_page
+from delta_calibration.report.picture import write_figures
+from delta_calibration.report.provenance import Provenance, hash_of, session_provenance
+from delta_calibration.report.session_report import report_of
+from delta_calibration.report.verdict_file import VerdictFile, read_verdict
+from delta_calibration.report.verdicts import drift_of_verdicts
+
+__all__ = [
+    "CalibrationRecord",
+    "Provenance",
+    "Report",
+    "Section",
+    "Table",
+    "VerdictFile",
+    "build_page",
+    "drift_of_calibrations",
+    "drift_of_verdicts",
+    "hash_of",
+    "page_of",
+    "read_calibration",
+    "read_verdict",
+    "report_of",
+    "require_libraries",
+    "session_provenance",
+    "write_figures",
+    "write_numbers",
+    "write_page",
+]

@@ -1,0 +1,121 @@
+"""The case for each candidate, tried alone on the calibrated model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from delta_calibration.diagnosis.diagnose import Diagnosis
+from delta_calibration.diagnosis.scores import Score
+from delta_calibration.diagnosis.search import Scan
+from delta_calibration.diagnosis.verdict import Finding
+from delta_calibration.report.document import Table
+from delta_calibration.report.drawing import (
+    CALIBRATED,
+    EXTENDED,
+    GREY,
+    Axis,
+    Bars,
+    Figure,
+    Panel,
+    Rule,
+)
+from delta_calibration.report.words import NO_VALUE, chance, figures, spoken, sure
+
+_SHOWN = 20
+_LEAST = 1.0  # of a bar
+_DETECTED, _NAMED = 40.0, 80.0  # lambda from which a cause is seen, and can be named
+
+
+def best_of_each(scan: Scan) -> tuple[Score, ...]:
+    """The best score of each cause, best ln B first."""
+    kept: list[Score] = []
+    for score in scan.scores:
+        if not any(score.candidate.same_cause(other.candidate) for other in kept):
+            kept.append(score)
+    return tuple(kept)
+
+
+def evidence_figure(found: Diagnosis) -> Figure:
+    """Decrease of chi square by each candidate, on a logarithmic axis."""
+    shown = best_of_each(found.found.first)[:_SHOWN]
+    named = {f.cause for f in found.verdict.findings}
+    same = {cause for f in found.verdict.findings for cause in f.equivalents}
+    groups = {
+        "named": (EXTENDED, [k for k, s in enumerate(shown) if s.candidate.cause in named]),
+        "the same on this session": (
+            CALIBRATED, [k for k, s in enumerate(shown) if s.candidate.cause in same - named],
+        ),
+        "others": (
+            GREY, [k for k, s in enumerate(shown) if s.candidate.cause not in same | named],
+        ),
+    }  # fmt: skip
+    gain = np.array([max(s.gain, _LEAST) for s in shown])
+    marks = [
+        Bars(
+            name, np.array(rows, dtype=float), gain[rows], colour,
+            tuple(_told(shown[row]) for row in rows),
+        )
+        for name, (colour, rows) in groups.items()
+        if rows
+    ]  # fmt: skip
+    names = tuple(spoken(s.candidate.label) for s in shown)
+    return Figure(
+        "evidence",
+        "Evidence for each candidate",
+        "How much of chi square each candidate takes away, tried alone on the calibrated model; "
+        "best shape and place of each cause, strongest case (ln B) first. A strong cause leaves "
+        "traces on its likes, so that long grey bars beside a named one are no findings: what is "
+        "left beside it decides. Noise alone gives about one for each parameter; from about "
+        "40 a cause is seen, from 80 it can be named. A smooth map explains nothing; it says what "
+        "structure goes with.",
+        (
+            Panel(
+                "",
+                Axis(
+                    "decrease of chi square [1]", log=True, low=_LEAST,
+                    high=3 * float(max(gain.max(initial=0.0), _NAMED)),
+                ),
+                Axis("", names=names),
+                (
+                    *marks,
+                    Rule(f"{_DETECTED:g}", _DETECTED, dash="dot", upright=True),
+                    Rule(f"{_NAMED:g}", _NAMED, upright=True),
+                ),
+                tall=max(1.0, 0.22 * len(shown) / 3 + 0.35),
+            ),
+        ),
+        columns=1,
+    )  # fmt: skip
+
+
+def _told(score: Score) -> str:
+    name = spoken(score.candidate.label)
+    return f"{name}: {figures(score.gain, 4)}, ln B {figures(score.log_bayes)}"
+
+
+def evidence_table(found: Diagnosis) -> Table:
+    """The figures behind: signal, parameters, ln B, p with all that was asked, confidence."""
+    scan = found.found.first
+    findings = {f.cause: f for f in found.verdict.findings}
+    return Table(
+        "evidence_table",
+        "Evidence in figures",
+        ("candidate", "chi square", "parameters", "ln B", "p", "tries", "confidence"),
+        tuple(_row(score, scan, findings) for score in best_of_each(scan)),
+        "p: of as large a decrease by chance, times the questions asked and the shapes tried; "
+        "confidence: of the name in the verdict, beside all else that is in the model.",
+    )
+
+
+def _row(score: Score, scan: Scan, findings: dict[str, Finding]) -> tuple[str, ...]:
+    p = float(np.exp(min(0.0, score.log_p + np.log(scan.tests))))
+    finding = findings.get(score.candidate.cause)
+    return (
+        spoken(score.candidate.label),
+        figures(score.gain, 4),
+        str(score.degrees),
+        figures(score.log_bayes, 4),
+        chance(p),
+        figures(score.tries, 3),
+        sure(finding.confidence) if finding else NO_VALUE,
+    )

@@ -1,0 +1,244 @@
+"""Calibrations of one robot beside each other: how the machine changed over months."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.documents import load_schema, read_document
+from delta_calibration.errors import DataError
+from delta_calibration.geometry import align
+from delta_calibration.report.document import Report, Section, Statement, Table
+from delta_calibration.report.drawing import (
+    BEFORE,
+    CALIBRATED,
+    PAPER,
+    SERIES,
+    Axis,
+    Figure,
+    Panel,
+    Points,
+    course,
+)
+from delta_calibration.report.words import (
+    NO_VALUE,
+    figures,
+    listed,
+    mm,
+    spoken,
+)
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+MM = 1e3
+_NODES = 9  # of the grid over each joint
+_SHOWN = 6  # parameters that drift most
+UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
+
+
+@dataclass(frozen=True)
+class CalibrationRecord:
+    """A calibration with what a comparison needs beside it."""
+
+    name: str
+    start: str  # of the session, ISO 8601
+    calibration: Calibration
+    std: Array  # (p,) of the geometry
+    held_out: float  # [m]
+
+
+def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
+    """A calibration file made for this robot.
+
+    Raises:
+        ConfigError: see `load_calibration`.
+    """
+    calibration = load_calibration(path, robot)
+    data = read_document(path, lambda _: load_schema("calibration"))
+    size = calibration.chain.geometry_size
+    return CalibrationRecord(
+        path.stem,
+        str(data["provenance"]["session_start"]),
+        calibration,
+        np.array([entry["std"] for entry in data["parameters"][:size]], dtype=float),
+        float(data["residuals"]["full"]["held_out_rms_mm"]) / MM,
+    )
+
+
+def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
+    """How far the machine, as each calibration has it, is from the first, oldest first.
+
+    Raises:
+        DataError: calibrations of different models, or without a common region.
+    """
+    records = sorted(records, key=lambda record: record.start)
+    first = records[0]
+    shifts = [shift(first.calibration, record.calibration) for record in records]
+    last, largest = shifts[-1]
+    change = standardised(first, records[-1])
+    order = np.argsort(-np.abs(change))[:_SHOWN]
+    items = first.calibration.chain.mechanism.parameters.items
+    names = tuple(record.name for record in records)
+    return Report(
+        title=f"Comparison of {len(records)} calibrations: {first.calibration.robot.name}",
+        subtitle=f"{first.start} to {records[-1].start}",
+        sentence=(
+            f"From {first.name} to {records[-1].name} the machine moved by {mm(MM * last)} mm "
+            f"RMS, at most {mm(MM * largest)} mm, over their common region."
+        ),
+        statements=(
+            Statement(
+                "What changed most",
+                listed(f"{spoken(items[k].name)} ({figures(change[k], 2)} σ)" for k in order[:3])
+                + ".",
+            ),
+            Statement(
+                "How it is told",
+                "The same joint angles through both geometries, at rest and without effects; the "
+                "best rigid motion between them is taken off, as the tracker may have stood "
+                "elsewhere.",
+            ),
+        ),
+        key_figures=(),
+        sections=(
+            Section(
+                "drift",
+                "The machine over time",
+                (),
+                (_calibration_table(records, shifts),),
+                (_shift_figure(names, shifts, records), _parameter_figure(records, order)),
+            ),
+        ),
+        data={
+            "calibrations": [
+                {
+                    "name": record.name,
+                    "session_start": record.start,
+                    "sha256": record.calibration.seal,
+                    "shift_rms_mm": MM * rms,
+                    "shift_max_mm": MM * most,
+                }
+                for record, (rms, most) in zip(records, shifts, strict=True)
+            ]
+        },
+    )
+
+
+def shift(a: Calibration, b: Calibration) -> tuple[float, float]:
+    """Root mean square and largest distance between two machines at the same joints [m].
+
+    Raises:
+        DataError: different models, or no joint angles that both were measured at.
+    """
+    mechanism = a.chain.mechanism
+    if mechanism.name != b.chain.mechanism.name:
+        raise DataError(
+            f"{a.source} is of model {mechanism.name!r}, {b.source} of "
+            f"{b.chain.mechanism.name!r}: only calibrations of one model can be compared"
+        )
+    low = np.maximum(a.joints_lower, b.joints_lower)
+    high = np.minimum(a.joints_upper, b.joints_upper)
+    grids = np.meshgrid(*(np.linspace(*ends, _NODES) for ends in zip(low, high, strict=True)))
+    joint = np.stack([grid.ravel() for grid in grids], axis=1)
+    nominal = mechanism.position(mechanism.forward(joint, mechanism.parameters.nominal))
+    good = np.isfinite(nominal).all(axis=1)
+    inside = np.zeros(len(joint), dtype=bool)
+    outside = [c.region.outside(nominal[good]) for c in (a, b)]
+    inside[good] = np.maximum(*outside) <= 0
+    if (high <= low).any() or inside.sum() < 4:
+        raise DataError(f"{a.source} and {b.source} have no region in common")
+    one, other = (mechanism.position(mechanism.forward(joint[inside], c.geometry)) for c in (a, b))
+    apart = np.linalg.norm(align(one, other).apply(one) - other, axis=1)
+    return float(np.sqrt(np.mean(apart**2))), float(apart.max())
+
+
+def standardised(a: CalibrationRecord, b: CalibrationRecord) -> Array:
+    """Change of each dimension over its standard error, (p,)."""
+    spread = np.hypot(a.std, b.std)
+    change = b.calibration.geometry - a.calibration.geometry
+    return np.divide(change, spread, out=np.zeros_like(change), where=spread > 0)
+
+
+def _calibration_table(
+    records: Sequence[CalibrationRecord], shifts: Sequence[tuple[float, float]]
+) -> Table:
+    rows = tuple(
+        (
+            record.name,
+            record.start,
+            mm(MM * record.held_out),
+            mm(MM * rms),
+            mm(MM * most),
+            listed(spoken(e.cause) for e in record.calibration.chain.effects) or NO_VALUE,
+            record.calibration.seal[:12],
+        )
+        for record, (rms, most) in zip(records, shifts, strict=True)
+    )
+    head = (
+        "calibration", "session", "held out RMS [mm]", "from the first, RMS [mm]",
+        "largest [mm]", "effects", "SHA-256",
+    )  # fmt: skip
+    return Table("calibrations", "Calibrations, oldest first", head, rows, words=(0, 1, 5, 6))
+
+
+def _shift_figure(
+    names: tuple[str, ...],
+    shifts: Sequence[tuple[float, float]],
+    records: Sequence[CalibrationRecord],
+) -> Figure:
+    place = np.arange(len(names), dtype=float)
+    rms, most = (MM * np.array(each) for each in zip(*shifts, strict=True))
+    held = MM * np.array([record.held_out for record in records])
+    return Figure(
+        "shift",
+        "Distance from the first",
+        "Root mean square and largest distance over the common region, beside what each "
+        "calibration leaves on poses it has not seen: a shift below that is none.",
+        (
+            Panel(
+                "",
+                Axis("calibration", names=names),
+                Axis("distance [mm]"),
+                (
+                    *course("RMS", place, rms, CALIBRATED, "solid", "circle"),
+                    *course("largest", place, most, BEFORE, "dash", "diamond"),
+                    *course("held out", place, held, PAPER, "dot", "square"),
+                ),
+            ),
+        ),
+        columns=1,
+    )
+
+
+def _parameter_figure(records: Sequence[CalibrationRecord], order: NDArray[np.intp]) -> Figure:
+    items = records[0].calibration.chain.mechanism.parameters.items
+    place = np.arange(len(records), dtype=float)
+    panels = []
+    for number, k in enumerate(order.tolist()):
+        factor, unit = UNITS.get(items[k].unit, (1.0, items[k].unit))
+        value = np.array([r.calibration.geometry[k] - items[k].nominal for r in records])
+        std = np.array([r.std[k] for r in records])
+        colour = SERIES[number % len(SERIES)]
+        panels.append(
+            Panel(
+                spoken(items[k].name),
+                Axis("calibration", names=tuple(r.name for r in records)),
+                Axis(f"deviation [{unit}]"),
+                (Points("", place, factor * value, colour, size=7.0, error=1.96 * factor * std),),
+            )
+        )
+    return Figure(
+        "parameters",
+        "Dimensions that changed most",
+        "Deviation from the drawing with 95 % intervals; the largest changes in units of their "
+        "standard errors.",
+        tuple(panels),
+        columns=3,
+    )

@@ -1,0 +1,101 @@
+"""What the figures of a diagnosis share: errors held out pose by pose, and the three machines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.diagnose import Diagnosis
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.region import Region
+from delta_calibration.samples import Conditions, at_rest
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A diagnosis as its figures need it; the first axis of the errors is the believed pose."""
+
+    diagnosis: Diagnosis
+    rows: Index  # (n,) of the evidence
+    place: Array  # (n, 3) [m] platform's centre in the base
+    before: Array  # (n,) [m] 3-D distance, each pose predicted by a fit that has not seen it
+    calibrated: Array  # (n,) [m]
+    extended: Array  # (n,) [m]
+
+    @classmethod
+    def of(cls, diagnosis: Diagnosis) -> Judged:
+        """Of a diagnosis."""
+        held, evidence = diagnosis.held, diagnosis.held.evidence
+        rows = np.flatnonzero(held.poses)
+        members = diagnosis.model.members
+        models = [diagnosis.before, *(held.members(of, held.sectors) for of in ((), members))]
+        before, calibrated, extended = (np.sqrt(model.square[rows]) for model in models)
+        place = evidence.chain.mechanism.position(evidence.pose[rows])
+        return cls(diagnosis, rows, place, before, calibrated, extended)
+
+    @property
+    def evidence(self) -> Evidence:
+        """About the extended model."""
+        return self.diagnosis.held.evidence
+
+    @property
+    def region(self) -> Region:
+        """Convex hull of the measured poses."""
+        return self.diagnosis.identification.region
+
+    @property
+    def calibrated_theta(self) -> Array:
+        """Geometry, offset and frame without the members, linearly, (P,) of the base chain."""
+        problem, evidence = self.diagnosis.model.problem, self.evidence
+        z = evidence.best(evidence.misfit)
+        base = problem.chain.base_size
+        return np.asarray(problem.theta0[:base] + problem.basis[:base, :base] @ z[:base])
+
+    def usual(self, joint: Array, direction: float) -> Conditions:
+        """Joints (n, m) [rad] at rest as in the middle of the session, all reached from one side.
+
+        Payload, temperatures and time are the medians of the session.
+        """
+        at, seen = at_rest(joint), self.diagnosis.model.survey.poses
+        n = len(joint)
+        medians = np.median(seen.temperature, axis=0) if len(seen.temperature_parts) else ()
+        return replace(
+            at,
+            time=np.full(n, np.median(seen.time)),
+            direction=np.full(joint.shape, direction),
+            payload=np.full(n, np.median(seen.payload)),
+            payload_centre=np.tile(np.median(seen.payload_centre, axis=0), (n, 1)),
+            temperature_parts=seen.temperature_parts,
+            temperature=np.tile(medians, (n, 1)).reshape(n, -1),
+        )
+
+    def moved_by(self, member: Candidate, rows: Index) -> Array:
+        """What a member moves readings by, (n, 3) [m] in the tracker's frame."""
+        evidence = self.evidence
+        best = self.diagnosis.model.values(member) / _priors(member, self.diagnosis)
+        whitened = (columns_of(member, evidence) @ best).reshape(-1, 3)[rows]
+        return np.asarray(np.linalg.solve(evidence.whiten[rows], whitened[..., None])[..., 0])
+
+    def left(self) -> Array:
+        """Measured less predicted by the extended model, (all, 3) [m]; NaN for the set aside."""
+        beside = self.diagnosis.model.beside
+        return beside.missed(beside.best(beside.misfit))
+
+    def beside_member(self, member: Candidate, rows: Index) -> Array:
+        """What is left when all but one member are in the model, (n, 3) [m]."""
+        return np.asarray(self.left()[rows] + self.moved_by(member, rows))
+
+
+def _priors(member: Candidate, diagnosis: Diagnosis) -> Array:
+    """Priors that the columns of a member are scaled by, (k,)."""
+    chain = diagnosis.model.problem.chain
+    items = chain.mechanism.parameters.items if member.effect is None else (
+        member.effect.parameters.items
+    )
+    return np.array([items[row].prior for row in member.rows])

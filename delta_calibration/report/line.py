@@ -1,0 +1,150 @@
+"""Error along the Delta paper's line x = -y, z = -711 mm, beside what the paper measured there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import DataError
+from delta_calibration.plans import make_plan
+from delta_calibration.report.document import Table
+from delta_calibration.report.drawing import (
+    BEFORE,
+    CALIBRATED,
+    EXTENDED,
+    GREY,
+    PAPER,
+    Axis,
+    Figure,
+    Line,
+    Panel,
+    Rule,
+)
+from delta_calibration.report.judged import Judged
+from delta_calibration.report.words import mm
+from delta_calibration.robot import Robot
+from delta_calibration.trial import Errors
+
+Array = NDArray[np.float64]
+
+MM = 1e3
+PAPER_MAX, PAPER_MEAN, PAPER_THREE_STD = 3.305, 0.803, 2.086  # [mm] table 3, not compensated
+_POINTS = 181
+_SURE = 1.96
+_FEWEST = 3  # points that a spread is told of
+
+
+@dataclass(frozen=True)
+class AlongLine:
+    """What the models say of the line; the first axis is the point."""
+
+    x: Array  # (n,) [m]
+    before: Array  # (n,) [m] extended machine less drawing, root mean square of both sides
+    calibrated: Array  # (n,) [m] extended less calibrated machine, likewise
+    spread: Array  # (n,) [m] standard error of the extended machine's point, 3-D
+    inside: NDArray[np.bool_]  # (n,) within the region that was measured
+
+
+def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
+    """The models' differences along the line; None for a robot that does not reach it.
+
+    The machine is taken as the extended model has it. What the drawing misses of it is the error
+    before, in the best frame of the session; what the calibrated geometry misses is the error
+    that compensation by it leaves; what the extended model misses is known by its standard error
+    only.
+    """
+    try:
+        plan = make_plan("line", robot, count=_POINTS, both_sides=False)
+    except DataError:
+        return None
+    found = judged.diagnosis.identification
+    base = judged.diagnosis.model.problem.chain
+    drawing, change = found.frame_only_theta[: base.base_size], found.theta.copy()
+    change[: base.base_size] -= judged.calibrated_theta
+    square = np.zeros((2, _POINTS))
+    for side in (-1.0, 1.0):
+        at = judged.usual(plan.joint, side)
+        pose = found.chain.pose(at, found.theta)
+        machine = found.chain.reading(at, pose, found.theta)
+        slope = found.chain.jacobian(at, pose, found.theta)
+        # linear, as in the fit: offset and frame may lie far from the other's, but move nothing
+        for row, missed in enumerate((machine - base.predict(at, drawing), slope @ change)):
+            square[row] += np.sum(missed**2, axis=1) / 2
+    spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.covariance, slope))
+    inside = judged.region.outside(plan.target) <= 0
+    before, calibrated = np.sqrt(square)
+    return AlongLine(plan.target[:, 0], before, calibrated, spread, inside)
+
+
+def line_figure(line: AlongLine) -> Figure:
+    """The three errors over x, the paper's mean and largest beside them."""
+    x = MM * line.x
+    beyond = (
+        f" {np.sum(~line.inside)} of {len(x)} points lie outside the region that was measured: "
+        "there the models extrapolate."
+        if not line.inside.all()
+        else ""
+    )
+    everything = np.concatenate([line.before, line.calibrated, line.spread])
+    low = float(MM * max(everything.min(), 1e-8))
+    return Figure(
+        "error_line",
+        "Along the paper's line",
+        "Errors of the tool point on x = −y, z = −711 mm as the models have them, approached from "
+        "both sides under the session's median conditions. Before: the extended model less the "
+        "drawing in its best frame. Calibrated: the extended model less the calibrated geometry. "
+        "Extended: its 95 % bound, from the covariance of the fit. Dashed: what Pan, Qiu and Liu "
+        f"(2017) measured on their machine before compensation.{beyond}",
+        (
+            Panel(
+                "",
+                Axis("x along the line [mm]"),
+                Axis("error, 3-D [mm]", log=True, low=0.5 * low, high=2 * PAPER_MAX),
+                (
+                    Line("before", x, MM * line.before, BEFORE),
+                    Line("calibrated", x, MM * line.calibrated, CALIBRATED, "dash"),
+                    Line("extended, 95 % bound", x, MM * _SURE * line.spread, EXTENDED, "dot"),
+                    Rule("the paper, largest: 3.305 mm", PAPER_MAX, PAPER, at=0.62),
+                    Rule("the paper, mean: 0.803 mm", PAPER_MEAN, PAPER, at=0.62),
+                    *_ends(x, line.inside),
+                ),
+                tall=1.25,
+            ),
+        ),
+        columns=1,
+    )
+
+
+def _ends(x: Array, inside: NDArray[np.bool_]) -> tuple[Rule, ...]:
+    """Where the region that was measured begins and ends along x (n,) [mm], if it does."""
+    if inside.all() or not inside.any():
+        return ()
+    ends = ("measured from", x[inside].min()), ("to", x[inside].max())
+    return tuple(Rule(name, float(end), GREY, "dot", upright=True) for name, end in ends)
+
+
+def line_table(line: AlongLine) -> Table:
+    """Mean, largest and three standard deviations, as in the paper's table 3."""
+    rows: list[tuple[str, float, float, float]] = [
+        ("the paper's machine, measured", PAPER_MEAN, PAPER_MAX, PAPER_THREE_STD)
+    ]
+    named = {
+        "before": line.before,
+        "calibrated": line.calibrated,
+        "extended, 95 % bound": _SURE * line.spread,
+    }
+    parts = {"": np.ones(len(line.x), dtype=bool)}
+    if _FEWEST <= line.inside.sum() < len(line.x):
+        parts[", in the region measured"] = line.inside
+    for part, rows_of in parts.items():
+        for name, error in named.items():
+            each = Errors.of(error[rows_of])
+            rows.append((name + part, MM * each.mean, MM * each.maximum, MM * each.three_std))
+    return Table(
+        "error_line_table",
+        "The line in figures",
+        ("", "mean [mm]", "largest [mm]", "3 std [mm]"),
+        tuple((name, mm(a), mm(b), mm(c)) for name, a, b, c in rows),
+    )

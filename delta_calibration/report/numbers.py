@@ -1,0 +1,115 @@
+"""The numbers behind a report: one JSON file of everything, one CSV file a figure and table."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from delta_calibration.errors import InputError
+from delta_calibration.report.document import Report
+from delta_calibration.report.drawing import Bars, Field, Figure, Line, Mark, Panel, Points, Rule
+
+Row = tuple[object, ...]
+_HEAD = ("panel", "series", "x", "y", "value", "low", "high")
+
+
+def write_numbers(report: Report, folder: Path) -> tuple[Path, ...]:
+    """Write `report.json` and the CSV files into a folder, made where it is not there.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        whole = folder / "report.json"
+        text = json.dumps(as_json(report), indent=1, allow_nan=False, ensure_ascii=False)
+        whole.write_text(text + "\n", encoding="utf-8")
+        paths = [whole]
+        for table in report.tables():
+            paths.append(_write(folder / f"{table.name}.csv", table.head, table.rows))
+        for figure in report.figures():
+            paths.append(_write(folder / f"{figure.name}.csv", _HEAD, rows_of(figure)))
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    return tuple(paths)
+
+
+def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(head)
+        writer.writerows(rows)
+    return path
+
+
+def as_json(report: Report) -> dict[str, Any]:
+    """The report as plain data, numbers unrounded."""
+    return {
+        "schema": 1,
+        "title": report.title,
+        "sentence": report.sentence,
+        "statements": {s.question: s.answer for s in report.statements},
+        **report.data,
+        "tables": {
+            t.name: {"title": t.title, "head": list(t.head), "rows": [list(r) for r in t.rows]}
+            for t in report.tables()
+        },
+        "figures": {
+            f.name: {
+                "title": f.title,
+                "axes": {p.title: {"x": p.x.title, "y": p.y.title} for p in f.panels},
+                "columns": list(_HEAD),
+                "rows": [list(row) for row in rows_of(f)],
+            }
+            for f in report.figures()
+        },
+    }
+
+
+def rows_of(figure: Figure) -> Iterator[Row]:
+    """A row a sample: panel, series, x, y, value of a field, ends of a band or error."""
+    for panel in figure.panels:
+        for mark in panel.marks:
+            for row in _of_mark(panel, mark):
+                yield (panel.title, mark.name, *row)
+
+
+def _of_mark(panel: Panel, mark: Mark) -> Iterator[Row]:
+    match mark:
+        case Field():
+            for i, j in zip(*np.nonzero(np.isfinite(mark.value)), strict=True):
+                yield _row(mark.x[j], mark.y[i], mark.value[i, j])
+        case Rule():
+            yield _row(*((mark.value, None) if mark.upright else (None, mark.value)))
+        case Bars():
+            for place, length in zip(mark.place, mark.length, strict=True):
+                yield (_number(length), panel.y.names[int(place)], None, None, None)
+        case Points():
+            error = np.full(len(mark.x), np.nan) if mark.error is None else mark.error
+            middle = mark.x if panel.y.names else mark.y
+            for x, y, low, high in zip(
+                mark.x, mark.y, middle - error, middle + error, strict=True
+            ):
+                named = panel.y.names[int(y)] if panel.y.names else _number(y)
+                yield (_number(x), named, None, _number(low), _number(high))
+        case Line():
+            nothing = np.full(len(mark.x), np.nan)
+            low = nothing if mark.low is None else mark.low
+            high = nothing if mark.high is None else mark.high
+            for x, y, a, b in zip(mark.x, mark.y, low, high, strict=True):
+                yield _row(x, y, None, a, b)
+
+
+def _row(*values: float | None) -> Row:
+    numbers = [_number(v) for v in values]
+    return (*numbers, *[None] * (5 - len(numbers)))
+
+
+def _number(value: float | None) -> float | None:
+    """Python's own number, nothing where there is none."""
+    return None if value is None or not np.isfinite(value) else float(value)

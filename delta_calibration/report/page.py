@@ -1,0 +1,98 @@
+"""One HTML file that opens without a network: text by a template that escapes, plots by plotly.
+
+The page carries plotly's script in itself, and a content security policy that forbids it, and
+everything else, to ask any host for anything.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from delta_calibration import __version__
+from delta_calibration.accuracy import IsoReport
+from delta_calibration.diagnosis.diagnose import Diagnosis
+from delta_calibration.errors import InputError
+from delta_calibration.report.browser import places_of, plot_of
+from delta_calibration.report.document import Report
+from delta_calibration.report.missing import required
+from delta_calibration.report.provenance import Provenance
+from delta_calibration.report.session_report import report_of
+from delta_calibration.robot import Robot
+
+
+def build_page(
+    diagnosis: Diagnosis,
+    robot: Robot,
+    provenance: Provenance,
+    iso: IsoReport | str = "it was not asked for",
+) -> str:
+    """The report of a diagnosis as HTML; see `report_of`."""
+    return page_of(report_of(diagnosis, robot, provenance, iso))
+
+
+def page_of(report: Report) -> str:
+    """A report as HTML.
+
+    Raises:
+        InputError: jinja2 or plotly is not installed.
+    """
+    jinja2 = required("jinja2")
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_template),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    plots, places = _plots(report)
+    safe = required("markupsafe").Markup
+    page: str = environment.get_template("page.html.j2").render(
+        report=report,
+        places=places,
+        scale_places=places_of,
+        version=__version__,
+        style=safe(_template("page.css")),
+        script=safe(_template("page.js")),
+        plotly=safe(_inline(required("plotly.offline").get_plotlyjs())) if plots else "",
+        plots=safe(_inline(json.dumps(plots, ensure_ascii=False, allow_nan=False))),
+    )
+    return page
+
+
+def write_page(path: Path, report: Report) -> None:
+    """Write the page, whole or not at all.
+
+    Raises:
+        InputError: a library is missing, or the file cannot be written.
+    """
+    text = page_of(report)
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _plots(report: Report) -> tuple[dict[str, Any], dict[str, list[str]]]:
+    """Every panel by the id of its place in the page, and the ids of each figure."""
+    plots: dict[str, Any] = {}
+    places: dict[str, list[str]] = {}
+    for figure in report.figures():
+        ids = [f"plot-{figure.name}-{number}" for number in range(len(figure.panels))]
+        places[figure.name] = ids
+        plots |= {id_: plot_of(panel) for id_, panel in zip(ids, figure.panels, strict=True)}
+    return plots, places
+
+
+def _inline(text: str) -> str:
+    """Script or data that cannot end the element that it stands in."""
+    return text.replace("</", "<\\/").replace("<!--", "<\\!--")
+
+
+def _template(name: str) -> str:
+    folder = resources.files("delta_calibration").joinpath("report", "templates")
+    return folder.joinpath(name).read_text("utf-8")

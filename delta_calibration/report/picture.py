@@ -1,0 +1,175 @@
+"""The same figures as PNG files, by matplotlib: it needs no browser and no network.
+
+(Plotly's own export starts a Chrome on the machine, which a cell's computer rarely has.)
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from delta_calibration.errors import InputError
+from delta_calibration.report.browser import ticks_of
+from delta_calibration.report.document import Report
+from delta_calibration.report.drawing import (
+    INK,
+    Axis,
+    Bars,
+    Field,
+    Figure,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    Rule,
+)
+from delta_calibration.report.missing import required
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+Style = dict[str, Any]
+
+DPI = 150
+_FEW = 24  # names that an axis has room for
+_WIDE, _TALL = 4.6, 3.5  # [inch] of a panel
+_ALONE = 7.5  # [inch] width of a panel that fills the page
+_SYMBOLS = {"circle": "o", "diamond": "D", "square": "s", "triangle": "^", "cross": "x"}
+_DASHES = {"solid": "-", "dash": "--", "dot": ":"}
+_STYLE = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e6e6e6",
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "text.parse_math": False,  # a name with a dollar in it is a name
+}
+
+
+def write_figures(report: Report, folder: Path) -> tuple[Path, ...]:
+    """Every figure of a report as a PNG file in a folder, which is made where it is not there.
+
+    Raises:
+        InputError: matplotlib is not installed, or the folder cannot be written.
+    """
+    pyplot = required("matplotlib.pyplot", "figures as PNG")
+    required("matplotlib").use("Agg")
+    paths = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with pyplot.rc_context(_STYLE):
+            for figure in report.figures():
+                path = folder / f"{figure.name}.png"
+                canvas = draw(figure)
+                canvas.savefig(path, dpi=DPI)
+                pyplot.close(canvas)
+                paths.append(path)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    return tuple(paths)
+
+
+def draw(figure: Figure) -> Canvas:
+    """A figure on matplotlib's canvas."""
+    pyplot = required("matplotlib.pyplot", "figures as PNG")
+    columns = min(figure.columns, len(figure.panels))
+    rows = -(-len(figure.panels) // columns)
+    tall = max(panel.tall for panel in figure.panels)
+    canvas: Canvas
+    canvas, every = pyplot.subplots(
+        rows, columns, squeeze=False, layout="constrained",
+        figsize=(_ALONE if figure.columns == 1 else _WIDE * columns, _TALL * tall * rows + 0.7),
+    )  # fmt: skip
+    canvas.suptitle(figure.title, x=0.01, ha="left", weight="bold")
+    for axes, panel in zip(every.flat, figure.panels, strict=False):
+        _panel(canvas, axes, panel)
+    for axes in every.flat[len(figure.panels) :]:
+        axes.set_visible(False)
+    if figure.legend:
+        handles, names = every.flat[0].get_legend_handles_labels()
+        canvas.legend(handles, names, loc="outside lower left", ncols=4, fontsize=8)
+    return canvas
+
+
+def _panel(canvas: Canvas, axes: Axes, panel: Panel) -> None:
+    axes.set_title(panel.title, loc="left", fontsize=9)
+    _axis(axes, "x", panel.x)
+    _axis(axes, "y", panel.y)
+    for mark in panel.marks:
+        _mark(canvas, axes, panel, mark)
+    if panel.y.names:
+        axes.set_ylim(len(panel.y.names) - 0.4, -0.6)
+    if panel.equal:
+        axes.set_aspect("equal")
+
+
+def _axis(axes: Axes, which: str, axis: Axis) -> None:
+    settings: Style = {f"{which}label": axis.title}
+    if axis.log:
+        settings[f"{which}scale"] = "log"
+    if axis.low is not None and axis.high is not None:
+        settings[f"{which}lim"] = (axis.low, axis.high)
+    axes.set(**settings)
+    if axis.log:
+        own = axes.xaxis if which == "x" else axes.yaxis
+        own.set_major_formatter(lambda value, _: f"{value:g}")
+        own.set_minor_formatter(lambda value, _: "")
+    if axis.names:
+        ticks = axes.set_yticks if which == "y" else axes.set_xticks
+        step = max(1, len(axis.names) // _FEW)
+        ticks(range(0, len(axis.names), step), axis.names[::step])
+        axes.grid(visible=False, axis="y" if which == "y" else "x")
+
+
+def _mark(canvas: Canvas, axes: Axes, panel: Panel, mark: Mark) -> None:
+    name = mark.name or "_nolegend_"
+    match mark:
+        case Points():
+            style: Style = {"color": mark.colour, "marker": _SYMBOLS[mark.symbol], "label": name}
+            edge: Style = {"mec": INK, "mew": 0.5} if mark.edge else {"alpha": 0.75}
+            axes.plot(mark.x, mark.y, linestyle="", ms=mark.size * 0.7, **style, **edge)
+            if mark.error is not None:
+                way: Style = {"xerr" if panel.y.names else "yerr": mark.error}
+                axes.errorbar(mark.x, mark.y, fmt="none", ecolor=mark.colour, capsize=2, **way)
+        case Line():
+            if mark.low is not None and mark.high is not None:
+                axes.fill_between(mark.x, mark.low, mark.high, color=mark.colour, alpha=0.18, lw=0)
+            axes.plot(mark.x, mark.y, color=mark.colour, ls=_DASHES[mark.dash], label=name)
+        case Bars():
+            axes.barh(mark.place, mark.length, color=mark.colour, height=0.65, label=name)
+        case Field():
+            _field(canvas, axes, mark)
+        case Rule():
+            _rule(axes, mark)
+
+
+def _rule(axes: Axes, mark: Rule) -> None:
+    """A line right across, its name at its end."""
+    style: Style = {"color": mark.colour, "ls": _DASHES[mark.dash], "lw": 1.2}
+    words: Style = {"color": mark.colour, "fontsize": 7, "va": "bottom"}
+    if mark.upright:
+        axes.axvline(mark.value, **style)
+        place = axes.get_xaxis_transform()
+        axes.text(mark.value, mark.at, mark.name, transform=place, ha="center", **words)
+    else:
+        axes.axhline(mark.value, **style)
+        place = axes.get_yaxis_transform()
+        axes.text(mark.at, mark.value, mark.name, transform=place, ha="right", **words)
+
+
+def _field(canvas: Canvas, axes: Axes, mark: Field) -> None:
+    colors = required("matplotlib.colors", "figures as PNG")
+    scale = mark.scale
+    norm = (colors.LogNorm if scale.log else colors.Normalize)(scale.low, scale.high)
+    value = np.clip(mark.value, scale.low, scale.high)
+    colours = "PuOr" if scale.diverging else "viridis"
+    drawn = axes.pcolormesh(mark.x, mark.y, value, norm=norm, cmap=colours, shading="nearest")
+    bar = canvas.colorbar(drawn, ax=axes, shrink=0.9)
+    ticks = ticks_of(scale)
+    bar.set_ticks(ticks, labels=[f"{t:g}" for t in ticks], minor=False)
+    bar.set_label(scale.title)

@@ -1,0 +1,132 @@
+"""Where a report's numbers come from: hashes, versions, seeds."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from importlib import metadata
+from pathlib import Path
+
+from delta_calibration import __version__
+from delta_calibration.calibration import Calibration
+from delta_calibration.errors import RecordingError
+from delta_calibration.report.document import Table
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses
+
+_LIBRARIES = ("numpy", "scipy", "plotly", "mcap", "rosbags")
+_PIECE = 1 << 20  # [byte]
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a report was made of."""
+
+    session: str
+    session_sha256: str
+    start_ns: int
+    robot: str
+    robot_source: str
+    robot_sha256: str
+    seed: int
+    calibration: str = ""
+    calibration_sha256: str = ""
+    cycles: str = ""  # the session of the standard's cycles, where it is another one
+    cycles_sha256: str = ""
+    recorded: Mapping[str, str] = field(default_factory=dict)  # what the session says of itself
+    notes: tuple[str, ...] = ()
+
+    def table(self) -> Table:
+        """As it is shown."""
+        rows = [
+            ("session", self.session),
+            ("recorded from", when(self.start_ns)),
+            ("session, SHA-256", self.session_sha256),
+            ("robot", f"{self.robot} ({self.robot_source})"),
+            ("robot, SHA-256", self.robot_sha256),
+            ("seed", str(self.seed)),
+            ("delta_calibration", __version__),
+            ("Python", platform.python_version()),
+            *((name, version(name)) for name in _LIBRARIES),
+            *((f"session: {key}", value) for key, value in sorted(self.recorded.items())),
+            *(("note", note) for note in self.notes),
+        ]
+        if self.calibration:
+            rows += [
+                ("calibration in force", self.calibration),
+                ("its SHA-256", self.calibration_sha256),
+            ]
+        if self.cycles:
+            rows += [
+                ("session of ISO 9283", self.cycles),
+                ("its SHA-256", self.cycles_sha256),
+            ]
+        return Table("provenance", "", ("", ""), tuple(rows), words=(0, 1))
+
+
+def session_provenance(
+    session: Path,
+    poses: Poses,
+    robot: Robot,
+    seed: int,
+    recorded: Mapping[str, str],
+    calibration: Calibration | None = None,
+) -> Provenance:
+    """Of a recorded session.
+
+    Raises:
+        RecordingError: a file of the session cannot be read.
+    """
+    return Provenance(
+        session=Path(poses.source).name or poses.source,
+        session_sha256=hash_of(session),
+        start_ns=poses.start_ns,
+        robot=robot.name,
+        robot_source=Path(robot.source).name,
+        robot_sha256=robot.hash,
+        seed=seed,
+        calibration="" if calibration is None else Path(calibration.source).name,
+        calibration_sha256="" if calibration is None else calibration.seal,
+        recorded=dict(recorded),
+        notes=poses.notes,
+    )
+
+
+def hash_of(path: Path) -> str:
+    """SHA-256 of a file, or of the storage files of a folder by name.
+
+    Raises:
+        RecordingError: cannot be read.
+    """
+    digest = hashlib.sha256()
+    files = [path] if path.is_file() else sorted(f for f in path.glob("*") if _stored(f))
+    try:
+        for file in files:
+            digest.update(file.name.encode())
+            with file.open("rb") as stream:
+                while piece := stream.read(_PIECE):
+                    digest.update(piece)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+    return digest.hexdigest()
+
+
+def _stored(file: Path) -> bool:
+    return file.is_file() and file.suffix in (".mcap", ".db3", ".zstd", ".yaml")
+
+
+def when(start_ns: int) -> str:
+    """A stamp as UTC."""
+    start = datetime.fromtimestamp(start_ns * 1e-9, tz=timezone.utc)
+    return start.strftime("%Y-%m-%d %H:%M UTC")
+
+
+def version(name: str) -> str:
+    """Of an installed library."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"

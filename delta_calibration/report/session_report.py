@@ -1,0 +1,223 @@
+"""The report of one session: the sections, in the order in which questions come up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from delta_calibration.accuracy import IsoReport
+from delta_calibration.diagnosis.diagnose import Diagnosis
+from delta_calibration.diagnosis.verdict import Finding, Verdict
+from delta_calibration.report.candidates import evidence_figure, evidence_table
+from delta_calibration.report.document import Report, Section, Table
+from delta_calibration.report.giveaway import giveaways, leftovers
+from delta_calibration.report.judged import Judged
+from delta_calibration.report.line import along_line, line_figure, line_table
+from delta_calibration.report.noise import noise_figure, noise_table
+from delta_calibration.report.parts import (
+    correlation_figure,
+    correlation_table,
+    dimensions_figure,
+    indices_table,
+    set_by_data,
+    unset_table,
+)
+from delta_calibration.report.provenance import Provenance, when
+from delta_calibration.report.standard import standard_section
+from delta_calibration.report.words import (
+    NO_VALUE,
+    between,
+    called,
+    capital,
+    chance,
+    estimate,
+    figures,
+    key_figures,
+    listed,
+    mm,
+    sentence,
+    spoken,
+    statements,
+    structure,
+    sure,
+)
+from delta_calibration.report.workspace import maps, unknown_maps
+from delta_calibration.robot import Robot
+
+
+def report_of(
+    diagnosis: Diagnosis,
+    robot: Robot,
+    provenance: Provenance,
+    iso: IsoReport | str = "it was not asked for",
+) -> Report:
+    """Everything that a diagnosis has to say, as a report.
+
+    Args:
+        diagnosis: of a session, with the survey it was made from.
+        robot: drawing, tolerances, tracker.
+        provenance: of the session and the robot file.
+        iso: the standard's criteria, or why there are none.
+    """
+    verdict, judged = diagnosis.verdict, Judged.of(diagnosis)
+    session = verdict.session
+    return Report(
+        title=f"Calibration report: {robot.name}",
+        subtitle=(
+            f"{provenance.session}, {when(provenance.start_ns)}; {session.samples} readings in "
+            f"{session.duration_s / 60:.0f} min, {session.poses} poses at rest"
+        ),
+        sentence=sentence(verdict),
+        statements=statements(verdict),
+        key_figures=key_figures(verdict),
+        sections=(
+            verdict_section(verdict),
+            _workspace(judged),
+            _line(judged, robot),
+            _causes(judged, robot),
+            Section(
+                "evidence",
+                "Evidence for each candidate",
+                (),
+                (evidence_table(diagnosis),),
+                (evidence_figure(diagnosis),),
+            ),
+            _parts(judged),
+            _noise(judged, robot),
+            standard_section(iso),
+            Section("provenance", "Provenance", (), (provenance.table(),)),
+        ),
+        data={"verdict": verdict.as_dict()},
+    )
+
+
+def verdict_section(verdict: Verdict) -> Section:
+    """The findings with everything that is known of them, and what cannot be told."""
+    tables = []
+    if verdict.findings:
+        tables.append(
+            Table(
+                "findings",
+                "Findings, strongest first",
+                (
+                    "cause", "parameters", "confidence", "p", "signal λ",
+                    "held out [mm]", "gain, 95 % [1]", "the same here; to part them",
+                ),
+                tuple(_finding(f) for f in verdict.findings),
+                words=(0, 1, 7),
+            )
+        )  # fmt: skip
+    if verdict.cannot_tell:
+        tables.append(
+            Table(
+                "cannot_tell",
+                "What this session cannot tell",
+                ("which", "because", "what would tell"),
+                tuple((between(e), e.because, e.next) for e in verdict.cannot_tell),
+                words=(0, 1, 2),
+            )
+        )
+    tables.append(_tests(verdict))
+    return Section("verdict", "Verdict in detail", _set_aside(verdict), tuple(tables))
+
+
+def _finding(finding: Finding) -> tuple[str, ...]:
+    every = [estimate(name, e) for name, e in finding.parameters.items()]
+    more = f" and {len(every) - 6} more" if len(every) > 6 else ""
+    same = listed(map(spoken, finding.equivalents))
+    part = f"; {finding.separated_by}" if finding.separated_by else ""
+    return (
+        f"{called(finding)} ({finding.kind})",
+        ", ".join(every[:6]) + more,
+        sure(finding.confidence),
+        chance(finding.p_value),
+        figures(finding.signal),
+        f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}",
+        f"{finding.gain:.2f} ({finding.gain_low:.2f} to {finding.gain_high:.2f})",
+        same + part or NO_VALUE,
+    )
+
+
+def _tests(verdict: Verdict) -> Table:
+    unknown = verdict.unknown_structure
+    told = "No structure is left that chance would not leave."
+    if unknown.found:
+        told = capital(f"{structure(unknown)}.")
+    rows = tuple((_test(name), chance(p)) for name, p in unknown.tests.items())
+    return Table("left", "Tests of what is left", ("test", "p"), rows, told)
+
+
+def _test(name: str) -> str:
+    kind, _, over = name.partition("moran_")
+    return f"likeness of neighbours in {spoken(over)} (Moran's I)" if over else spoken(kind)
+
+
+def _set_aside(verdict: Verdict) -> tuple[str, ...]:
+    rejected = [f"{n} {spoken(reason)}" for reason, n in verdict.session.rejected.items() if n]
+    return (f"Readings set aside: {listed(rejected) or 'none'}.",)
+
+
+def _workspace(judged: Judged) -> Section:
+    baseline = judged.diagnosis.verdict.baseline.model
+    added = listed(spoken(m.label) for m in judged.diagnosis.model.members)
+    errors = {
+        f"before: {baseline}": judged.before,
+        "calibrated: geometry + frame": judged.calibrated,
+        f"extended: {added or 'nothing to add'}": judged.extended,
+    }
+    noise = judged.diagnosis.model.cell.noise.floor
+    rows = tuple(
+        (name, *(mm(1e3 * float(v)) for v in (np.sqrt(np.mean(e**2)), np.median(e), e.max())))
+        for name, e in errors.items()
+    )
+    table = Table(
+        "error_workspace",
+        "Error over the workspace in figures",
+        ("held out, 3-D", "RMS [mm]", "median [mm]", "largest [mm]"),
+        rows,
+    )
+    return Section(
+        "workspace",
+        "Error over the workspace",
+        (),
+        (table,),
+        maps(judged.place, errors, judged.region, noise),
+    )
+
+
+def _line(judged: Judged, robot: Robot) -> Section:
+    title = "Along the paper's line"
+    line = along_line(judged, robot)
+    if line is None:
+        return Section("line", title, ("This robot does not reach the line.",))
+    return Section("line", title, (), (line_table(line),), (line_figure(line),))
+
+
+def _causes(judged: Judged, robot: Robot) -> Section:
+    title = "What gives the cause away"
+    shown = (*unknown_maps(judged), *giveaways(judged, robot))
+    text = () if shown else ("No effect was added to the geometry: what is left is shown below.",)
+    return Section("causes", title, text, (), (*shown, leftovers(judged, robot)))
+
+
+def _parts(judged: Judged) -> Section:
+    found = judged.diagnosis.identification
+    return Section(
+        "geometry",
+        "Geometry, correlations and what the data cannot set",
+        (),
+        (correlation_table(found), unset_table(found), indices_table(found)),
+        (dimensions_figure(found), set_by_data(found), correlation_figure(found)),
+    )
+
+
+def _noise(judged: Judged, robot: Robot) -> Section:
+    model = judged.diagnosis.model
+    poses, noise = model.survey.poses, model.cell.noise
+    figure = noise_figure(poses, robot)
+    return Section(
+        "noise",
+        "Noise against the tracker's specification",
+        (),
+        (noise_table(noise, poses, robot),),
+        () if figure is None else (figure,),
+    )

@@ -1,0 +1,47 @@
+"""The criteria of ISO 9283 as a table, with cycles and conditions."""
+
+from __future__ import annotations
+
+from delta_calibration.accuracy import IsoReport
+from delta_calibration.report.document import Section, Table
+from delta_calibration.report.words import mm
+
+MM = 1e3
+_MEANING = {
+    "AP": "pose accuracy",
+    "RP": "pose repeatability",
+    "AD": "distance accuracy",
+    "RD": "distance repeatability, ±",
+    "AT": "path accuracy",
+    "RT": "path repeatability",
+}
+
+
+def standard_section(iso: IsoReport | str) -> Section:
+    """The table; or why there is none."""
+    title = "Accuracy by ISO 9283"
+    if isinstance(iso, str):
+        why = "This session does not hold the standard's cycles"
+        how = "Record them by the plan iso9283, and name that session with --iso9283"
+        return Section("iso9283", title, (f"{why}: {iso}. {how}.",))
+    c = iso.conditions
+    text = (
+        f"{c.name}: {c.position_cycles} cycles for positions, {c.distance_cycles} for distances, "
+        f"{c.path_cycles} for paths at {c.stations} stations; {100 * c.speed_fraction:.0f} % of "
+        f"the rated speed and {100 * c.load_fraction:.0f} % of the rated load are the conditions' "
+        f"own and are not checked. Tracker registered by the {iso.frame}.",
+    )
+    rows = tuple(
+        (
+            v.symbol, _MEANING.get(v.symbol, ""), v.where,
+            mm(MM * v.value).replace("-", "−"), str(v.cycles),
+        )
+        for v in iso.values
+    )
+    table = Table(
+        "iso9283", "Criteria", ("criterion", "meaning", "where", "value [mm]", "n"), rows,
+        "AP, RP: P1 to P5 of the cube; AT, RT: largest over the path. Formulas from general "
+        "knowledge of ISO 9283:1998.",
+        words=(0, 1, 2),
+    )  # fmt: skip
+    return Section("iso9283", title, text, (table,))

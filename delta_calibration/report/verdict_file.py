@@ -1,0 +1,95 @@
+"""Verdicts as `diagnose --json` writes them, read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from delta_calibration.diagnosis.verdict import (
+    CannotTell,
+    Estimate,
+    Finding,
+    Held,
+    SessionFacts,
+    UnknownStructure,
+    Verdict,
+)
+from delta_calibration.documents import check_document, load_schema
+from delta_calibration.errors import InputError
+
+
+@dataclass(frozen=True)
+class VerdictFile:
+    """A verdict and the file it was read from."""
+
+    name: str
+    verdict: Verdict
+
+
+def read_verdict(path: Path) -> VerdictFile:
+    """A verdict from its JSON file.
+
+    Raises:
+        InputError: cannot be read, is not JSON, or not of the verdict's form.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON: {error}") from error
+    check_document(data, load_schema("verdict"), str(path))
+    return VerdictFile(path.stem, verdict_of(data))
+
+
+def verdict_of(data: Mapping[str, Any]) -> Verdict:
+    """The verdict that `Verdict.as_dict` made this of."""
+    unknown = data["unknown_structure"]
+    return Verdict(
+        session=SessionFacts(**{k: data["session"][k] for k in SessionFacts.__annotations__}),
+        noise_mm=data["noise_mm"],
+        baseline=_held(data["baseline"]),
+        calibrated=_held(data["calibrated"]),
+        extended=_held(data["extended"]),
+        findings=tuple(_finding(entry) for entry in data["findings"]),
+        unknown_structure=UnknownStructure(
+            unknown["found"],
+            unknown.get("where"),
+            unknown.get("moves_with"),
+            unknown.get("rms_mm"),
+            unknown["tests"],
+        ),
+        cannot_tell=tuple(
+            CannotTell(tuple(e["between"]), e["because"], e["next"]) for e in data["cannot_tell"]
+        ),
+    )
+
+
+def _held(data: Mapping[str, Any]) -> Held:
+    return Held(data["model"], data["held_out_rms_mm"])
+
+
+def _finding(data: Mapping[str, Any]) -> Finding:
+    """A finding; the interval of the gain and the signal are not part of every verdict."""
+    values = {
+        name: Estimate(p["value"], p["std"], p["unit"]) for name, p in data["parameters"].items()
+    }
+    return Finding(
+        cause=data["cause"],
+        location=data["location"],
+        kind=data["kind"],
+        equivalents=tuple(data["equivalents"]),
+        separated_by=data.get("separated_by"),
+        parameters=values,
+        confidence=data["confidence"],
+        p_value=data["p_value"],
+        rms_before_mm=data["rms_before_mm"],
+        rms_after_mm=data["rms_after_mm"],
+        gain=data["gain"],
+        gain_low=data.get("gain_low", data["gain"]),
+        gain_high=data.get("gain_high", data["gain"]),
+        signal=data.get("signal", 0.0),
+    )

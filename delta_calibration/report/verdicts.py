@@ -1,0 +1,176 @@
+"""Verdicts beside each other, in the order given; one by itself makes a small page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.report.document import Report, Section, Table
+from delta_calibration.report.drawing import (
+    BEFORE,
+    CALIBRATED,
+    EXTENDED,
+    PAPER,
+    SERIES,
+    SYMBOLS,
+    Axis,
+    Figure,
+    Panel,
+    Points,
+    course,
+)
+from delta_calibration.report.drift import UNITS
+from delta_calibration.report.verdict_file import VerdictFile
+from delta_calibration.report.words import (
+    called,
+    estimate,
+    key_figures,
+    listed,
+    mm,
+    sentence,
+    spoken,
+    statements,
+    sure,
+)
+
+Array = NDArray[np.float64]
+Values = dict[str, list[tuple[int, float, float, str]]]  # number of the file, value, std, unit
+
+def drift_of_verdicts(files: Sequence[VerdictFile]) -> Report:
+    """Verdicts in the order given: errors, noise, findings and their values."""
+    last = files[-1]
+    one = len(files) == 1
+    sections = [
+        Section("verdicts", "Verdicts", (), (_verdict_table(files), _findings_table(files)))
+    ]
+    if not one:
+        shown = (_errors_figure(files), *_values_figures(files))
+        sections[0] = Section("verdicts", "Verdicts", (), sections[0].tables, shown)
+    return Report(
+        title="Verdict" if one else f"Comparison of {len(files)} verdicts",
+        subtitle=listed(file.name for file in files),
+        sentence=sentence(last.verdict) if one else f"{last.name}: {sentence(last.verdict)}",
+        statements=statements(last.verdict),
+        key_figures=key_figures(last.verdict),
+        sections=tuple(sections),
+        data={"verdicts": {file.name: file.verdict.as_dict() for file in files}},
+    )
+
+
+def _verdict_table(files: Sequence[VerdictFile]) -> Table:
+    rows = tuple(
+        (
+            file.name,
+            *(
+                mm(value)
+                for value in (
+                    file.verdict.baseline.held_out_rms_mm,
+                    file.verdict.calibrated.held_out_rms_mm,
+                    file.verdict.extended.held_out_rms_mm,
+                    file.verdict.noise_mm,
+                )
+            ),
+            str(file.verdict.session.poses),
+            listed(called(f) for f in file.verdict.findings)
+            or ("unknown structure" if file.verdict.unknown_structure.found else "none"),
+        )
+        for file in files
+    )
+    head = (
+        "verdict", "before [mm]", "calibrated [mm]", "extended [mm]", "noise [mm]", "poses",
+        "findings",
+    )  # fmt: skip
+    return Table("verdicts", "Held-out error, RMS in 3-D", head, rows, words=(0, 6))
+
+
+def _findings_table(files: Sequence[VerdictFile]) -> Table:
+    rows = tuple(
+        (
+            file.name,
+            called(finding),
+            "; ".join(estimate(name, e) for name, e in list(finding.parameters.items())[:6]),
+            sure(finding.confidence),
+            f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}",
+        )
+        for file in files
+        for finding in file.verdict.findings
+    )
+    head = "verdict", "cause", "parameters", "confidence", "held out [mm]"
+    return Table(
+        "findings", "Findings", head, rows, "" if rows else "No findings.", words=(0, 1, 2)
+    )
+
+
+def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
+    place = np.arange(len(files), dtype=float)
+
+    def values(of: str) -> Array:
+        held = [getattr(file.verdict, of).held_out_rms_mm for file in files]
+        return np.array([np.nan if v is None else v for v in held], dtype=float)
+
+    noise = np.array([file.verdict.noise_mm or np.nan for file in files], dtype=float)
+    return Figure(
+        "errors",
+        "Held-out error over time",
+        "Verdicts in the order given.",
+        (
+            Panel(
+                "",
+                Axis("verdict", names=tuple(file.name for file in files)),
+                Axis("held-out error, RMS [mm]", log=True),
+                (
+                    *course("before", place, values("baseline"), BEFORE, "solid", "circle"),
+                    *course(
+                        "calibrated", place, values("calibrated"), CALIBRATED, "dash", "diamond"
+                    ),
+                    *course("extended", place, values("extended"), EXTENDED, "dot", "square"),
+                    *course("noise", place, noise, PAPER, "solid", "cross"),
+                ),
+            ),
+        ),
+        columns=1,
+    )
+
+
+def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
+    """The parameters of each cause that was found more than once."""
+    names = tuple(file.name for file in files)
+    found: dict[str, Values] = {}
+    for number, file in enumerate(files):
+        for finding in file.verdict.findings:
+            of_cause = found.setdefault(called(finding), {})
+            for name, e in finding.parameters.items():
+                of_cause.setdefault(name, []).append((number, e.value, e.std or 0.0, e.unit))
+    return tuple(
+        Figure(
+            f"values_{'_'.join(cause.split())}",
+            f"{cause} over time",
+            "With 95 % intervals.",
+            (_values_panel(cause, names, of_cause),),
+            columns=1,
+        )
+        for cause, of_cause in found.items()
+        if max(map(len, of_cause.values())) >= 2 and len(of_cause) <= len(SERIES)
+    )
+
+
+def _values_panel(
+    cause: str, names: tuple[str, ...], values: Values
+) -> Panel:
+    own = next(iter(values.values()))[0][3]
+    factor, unit = UNITS.get(own, (1.0, own))
+    marks = []
+    for (name, rows), colour, symbol in zip(
+        values.items(), SERIES, (*SYMBOLS, *SYMBOLS), strict=False
+    ):
+        place, value, std = (np.array([row[k] for row in rows], dtype=float) for k in range(3))
+        marks.append(
+            Points(
+                spoken(name), place, factor * value, colour, symbol, 7.0, 1.96 * factor * std
+            )
+        )
+    return Panel(
+        "", Axis("verdict", names=names), Axis(f"{cause} [{unit}]"), tuple(marks)
+    )

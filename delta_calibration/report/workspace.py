@@ -1,0 +1,174 @@
+"""Error over the workspace, before, calibrated and extended: a map and a section, one scale."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.region import Region
+from delta_calibration.report.drawing import Axis, Field, Figure, Panel, Points, Scale
+from delta_calibration.report.judged import Judged
+
+Array = NDArray[np.float64]
+
+MM = 1e3
+_NODES = 71  # along a side
+_KERNEL = 0.25  # of the poses' spread (root mean square distance from their middle)
+_LEAST_KERNEL = 0.02  # [m]
+_FLAT = 0.01  # [m] of height under which a session has no section
+_SLAB = 1.0  # kernels either side within which a pose is shown on a plane
+_ROUND = (1.0, 2.0, 5.0, 10.0)
+_DOT = "#ffffff"
+
+
+def maps(
+    place: Array, errors: dict[str, Array], region: Region, noise: float
+) -> tuple[Figure, ...]:
+    """Root mean square of the errors around each point of a plane and of a section.
+
+    Args:
+        place: of the poses in the base, (n, 3) [m].
+        errors: of each model, (n,) [m].
+        region: outside of which nothing is said.
+        noise: of a pose [m]; where the scale begins.
+    """
+    scale = scale_of(list(errors.values()), noise)
+    width = kernel(place)
+    middle = np.median(place, axis=0)
+    told = (
+        f"Root mean square of the held-out error around each point (Gaussian kernel, "
+        f"{MM * width:.0f} mm), on poses that the fit has not seen; dots are the measured poses "
+        f"within {MM * _SLAB * width:.0f} mm of the plane. One logarithmic scale for all."
+    )
+    planes = [
+        ("map", f"Seen from above, z = {MM * middle[2]:.0f} mm", (0, 1, 2)),
+        ("section", f"Section, y = {MM * middle[1]:.0f} mm", (0, 2, 1)),
+    ]
+    if _flat(place):
+        planes = planes[:1]
+        told += " The poses lie in one plane: there is no section to show."
+    return tuple(
+        Figure(
+            f"error_{name}",
+            title.replace("-", "\u2212"),
+            told if name == planes[-1][0] else "",
+            tuple(
+                _panel(model, place, error, region, scale, axes, float(middle[axes[2]]), width)
+                for model, error in errors.items()
+            ),
+            columns=3,
+        )
+        for name, title, axes in planes
+    )
+
+
+def unknown_maps(judged: Judged) -> tuple[Figure, ...]:
+    """Where structure lives that no cause explains: what the smooth map in the model moves."""
+    return tuple(
+        _unknown(judged, member)
+        for member in judged.diagnosis.model.members
+        if member.unexplained
+    )
+
+
+def _unknown(judged: Judged, member: Candidate) -> Figure:
+    moved = judged.moved_by(member, judged.rows)
+    size = np.linalg.norm(moved - moved.mean(axis=0), axis=1)
+    place, width = judged.place, kernel(judged.place)
+    middle = np.median(place, axis=0)
+    scale = Scale("displacement, RMS [mm]", 0.0, _up(MM * float(np.quantile(size, 0.98))))
+    planes = (("above", (0, 1, 2)), ("side", (0, 2, 1)))[: 2 - int(_flat(place))]
+    return Figure(
+        "unknown_structure",
+        "Where the structure of no known cause lives",
+        "What the smooth map that follows it moves the reflector by, less the mean, around each "
+        f"point (Gaussian kernel, {MM * width:.0f} mm).",
+        tuple(
+            _panel(
+                f"seen from {name}" if name == "above" else "section",
+                place, size, judged.region, scale, axes, float(middle[axes[2]]), width,
+            )
+            for name, axes in planes
+        ),
+    )  # fmt: skip
+
+
+def _flat(place: Array) -> bool:
+    return bool(np.ptp(place[:, 2]) < _FLAT)
+
+
+def _panel(
+    model: str,
+    place: Array,
+    error: Array,
+    region: Region,
+    scale: Scale,
+    axes: tuple[int, int, int],
+    at: float,
+    width: float,
+) -> Panel:
+    """One model on one plane; `axes` are those of the plane and the one it lies across."""
+    i, j, k = axes
+    x, y = (np.linspace(*_ends(place[:, axis]), _NODES) for axis in (i, j))
+    nodes = np.zeros((_NODES * _NODES, 3))
+    nodes[:, i], nodes[:, j] = (grid.ravel() for grid in np.meshgrid(x, y))
+    nodes[:, k] = at
+    value = around(nodes, place, error, width)
+    value[region.outside(nodes) > 0] = np.nan
+    near = np.abs(place[:, k] - at) < _SLAB * width
+    told = tuple(f"{MM * e:.4f} mm" for e in error[near])
+    names = "xyz"
+    return Panel(
+        model,
+        Axis(f"{names[i]} [mm]"),
+        Axis(f"{names[j]} [mm]"),
+        (
+            Field(model, MM * x, MM * y, MM * value.reshape(_NODES, _NODES), scale),
+            Points(
+                "", MM * place[near, i], MM * place[near, j], _DOT, size=5.0, told=told, edge=True
+            ),
+        ),
+        equal=True,
+        tall=_height(np.ptp(y) / np.ptp(x)),
+    )
+
+
+def _height(aspect: float) -> float:
+    """Height of a panel that shows a plane so much higher than wide, over the usual one."""
+    return float(np.clip(0.2 + 0.85 * aspect, 0.45, 1.3))
+
+
+def around(nodes: Array, place: Array, error: Array, width: float) -> Array:
+    """Root mean square of errors (n,) [m] around nodes (k, 3), by a Gaussian kernel, (k,)."""
+    weight = np.exp(-cdist(nodes, place, "sqeuclidean") / (2 * width**2)) + 1e-12
+    return np.asarray(np.sqrt(weight @ error**2 / weight.sum(axis=1)))
+
+
+def kernel(place: Array) -> float:
+    """Width of the kernel [m] for poses (n, 3)."""
+    spread = float(np.sqrt(np.mean(np.sum((place - place.mean(axis=0)) ** 2, axis=1))))
+    return max(_KERNEL * spread, _LEAST_KERNEL)
+
+
+def scale_of(errors: list[Array], noise: float) -> Scale:
+    """A logarithmic scale from the noise to the largest errors, its ends round."""
+    high = float(np.quantile(np.concatenate(errors), 0.99))
+    low = min(float(np.quantile(errors[-1], 0.1)), noise, high / 2)
+    return Scale("held-out error, RMS [mm]", _down(MM * low), _up(MM * high), log=True)
+
+
+def _down(value: float) -> float:
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(max(r for r in _ROUND if r * decade <= value * 1.001) * decade)
+
+
+def _up(value: float) -> float:
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(min(r for r in _ROUND if r * decade >= value * 0.999) * decade)
+
+
+def _ends(values: Array) -> tuple[float, float]:
+    margin = 0.02 * float(np.ptp(values)) + 1e-3
+    return float(values.min()) - margin, float(values.max()) + margin

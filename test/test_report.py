@@ -1,0 +1,314 @@
+"""The report: its numbers against what was hidden, its page, files and words."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jinja2", reason="needs the extra [report]")
+pytest.importorskip("plotly", reason="needs the extra [report]")
+
+from delta_calibration.accuracy import IsoReport, IsoValue
+from delta_calibration.diagnosis.verdict import Estimate
+from delta_calibration.errors import InputError
+from delta_calibration.iso9283 import STANDARD
+from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.plans import make_plan
+from delta_calibration.report import (
+    build_page,
+    missing,
+    page_of,
+    report_of,
+    write_figures,
+    write_numbers,
+    write_page,
+)
+from delta_calibration.report.browser import plot_of, ticks_of
+from delta_calibration.report.document import Report
+from delta_calibration.report.drawing import Axis, Panel, Points, Rule, Scale
+from delta_calibration.report.judged import Judged
+from delta_calibration.report.line import along_line
+from delta_calibration.report.picture import draw
+from delta_calibration.report.words import chance, estimate, figures, sure
+from delta_calibration.report.workspace import around, scale_of
+from report_bench import HOSTILE, JOINTS, NAME, PROVENANCE, ROBOT, found, hidden
+
+ISO = IsoReport(STANDARD, "calibration <x>", (IsoValue("AP", "P1", 0.862e-3, 30),))
+HEADINGS = (
+    "Verdict in detail",
+    "Error over the workspace",
+    "Along the paper&#39;s line",
+    "What gives the cause away",
+    "Evidence for each candidate",
+    "Geometry, correlations and what the data cannot set",
+    "Noise against the tracker&#39;s specification",
+    "Accuracy by ISO 9283",
+    "Provenance",
+)
+
+
+@pytest.fixture(scope="module")
+def report() -> Report:
+    return report_of(found(), HOSTILE, PROVENANCE, ISO)
+
+
+@pytest.fixture(scope="module")
+def page(report: Report) -> str:
+    return page_of(report)
+
+
+class Elements(HTMLParser):
+    """Tags with their attributes, and the text outside of scripts and styles."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text, self.styles, self._in = [], [], ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self._in = tag
+
+    def handle_endtag(self, tag):
+        self._in = ""
+
+    def handle_data(self, data):
+        if self._in == "style":
+            self.styles.append(data)
+        elif self._in != "script":
+            self.text.append(data)
+
+    def whole(self) -> str:
+        return " ".join(" ".join(self.text).split())
+
+
+def figure(report: Report, name: str):
+    return next(f for f in report.figures() if f.name.startswith(name))
+
+
+# --- numbers against what was hidden
+
+
+def test_the_residual_shows_the_hidden_play_by_direction(report: Report) -> None:
+    """Up less down is the gap, whatever the fit says: taken from the measured points alone."""
+    shown = figure(report, "giveaway_1")
+    gaps = list(hidden().hidden.values["backlash"].values())
+    steps = []
+    for panel in shown.panels:
+        by_name = {m.name: m for m in panel.marks if isinstance(m, Points)}
+        up, down = (by_name[f"joint last went {way}"] for way in ("up", "down"))
+        steps.append(1e-6 * (down.y.mean() - up.y.mean()))
+    np.testing.assert_allclose(steps, gaps, rtol=0.1)
+
+
+def test_the_error_that_calibration_leaves_on_the_line_is_half_the_play() -> None:
+    """|J gap / 2| with J from differences of the three-sphere Delta, another mechanism."""
+    line = along_line(Judged.of(found()), ROBOT)
+    assert line is not None
+    plan = make_plan("line", ROBOT, count=len(line.x), both_sides=False)
+    delta = MECHANISMS["rotary_delta"](ROBOT.dimensions, ROBOT.tolerances)
+    nominal, step = delta.parameters.nominal, 1e-6
+    half = np.array(list(hidden().hidden.values["backlash"].values())) / 2
+    ends = [delta.forward(plan.joint + way * step * half, nominal) for way in (1, -1)]
+    expected = np.linalg.norm(ends[0] - ends[1], axis=1) / (2 * step)
+    good = line.inside
+    assert good.sum() > 20
+    np.testing.assert_allclose(line.calibrated[good], expected[good], rtol=0.15)
+
+
+def test_the_maps_hold_the_errors_that_the_verdict_tells() -> None:
+    judged, verdict = Judged.of(found()), found().verdict
+    for held, error in (
+        (verdict.baseline, judged.before),
+        (verdict.calibrated, judged.calibrated),
+        (verdict.extended, judged.extended),
+    ):
+        assert 1e3 * np.sqrt(np.mean(error**2)) == pytest.approx(held.held_out_rms_mm, rel=1e-9)
+
+
+def test_a_map_is_local() -> None:
+    place = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.01, 0.0, 0.0]])
+    error = np.array([1e-3, 3e-3, 4e-3])
+    value = around(place[:2], place, error, 0.05)
+    np.testing.assert_allclose(value, [1e-3, np.sqrt((9 + 16) / 2) * 1e-3], rtol=0.01)
+
+
+def test_one_round_scale_for_all_panels(report: Report) -> None:
+    scale = scale_of([np.full(50, 0.9e-3), np.full(50, 0.012e-3)], 0.008e-3)
+    assert (scale.low, scale.high) == pytest.approx((0.005, 1.0))
+    assert ticks_of(scale) == pytest.approx([0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0])
+    scales = {
+        mark.scale
+        for name in ("error_map", "error_section")
+        for panel in figure(report, name).panels
+        for mark in panel.marks
+        if hasattr(mark, "scale")
+    }
+    assert len(scales) == 1
+
+
+# --- the page
+
+
+def test_the_page_says_what_was_found(page: str, report: Report) -> None:
+    text = Elements(page).whole()
+    verdict = found().verdict
+    assert text.index(report.sentence) < text.index("What is wrong") < text.index("What it gains")
+    assert "What cannot be told" in text
+    for value in (verdict.noise_mm, verdict.calibrated.held_out_rms_mm):
+        assert f"{value:.4f}" in text
+    places = [page.index(f"</span>{heading}</h2>") for heading in HEADINGS]
+    assert places == sorted(places)
+    for said in ("0.8030", "3.3050", "0.8620", "30 cycles", PROVENANCE.session_sha256, ROBOT.hash):
+        assert said in text
+    for finding in verdict.findings:
+        assert finding.cause.replace("_", " ") in text
+
+
+def test_what_strings_hold_is_shown_and_not_obeyed(page: str) -> None:
+    elements = Elements(page)
+    assert [tag for tag, _ in elements.tags].count("script") == 3  # plotly, the plots, ours
+    assert not [tag for tag, _ in elements.tags if tag in ("img", "iframe", "object", "b")]
+    assert not [a for _, attrs in elements.tags for a in attrs if a.startswith("on")]
+    text = elements.whole()
+    for name in (*JOINTS, NAME, "{{ 7 * 7 }}"):
+        assert name in text
+    plots = json.loads(page.split('id="plots">')[1].split("</script>")[0])
+    titles = {plot["layout"]["xaxis"]["title"]["text"] for plot in plots.values()}
+    assert "angle of &lt;script&gt;ask(1)&lt;/script&gt; [°]" in titles
+
+
+def test_the_page_asks_no_host(page: str) -> None:
+    elements = Elements(page)
+    links = [
+        value
+        for _, attrs in elements.tags
+        for name, value in attrs.items()
+        if name in ("src", "href", "srcset", "action", "data", "poster") and value is not None
+    ]
+    assert links
+    assert all(link.startswith("#") or link == "data:," for link in links)
+    assert not any("url(" in style or "@import" in style for style in elements.styles)
+    policy = next(a["content"] for t, a in elements.tags if a.get("http-equiv"))
+    assert policy.startswith("default-src 'none';")
+    assert "http" not in policy
+
+
+def test_the_page_is_small_enough(page: str) -> None:
+    assert len(page.encode()) < 8e6
+
+
+def test_axes_have_units(report: Report) -> None:
+    for shown in report.figures():
+        for panel in shown.panels:
+            for axis in (panel.x, panel.y):
+                assert axis.names or (axis.title.endswith("]") and "[" in axis.title), shown.name
+
+
+def test_plotly_takes_every_panel(report: Report) -> None:
+    objects = pytest.importorskip("plotly.graph_objects")
+    for shown in report.figures():
+        for panel in shown.panels:
+            objects.Figure(plot_of(panel))  # refuses what it does not know
+
+
+def test_a_rule_on_a_logarithmic_axis_has_its_name_at_its_value() -> None:
+    """Plotly takes the line at the value, the name at its logarithm."""
+    panel = Panel("", Axis("x [1]", log=True), Axis("y [1]"), (Rule("r", 100.0, upright=True),))
+    layout = plot_of(panel)["layout"]
+    assert layout["shapes"][0]["x0"] == 100.0
+    assert layout["annotations"][0]["x"] == 2.0
+
+
+def test_without_the_standards_cycles_it_says_why() -> None:
+    page = build_page(found(), ROBOT, PROVENANCE, "P1 was reached 0 times")
+    assert "does not hold the standard&#39;s cycles: P1 was reached 0 times" in page
+
+
+def test_a_page_that_cannot_be_written_is_refused(report: Report, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot be written"):
+        write_page(tmp_path / "nowhere" / "page.html", report)
+
+
+def test_what_to_install_is_said(monkeypatch: pytest.MonkeyPatch, report: Report) -> None:
+    def absent(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(missing.importlib, "import_module", absent)
+    with pytest.raises(InputError, match=r"needs jinja2.*delta_calibration\[report\]"):
+        page_of(report)
+
+
+# --- files
+
+
+def test_numbers_are_in_the_files(report: Report, tmp_path: Path) -> None:
+    paths = write_numbers(report, tmp_path / "numbers")
+    assert {p.name for p in paths} >= {"report.json", "findings.csv", "error_map.csv", "noise.csv"}
+    data = json.loads(paths[0].read_text())
+    assert data["verdict"] == json.loads(json.dumps(found().verdict.as_dict()))
+    shown = figure(report, "error_line")
+    with (tmp_path / "numbers" / "error_line.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["series"] == "before"]
+    np.testing.assert_allclose([float(r["y"]) for r in rows], shown.panels[0].marks[0].y)
+
+
+def test_figures_as_pictures(report: Report, tmp_path: Path) -> None:
+    pyplot = pytest.importorskip("matplotlib.pyplot", reason="needs the extra [report]")
+    few = replace(report, sections=report.sections[2:4])  # names with a dollar within
+    paths = write_figures(few, tmp_path)
+    assert [p.stem for p in paths] == [f.name for f in few.figures()]
+    for path in paths:
+        picture = pyplot.imread(path)
+        inked = (picture[..., :3].min(axis=-1) < 0.8).mean()
+        assert 0.005 < inked < 0.8, path
+
+
+def test_a_pictures_logarithmic_axis_has_plain_numbers(report: Report) -> None:
+    pyplot = pytest.importorskip("matplotlib.pyplot", reason="needs the extra [report]")
+    canvas = draw(figure(report, "error_line"))
+    canvas.canvas.draw()
+    labels = [label.get_text() for label in canvas.axes[0].get_yticklabels()]
+    pyplot.close(canvas)
+    assert {"0.01", "0.1", "1"} <= set(labels)
+
+
+# --- words
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(0.0, "0"), (933122.0, "933\u202f000"), (4.16e-7, "4.16 × 10⁻⁷"), (-0.0123, "−0.0123")],
+)
+def test_numbers_as_read(value: float, said: str) -> None:
+    assert figures(value) == said
+
+
+def test_no_chance_is_nothing_and_nothing_is_certain() -> None:
+    assert chance(0.0) == "< 10⁻³⁰⁰"
+    assert sure(1.0) == "> 99.9 %"
+    assert sure(0.994) == "99.4 %"
+    assert sure(0.62) == "62 %"
+
+
+@pytest.mark.parametrize(
+    ("e", "said"),
+    [
+        (Estimate(2.929e-4, 5.2e-7, "rad"), "gap 2 = 292.90 ± 0.52 µrad"),
+        (Estimate(-2.0e-3, None, "m"), "gap 2 = −2.000 mm"),
+        (Estimate(1.5e-5, 2e-7, "1/K"), "gap 2 = 1.500 × 10⁻⁵ ± 2.0 × 10⁻⁷ 1/K"),
+    ],
+)
+def test_estimates_in_a_readers_unit(e: Estimate, said: str) -> None:
+    assert estimate("gap_2", e).replace("\u00a0", " ") == said
+
+
+def test_a_scale_that_is_not_logarithmic_has_even_ticks() -> None:
+    assert ticks_of(Scale("r [1]", -1.0, 1.0)) == [-1.0, -0.5, 0.0, 0.5, 1.0]
