@@ -81,7 +81,7 @@ def diagnosed(session: Session, robot: Robot, model: str | None, seed: int) -> F
     Raises:
         CalibrationError: the session does not hold the answer; says why.
     """
-    seen = survey(session, robot.joints.names)
+    seen = survey(session, robot.joints.names, robot.commanded.joint_size)
     found = diagnose(seen, robot, model, seed=seed)
     calibration = from_diagnosis(found, robot, seen.poses)
     return Fitted(found.identification, seen.poses, calibration, found)

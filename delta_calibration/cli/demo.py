@@ -95,7 +95,8 @@ def _report(out: Path, robot: Robot) -> None:
         return
     path = out / "session_2"
     recorded = read_session(path)
-    found = diagnosed(survey(recorded, robot.joints.names), robot, None, 0, None)
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    found = diagnosed(seen, robot, None, 0, None)
     made = report_on(path, recorded, found, robot, 0)
     click.echo(f"verdict: {made.sentence}")
     write(made, out / "report.html", None, None)

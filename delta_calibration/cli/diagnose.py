@@ -80,7 +80,7 @@ def command(
     robot = load_robot(robot_file)
     calibration = None if in_force is None else load_calibration(in_force, robot)
     recorded = read_session(session, Topics.from_options(topics))
-    seen = survey(recorded, robot.joints.names)
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
     click.echo(describe(found.verdict))

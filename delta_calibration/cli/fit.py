@@ -23,6 +23,7 @@ from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Poses, collect
 
+_FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}
 _SHOWN = 5  # of a long list, without -v
 _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawing to be listed
 
@@ -128,7 +129,7 @@ def _deviations(found: Identification) -> list[str]:
         return ["no single parameter differs clearly from the drawing"]
     parts = []
     for k in clear[:_SHOWN]:
-        factor, unit = (1e3, "mm") if items[k].unit == "m" else (1e3, "mrad")
+        factor, unit = _FOR_PEOPLE.get(items[k].unit, (1.0, items[k].unit))
         parts.append(
             f"{items[k].name} {off[k] * factor:+.3f} +- {found.std[k] * factor:.3f} {unit}"
         )

@@ -194,7 +194,8 @@ def _timed(levels: tuple[Level, ...]) -> Iterator[str]:
 
 def _measured(session: Path, robot: Robot, topics: tuple[str, ...]) -> Evidence:
     recorded = read_session(session, Topics.from_options(topics))
-    return calibrated(survey(recorded, robot.joints.names), robot).evidence
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    return calibrated(seen, robot).evidence
 
 
 def _known(path: Path, robot: Robot) -> tuple[Chain, NDArray[np.float64]]:

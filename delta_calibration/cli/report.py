@@ -83,7 +83,7 @@ def command(
     known = Topics.from_options(topics)
     recorded = read_session(session, known)
     standard = None if cycles is None else (cycles, read_session(cycles, known))
-    seen = survey(recorded, robot.joints.names)
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
     made = report_on(session, recorded, found, robot, seed, calibration, standard)

@@ -161,12 +161,16 @@ def _circles(session: Session) -> Experiment | None:
     return None
 
 
-def _sweeps(session: Session) -> Experiment:
+def _sweeps(session: Session) -> Experiment | None:
     """Each joint there and back over all that it can with the others in the middle."""
+    mechanism = session.mechanism
+    if mechanism.joints != mechanism.task_size:  # none can be moved alone
+        return None
     middle = np.median(session.at.joint, axis=0)
+    step = _SWEEP_STEP * mechanism.joint_size
     ways = []
     for j in range(len(middle)):
-        reach = np.arange(session.lower[j], session.upper[j], _SWEEP_STEP)
+        reach = np.arange(session.lower[j], session.upper[j], step)
         joint = np.tile(middle, (len(reach), 1))
         joint[:, j] = reach
         stuck = np.flatnonzero(~session.usable(joint))
@@ -174,6 +178,8 @@ def _sweeps(session: Session) -> Experiment:
         there = joint[(below[-1] + 1 if below.size else 0) : (above[0] if above.size else None)]
         if len(there) > 2:
             ways += [(q, _SWEEP_STEP / _SWEEP_SPEED) for q in (there, there[::-1])]
+    if not ways:
+        return None
     return Experiment(
         "record a slow sweep of each joint over its range", _moving(session, ways, closed=False)
     )

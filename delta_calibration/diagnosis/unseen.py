@@ -39,6 +39,8 @@ def unseen(
         blind = _blind(evidence, effect)
         if blind is not None:
             partners, because, following = blind
+            if effect.cause in partners:  # a dimension of the same name is fitted anyway
+                continue
             names = reasons.setdefault((because, following), [])
             names += [n for n in (effect.cause, *partners) if n not in names]
     if "smr_offset" not in found:

@@ -28,6 +28,11 @@ class TransmissionError(Effect):
     cycles: float = 33.0
 
     @property
+    def suits(self) -> bool:
+        """Whether a joint is moved by a gear; a winch turns too often for a search."""
+        return self.mechanism.limb == "joint"
+
+    @property
     def parameters(self) -> ParameterSet:
         """a and b of each joint [rad]: harmonic drives 0.5 to 2 arc minutes."""
         sine = self.each_joint("sine", "rad", 0.15e-3, -0.01, 0.01)
@@ -51,7 +56,9 @@ class TransmissionError(Effect):
         if span <= 0:
             return
         step = 0.75 * np.pi / span
-        for cycles in np.arange(max(8.0, 4 * np.pi / span), _MOST_CYCLES, step).tolist():
+        size = self.mechanism.joint_size
+        least = max(_SLOWEST / size, 4 * np.pi / span)
+        for cycles in np.arange(least, _MOST_CYCLES / size, step).tolist():
             yield replace(self, cycles=cycles)
 
 
@@ -60,5 +67,5 @@ class TransmissionError(Effect):
         return "cycles", max(_LEAST_CYCLES, self.cycles - _BETWEEN), self.cycles + _BETWEEN
 
 
-_LEAST_CYCLES, _MOST_CYCLES = 0.1, 260.0
+_LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # a turn of a Delta's joint
 _BETWEEN = 1.5

@@ -24,10 +24,10 @@ Index = NDArray[np.int64]
 _SAME_PLACE = 200e-6  # [rad] commands this close are the same place
 _SAME_PAYLOAD = 1e-3  # [kg]
 _PAUSE = 0.25  # [s] readings farther apart are not of one path
-_PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad] the shortest path worth using
+_PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad of a Delta] the shortest path worth using
 # what is slower than this share of the fastest within so long [s] before and after is at rest
 _RESTING, _AROUND = 0.1, 0.5
-_BLOCK = 2.5e-3  # [rad] of joint travel over which a path is straight to half a micrometre
+_BLOCK = 2.5e-3  # [rad of a Delta] of travel over which a path is straight to half a micrometre
 
 
 @dataclass(frozen=True)
@@ -131,8 +131,13 @@ def collect(session: Session, joint_names: Sequence[str]) -> Poses:
     return survey(session, joint_names).poses
 
 
-def survey(session: Session, joint_names: Sequence[str]) -> Survey:
+def survey(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Survey:
     """Measured poses and paths of a session with their conditions.
+
+    Args:
+        session: what was recorded.
+        joint_names: of the robot, in the order of its joint vectors.
+        joint_size: of the joints' unit, that does what one radian does on a Delta.
 
     Raises:
         RecordingError: streams missing, or joints of another robot.
@@ -141,9 +146,8 @@ def survey(session: Session, joint_names: Sequence[str]) -> Survey:
     readings = match(session, joint_names)
     moments, readings = find_still(readings)
     motion = _motion(session, joint_names, readings.start_ns)
-    return Survey(
-        _poses(session, readings, moments, motion), _paths(session, readings, moments, motion)
-    )
+    paths = _paths(session, readings, moments, motion, joint_size)
+    return Survey(_poses(session, readings, moments, motion), paths)
 
 
 def _poses(session: Session, readings: Readings, moments: StillMoments, motion: Motion) -> Poses:
@@ -182,8 +186,14 @@ def _poses(session: Session, readings: Readings, moments: StillMoments, motion: 
     )
 
 
-def _paths(session: Session, readings: Readings, moments: StillMoments, motion: Motion) -> Paths:
-    block, path = _blocks(readings, moments, motion)
+def _paths(
+    session: Session,
+    readings: Readings,
+    moments: StillMoments,
+    motion: Motion,
+    joint_size: float,
+) -> Paths:
+    block, path = _blocks(readings, moments, motion, joint_size)
     used = block >= 0
     label, first, number, count = np.unique(
         block[used], return_index=True, return_inverse=True, return_counts=True
@@ -216,7 +226,7 @@ def _paths(session: Session, readings: Readings, moments: StillMoments, motion: 
 
 
 def _blocks(
-    readings: Readings, moments: StillMoments, motion: Motion
+    readings: Readings, moments: StillMoments, motion: Motion, joint_size: float
 ) -> tuple[Index, Index]:
     """Block and path that each reading belongs to, (n,) each; -1 for readings of no path.
 
@@ -231,7 +241,7 @@ def _blocks(
     resting |= speed < _RESTING * maximum_filter1d(speed, 2 * int(_AROUND / period) + 1)
     broken = np.r_[True, (np.diff(time) > _PAUSE) | (np.diff(resting.astype(int)) != 0)]
     path = np.cumsum(broken) - 1
-    gone = np.abs(np.diff(joint, axis=0, prepend=joint[:1])).max(axis=1)
+    gone = np.abs(np.diff(joint, axis=0, prepend=joint[:1])).max(axis=1) / joint_size
     gone[broken] = 0.0
     size = np.bincount(path)
     length = np.bincount(path, weights=gone)
