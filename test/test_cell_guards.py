@@ -209,3 +209,18 @@ def test_each_guard_of_a_real_calibration_is_counted_on_the_path() -> None:
     far = ROBOT.joints.upper + 0.1
     np.testing.assert_array_equal(path.send(far, 0, 0.0).joint, far)
     assert path.counts[Verdict.JOINT_LIMIT.value] == 1
+
+
+@pytest.mark.parametrize("method", ["newton", "apso"])
+def test_a_command_alone_is_judged_and_corrected_as_among_others(method: str) -> None:
+    made = calibration(errors(np.random.default_rng(3)), reach=0.4)
+    compensator = JointCompensator(made, method, compiled=True)
+    rng = np.random.default_rng(4)
+    q = np.concatenate([rng.uniform(-0.6, 1.8, (150, 3)), [[np.nan, 0, 0], [0.1, 0.2, 0.15]]])
+    together = compensator.compensate(q)
+    alone = [compensator.compensate(row[None]) for row in q]
+    assert tuple(a.verdicts[0] for a in alone) == together.verdicts
+    assert {Verdict.CORRECTED, Verdict.OUTSIDE_REGION} < set(together.verdicts)
+    for name, atol in (("correction", 1e-15), ("model_error", 1e-15), ("share", 1e-12)):
+        each = [getattr(a, name)[0] for a in alone]
+        np.testing.assert_allclose(each, getattr(together, name), atol=atol)

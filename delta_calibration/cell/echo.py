@@ -24,6 +24,7 @@ class Echo:
 
     def __init__(self, joints: int) -> None:
         self._sent = np.full((_KEPT, joints), np.inf)
+        self._first = np.full(_KEPT, np.inf)  # the first joint of each, in one place
         self._correction = np.zeros((_KEPT, joints))
         self._next = 0
 
@@ -31,10 +32,13 @@ class Echo:
         """Remember an output (m,) [rad] and the correction in it, if there is one."""
         if np.abs(correction).max() > _LEAST:
             self._sent[self._next], self._correction[self._next] = output, correction
+            self._first[self._next] = output[0]
             self._next = (self._next + 1) % _KEPT
 
     def of(self, q: Array) -> Array | None:
         """The correction (m,) [rad] that a command carries already; None if it carries none."""
-        same = np.asarray((np.abs(self._sent - q) <= _SAME).all(axis=1))
-        row = int(same.argmax())
-        return self._correction[row].copy() if same[row] else None
+        near = np.flatnonzero(np.abs(self._first - q[0]) <= _SAME)  # nearly always none
+        for row in near.tolist():
+            if (np.abs(self._sent[row] - q) <= _SAME).all():
+                return np.array(self._correction[row])
+        return None

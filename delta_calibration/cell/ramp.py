@@ -54,10 +54,10 @@ class Ramp:
         if source is not self.source:
             self.source, self._from = source, self.applied
             self._since_s, self._length = now_s, self.seconds
-        share = 1.0
+        dq = goal
         if now_s < self._since_s + self._length:
             share = max(now_s - self._since_s, 0.0) / self._length
-        dq = (1.0 - share) * self._from + share * goal
+            dq = (1.0 - share) * self._from + share * goal
         if np.isfinite(self.rate):
             step = self.rate * max(now_s - self._last_s, 0.0)
             free, dq = dq, np.clip(dq, self.applied - step, self.applied + step)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -32,6 +33,7 @@ from delta_calibration.ros.runtime import run
 NAME = "calibration_node"
 MARK = "compensated"  # header.frame_id of a command that has been compensated
 WARN_EVERY_S = 5.0  # [s]
+SWITCH_S = 5e-4  # [s] within which a fit or a file being read gives way to a command
 LEVELS = {
     Level.OK: DiagnosticStatus.OK,
     Level.WARN: DiagnosticStatus.WARN,
@@ -308,6 +310,7 @@ class CalibrationNode(SafeLifecycleNode):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is stopped; returns the exit code."""
+    sys.setswitchinterval(SWITCH_S)
     build: Callable[[], CalibrationNode] = CalibrationNode
     return run(build, NAME, arguments)
 
