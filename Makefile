@@ -19,7 +19,7 @@ endif
 unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint bench study clean
+.PHONY: help install demo test lint bench study soak clean
 
 help: ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -59,9 +59,13 @@ lint: install ## ruff, mypy --strict on the package, codespell
 study: install ## put the diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
 	@PYTHONPATH=test:benchmarks $(PY) -m study $(STUDY_ARGS)
 
-bench: install ## time the kernels, fits and bag reading; the swarm beside others (EXTRAS=bench,... for all)
+bench: install ## time kernels, fits, bags, the node at 1 kHz; the swarm beside others (EXTRAS=bench,... for all)
 	@$(PY) benchmarks/run.py
 	@$(PY) benchmarks/compensation.py
+	@$(PY) benchmarks/node_rate.py
+
+soak: install ## run the node for 10 minutes at 1 kHz under faults (SOAK_ARGS="--seconds 60")
+	@$(PY) benchmarks/soak.py $(SOAK_ARGS)
 
 clean: ## remove what was built and written, but not .venv
 	@rm -rf build install log dist out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

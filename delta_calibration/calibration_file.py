@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
@@ -22,8 +23,11 @@ from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses
 
+Array = NDArray[np.float64]
+
 LEAST_SQUARES, DIAGNOSIS = "least_squares", "diagnosis"
 _SEAL = "sha256"
+_FAR = 20.0  # priors from nominal to zero, from where on a parameter is a length
 
 
 def from_identification(
@@ -105,18 +109,57 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         raise ConfigError(
             f"{path}: parameters: not those of model {data['model']!r}: {', '.join(odd[:5])}"
         )
+    theta = np.array([*(entry["value"] for entry in data["parameters"]), *values])
+    _require_possible(path, chain, chain.split(theta)[0])
     region = data["region"]
+    lower, upper = _joint_range(path, region, robot)
     return Calibration(
         robot=robot,
         chain=chain,
-        theta=np.array([*(entry["value"] for entry in data["parameters"]), *values]),
+        theta=theta,
         region=Region(np.array(region["vertices_m"], dtype=float)),
-        joints_lower=np.array(region["joints_lower_rad"], dtype=float),
-        joints_upper=np.array(region["joints_upper_rad"], dtype=float),
+        joints_lower=lower,
+        joints_upper=upper,
         noise_floor=float(data["noise"]["floor_mm"]) * 1e-3,
         source=data["provenance"]["session"],
         seal=data[_SEAL],
     )
+
+
+def _require_possible(path: Path, chain: Chain, geometry: Array) -> None:
+    """Refuse dimensions that no machine has, or that cannot be put together at home."""
+    mechanism = chain.mechanism
+    for parameter, value in zip(mechanism.parameters, geometry.tolist(), strict=True):
+        # A length is what cannot come out negative within its tolerance by far.
+        if parameter.nominal > _FAR * parameter.prior and value <= 0.0:
+            raise ConfigError(
+                f"{path}: parameters: {parameter.name} is {value:g} {parameter.unit}; "
+                "it has to be above 0"
+            )
+    with np.errstate(all="ignore"):
+        pose = mechanism.forward(mechanism.home[None], geometry)
+    if not np.isfinite(pose).all():
+        raise ConfigError(
+            f"{path}: parameters: a {mechanism.name} of these dimensions has no pose at home, "
+            f"joints at {mechanism.home.tolist()}"
+        )
+
+
+def _joint_range(
+    path: Path, region: Mapping[str, Any], robot: Robot
+) -> tuple[Array, Array]:
+    """Lowest and highest measured joints, (m,) each [rad]."""
+    ends = []
+    for key in ("joints_lower_rad", "joints_upper_rad"):
+        if len(region[key]) != len(robot.joints.names):
+            raise ConfigError(
+                f"{path}: region.{key}: {len(region[key])} values found, "
+                f"{len(robot.joints.names)} are expected"
+            )
+        ends.append(np.array(region[key], dtype=float))
+    if (ends[0] > ends[1]).any():
+        raise ConfigError(f"{path}: region: joints_lower_rad is above joints_upper_rad")
+    return ends[0], ends[1]
 
 
 def _with_effects(

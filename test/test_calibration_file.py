@@ -228,6 +228,25 @@ def infinite(data):
     data["parameters"][0]["value"] = float("inf")
 
 
+def two_joints(data):
+    data["region"]["joints_upper_rad"].pop()
+
+
+def turned_round(data):
+    region = data["region"]
+    region["joints_lower_rad"], region["joints_upper_rad"] = (
+        region["joints_upper_rad"],
+        region["joints_lower_rad"],
+    )
+
+
+def set_arm(value):
+    def change(data):
+        next(e for e in data["parameters"] if e["name"] == "arm_2")["value"] = value
+
+    return change
+
+
 def unknown(data):
     data["region"]["shape"] = "ball"
 
@@ -237,6 +256,10 @@ def unknown(data):
     [
         (flat, "region.vertices_m: 3 values found, 4 are expected"),
         (infinite, "parameters[0].value: inf is not a finite number"),
+        (two_joints, "region.joints_upper_rad: 2 values found, 3 are expected"),
+        (turned_round, "region: joints_lower_rad is above joints_upper_rad"),
+        (set_arm(-0.32), "parameters: arm_2 is -0.32 m; it has to be above 0"),
+        (set_arm(3.2), "parameters: a rotary_delta of these dimensions has no pose at home"),
         (unknown, "region: unknown key shape; allowed: vertices_m, "),
     ],
 )

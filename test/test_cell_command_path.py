@@ -27,10 +27,10 @@ class Fixed:
 
     def compensate(self, q: np.ndarray, at: object = None) -> Compensated:
         self.calls += 1
-        inside = q[0, 0] <= EDGE
-        dq = self.dq[None] if inside else np.zeros((1, 3))
-        verdict = Verdict.CORRECTED if inside else Verdict.OUTSIDE_REGION
-        return Compensated(q + dq, dq, np.zeros(1), np.ones(1, dtype=np.int64), (verdict,))
+        inside = q[:, 0] <= EDGE
+        dq = np.where(inside[:, None], self.dq, 0.0)
+        verdicts = tuple(Verdict.CORRECTED if i else Verdict.OUTSIDE_REGION for i in inside)
+        return Compensated(q + dq, dq, 0.0 * q[:, 0], np.ones(len(q), dtype=np.int64), verdicts)
 
 
 def compensating(on_failure: str = PASS_THROUGH, ramp_s: float = 0.0) -> CommandPath:
@@ -249,7 +249,7 @@ def test_the_same_command_under_other_conditions_is_solved_anew_and_a_dwell_once
         at = replace(going(direction), time=np.array([float(k)]))
         sent = path.send(Q, k, float(k), at=at)
         np.testing.assert_allclose(sent.joint - Q, direction * GAP / 2)
-    assert path._compensator.calls == 3
+    assert path.compensator.calls == 3
 
 
 @pytest.mark.parametrize("on_failure", [PASS_THROUGH, HOLD])

@@ -135,7 +135,7 @@ def test_a_fit_in_a_node_that_is_cleaned_up_is_answered_false(bench: Bench, sess
     assert cell.call("start_capture")[0]
     cell.measure(session)
     answer = cell.ask("fit")
-    assert bench.until(lambda: cell.node._job is not None)
+    assert bench.until(lambda: cell.node._jobs.running)
     cell.node.trigger_deactivate()
     cell.node.trigger_cleanup()
     assert bench.until(answer.done)

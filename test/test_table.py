@@ -86,10 +86,12 @@ def test_fifteen_nodes_keep_the_papers_disc_within_a_micrometre(seed: int) -> No
     target = places(6000, WIDE, -0.711, -0.711, seed)
     done = compensator.compensate(drawing_joints(target))
     assert set(done.verdicts) == {Verdict.CORRECTED}
-    after = np.linalg.norm(SixRods(wrong).point(done.joint) - target, axis=1)
+    whole = done.share == 1.0  # beyond the region's faces corrections fade
+    assert whole.mean() > 0.9
+    after = np.linalg.norm(SixRods(wrong).point(done.joint) - target, axis=1)[whole]
     assert 1e-9 < after.max() < 0.5e-6
     assert after.max() <= compensator.table.worst  # which was found elsewhere
-    np.testing.assert_allclose(done.model_error, after, atol=1e-10)
+    np.testing.assert_allclose(done.model_error[whole], after, atol=1e-10)
     assert set(done.evaluations) == {1}
     exact = JointCompensator(compensator.calibration, compiled=True).compensate(
         drawing_joints(target)
@@ -110,7 +112,10 @@ def test_a_grid_that_is_too_wide_is_refined_until_the_bound_holds() -> None:
     inside = ((q > ROBOT.joints.lower + room) & (q < ROBOT.joints.upper - room)).all(axis=1)
     done = compensator.compensate(q[inside])
     assert set(done.verdicts) == {Verdict.CORRECTED}
-    after = np.linalg.norm(SixRods(wrong).point(done.joint) - target[inside], axis=1)
+    whole = done.share == 1.0
+    assert whole.mean() > 0.8
+    missed = SixRods(wrong).point(done.joint) - target[inside]
+    after = np.linalg.norm(missed, axis=1)[whole]
     assert after.max() <= bound
 
 
@@ -410,7 +415,7 @@ STRUCTURE = {
 @pytest.mark.parametrize("cause", DRIVE)
 def test_drives_are_undone_around_the_table(cause: str) -> None:
     made = calibration(errors(2), body(0.2, -0.75, -0.7), {cause: DRIVE[cause]})
-    q = drawing_joints(places(12, 0.2, -0.75, -0.7, 1))
+    q = drawing_joints(places(12, 0.17, -0.74, -0.71, 1))  # well within the region
     table = JointCompensator(made, "table", compiled=True)
     assert table.table is not None
     assert table.needs_conditions

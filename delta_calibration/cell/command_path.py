@@ -1,11 +1,10 @@
 """From a joint command to what is sent to the drives, and back from what the encoders say.
 
-    sent = q + dq,    dq(t) = (1 - s) dq_0 + s dq*(q),    s = (t - t_0) / ramp, within [0, 1]
+    sent = q + dq + gap
 
-dq* is the compensator's correction, or zero where there is none. Whenever that changes (switched
-on or off, another calibration, the edge of the region) a new ramp begins at t_0 from dq_0, the
-correction that was applied last: the drives never see a jump of it. Where dq* itself steps, as
-that of a play does when the motion turns round, |d(dq)/dt| has a bound.
+dq is the compensator's correction on its ramp (`ramp.py`), or on its way to zero where there is
+none. gap is zero but after a hold: then it is the way from where the drives were held to where the
+commands are by then. The drives never see a jump that is not in the commands themselves.
 """
 
 from __future__ import annotations
@@ -17,6 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.cell.echo import Echo
+from delta_calibration.cell.ramp import Ramp, WayBack
 from delta_calibration.compensation import Compensated, Verdict
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.samples import Conditions
@@ -28,6 +29,10 @@ ON_FAILURE = (PASS_THROUGH, HOLD)
 
 PASSED = "passed through"
 ALREADY = "already compensated, passed unchanged"
+ECHO = "what was sent, unmarked, commanded again: passed unchanged"
+BLENDED = "correction blended out towards the edge of the region"
+LIMITED = "correction held to its rate"
+STALE = "older than the timeout"
 REFUSED = "refused: malformed"
 HELD = "held: the last good command was sent instead"
 DROPPED = "dropped: nothing was sent"
@@ -54,60 +59,86 @@ class CommandPath:
     """State of the way from command to drives: pass-through or compensating.
 
     What fails a guard of the compensator goes out as it came (`pass_through`) or not at all, the
-    last good command in its place (`hold`; nothing, before there is one). After a hold the path
-    goes on from wherever the commands are by then. A command that is not finite goes out in
-    neither case.
+    last good command in its place (`hold`; nothing, before there is one). After a hold the output
+    goes back on a ramp to where the commands are by then. A command that is not finite, or older
+    than the timeout, goes out in neither case.
+
+    Attributes:
+        ramp: the correction that the drives have, and how fast it changes.
+        compensator: None before there is a calibration.
+        counts: what was done, and how often.
+        trouble: what was wrong with the last command, in words.
 
     Args:
         on_failure: `pass_through` or `hold`.
         ramp_s: time over which a correction comes and goes [s].
         rate: fastest change of a joint's correction [rad/s]. A play is corrected by a step where
             the motion turns round; the drives shall not be asked for it at once.
+        timeout_s: age [s] beyond which a command is not sent any more; 0 for none.
+        speed: fastest motion of a joint on its way back from a hold [rad/s].
     """
 
     def __init__(
-        self, on_failure: str = PASS_THROUGH, ramp_s: float = 1.0, rate: float = np.inf
+        self,
+        on_failure: str = PASS_THROUGH,
+        ramp_s: float = 1.0,
+        rate: float = np.inf,
+        timeout_s: float = 0.0,
+        speed: float = np.inf,
     ) -> None:
-        self.set_options(on_failure, ramp_s, rate)
+        self.ramp = Ramp(ramp_s, rate)
+        self.set_options(on_failure, ramp_s, rate, timeout_s)
+        self._speed = speed
         self.counts: Counter[str] = Counter()
-        self.trouble: str | None = None  # what was wrong with the last command, in words
-        self._compensator: Corrects | None = None
+        self.trouble: str | None = None
+        self.compensator: Corrects | None = None
         self._cached: tuple[bytes, Compensated] | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was sent, as after a pause of unknown length; compensation is off."""
-        self.enabled = False
-        self._held: Sent | None = None
-        self._applied: Array | float = 0.0  # (m,) [rad] correction in the last output
-        self._source: object = None  # what the correction comes from, None for none
-        self._from: Array | float = 0.0
-        self._since_s, self._ramp = -np.inf, 0.0  # [s]
-        self._last_stamp: int | None = None
-        self._last_s = -np.inf  # [s] of the last output
+        """Forget what was sent, as after a pause of unknown length; compensation is off.
 
-    def set_options(self, on_failure: str, ramp_s: float, rate: float = np.inf) -> None:
-        """Change what happens on failure, the length of ramps from the next one on, and the rate.
+        The correction that the drives have been left with goes out over a ramp.
+        """
+        self.enabled = False
+        self.ramp.restart()
+        self._held: Sent | None = None
+        self._holding = False  # whether the last output was the one before it again
+        self._back: WayBack | None = None
+        self._echo: Echo | None = None
+        self._last_stamp: int | None = None
+
+    def set_options(
+        self, on_failure: str, ramp_s: float, rate: float = np.inf, timeout_s: float = 0.0
+    ) -> None:
+        """Change what happens on failure, the length of ramps from the next one on, and limits.
 
         Raises:
             InputError: no such choice, a negative time, or a rate that is not above zero.
         """
         if on_failure not in ON_FAILURE:
             raise InputError(f"on_failure {on_failure!r}; choose from: {', '.join(ON_FAILURE)}")
-        if not (np.isfinite(ramp_s) and ramp_s >= 0.0):
-            raise InputError(f"ramp_s is {ramp_s}; it has to be finite and not negative")
+        for name, value in (("ramp_s", ramp_s), ("command_timeout_s", timeout_s)):
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"{name} is {value}; it has to be finite and not negative")
         if not rate > 0.0:
             raise InputError(f"max_correction_rate is {rate} rad/s; it has to be above 0")
-        self.on_failure, self.ramp_s, self.rate = on_failure, ramp_s, rate
+        self.on_failure, self.timeout_s = on_failure, timeout_s
+        self.ramp.seconds, self.ramp.rate = ramp_s, rate
+
+    @property
+    def ramp_s(self) -> float:
+        """Length of the next ramp [s]."""
+        return self.ramp.seconds
 
     @property
     def loaded(self) -> bool:
         """Whether there is a calibration to compensate by."""
-        return self._compensator is not None
+        return self.compensator is not None
 
     def load(self, compensator: Corrects | None) -> None:
         """Take another compensator; where compensation is on, its correction is ramped in."""
-        self._compensator, self._cached = compensator, None
+        self.compensator, self._cached = compensator, None
         self.enabled = self.enabled and compensator is not None
 
     def enable(self, on: bool) -> None:
@@ -116,9 +147,13 @@ class CommandPath:
         Raises:
             DataError: nothing loaded to compensate by.
         """
-        if on and self._compensator is None:
+        if on and self.compensator is None:
             raise DataError("there is no calibration to compensate by: fit or load one first")
         self.enabled = on
+
+    def takes(self, q: Array, age_s: float) -> bool:
+        """Whether a command (m,) [rad] of this age [s] may be sent at all."""
+        return bool(np.isfinite(q).all()) and not self._stale(age_s)
 
     def send(
         self,
@@ -127,6 +162,7 @@ class CommandPath:
         now_s: float,
         already: bool = False,
         at: Conditions | None = None,
+        age_s: float = 0.0,
     ) -> Sent | None:
         """What to send for a command.
 
@@ -136,32 +172,40 @@ class CommandPath:
             now_s: steady time, for the ramp.
             already: whether the command carries the mark of a compensated one.
             at: what the compensator may need to know beside the command, one sample.
+            age_s: of the command when it came [s], by a clock that it was stamped by as well.
 
         Returns:
             What goes out; None if nothing does.
         """
         self.trouble = None
         self._watch_time(stamp_ns)
-        if not np.isfinite(q).all():
-            self._count(Verdict.NOT_FINITE.value)
+        if not self.takes(q, age_s):
+            self.count(STALE if np.isfinite(q).all() else Verdict.NOT_FINITE.value)
             return self._instead()
-        if already:
-            self._count(ALREADY)
-            return self._remember(Sent(q, True), 0.0, None)
-        if not self.enabled or self._compensator is None:
+        carried = None if self._echo is None else self._echo.of(q)
+        if already or carried is not None:
+            self.count(ALREADY if already else ECHO)
+            self.ramp.set(0.0 if carried is None else carried, self.compensator)
+            return self._go(q, np.zeros_like(q), True, now_s)
+        if not self.enabled or self.compensator is None:
             self.counts[PASSED] += 1
             return self._ramped(q, np.zeros_like(q), None, now_s)
-        found = self._compensated(self._compensator, q, at)
+        found = self._compensated(self.compensator, q, at)
         verdict = found.verdicts[0]
         if verdict is Verdict.CORRECTED:
             self.counts[verdict.value] += 1
-            return self._ramped(q, found.correction[0], self._compensator, now_s)
-        self._count(verdict.value)
+            if found.blended(0):
+                self.counts[BLENDED] += 1
+            return self._ramped(q, found.correction[0], self.compensator, now_s)
+        self.count(verdict.value)
         if verdict is Verdict.MISSING_CONDITION:
             self.trouble = f"{verdict.value}: {found.missing}"
         if self.on_failure == HOLD:
             return self._instead()
-        return self._ramped(q, np.zeros_like(q), None, now_s)
+        # One that is blended out to nothing at the edge ends there without a ramp of its own.
+        faded = verdict is Verdict.OUTSIDE_REGION and found.share is not None
+        source = self.compensator if faded else None
+        return self._ramped(q, np.zeros_like(q), source, now_s)
 
     def refuse(self, why: str) -> Sent | None:
         """What to send in the place of a command that could not be understood."""
@@ -171,19 +215,23 @@ class CommandPath:
 
     def nominal(self, measured: Array) -> Array:
         """Joint angles as upstream should see them: measured (m,) less the applied correction."""
-        return measured - self._applied
+        return measured - self.ramp.applied
 
     @property
     def applied(self) -> float:
         """Largest correction of a joint in the last output [rad]."""
-        return float(np.abs(self._applied).max())
+        return float(np.abs(self.ramp.applied).max())
+
+    def _stale(self, age_s: float) -> bool:
+        return 0.0 < self.timeout_s < age_s
 
     def _watch_time(self, stamp_ns: int) -> None:
         if self._last_stamp is not None and stamp_ns < self._last_stamp:
-            self._count(BACKWARD)
+            self.count(BACKWARD)
         self._last_stamp = stamp_ns
 
-    def _count(self, trouble: str) -> None:
+    def count(self, trouble: str) -> None:
+        """Something was wrong with the last command."""
         self.counts[trouble] += 1
         self.trouble = trouble
 
@@ -195,27 +243,34 @@ class CommandPath:
         return self._cached[1]
 
     def _ramped(self, q: Array, goal: Array, source: object, now_s: float) -> Sent:
-        if source is not self._source:
-            self._from, self._since_s = self._applied, now_s
-            self._ramp = self.ramp_s
-        share = 1.0
-        if now_s < self._since_s + self._ramp:
-            share = max(now_s - self._since_s, 0.0) / self._ramp
-        dq = (1.0 - share) * self._from + share * goal
-        if np.isfinite(self.rate):
-            step = self.rate * max(now_s - self._last_s, 0.0)
-            dq = np.clip(dq, self._applied - step, self._applied + step)
-        self._last_s = now_s
-        return self._remember(Sent(q + dq, self.enabled or bool(np.any(dq))), dq, source)
-
-    def _remember(self, sent: Sent, correction: Array | float, source: object) -> Sent:
-        self._held, self._applied, self._source = sent, correction, source
+        before = self.ramp.limited
+        dq = self.ramp.toward(goal, source, now_s)
+        if self.ramp.limited > before:
+            self.counts[LIMITED] += 1
+        sent = self._go(q, dq, self.enabled or bool(np.any(dq)), now_s)
+        if self._back is None:  # else the output is on its way, and fits no pose of its own
+            self._echo = self._echo or Echo(len(q))
+            self._echo.sent(sent.joint, dq)
         return sent
+
+    def _go(self, q: Array, dq: Array, compensated: bool, now_s: float) -> Sent:
+        """Send q + dq, or what lies between that and where the drives were held."""
+        joint = q + dq
+        if self._holding and self._held is not None:
+            gap = self._held.joint - joint
+            self._back = WayBack.over(gap, now_s, self.ramp.seconds, self._speed)
+        if self._back is not None:
+            left = self._back.left(now_s)
+            joint = joint + left
+            self._back = self._back if left.any() else None
+        self._held, self._holding = Sent(joint, compensated), False
+        return self._held
 
     def _instead(self) -> Sent | None:
         """The last good output when holding; nothing otherwise."""
         if self.on_failure == HOLD and self._held is not None:
             self.counts[HELD] += 1
+            self._holding = True
             return self._held
         self.counts[DROPPED] += 1
         return None

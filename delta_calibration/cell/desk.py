@@ -20,6 +20,7 @@ from delta_calibration.cell.command_path import PASS_THROUGH, CommandPath, Sent
 from delta_calibration.cell.fitting import Fitted, fit
 from delta_calibration.cell.health import Health, Level, Watch
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
+from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.robot import Robot, load_robot
@@ -41,6 +42,7 @@ class Settings:
     on_failure: str = PASS_THROUGH
     ramp_s: float = 1.0  # [s]
     rate: float = 5.0  # [rad/s] fastest change of a correction
+    command_timeout_s: float = 0.0  # [s]; 0 for none
     temperature_timeout_s: float = TEMPERATURE_TIMEOUT_S
     payload_timeout_s: float = 0.0  # [s]; 0 for none
     model: str = ""  # mechanism to fit; empty for the robot file's
@@ -60,7 +62,14 @@ class Desk:
         self.robot = load_robot(settings.robot)
         self._model = self.robot.model(settings.model or None).name
         self.capture = Capture(self.robot.joints.names, settings.capture_limit)
-        self.path = CommandPath(settings.on_failure, settings.ramp_s, settings.rate)
+        self.path = CommandPath(
+            settings.on_failure,
+            settings.ramp_s,
+            settings.rate,
+            settings.command_timeout_s,
+            self.robot.joints.speed,
+        )
+        self.trajectories = TrajectoryPath(self.path)
         self.around = Surroundings(
             len(self.robot.joints.names),
             settings.temperature_timeout_s,
@@ -74,13 +83,26 @@ class Desk:
         if settings.calibration:
             self.reload(settings.calibration)
 
-    def send(self, q: Array, stamp_ns: int, now_s: float, already: bool) -> Sent | None:
+    def send(
+        self, q: Array, stamp_ns: int, now_s: float, already: bool, age_s: float = 0.0
+    ) -> Sent | None:
         """What goes to the drives for a command (m,) [rad]; see `CommandPath.send`."""
-        if not np.isfinite(q).all():
-            return self.path.send(q, stamp_ns, now_s, already)
-        self.around.moved(q, stamp_ns)  # while nothing is compensated, too: the play remembers
-        at = self.around.at(q, now_s) if self._by_conditions else None
-        return self.path.send(q, stamp_ns, now_s, already, at)
+        self.trajectories.settle(now_s)
+        at = None
+        if self.path.takes(q, age_s):
+            self.around.moved(q, stamp_ns)  # while nothing is compensated, too: play remembers
+            at = self.around.at(q, now_s) if self._by_conditions else None
+        return self.path.send(q, stamp_ns, now_s, already, at, age_s)
+
+    def send_all(self, points: Points, now_s: float, already: bool) -> Points:
+        """What goes to a controller for a trajectory; see `TrajectoryPath.send`."""
+        around = self.around if self._by_conditions else None
+        return self.trajectories.send(points, now_s, already, around)
+
+    def nominal(self, measured: Array, now_s: float) -> Array:
+        """What upstream is to see of measured joints (m,) [rad]."""
+        self.trajectories.settle(now_s)
+        return self.path.nominal(measured)
 
     def is_warm(self, part: str, stamp_ns: int, celsius: float, now_s: float) -> None:
         """Temperature of a part [deg C]."""
@@ -94,6 +116,7 @@ class Desk:
 
     def reset(self) -> None:
         """Forget the motion so far, as after a pause of unknown length; compensation is off."""
+        self.trajectories.reset()
         self.path.reset()
         self.around.reset()
 
@@ -154,20 +177,50 @@ class Desk:
 
     def save(self, path: str) -> str:
         """Write what was fitted, whole or not at all."""
-        if self.fitted is None:
+        return self.prepare_save(path)()
+
+    def prepare_save(self, path: str) -> Callable[[], str]:
+        """The work of `save`; may be done on another thread.
+
+        Raises:
+            DataError: nothing was fitted.
+            InputError: no path.
+        """
+        fitted, robot = self.fitted, self.robot
+        if fitted is None:
             raise DataError("nothing was fitted since the node was configured; nothing to save")
         if not path:
             raise InputError("parameter output: is empty; it names the calibration file to write")
         file = Path(path).expanduser()
-        self.fitted.save(file, self.robot)
-        return f"saved to {file}"
+
+        def work() -> str:
+            fitted.save(file, robot)
+            return f"saved to {file}"
+
+        return work
 
     def reload(self, path: str) -> str:
         """Load a calibration file; the one in force stays if this one is no good."""
+        return self.take_file(path, *self.prepare_reload(path)())
+
+    def prepare_reload(self, path: str) -> Callable[[], tuple[Calibration, JointCompensator]]:
+        """The work of reading a calibration file; may be done on another thread.
+
+        Raises:
+            InputError: no path.
+        """
         if not path:
             raise InputError("parameter calibration: is empty; it names the file to load")
-        calibration = load_calibration(Path(path).expanduser(), self.robot)
-        self._load(calibration, self._compensator(calibration))
+
+        def work() -> tuple[Calibration, JointCompensator]:
+            calibration = load_calibration(Path(path).expanduser(), self.robot)
+            return calibration, self._compensator(calibration)
+
+        return work
+
+    def take_file(self, path: str, calibration: Calibration, compensator: JointCompensator) -> str:
+        """Load what was read; compensation that is on ramps over to it, none is switched on."""
+        self._load(calibration, compensator)
         return f"{path}, made from {calibration.source}, {self._loaded_sentence()}"
 
     def enable(self, on: bool) -> str:

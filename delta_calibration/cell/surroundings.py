@@ -8,6 +8,7 @@ a second, by their stamps. Where stamps do not rise, and across a pause, there i
 from __future__ import annotations
 
 from collections import deque
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,12 @@ class Surroundings:
         self._past.append((stamp_ns, q.copy()))
         while len(self._past) > _FEWEST and (stamp_ns - self._past[0][0]) * 1e-9 > _WINDOW:
             self._past.popleft()
+
+    def ahead(self) -> Surroundings:
+        """The same, to be moved on without a trace here: for what is commanded in advance."""
+        other = copy(self)
+        other._past = deque(maxlen=_KEPT)
+        return other
 
     def at(self, q: Array, now_s: float) -> Conditions:
         """The conditions of the command (m,) [rad] that was noticed last, as one sample."""

@@ -62,6 +62,8 @@ class Correction:
 
     def spread(self, usable: Flags) -> Correction:
         """Return a correction of all rows: this one's where `usable` (n,), nothing elsewhere."""
+        if usable.all():
+            return self
         whole = Correction.none(len(usable), self.dq.shape[1])
         whole.dq[usable] = self.dq
         whole.error[usable] = self.error

@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
+import sys
 import time
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
 
-from delta_calibration.cell.background import Background
 from delta_calibration.cell.command_path import Sent
 from delta_calibration.cell.desk import Desk
 from delta_calibration.cell.fitting import Fitted, diagnosed, fit
 from delta_calibration.cell.health import Health, Level
-from delta_calibration.compensation import JointCompensator
-from delta_calibration.errors import CalibrationError, DataError
+from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
+from delta_calibration.ros.controllers import Controllers, points_of, trajectory
 from delta_calibration.ros.conversions import JointReader, joint_state, stamp_to_ns
-from delta_calibration.ros.deferred import Deferred, allow_deferred
 from delta_calibration.ros.diagnostics import Diagnostics, status
+from delta_calibration.ros.jobs import Finish, Jobs, Work
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
 from delta_calibration.ros.parameters import ParameterTable, warn_of_unknown
-from delta_calibration.ros.qos import INPUTS, STATUS, STREAM_OUT
+from delta_calibration.ros.qos import CONTROLLER, INPUTS, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import run
 
 NAME = "calibration_node"
 MARK = "compensated"  # header.frame_id of a command that has been compensated
-POLL_S = 0.05  # [s] until the end of a fit is noticed
 WARN_EVERY_S = 5.0  # [s]
+SWITCH_S = 5e-4  # [s] within which a fit or a file being read gives way to a command
 LEVELS = {
     Level.OK: DiagnosticStatus.OK,
     Level.WARN: DiagnosticStatus.WARN,
@@ -54,8 +52,7 @@ class CalibrationNode(SafeLifecycleNode):
         self._active = False
         self._listening: list[Any] = []
         self._told: tuple[bytes, str] | None = None
-        self._job: Background[tuple[Fitted, JointCompensator]] | None = None
-        self._waiting = Deferred()
+        self._controllers: Controllers | None = None
         self._out = self.create_lifecycle_publisher(
             JointState, "joint_command_compensated", STREAM_OUT
         )
@@ -63,33 +60,41 @@ class CalibrationNode(SafeLifecycleNode):
             JointState, "joint_states_nominal", STREAM_OUT
         )
         self._status = self.create_publisher(DiagnosticStatus, "~/status", STATUS)
+        self._jobs = Jobs(self)
         self._serve()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._poll = self.create_timer(POLL_S, self._finish_fit, clock=steady)
-        self._poll.cancel()
         self._diagnostics = Diagnostics(self, self._report)
 
     def _serve(self) -> None:
         orders: dict[str, Callable[[Desk], str]] = {
             "start_capture": self._start_capture,
             "stop_capture": Desk.stop_capture,
-            "save": lambda desk: desk.save(self._settings.text("output")),
-            "reload": lambda desk: desk.reload(self._settings.text("calibration")),
         }
         for name, order in orders.items():
             self.create_service(Trigger, f"~/{name}", partial(self._obey, order))
         self.create_service(SetBool, "~/enable", self._on_enable)
         for name, way in (("fit", fit), ("diagnose", diagnosed)):
-            service = self.create_service(Trigger, f"~/{name}", partial(self._on_fit, way))
-            allow_deferred(service)
+            self._jobs.serve(name, "fit", partial(self._prepare_fit, way))
+        self._jobs.serve("save", "save", self._prepare_save)
+        self._jobs.serve("reload", "reload", self._prepare_reload)
 
     # --- lifecycle
 
     def configure(self) -> None:
         """Load robot and calibration, and listen."""
         desk = Desk(desk_settings(self._settings))
-        self._command_reader = JointReader(desk.robot.joints.names)
-        self._states_reader = JointReader(desk.robot.joints.names)
+        text, names = self._settings.text, desk.robot.joints.names
+        trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
+        if trajectory_input and not trajectories:
+            raise InputError("parameter trajectory_input: wants a trajectory_controller to go to")
+        self._controllers = Controllers(
+            self,
+            names,
+            text("command_controller"),
+            self._settings.texts("command_joints"),
+            trajectories,
+        )
+        self._streams = not trajectory_input
+        self._command_reader, self._states_reader = JointReader(names), JointReader(names)
         self._desk = desk
         self._listen()
         self.get_logger().info(f"configured for {desk.robot.name}")
@@ -111,6 +116,12 @@ class CalibrationNode(SafeLifecycleNode):
                 topic.message, topic.name, receive, topic.reader
             )
             self._listening.append(subscription)
+        name = self._settings.text("trajectory_input")
+        if name:
+            take_all = partial(self._receive, name, self._on_trajectory)
+            self._listening.append(
+                self.create_subscription(JointTrajectory, name, take_all, CONTROLLER)
+            )
 
     def activate(self) -> None:
         """Begin to send, uncompensated."""
@@ -129,9 +140,10 @@ class CalibrationNode(SafeLifecycleNode):
         self._active = False
         while self._listening:
             self.destroy_subscription(self._listening.pop())
-        self._desk, self._job = None, None
-        self._poll.cancel()
-        self._waiting.answer(_no("the node was cleaned up during the fit"))
+        if self._controllers is not None:
+            self._controllers.close()
+        self._desk, self._controllers = None, None
+        self._jobs.drop("the node was cleaned up")
 
     # --- topics
 
@@ -154,12 +166,10 @@ class CalibrationNode(SafeLifecycleNode):
             self._send(desk, message, desk.path.refuse(str(error)))
             raise
         already = message.header.frame_id == MARK
-        sent = desk.send(q, stamp_ns, now_s, already)
-        if already:
-            self._out.publish(message)
-        else:
+        sent = desk.send(q, stamp_ns, now_s, already, self._age_s(desk, stamp_ns))
+        if not already:
             desk.capture.add_command(stamp_ns, q)
-            self._send(desk, message, sent)
+        self._send(desk, message, sent)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
         if desk.path.trouble is not None:
             desk.watch.trouble("joint_command", desk.path.trouble, now_s)
@@ -170,13 +180,34 @@ class CalibrationNode(SafeLifecycleNode):
             out = joint_state(desk.robot.joints.names, sent.joint, message.header.stamp)
             out.header.frame_id = MARK if sent.compensated else ""
             self._out.publish(out)
+            if self._controllers is not None:
+                self._controllers.send(sent.joint, out.header.frame_id, self._streams)
+
+    def _age_s(self, desk: Desk, stamp_ns: int) -> float:
+        """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it."""
+        if desk.path.timeout_s == 0.0 or stamp_ns == 0:
+            return 0.0
+        return float(self.get_clock().now().nanoseconds - stamp_ns) * 1e-9
+
+    def _on_trajectory(self, desk: Desk, message: JointTrajectory) -> None:
+        now_s = time.monotonic()
+        ahead_ns = stamp_to_ns(message.header.stamp) - self.get_clock().now().nanoseconds
+        points = points_of(message, self._command_reader, now_s, ahead_ns * 1e-9)
+        sent = desk.send_all(points, now_s, message.header.frame_id == MARK)
+        if self._controllers is not None:
+            out = trajectory(message, sent, desk.robot.joints.names, MARK)
+            self._controllers.send_all(out)
+        if desk.path.trouble is not None:
+            desk.watch.trouble("trajectory", desk.path.trouble, now_s)
+            self._warn(f"trajectory: {desk.path.trouble}")
 
     def _on_states(self, desk: Desk, message: JointState) -> None:
         q = self._states_reader.positions(message)
-        desk.watch.heard("joint_states", time.monotonic())
+        now_s = time.monotonic()
+        desk.watch.heard("joint_states", now_s)
         desk.capture.add_states(stamp_to_ns(message.header.stamp), q)
         names = desk.robot.joints.names
-        self._nominal.publish(joint_state(names, desk.path.nominal(q), message.header.stamp))
+        self._nominal.publish(joint_state(names, desk.nominal(q, now_s), message.header.stamp))
 
     def _on_pose(self, desk: Desk, message: Any) -> None:
         reflector = desk.robot.tracker.measures == "position"
@@ -219,33 +250,24 @@ class CalibrationNode(SafeLifecycleNode):
             raise DataError(f"the node is {self.state}; configure it first")
         return self._desk
 
-    def _on_fit(self, way: Callable[..., Fitted], _request: Any, response: Any) -> Any:
-        try:
-            if self._job is not None:
-                raise DataError("a fit is running already")
-            self._job = Background(self._require_desk().prepare_fit(way))
-        except CalibrationError as error:
-            response.message, response.success = str(error), False
-            self._log_answer(response)
-            return response
-        self._poll.reset()
-        self._waiting = Deferred()
-        return self._waiting
+    def _prepare_fit(self, way: Callable[..., Fitted]) -> Work:
+        desk = self._require_desk()
+        work = desk.prepare_fit(way)
+        return lambda: partial(desk.take, *work())
 
-    def _finish_fit(self) -> None:
-        if self._job is None or not self._job.done or self._desk is None:
-            return
-        job, self._job = self._job, None
-        self._poll.cancel()
-        try:
-            answer = Trigger.Response(success=True, message=self._desk.take(*job.result()))
-        except CalibrationError as error:
-            answer = _no(str(error))
-        except Exception as error:
-            self.get_logger().error(traceback.format_exc())
-            answer = _no(f"the fit failed: {error!r}")
-        self._log_answer(answer)
-        self._waiting.answer(answer)
+    def _prepare_save(self) -> Work:
+        save = self._require_desk().prepare_save(self._settings.text("output"))
+
+        def work() -> Finish:
+            sentence = save()
+            return lambda: sentence
+
+        return work
+
+    def _prepare_reload(self) -> Work:
+        desk, path = self._require_desk(), self._settings.text("calibration")
+        work = desk.prepare_reload(path)
+        return lambda: partial(desk.take_file, path, *work())
 
     def _log_answer(self, response: Any) -> None:
         log = self.get_logger()
@@ -263,7 +285,8 @@ class CalibrationNode(SafeLifecycleNode):
         if self._desk is not None:
             number, on_failure = self._settings.number, self._settings.text("on_failure")
             rate = number("max_correction_rate")
-            self._desk.path.set_options(on_failure, number("ramp_s"), rate)
+            timeout_s = number("command_timeout_s")
+            self._desk.path.set_options(on_failure, number("ramp_s"), rate, timeout_s)
             timeouts = number("temperature_timeout_s"), number("payload_timeout_s")
             self._desk.around.set_timeouts(*timeouts)
 
@@ -285,12 +308,9 @@ class CalibrationNode(SafeLifecycleNode):
         return health
 
 
-def _no(reason: str) -> Trigger.Response:
-    return Trigger.Response(success=False, message=reason)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is stopped; returns the exit code."""
+    sys.setswitchinterval(SWITCH_S)
     build: Callable[[], CalibrationNode] = CalibrationNode
     return run(build, NAME, arguments)
 

@@ -27,6 +27,13 @@ SPECS = (
         range=(1e-4, 100.0),
     ),
     Spec(
+        "command_timeout_s",
+        0.0,
+        "age [s] by the node's clock beyond which a command is not sent any more; 0 for none, as "
+        "where who commands has a clock of its own",
+        range=(0.0, 3600.0),
+    ),
+    Spec(
         "temperature_timeout_s",
         TEMPERATURE_TIMEOUT_S,
         "age [s] beyond which a temperature is not known any more",
@@ -53,6 +60,27 @@ SPECS = (
     ),
     Spec("seed", 0, "of held-out parts and of the swarm; from configure on", (0, 2**31 - 1)),
     Spec("output", "", "calibration file that ~/save writes"),
+    Spec(
+        "command_controller",
+        "",
+        "forward_command_controller whose commands topic gets commands too; from configure on",
+    ),
+    Spec(
+        "command_joints",
+        ("",),
+        "joints in that controller's order; empty for the robot file's; from configure on",
+    ),
+    Spec(
+        "trajectory_controller",
+        "",
+        "joint_trajectory_controller whose joint_trajectory topic gets commands too, each as a "
+        "trajectory of one point, or what comes on trajectory_input; from configure on",
+    ),
+    Spec(
+        "trajectory_input",
+        "",
+        "topic of trajectories to be compensated for trajectory_controller; from configure on",
+    ),
 )
 
 
@@ -65,6 +93,7 @@ def desk_settings(table: ParameterTable) -> Settings:
         on_failure=table.text("on_failure"),
         ramp_s=table.number("ramp_s"),
         rate=table.number("max_correction_rate"),
+        command_timeout_s=table.number("command_timeout_s"),
         temperature_timeout_s=table.number("temperature_timeout_s"),
         payload_timeout_s=table.number("payload_timeout_s"),
         model=table.text("model"),

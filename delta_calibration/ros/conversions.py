@@ -62,6 +62,14 @@ class JointReader:
             )
         return _finite(np.array(message.position)[self._order], "JointState.position", self.names)
 
+    def order(self, names: Sequence[str]) -> list[int]:
+        """Where each of the robot's joints is among these names.
+
+        Raises:
+            InputError: a joint is missing or doubled.
+        """
+        return self._find(list(names))
+
     def _find(self, found: list[str]) -> list[int]:
         if any(found.count(name) != 1 for name in self.names):
             raise InputError(

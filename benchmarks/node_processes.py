@@ -1,0 +1,101 @@
+"""What `node_rate.py` and `soak.py` share: processes of nodes, and a calibration for them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from delta_calibration.identification import Identification, identify
+from delta_calibration.plans import make_plan
+from delta_calibration.processes import child_environment, remove_dead_shared_memory
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses, collect
+from delta_calibration.simulation import draw_machine, simulate_session
+
+PATIENCE_S = 30.0
+HERE = Path(__file__).parent
+
+
+def identified(robot: Robot, seed: int = 1) -> tuple[Identification, Poses]:
+    """A drawn machine of this robot, measured and fitted."""
+    plan = make_plan("identify", robot, count=24, dwell=0.4)
+    session = simulate_session(draw_machine(robot, seed), plan, seed)
+    poses = collect(session, robot.joints.names)
+    return identify(poses, robot), poses
+
+
+class Processes:
+    """Pythons on a ROS domain of their own; what is left at the end is ended."""
+
+    def __init__(self, logs: Path) -> None:
+        self.logs = logs
+        self.domain = int(os.environ.get("ROS_DOMAIN_ID") or 1 + os.getpid() % 100)
+        self.environment = child_environment(self.domain, local_only=True)
+        sources = [str(HERE.parent), str(HERE), self.environment.get("PYTHONPATH", "")]
+        self.environment["PYTHONPATH"] = os.pathsep.join(filter(None, sources))
+        self._running: list[subprocess.Popen[bytes]] = []
+
+    def start(self, name: str, module: str, arguments: Sequence[str]) -> subprocess.Popen[bytes]:
+        """Run `python -m module`; its output goes on in the log of its name."""
+        with (self.logs / f"{name}.log").open("ab") as log:
+            child = subprocess.Popen(
+                [sys.executable, "-m", module, *arguments],
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self._running.append(child)
+        return child
+
+    def call(self, service: str, *value: str) -> None:
+        """Call a service and be told that it succeeded."""
+        arguments = [service, *value, str(PATIENCE_S)]
+        child = self.start("trigger", "delta_calibration.ros.trigger", arguments)
+        if child.wait(PATIENCE_S + 10.0) != 0:
+            raise RuntimeError(f"{service}: {(self.logs / 'trigger.log').read_text()}")
+
+    def stop(self) -> None:
+        """End all, in order or by force."""
+        for order in (signal.SIGINT, signal.SIGKILL):
+            alive = [child for child in self._running if child.poll() is None]
+            for child in alive:
+                child.send_signal(order)
+            for child in alive:
+                try:
+                    child.wait(8.0)
+                except subprocess.TimeoutExpired:
+                    continue
+        if any(child.returncode == -signal.SIGKILL for child in self._running):
+            remove_dead_shared_memory()
+
+
+@contextmanager
+def processes(logs: Path) -> Iterator[Processes]:
+    """Processes for as long as they are wanted."""
+    logs.mkdir(parents=True, exist_ok=True)
+    running = Processes(logs)
+    try:
+        yield running
+    finally:
+        running.stop()
+
+
+def given(**parameters: object) -> list[str]:
+    """ROS arguments of these parameters."""
+    text = {k: str(v).lower() if isinstance(v, bool) else str(v) for k, v in parameters.items()}
+    return ["--ros-args", *(o for k, v in text.items() for o in ("-p", f"{k}:={v}"))]
+
+
+def motion(middle: np.ndarray, t: float) -> np.ndarray:
+    """A smooth command (3,) [rad] about the middle, never twice the same."""
+    turn = np.array([0.0, 2.1, 4.2])
+    return middle + 0.05 * np.sin(2.0 * t + turn) + 0.02 * np.sin(5.3 * t)

@@ -1,0 +1,183 @@
+"""The calibration node under faults at 1 kHz, 10 minutes: `make soak`; `--seconds 60` for less.
+
+The cell around the node goes through its faults again and again: tracker gone, NaN bursts, clock
+stepping back and forth, late messages, marked and unmarked echoes, commands beyond the region and
+the joints' limits, calibrations swapped, one of them useless, a sensor gone silent, parameter
+storm, compensation and lifecycle switched in motion; in the first half the node is ended, and
+killed. What has to hold all the time, whatever the machine's load:
+
+- every output is finite, with the stamp of a command, and moves no faster than the commands do,
+  plus what corrections and ways back from a hold may;
+- outside holds, output and command differ by the largest correction at most;
+- each guard's counter has risen; no traceback in the node's log; its memory does not grow.
+
+On a machine that is too busy for 1 kHz commands are left out while the node is behind: how many is
+said, and no failure. Exit code 1 where one of these fails.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+for _library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+# The libraries read these variables when they are loaded, hence the imports after them.
+# ruff: noqa: E402
+import numpy as np
+
+from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cell import command_path as path
+from delta_calibration.compensation import Verdict
+from delta_calibration.effects import effect_named
+from delta_calibration.identification import Identification
+from delta_calibration.robot import Robot, load_robot
+from node_processes import Processes, identified, processes
+from soak_cell import Cell, Faults, Outputs
+
+RATE = 0.05  # [rad/s] fastest change of a correction
+SLOPE = 1.0  # [MB/min] that memory may grow by at most, over ten minutes
+FLOOR = 4.0  # [MB] that is no growth in a short run
+GUARDS = (
+    Verdict.CORRECTED.value,
+    Verdict.JOINT_LIMIT.value,
+    Verdict.OUTSIDE_REGION.value,
+    Verdict.SINGULAR.value,
+    Verdict.NOT_REACHED.value,
+    Verdict.MISSING_CONDITION.value,
+    path.PASSED,
+    path.ALREADY,
+    path.ECHO,
+    path.BLENDED,
+    path.LIMITED,
+    path.STALE,
+    path.REFUSED,
+    path.HELD,
+    path.DROPPED,
+    path.BACKWARD,
+)
+
+
+def with_effects(found: Identification, robot: Robot) -> Identification:
+    """The fit with a play and an arm that grows: a correction that steps, and wants a sensor."""
+    mechanism = found.chain.mechanism
+    effects = (
+        effect_named("backlash", robot, mechanism, {}),
+        effect_named("thermal_growth_arm", robot, mechanism, {"sensor": "arm"}),
+    )
+    values = np.concatenate([np.full(3, 4e-4), np.full(len(effects[1].parameters), 23e-6)])
+    n = len(found.theta)
+    covariance = np.diag(np.full(n + len(values), 1e-12))
+    covariance[:n, :n] = found.covariance
+    return replace(
+        found,
+        chain=found.chain.with_effects(effects),
+        theta=np.concatenate([found.theta, values]),
+        covariance=covariance,
+    )
+
+
+def files(folder: Path) -> tuple[Path, dict[str, Path]]:
+    """A robot whose region's far end counts as singular, and its calibrations."""
+    robot = load_robot("srbd")
+    found, poses = identified(robot)
+    model = robot.commanded
+    x = model.forward(poses.joint, model.parameters.nominal)
+    condition = model.condition(poses.joint, x, model.parameters.nominal)
+    text = Path(robot.source).read_text(encoding="utf-8")
+    file = folder / "robot.yaml"
+    file.write_text(text.replace("condition: 20.0", f"condition: {0.9 * condition.max():.4f}"))
+    robot = load_robot(file)
+    calibrations = {name: folder / f"{name}.yaml" for name in ("plain", "extended", "useless")}
+    save_calibration(calibrations["plain"], found, robot, poses)
+    save_calibration(calibrations["extended"], with_effects(found, robot), robot, poses)
+    wrong = found.theta.copy()
+    wrong[found.parameters.row("joint_zero_1")] += 0.03  # beyond what may be corrected
+    save_calibration(calibrations["useless"], replace(found, theta=wrong), robot, poses)
+    calibrations["broken"] = folder / "broken.yaml"
+    calibrations["broken"].write_bytes(calibrations["plain"].read_bytes()[:2000])
+    np.save(folder / "singular.npy", poses.joint[int(np.argmax(condition))])
+    return file, calibrations
+
+
+def growth(memory: list[tuple[float, float]]) -> tuple[float, float]:
+    """Slope [MB/min] by least squares over (time [s], size [MB]) of the second half; minutes."""
+    time, size = np.array(memory).T
+    late = time >= (time[0] + time[-1]) / 2
+    minutes = (time[late] - time[late][0]) / 60
+    return float(np.polyfit(minutes, size[late], 1)[0]), float(minutes[-1])
+
+
+def verdict(cell: Cell, outputs: Outputs, log: str) -> list[str]:
+    """What failed, in words; printed beside what was seen."""
+    failed = list(outputs.broken)
+    counts: Counter[str] = cell.counts
+    print(
+        f"commands {cell.commanded} (left out, as the node was behind: {cell.left_out}), "
+        f"outputs {outputs.count}, rounds of faults {cell.rounds}"
+    )
+    if outputs.count < cell.commanded / 5:
+        failed.append("hardly any outputs")
+    for name in GUARDS:
+        print(f"  {counts[name]:8d}  {name}")
+        if not counts[name]:
+            failed.append(f"never counted: {name}")
+    for said, seen in cell.told.items():
+        print(f"  {'told' if seen else 'not told':>8}  {said}")
+        if not seen:
+            failed.append(f"never told: {said}")
+    print(
+        f"fastest output {outputs.fastest:.3f} of what is allowed, largest correction "
+        f"{outputs.largest * 1e3:.3f} of {outputs.bound * 1e3:.3f} mrad"
+    )
+    for word in ("Traceback", "[ERROR]", "[FATAL]", "Exception"):
+        if word in log:
+            line = next(line for line in log.splitlines() if word in line)
+            failed.append(f"in the log: {line}")
+    if len(cell.memory) < 10:
+        return [*failed, "memory was not measured"]
+    slope, minutes = growth(cell.memory)
+    limit = max(SLOPE, FLOOR / minutes)
+    print(f"memory {slope:+.3f} MB/min over the last {minutes:.1f} min, {limit:.2f} allowed")
+    if slope > limit:
+        failed.append(f"memory grows by {slope:.2f} MB/min")
+    return failed
+
+
+def soak(seconds: float, running: Processes, folder: Path) -> list[str]:
+    """Run the cell; what failed."""
+    robot_file, calibrations = files(folder)
+    robot = load_robot(robot_file)
+    outputs = Outputs(robot.limits.correction, RATE, robot.joints.speed)
+    faults = Faults(calibrations, np.load(folder / "singular.npy"), seed=1)
+    os.environ.update(running.environment)
+    cell = Cell(running, robot, robot_file, calibrations, outputs, faults, seconds, RATE)
+    cell.run()
+    log = (running.logs / "calibration_node.log").read_text("utf-8", "replace")
+    return verdict(cell, outputs, log)
+
+
+def main() -> int:
+    """Run and judge."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--logs", type=Path, default=None, help="folder to leave the logs in")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        logs = arguments.logs or Path(folder) / "logs"
+        with processes(logs) as running:
+            failed = soak(arguments.seconds, running, Path(folder))
+    for text in failed:
+        print(f"FAILED: {text}")
+    print("passed" if not failed else "failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

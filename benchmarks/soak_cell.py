@@ -1,0 +1,509 @@
+"""The cell around the node in a soak: who commands, what goes wrong, and what may come out."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from delta_calibration.robot import Robot
+from node_processes import Processes, given, motion
+
+NODE = "delta_calibration.ros.calibration_node"
+PERIOD_S = 1e-3
+RAMP_S, LONGEST_RAMP_S = 0.2, 1.0
+TIMEOUT_S = 0.5  # [s] age of a command
+OFFSET_SPEED = 1.0  # [rad/s] at which commands go to another part of the workspace
+NEAR = np.zeros(3)
+PAGE = os.sysconf("SC_PAGE_SIZE") / 2**20  # [MB]
+BEHIND = 30  # commands without an output: the node is behind, or dropping them
+KEPT = 5000  # commands whose outputs may still come
+
+Steps = Iterator[None]
+
+
+@dataclass(frozen=True)
+class Told:
+    """A command as it was sent."""
+
+    when: float  # steady [s]
+    joint: np.ndarray
+    held: bool  # whether the node may be holding, or on its way back
+
+
+class Outputs:
+    """Checks each output against the commands; what is broken is kept in words."""
+
+    def __init__(self, bound: float, rate: float, speed: float) -> None:
+        self.bound, self._step = bound, rate + speed
+        self.count, self.fastest, self.largest = 0, 0.0, 0.0
+        self.broken: list[str] = []
+        self.told: dict[int, Told] = {}
+        self._last: tuple[Told, np.ndarray] | None = None
+        self._in: np.ndarray | None = None
+
+    def forget(self) -> None:
+        """The node begins anew: the next output follows none."""
+        self._last = None
+
+    def take(self, stamp: int, out: np.ndarray, now: float) -> None:
+        """An output came."""
+        self.count += 1
+        told = self.told.get(stamp)
+        if told is None:
+            return self._break(f"an output with a stamp that no command had: {stamp}")
+        if not np.isfinite(out).all():
+            return self._break(f"an output that is not finite: {out.tolist()}")
+        finite = np.isfinite(told.joint).all()
+        if finite and not told.held:
+            self.largest = max(self.largest, float(np.abs(out - told.joint).max()))
+            if self.largest > self.bound * (1 + 1e-9):
+                self._break(f"a correction of {self.largest:.5f} rad")
+        if self._last is not None:
+            before, last = self._last
+            # The node took the one after the first was sent and the other before it was here.
+            allowed = self._step * (now - before.when) + 1e-9
+            if finite and np.isfinite(before.joint).all():
+                allowed = allowed + np.abs(told.joint - before.joint)
+                share = float((np.abs(out - last) / allowed).max())
+                self.fastest = max(self.fastest, share)
+                if share > 1.0:
+                    self._break(f"a step of {np.abs(out - last).max():.5f} rad, {share:.2f} of it")
+        if finite:
+            self._last = told, out
+        return None
+
+    def _break(self, text: str) -> None:
+        if len(self.broken) < 10:
+            self.broken.append(text)
+
+
+class Faults:
+    """What goes wrong, one thing after another; each a generator that takes a cell through it."""
+
+    def __init__(self, calibrations: dict[str, Path], singular: np.ndarray, seed: int) -> None:
+        self._files, self._singular = calibrations, singular
+        self._rng = np.random.default_rng(seed)
+
+    def round(self, cell: Any) -> Steps:
+        """All of them once."""
+        each = (
+            self.nan_burst, self.tracker_gone, self.clock_steps, self.late, self.marked,
+            self.echo, self.beyond, self.singular, self.swapped, self.sensor_gone,
+            self.useless, self.broken, self.switched, self.lifecycle, self.storm, self.held,
+        )  # fmt: skip
+        for fault in each:
+            yield from fault(cell)
+            yield from cell.wait(0.3)
+
+    def nan_burst(self, cell: Any) -> Steps:
+        for value in (np.nan, np.inf):
+            cell.spoil = value
+            yield from cell.wait(0.05)
+            cell.spoil = None
+            yield from cell.wait(0.2)
+
+    def tracker_gone(self, cell: Any) -> Steps:
+        yield from cell.order("start_capture")
+        cell.tracked = False
+        yield from cell.wait(2.0)
+        cell.tracked = True
+        yield from cell.order("stop_capture")
+
+    def clock_steps(self, cell: Any) -> Steps:
+        for shift in (-3.0, 3.0):
+            cell.shift = shift
+            yield from cell.wait(0.3)
+            cell.shift = 0.0
+            yield from cell.wait(0.3)
+
+    def late(self, cell: Any) -> Steps:
+        cell.sending = False
+        yield from cell.wait(0.3)
+        for age in np.linspace(0.3, 0.0, 60):
+            cell.command(-float(age))
+        for age in np.linspace(2.0, 1.0, 30):
+            cell.command(-float(age))
+        cell.sending = True
+
+    def marked(self, cell: Any) -> Steps:
+        cell.mark = "compensated"
+        yield from cell.wait(0.3)
+        cell.mark = ""
+
+    def echo(self, cell: Any) -> Steps:
+        cell.echoing = True
+        yield from cell.wait(0.3)
+        cell.echoing = False
+
+    def beyond(self, cell: Any) -> Steps:
+        yield from cell.go(np.full(3, 1.9))
+        yield from cell.go(NEAR)
+
+    def singular(self, cell: Any) -> Steps:
+        cell.amplitude = 0.0
+        yield from cell.go(self._singular - cell.middle)
+        yield from cell.go(NEAR)
+        cell.amplitude = 1.0
+
+    def swapped(self, cell: Any) -> Steps:
+        for name in ("extended", "plain", "extended"):
+            yield from cell.load(self._files[name])
+            yield from cell.wait(0.5)
+
+    def sensor_gone(self, cell: Any) -> Steps:
+        yield from cell.set(temperature_timeout_s=1.0)
+        cell.warm = False
+        yield from cell.wait(2.0)
+        cell.warm = True
+        yield from cell.wait(0.5)
+        yield from cell.load(self._files["plain"])
+
+    def useless(self, cell: Any) -> Steps:
+        yield from cell.load(self._files["useless"])
+        yield from cell.wait(0.5)
+        yield from cell.load(self._files["plain"])
+
+    def broken(self, cell: Any) -> Steps:
+        if (yield from cell.load(self._files["broken"])):
+            cell.outputs.broken.append("a broken calibration was loaded")
+        yield from cell.set(calibration=str(self._files["plain"]))
+
+    def switched(self, cell: Any) -> Steps:
+        for on in (False, True, False, True):
+            yield from cell.order("enable", on)
+            yield from cell.wait(float(self._rng.uniform(0.02, 0.3)))
+
+    def lifecycle(self, cell: Any) -> Steps:
+        from lifecycle_msgs.msg import Transition
+
+        for name in ("DEACTIVATE", "CONFIGURE", "ACTIVATE"):  # the second does not fit
+            transition = getattr(Transition, f"TRANSITION_{name}")
+            yield from cell.transit(transition)
+            yield from cell.wait(0.1)
+        yield from cell.order("enable", True)
+
+    def storm(self, cell: Any) -> Steps:
+        draw = self._rng.uniform
+        for _ in range(30):
+            yield from cell.set(
+                ramp_s=float(draw(0.0, LONGEST_RAMP_S)),
+                max_correction_rate=float(draw(0.3, 1.0)) * cell.rate,
+                command_timeout_s=float(draw(0.3, 1.0)),
+            )
+            bad = {"ramp_s": np.nan, "max_correction_rate": -1.0, "on_failure": "stop"}
+            for name, value in bad.items():
+                if (yield from cell.set(**{name: value})):
+                    cell.outputs.broken.append(f"{name} = {value} was taken")
+        yield from cell.set(**cell.parameters())
+
+    def held(self, cell: Any) -> Steps:
+        cell.holding = True
+        yield from cell.set(on_failure="hold")
+        yield from self.nan_burst(cell)
+        yield from self.beyond(cell)
+        yield from cell.set(on_failure="pass_through")
+        yield from cell.wait(LONGEST_RAMP_S + 1.0)
+        cell.holding = False
+
+
+class Cell:
+    """Commands at 1 kHz and whatever else a node hears; the node itself is another process."""
+
+    def __init__(
+        self,
+        running: Processes,
+        robot: Robot,
+        robot_file: Path,
+        calibrations: dict[str, Path],
+        outputs: Outputs,
+        faults: Faults,
+        seconds: float,
+        rate: float,
+    ) -> None:
+        self.running, self.robot, self.outputs, self.faults = running, robot, outputs, faults
+        self.seconds, self.rate = seconds, rate
+        self.middle = robot.model().home
+        self._arguments = given(
+            robot=robot_file, autostart=True, calibration=calibrations["plain"],
+            command_controller="forward", tracker_timeout_s=1.0, **self.parameters(),
+        )  # fmt: skip
+        self.spoil: float | None = None
+        self.tracked = self.warm = self.sending = True
+        self.echoing = self.holding = False
+        self.shift, self.mark, self.amplitude = 0.0, "", 1.0
+        self._goal = self._offset = NEAR
+        self._ticked = time.monotonic()
+        self.commanded = self.left_out = self.rounds = self._ticks = 0
+        self._unanswered = 0  # commands since the last output
+        self._correction = NEAR  # the last that was seen
+        self.counts: Counter[str] = Counter()  # of all lives of the node
+        self._life: dict[str, int] = {}
+        self.told = {"tracker silent": False}
+        self.memory: list[tuple[float, float]] = []  # [s], [MB], of the node's last life
+        self._last_out = self.middle
+
+    def parameters(self) -> dict[str, Any]:
+        """What the node is given, and given back after a storm."""
+        return {
+            "ramp_s": RAMP_S,
+            "max_correction_rate": self.rate,
+            "command_timeout_s": TIMEOUT_S,
+            "on_failure": "pass_through",
+        }
+
+    # --- the run
+
+    def run(self) -> None:
+        """Take the node through its rounds, until time is over and one round is complete."""
+        import rclpy
+        from rclpy.clock import Clock
+        from rclpy.clock_type import ClockType
+        from rclpy.node import Node
+
+        from delta_calibration.ros.runtime import make_executor
+
+        rclpy.init(args=[])
+        self.node = Node("soak")
+        self._connect()
+        self._steps = self._scenario()
+        self._going = True
+        self.node.create_timer(PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        executor = make_executor()
+        executor.add_node(self.node)
+        from rclpy.task import Future
+
+        while self._going:
+            executor.spin_until_future_complete(Future(), 0.2)
+        executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+    def _scenario(self) -> Steps:
+        begin = self._begin = time.monotonic()
+        self._start()
+        yield from self._ready()
+        while time.monotonic() - begin < self.seconds or not self.rounds:
+            if time.monotonic() - begin < self.seconds / 2:
+                yield from self._restart(signal.SIGKILL)
+                yield from self._restart(signal.SIGINT)
+            for _ in self.faults.round(self):
+                if self.rounds and time.monotonic() - begin > self.seconds:
+                    break
+                yield
+            else:
+                self.rounds += 1
+        yield from self.wait(2.5)  # the last of diagnostics
+
+    def _tick(self) -> None:
+        if not self._going:
+            return
+        try:
+            next(self._steps)
+        except StopIteration:
+            self._going = False
+            return
+        self._ticks += 1
+        now = time.monotonic()
+        step, self._ticked = OFFSET_SPEED * (now - self._ticked), now
+        self._offset = self._offset + np.clip(self._goal - self._offset, -step, step)
+        if self.sending and (self._unanswered < BEHIND or self._ticks % 10 == 0):
+            self.command(self.shift)
+        elif self.sending:
+            self.left_out += 1
+        if self._ticks % 10 == 0:
+            self._surroundings()
+        if self._ticks % 500 == 0 and self._child.poll() is None:
+            pages = Path(f"/proc/{self._child.pid}/statm").read_text().split()[1]
+            self.memory.append((time.monotonic(), int(pages) * PAGE))
+
+    def go(self, goal: np.ndarray) -> Steps:
+        """Command the joints (3,) [rad] beside the middle, and stay a moment."""
+        self._goal = goal
+        while (self._offset != goal).any():
+            yield
+        yield from self.wait(0.3)
+
+    def wait(self, seconds: float) -> Steps:
+        """Let the cell go on for a while."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            yield
+
+    # --- what it sends and hears
+
+    def _connect(self) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
+        from geometry_msgs.msg import PointStamped
+        from lifecycle_msgs.srv import ChangeState
+        from rcl_interfaces.srv import SetParameters
+        from sensor_msgs.msg import JointState, Temperature
+        from std_srvs.srv import SetBool, Trigger
+
+        from delta_calibration.ros.qos import COMMAND, DIAGNOSTICS, STREAM_OUT
+
+        node, own = self.node, "/calibration_node"
+        self._command = node.create_publisher(JointState, "joint_command", STREAM_OUT)
+        self._states = node.create_publisher(JointState, "joint_states", STREAM_OUT)
+        self._point = node.create_publisher(PointStamped, "tracker/point", STREAM_OUT)
+        self._warm = node.create_publisher(Temperature, "cell/temperature", STREAM_OUT)
+        out = "joint_command_compensated"
+        node.create_subscription(JointState, out, self._on_output, COMMAND)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_told, DIAGNOSTICS)
+        self._services = {
+            name: node.create_client(Trigger, f"{own}/{name}")
+            for name in ("reload", "start_capture", "stop_capture")
+        }
+        self._services["enable"] = node.create_client(SetBool, f"{own}/enable")
+        self._setter = node.create_client(SetParameters, f"{own}/set_parameters")
+        self._changer = node.create_client(ChangeState, f"{own}/change_state")
+
+    def command(self, shift: float) -> None:
+        """Publish a command, its stamp moved by so many seconds."""
+        from sensor_msgs.msg import JointState
+
+        from delta_calibration.ros.conversions import ns_to_stamp
+
+        now = time.monotonic()
+        q = self.middle + self.amplitude * (motion(NEAR, now)) + self._offset
+        if self.mark:  # whoever compensates upstream finds what the node does
+            q = q + self._correction
+        if self.echoing:
+            q = self._last_out.copy()
+        if self.spoil is not None:
+            q[self._ticks % 3] = self.spoil
+        stamp = time.time_ns() + int(shift * 1e9)
+        message = JointState(name=list(self.robot.joints.names), position=array("d", q))
+        message.header.stamp, message.header.frame_id = ns_to_stamp(stamp), self.mark
+        told = self.outputs.told
+        told[stamp] = Told(now, q, self.holding)
+        if len(told) > KEPT:
+            del told[next(iter(told))]
+        self.commanded += 1
+        self._unanswered += 1
+        self._command.publish(message)
+
+    def _surroundings(self) -> None:
+        from geometry_msgs.msg import PointStamped
+        from sensor_msgs.msg import JointState, Temperature
+
+        stamp = self.node.get_clock().now().to_msg()
+        names = list(self.robot.joints.names)
+        states = JointState(name=names, position=array("d", self._last_out))
+        states.header.stamp = stamp
+        self._states.publish(states)
+        if self.tracked:
+            point = PointStamped()
+            point.header.stamp = stamp
+            point.point.x, point.point.y, point.point.z = 1.0, 2.0, 0.5
+            self._point.publish(point)
+        if self.warm and self._ticks % 200 == 0:
+            arm = Temperature(temperature=24.0)
+            arm.header.frame_id, arm.header.stamp = "arm", stamp
+            self._warm.publish(arm)
+
+    def _on_output(self, message: Any) -> None:
+        from delta_calibration.ros.conversions import stamp_to_ns
+
+        now, out = time.monotonic(), np.array(message.position)
+        stamp = stamp_to_ns(message.header.stamp)
+        self._unanswered = 0
+        self.outputs.take(stamp, out, now)
+        if np.isfinite(out).all():
+            self._last_out = out
+            told = self.outputs.told.get(stamp)
+            if told is not None and not self.mark and not self.echoing:
+                gap = out - told.joint
+                if np.isfinite(gap).all() and np.abs(gap).max() < self.outputs.bound:
+                    self._correction = gap
+
+    def _on_told(self, message: Any) -> None:
+        for status in message.status:
+            for text in self.told:
+                self.told[text] = self.told[text] or text in status.message
+            for pair in status.values:
+                name = pair.key.removeprefix("command ")
+                if name != pair.key and pair.value.isdigit():
+                    grown = int(pair.value) - self._life.get(name, 0)
+                    self._life[name] = int(pair.value)
+                    self.counts[name] += max(grown, 0)
+
+    # --- what it asks for
+
+    def order(self, name: str, value: bool | None = None) -> Any:
+        """Call a service; whether it succeeded."""
+        from std_srvs.srv import SetBool, Trigger
+
+        request = Trigger.Request() if value is None else SetBool.Request(data=value)
+        answer = yield from self._ask(self._services[name], request)
+        return bool(answer.success)
+
+    def load(self, file: Path) -> Any:
+        """Have the node load a calibration; whether it did."""
+        yield from self.set(calibration=str(file))
+        return (yield from self.order("reload"))
+
+    def set(self, **values: Any) -> Any:
+        """Set parameters; whether all were taken."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        parameters = [Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+        answer = yield from self._ask(self._setter, SetParameters.Request(parameters=parameters))
+        return all(result.successful for result in answer.results)
+
+    def transit(self, transition: int) -> Any:
+        """Ask for a lifecycle transition, whether it fits or not."""
+        from lifecycle_msgs.msg import Transition
+        from lifecycle_msgs.srv import ChangeState
+
+        request = ChangeState.Request(transition=Transition(id=transition))
+        yield from self._ask(self._changer, request)
+
+    def _ask(self, client: Any, request: Any) -> Any:
+        yield from self._until(client.service_is_ready, "a service")
+        answer = client.call_async(request)
+        yield from self._until(answer.done, f"an answer of {client.srv_name}")
+        return answer.result()
+
+    def _until(self, condition: Callable[[], Any], what: str) -> Steps:
+        end = time.monotonic() + 60.0
+        while not condition():
+            if time.monotonic() > end:
+                raise TimeoutError(f"no {what} within 60 s; see {self.running.logs}")
+            yield
+
+    # --- the node
+
+    def _start(self) -> None:
+        self._child: subprocess.Popen[bytes]
+        self._child = self.running.start("calibration_node", NODE, self._arguments)
+        self._life, self.memory = {}, []
+        self.outputs.forget()
+
+    def _ready(self) -> Steps:
+        """Wait until it sends; switch compensation on."""
+        before = self.outputs.count
+        yield from self._until(lambda: self.outputs.count > before, "output")
+        yield from self.wait(0.5)
+        yield from self.order("enable", True)
+        yield from self.wait(0.5)
+
+    def _restart(self, number: signal.Signals) -> Steps:
+        yield from self.wait(1.2)  # its counters are told once a second
+        self._child.send_signal(number)
+        yield from self._until(lambda: self._child.poll() is not None, "end of the node")
+        if number == signal.SIGINT and self._child.returncode != 0:
+            self.outputs.broken.append(f"the node ended with {self._child.returncode}")
+        self.outputs.told.clear()
+        self._start()
+        yield from self._ready()

@@ -1,0 +1,92 @@
+"""Corrections that come and go without a jump, and the way back from a hold.
+
+    dq(t) = (1 - s) dq_0 + s dq*,    s = (t - t_0) / ramp, within [0, 1]
+    |dq(t) - dq(t - dt)| <= rate dt
+
+dq* is the correction that is wanted. A new ramp begins at t_0 from dq_0, the correction applied
+last, whenever dq* comes from another source (switched on or off, another calibration). Where it
+steps without that, as that of a play does when the motion turns round, the rate holds it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Ramp:
+    """The correction that the drives are given.
+
+    Attributes:
+        applied: the last one, (m,) [rad]; 0 before the first.
+        seconds: length of ramps from the next one on [s].
+        rate: fastest change of a joint's correction [rad/s].
+        limited: how often the rate held a correction back.
+    """
+
+    def __init__(self, seconds: float, rate: float) -> None:
+        self.seconds, self.rate = seconds, rate
+        self.applied: Array | float = 0.0
+        self.source: object = None  # what the correction comes from, None for none
+        self.limited = 0
+        self._from: Array | float = 0.0
+        self._since_s, self._length = -np.inf, 0.0  # [s]
+        self._last_s = -np.inf
+
+    def restart(self) -> None:
+        """Begin anew from the correction that the drives still have, however long ago it was."""
+        self.source, self._last_s = self, -np.inf
+
+    def set(self, applied: Array | float, source: object) -> None:
+        """Take notice of a correction that is applied already."""
+        self.applied, self.source, self._length = applied, source, 0.0
+
+    def stands(self, applied: Array, now_s: float) -> None:
+        """Take notice of how far the correction has come by now, (m,) [rad], on its ramp."""
+        self.applied, self._last_s = applied, now_s
+
+    def toward(self, goal: Array, source: object, now_s: float) -> Array:
+        """The correction (m,) [rad] at a time where `goal` is wanted; it counts as applied."""
+        if source is not self.source:
+            self.source, self._from = source, self.applied
+            self._since_s, self._length = now_s, self.seconds
+        dq = goal
+        if now_s < self._since_s + self._length:
+            share = max(now_s - self._since_s, 0.0) / self._length
+            dq = (1.0 - share) * self._from + share * goal
+        if np.isfinite(self.rate):
+            step = self.rate * max(now_s - self._last_s, 0.0)
+            free, dq = dq, np.clip(dq, self.applied - step, self.applied + step)
+            self.limited += int((free != dq).any())
+        self._last_s, self.applied = now_s, dq
+        return dq
+
+
+@dataclass(frozen=True)
+class WayBack:
+    """From where the drives were held to where the commands are by then.
+
+    Attributes:
+        gap: where they were held less where they are wanted, (m,) [rad].
+        since_s: when it began, steady time [s].
+        seconds: how long it takes [s].
+    """
+
+    gap: Array
+    since_s: float
+    seconds: float
+
+    @classmethod
+    def over(cls, gap: Array, now_s: float, seconds: float, speed: float) -> WayBack:
+        """In `seconds`, or as long as it takes at no more than `speed` [rad/s] of a joint."""
+        return cls(gap, now_s, max(seconds, float(np.abs(gap).max()) / speed))
+
+    def left(self, now_s: float) -> Array:
+        """What there is still to go, (m,) [rad]."""
+        if now_s >= self.since_s + self.seconds:
+            return np.zeros_like(self.gap)
+        return self.gap * (1.0 - max(now_s - self.since_s, 0.0) / self.seconds)

@@ -1,0 +1,168 @@
+"""Trajectories compensated point by point, for a controller that interpolates between them.
+
+    q_i' = q_i + dq_i,    v_i' = v_i + (d dq*/dq) v_i
+
+dq_i is on the ramp of the command path at the time of its point. A velocity follows the change of
+the correction along the motion, so that what the controller makes of the points bends as they do;
+while a correction comes or goes it is left as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.cell.command_path import (
+    ALREADY,
+    BLENDED,
+    HOLD,
+    LIMITED,
+    PASSED,
+    CommandPath,
+)
+from delta_calibration.cell.surroundings import Surroundings
+from delta_calibration.compensation import Compensated, Verdict
+from delta_calibration.errors import DataError
+from delta_calibration.samples import Conditions, joined
+
+Array = NDArray[np.float64]
+
+REFUSED = "trajectory refused"
+_ASIDE = 1e-5  # [rad] either side, for the change of the correction along the motion
+
+
+@dataclass(frozen=True)
+class Points:
+    """A trajectory of n points."""
+
+    time: Array  # (n,) [s] steady, rising
+    joint: Array  # (n, m) [rad]
+    velocity: Array | None = None  # (n, m) [rad/s]
+    compensated: bool = False
+
+
+class TrajectoryPath:
+    """Corrects trajectories on behalf of a command path: its compensator, ramp, policy and counts.
+
+    With `pass_through` a point that fails a guard goes out uncorrected, and corrections come and
+    go towards it at the rate that is allowed; with `hold` the whole trajectory is refused, and
+    the controller keeps what it has. Switching compensation acts on the next trajectory.
+    """
+
+    def __init__(self, path: CommandPath) -> None:
+        self._path = path
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the trajectory that was sent."""
+        self._plan: tuple[Array, Array] | None = None  # times [s], corrections [rad]
+
+    def settle(self, now_s: float) -> None:
+        """Bring the path's correction to what the trajectory under way has by now."""
+        if self._plan is None:
+            return
+        time, dq = self._plan
+        columns = [np.interp(now_s, time, column) for column in dq.T]
+        self._path.ramp.stands(np.array(columns), now_s)
+        if now_s >= time[-1]:
+            self._plan = None
+
+    def send(
+        self,
+        points: Points,
+        now_s: float,
+        already: bool = False,
+        around: Surroundings | None = None,
+    ) -> Points:
+        """What goes to the controller.
+
+        Args:
+            points: as commanded.
+            now_s: steady time.
+            already: whether it carries the mark of a compensated one.
+            around: what the compensator needs to know beside the commands; None where nothing.
+
+        Raises:
+            DataError: a point fails a guard, and the policy is to hold.
+        """
+        path = self._path
+        path.trouble = None
+        self.settle(now_s)
+        if already:
+            path.count(ALREADY)
+            return replace(points, compensated=True)
+        compensator, n = path.compensator, len(points.joint)
+        if not path.enabled or compensator is None:
+            path.counts[PASSED] += n
+            return self._ramped(points, np.zeros_like(points.joint), [None] * n, now_s)
+        at = None if around is None else _conditions(points, around)
+        found = compensator.compensate(points.joint, at)
+        good = self._judged(found)
+        sources = [compensator if fine else None for fine in good]
+        sent = self._ramped(points, found.correction, sources, now_s)
+        if points.velocity is None:
+            return sent
+        settled = good & (np.abs(sent.joint - found.joint) <= _ASIDE * 1e-3).all(axis=1)
+        h = _aside(points.velocity)
+        bend = [
+            compensator.compensate(points.joint + side * points.velocity, at).correction
+            for side in (h, -h)
+        ]
+        change = np.where(settled[:, None], (bend[0] - bend[1]) / (2 * h), 0.0)
+        return replace(sent, velocity=points.velocity + change)
+
+    def _judged(self, found: Compensated) -> NDArray[np.bool_]:
+        """Which points are corrected; counted, and refused if there are others and it holds."""
+        path = self._path
+        good = np.array([verdict is Verdict.CORRECTED for verdict in found.verdicts])
+        for row, verdict in enumerate(found.verdicts):
+            path.counts[verdict.value] += 1
+            if found.blended(row):
+                path.counts[BLENDED] += 1
+        if good.all():
+            return good
+        worst = int(np.flatnonzero(~good)[0])
+        path.trouble = f"point {worst}: {found.verdicts[worst].value}"
+        if path.on_failure == HOLD:
+            path.counts[REFUSED] += 1
+            raise DataError(path.trouble)
+        return good
+
+    def _ramped(
+        self, points: Points, goal: Array, sources: Sequence[object], now_s: float
+    ) -> Points:
+        ramp, before = copy(self._path.ramp), self._path.ramp.limited
+        steps = zip(goal, sources, points.time, strict=True)
+        dq = np.array([ramp.toward(g, source, float(t)) for g, source, t in steps])
+        # Before the first point the controller comes from where it is.
+        whole = np.vstack([np.broadcast_to(self._path.ramp.applied, dq[:1].shape), dq])
+        self._path.ramp = ramp
+        if ramp.limited > before:
+            self._path.counts[LIMITED] += ramp.limited - before
+        self._plan = np.concatenate([[min(now_s, float(points.time[0]))], points.time]), whole
+        self.settle(now_s)
+        marked = self._path.enabled or bool(dq.any())
+        return replace(points, joint=points.joint + dq, compensated=marked)
+
+
+def _aside(velocity: Array) -> float:
+    """Time [s] in which the fastest joint goes `_ASIDE`."""
+    return float(_ASIDE / max(np.abs(velocity).max(), 1e-9))
+
+
+def _conditions(points: Points, around: Surroundings) -> Conditions:
+    """The conditions of every point, as of the stream of commands that they stand for."""
+    ahead = around.ahead()
+    each = []
+    for row, (t, q) in enumerate(zip(points.time.tolist(), points.joint, strict=True)):
+        ahead.moved(q, int(t * 1e9))
+        at = ahead.at(q, t)
+        if points.velocity is not None:
+            at = replace(at, velocity=points.velocity[row : row + 1])
+        each.append(at)
+    return reduce(joined, each)

@@ -1,0 +1,144 @@
+"""Messages for ros2_control's controllers, and trajectories from whoever commands them."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Duration, Time
+from numpy.typing import NDArray
+from rclpy.lifecycle import LifecycleNode
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from delta_calibration.cell.trajectory import Points
+from delta_calibration.errors import InputError
+from delta_calibration.ros.conversions import NANOSECONDS, JointReader
+from delta_calibration.ros.qos import CONTROLLER
+
+Array = NDArray[np.float64]
+
+
+class Controllers:
+    """Publishers beside `joint_command_compensated`, none by default.
+
+    Args:
+        node: that publishes.
+        names: (m,) of the robot's joints.
+        commands: name of a forward_command_controller; empty for none.
+        order: joints in its order; empty for the robot's.
+        trajectories: name of a joint_trajectory_controller; empty for none.
+
+    Raises:
+        InputError: the order is none of the robot's joints.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        names: Sequence[str],
+        commands: str,
+        order: Sequence[str],
+        trajectories: str,
+    ) -> None:
+        if order and sorted(order) != sorted(names):
+            raise InputError(
+                f"parameter command_joints: {list(order)}; it has to be {list(names)} in any order"
+            )
+        self._node, self._names = node, list(names)
+        self._order = [self._names.index(name) for name in order or names]
+        self._commands = self._trajectories = None
+        if commands:
+            topic = f"{commands}/commands"
+            self._commands = node.create_lifecycle_publisher(Float64MultiArray, topic, CONTROLLER)
+        if trajectories:
+            topic = f"{trajectories}/joint_trajectory"
+            self._trajectories = node.create_lifecycle_publisher(
+                JointTrajectory, topic, CONTROLLER
+            )
+
+    def close(self) -> None:
+        """Publish no more."""
+        for publisher in filter(None, (self._commands, self._trajectories)):
+            self._node.destroy_lifecycle_publisher(publisher)
+        self._commands = self._trajectories = None
+
+    def send(self, joint: Array, mark: str, as_trajectory: bool = True) -> None:
+        """A command (m,) [rad] to each controller, to that of trajectories as one of a point."""
+        if self._commands is not None:
+            self._commands.publish(Float64MultiArray(data=array("d", joint[self._order])))
+        if as_trajectory and self._trajectories is not None:
+            # No stamp, which is: from now on. With one, the point would lie in the past by then.
+            message = JointTrajectory(joint_names=self._names)
+            message.header.frame_id = mark
+            message.points = [JointTrajectoryPoint(positions=array("d", joint))]
+            self._trajectories.publish(message)
+
+    def send_all(self, message: JointTrajectory) -> None:
+        """A trajectory to its controller."""
+        if self._trajectories is not None:
+            self._trajectories.publish(message)
+
+
+def points_of(
+    message: JointTrajectory, reader: JointReader, now_s: float, wait_s: float
+) -> Points:
+    """A trajectory in the robot's order, on the steady clock.
+
+    Args:
+        message: as received; a stamp of zero means from now on.
+        reader: of the robot's joints.
+        now_s: steady time.
+        wait_s: from now to the message's stamp.
+
+    Raises:
+        InputError: no points, names or sizes that do not fit, times that do not rise, or something
+            that is not finite.
+    """
+    order = reader.order(message.joint_names)
+    if not message.points:
+        raise InputError("JointTrajectory.points: is empty")
+    time = np.array([_seconds(point.time_from_start) for point in message.points])
+    if time[0] < 0.0 or (np.diff(time) <= 0.0).any():
+        raise InputError("JointTrajectory.points: time_from_start has to rise from point to point")
+    joint = _rows(message, "positions")[:, order]
+    moving = [len(point.velocities) > 0 for point in message.points]
+    if any(moving) and not all(moving):
+        raise InputError("JointTrajectory.points: velocities at some points only")
+    velocity = _rows(message, "velocities")[:, order] if all(moving) else None
+    start_s = now_s + (wait_s if message.header.stamp != Time() else 0.0)
+    return Points(start_s + time, joint, velocity)
+
+
+def trajectory(
+    message: JointTrajectory, points: Points, names: Sequence[str], mark: str
+) -> JointTrajectory:
+    """The message with other positions and velocities, joints in the order of `names`."""
+    out = JointTrajectory(joint_names=list(names))
+    out.header.stamp = message.header.stamp
+    out.header.frame_id = mark if points.compensated else ""
+    for row, point in enumerate(message.points):
+        corrected = JointTrajectoryPoint(time_from_start=point.time_from_start)
+        corrected.positions = array("d", points.joint[row])
+        if points.velocity is not None:
+            corrected.velocities = array("d", points.velocity[row])
+        out.points.append(corrected)
+    return out
+
+
+def _seconds(duration: Duration) -> float:
+    return float(duration.sec) + float(duration.nanosec) / NANOSECONDS
+
+
+def _rows(message: JointTrajectory, field: str) -> Array:
+    """A field of all points, (n, names)."""
+    rows = []
+    for k, point in enumerate(message.points):
+        where, values = f"JointTrajectory.points[{k}].{field}", getattr(point, field)
+        if len(values) != len(message.joint_names):
+            raise InputError(f"{where}: {len(values)} values for {len(message.joint_names)} names")
+        if not np.isfinite(values).all():
+            raise InputError(f"{where}: {list(values)}; finite values are needed")
+        rows.append(np.array(values, dtype=np.float64))
+    return np.array(rows)

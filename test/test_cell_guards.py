@@ -1,0 +1,226 @@
+"""Guards of the command path, each tripped: rate, age, echo, hold and return, edge."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from delta_calibration.cell import command_path
+from delta_calibration.cell.command_path import HOLD, PASS_THROUGH, CommandPath
+from delta_calibration.compensation import JointCompensator, Verdict
+from delta_calibration.errors import InputError
+from delta_calibration.robot import load_robot
+from six_rods import drawing_joints
+from test_cell_command_path import DQ, Fixed, Q, compensating, outside
+from test_compensator import ROBOT, calibration, errors
+
+STEP_S = 0.01  # [s]
+
+
+def test_a_correction_beyond_its_rate_is_held_to_it_and_counted() -> None:
+    path = CommandPath(ramp_s=0.0, rate=0.5)
+    path.load(Fixed())
+    path.enable(True)
+    path.send(Q, 0, 0.0)
+    path.load(Fixed(-DQ))
+    sent = [path.send(Q, k, k * STEP_S).joint - Q for k in range(1, 12)]
+    steps = np.abs(np.diff([DQ, *sent], axis=0))
+    assert steps.max() == pytest.approx(0.5 * STEP_S)
+    np.testing.assert_allclose(sent[-1], -DQ)
+    assert path.counts[command_path.LIMITED] == 7  # 40 mrad at 5 a step, the last one free
+
+
+@pytest.mark.parametrize("already", [False, True])
+def test_a_stale_command_is_dropped_or_the_last_one_held(already: bool) -> None:
+    passing, holding = compensating(), compensating(HOLD)
+    for path in (passing, holding):
+        path.set_options(path.on_failure, 0.0, timeout_s=0.1)
+        fresh = path.send(Q, 0, 0.0, age_s=0.1)
+        np.testing.assert_allclose(fresh.joint, Q + DQ)
+        np.testing.assert_allclose(path.send(Q, 1, 0.0, age_s=-5.0).joint, Q + DQ)
+    assert passing.send(Q + 0.1, 2, 0.1, already, age_s=0.11) is None
+    np.testing.assert_array_equal(
+        holding.send(Q + 0.1, 2, 0.1, already, age_s=0.11).joint, fresh.joint
+    )
+    assert passing.counts[command_path.STALE] == holding.counts[command_path.STALE] == 1
+    assert passing.trouble == command_path.STALE
+    passing.set_options(PASS_THROUGH, 0.0)  # no timeout
+    assert passing.send(Q, 3, 0.2, age_s=1e9) is not None
+    with pytest.raises(InputError, match="command_timeout_s is -1"):
+        CommandPath(timeout_s=-1.0)
+
+
+def test_what_was_sent_is_not_corrected_again_though_its_mark_is_lost() -> None:
+    path = compensating()
+    out = path.send(Q, 0, 0.0)
+    for k in range(1, 20):  # a loop: what goes out comes in
+        out = path.send(out.joint.copy(), k, k * STEP_S)
+        np.testing.assert_array_equal(out.joint, Q + DQ)
+        assert out.compensated
+        assert path.trouble == command_path.ECHO
+        np.testing.assert_allclose(path.nominal(out.joint), Q, atol=1e-15)
+    assert path.counts[command_path.ECHO] == 19
+    np.testing.assert_allclose(path.send(Q, 20, 0.3).joint, Q + DQ)  # and out of the loop again
+
+
+def test_a_motion_is_not_taken_for_an_echo() -> None:
+    path = compensating()
+    way = np.linspace(0.0, 1.0, 4001)[:, None] * 1.7 * DQ  # right along the correction
+    for k, step in enumerate(way):
+        np.testing.assert_allclose(path.send(Q + step, k, k * 1e-3).joint, Q + step + DQ)
+    assert path.counts[command_path.ECHO] == 0
+
+
+def test_after_a_hold_the_output_goes_back_to_the_commands_without_a_jump() -> None:
+    path = compensating(HOLD, ramp_s=1.0)
+    path.send(Q, 0, -5.0)
+    path.send(Q, 0, 0.0)
+    held = path.send(outside(), 1, 0.1).joint
+    away = Q + np.array([0.4, -0.3, 0.2])  # where the commands came back
+    sent = [path.send(away, 2 + k, 0.2 + k * STEP_S) for k in range(120)]
+    way = np.array([s.joint for s in sent])
+    np.testing.assert_allclose(way[0], held, atol=1e-12)
+    np.testing.assert_allclose(way[50], (held + away + DQ) / 2, atol=1e-12)
+    np.testing.assert_allclose(way[-1], away + DQ)
+    assert np.abs(np.diff(way, axis=0)).max() == pytest.approx(0.4 * STEP_S, rel=1e-6)
+    np.testing.assert_allclose(path.nominal(way[-1]), away)
+
+
+def test_the_way_back_from_a_hold_is_no_faster_than_the_joints_are() -> None:
+    path = CommandPath(HOLD, 0.0, speed=2.0)
+    path.send(Q, 0, 0.0)
+    path.refuse("no names")
+    sent = np.array([path.send(Q + 1.0, k, k * STEP_S).joint for k in range(1, 60)])
+    assert np.abs(np.diff([Q, *sent], axis=0)).max() == pytest.approx(2.0 * STEP_S)
+    np.testing.assert_allclose(sent[-1], Q + 1.0)
+
+
+def test_a_change_of_policy_while_held_is_no_jump() -> None:
+    path = compensating(HOLD, ramp_s=1.0)
+    path.send(Q, 0, -5.0)
+    path.send(Q, 0, 0.0)
+    held = path.send(outside(), 1, 0.1).joint
+    path.set_options(PASS_THROUGH, 1.0)
+    np.testing.assert_allclose(path.send(outside(), 2, 0.2).joint, held, atol=1e-12)
+    np.testing.assert_allclose(path.send(outside(), 3, 2.0).joint, outside())
+
+
+def test_activated_again_the_correction_that_the_drives_have_goes_out_on_a_ramp() -> None:
+    path = compensating(ramp_s=1.0)
+    path.send(Q, 0, -5.0)
+    path.send(Q, 0, 0.0)
+    path.reset()
+    assert not path.enabled
+    for now_s, share in ((7.0, 1.0), (7.5, 0.5), (8.0, 0.0)):
+        np.testing.assert_allclose(path.send(Q, 1, now_s).joint - Q, share * DQ, atol=1e-15)
+
+
+# The edge of the region
+
+CENTRE = np.array([0.0, 0.0, -0.711])
+MARGIN = ROBOT.limits.region_margin
+
+
+def across(n: int = 401) -> np.ndarray:
+    """Tool points from well inside a region of 0.25 m to well beyond its margin, and back."""
+    radius = 0.25 + MARGIN * np.linspace(-0.5, 1.5, n)
+    way = np.concatenate([radius, radius[::-1]])
+    return CENTRE + np.stack([way, 0 * way, 0 * way], axis=1)
+
+
+def test_a_correction_is_blended_out_by_place_over_the_margin() -> None:
+    made = calibration(errors(np.random.default_rng(1)), reach=0.25)
+    points = across()
+    q = drawing_joints(points)
+    done = JointCompensator(made).compensate(q)
+    whole = JointCompensator(calibration(errors(np.random.default_rng(1)))).compensate(q)
+    beyond = made.region.outside(points)
+    share = np.clip(1.0 - beyond / MARGIN, 0.0, 1.0)
+    np.testing.assert_allclose(done.correction, share[:, None] * whole.correction, atol=1e-9)
+    # continuous in place: a step of a thousandth of the margin changes a thousandth of it
+    largest = np.abs(whole.correction).max()
+    assert largest > 1e-4
+    steps = np.abs(np.diff(done.correction, axis=0)).max()
+    assert steps < 1.1 * largest * np.abs(np.diff(share)).max() + 1e-6
+    inside, out = beyond <= 0, beyond > MARGIN + 1e-9
+    assert {v for v, b in zip(done.verdicts, out, strict=True) if b} == {Verdict.OUTSIDE_REGION}
+    assert {v for v, b in zip(done.verdicts, out, strict=True) if not b} == {Verdict.CORRECTED}
+    blended = (share > 1e-6) & (share < 1 - 1e-6)
+    clear = blended | (share == 0) | (beyond < -1e-6)
+    found = np.array([done.blended(k) for k in range(len(q))])
+    np.testing.assert_array_equal(found[clear], blended[clear])
+    # what is left of the error is told: none inside, all of it at the end of the margin
+    assert done.model_error[inside].max() < 1e-6
+    left = np.linalg.norm(
+        JointCompensator(made).point(done.joint[blended]) - points[blended], axis=1
+    )
+    np.testing.assert_allclose(done.model_error[blended], left, rtol=0.02, atol=1e-7)
+
+
+@pytest.mark.parametrize("on_failure", [PASS_THROUGH, HOLD])
+def test_across_the_edge_the_output_has_no_step(on_failure: str) -> None:
+    made = calibration(errors(np.random.default_rng(1)), reach=0.25)
+    path = CommandPath(on_failure, ramp_s=1.0)
+    path.load(JointCompensator(made))
+    path.enable(True)
+    q = drawing_joints(across())
+    path.send(q[0], 0, -9.0)
+    sent = np.array([path.send(c, k, k * 1e-3).joint for k, c in enumerate(q)])
+    moved, followed = np.abs(np.diff(q, axis=0)).max(), np.abs(np.diff(sent, axis=0)).max()
+    assert followed < 1.5 * moved
+    beyond = made.region.outside(across()) > MARGIN + 1e-9
+    assert path.counts[Verdict.OUTSIDE_REGION.value] == beyond.sum()
+    assert path.counts[command_path.BLENDED] > 100
+    if on_failure == PASS_THROUGH:
+        # the same place, the same correction, on the way out and on the way in: no ramp by time
+        n = len(q) // 2
+        np.testing.assert_allclose(sent[:n] - q[:n], (sent[n:] - q[n:])[::-1], atol=1e-9)
+        np.testing.assert_array_equal(sent[beyond], q[beyond])
+    else:
+        assert len(np.unique(sent[beyond], axis=0)) == 1  # it stands where it was last
+
+
+def test_without_a_margin_corrections_end_at_the_region() -> None:
+    sharp = replace(ROBOT, limits=replace(ROBOT.limits, region_margin=0.0))
+    made = calibration(errors(np.random.default_rng(1)), sharp, reach=0.25)
+    q = drawing_joints(across(5))
+    done = JointCompensator(made).compensate(q)
+    inside = made.region.outside(across(5)) <= 1e-9
+    assert [v is Verdict.CORRECTED for v in done.verdicts] == inside.tolist()
+    assert set(done.share) == {0.0, 1.0}
+
+
+def test_each_guard_of_a_real_calibration_is_counted_on_the_path() -> None:
+    """Bound, singularity, joint limit, reach: what the compensator refuses, the path counts."""
+    limits = replace(load_robot("srbd").limits, correction=1e-4)
+    robot = replace(ROBOT, limits=limits)
+    path = CommandPath(ramp_s=0.0)
+    path.load(JointCompensator(calibration({"joint_zero_1": 1e-3}, robot)))
+    path.enable(True)
+    np.testing.assert_array_equal(path.send(Q, 0, 0.0).joint, Q)
+    assert path.counts[Verdict.NOT_REACHED.value] == 1
+    strict = replace(ROBOT, limits=replace(ROBOT.limits, condition=1.01))
+    path.load(JointCompensator(calibration({}, strict)))
+    q = drawing_joints(np.array([[0.3, 0.0, -0.711]]))[0]
+    np.testing.assert_array_equal(path.send(q, 0, 0.0).joint, q)
+    assert path.counts[Verdict.SINGULAR.value] == 1
+    far = ROBOT.joints.upper + 0.1
+    np.testing.assert_array_equal(path.send(far, 0, 0.0).joint, far)
+    assert path.counts[Verdict.JOINT_LIMIT.value] == 1
+
+
+@pytest.mark.parametrize("method", ["newton", "apso"])
+def test_a_command_alone_is_judged_and_corrected_as_among_others(method: str) -> None:
+    made = calibration(errors(np.random.default_rng(3)), reach=0.4)
+    compensator = JointCompensator(made, method, compiled=True)
+    rng = np.random.default_rng(4)
+    q = np.concatenate([rng.uniform(-0.6, 1.8, (150, 3)), [[np.nan, 0, 0], [0.1, 0.2, 0.15]]])
+    together = compensator.compensate(q)
+    alone = [compensator.compensate(row[None]) for row in q]
+    assert tuple(a.verdicts[0] for a in alone) == together.verdicts
+    assert {Verdict.CORRECTED, Verdict.OUTSIDE_REGION} < set(together.verdicts)
+    for name, atol in (("correction", 1e-15), ("model_error", 1e-15), ("share", 1e-12)):
+        each = [getattr(a, name)[0] for a in alone]
+        np.testing.assert_allclose(each, getattr(together, name), atol=atol)
