@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.backward import REACHED, Backward
 from delta_calibration.compensation.base import Correction, Flags
-from delta_calibration.compensation.compiled import CompiledGeometry
+from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton
 from delta_calibration.compensation.machine import Machine
 from delta_calibration.errors import InputError
 from delta_calibration.samples import Conditions, at_rest
@@ -100,6 +100,8 @@ class JointCompensator:
         self.robot = calibration.robot
         self.method = method
         tool, bound = self.robot.tool_offset, self.robot.limits.correction
+        joints = self.robot.joints
+        self._lower, self._upper = joints.lower.tolist(), joints.upper.tolist()
         self._nominal = self.robot.commanded
         self._model = Machine(
             calibration.chain, calibration.geometry, tool, method, bound, seed, compiled=compiled
@@ -200,17 +202,23 @@ class JointCompensator:
         """
         limits = self.robot.limits
         target = nominal.point(q)
-        if not (np.isfinite(target).all() and self._within(q)[0]):
+        if not (np.isfinite(target).all() and self._joints_within(q)):
             return None
         if self.calibration.region.outside(target[0] - self.robot.tool_offset) > _ON_FACE:
             return None
         if not nominal.condition(q)[0] <= limits.condition:
             return None
-        found = self._model.solver.correct(q, target)
+        solver = self._model.solver
+        # what `CompiledNewton.correct` checks has been checked
+        found = (
+            solver.geometry.newton(q, target, solver.settings)
+            if isinstance(solver, CompiledNewton)
+            else solver.correct(q, target)
+        )
         if not (found.error[0] <= REACHED and np.abs(found.dq).max() <= limits.correction):
             return None
         joint = q + found.dq
-        if not self._within(joint)[0]:
+        if not self._joints_within(joint):
             return None
         return Compensated(
             joint, found.dq, found.error, found.evaluations, _CORRECTED, share=np.ones(1)
@@ -273,6 +281,11 @@ class JointCompensator:
         if self._fast_nominal is not None:
             return self._fast_nominal.condition(q)
         return self._nominal.condition(q, x, self._nominal.parameters.nominal)
+
+    def _joints_within(self, q: Array) -> bool:
+        """Whether one command (1, m) is within the joints' limits."""
+        rows = zip(self._lower, q[0].tolist(), self._upper, strict=True)
+        return all(low <= angle <= high for low, angle, high in rows)
 
     def _within(self, q: Array) -> Flags:
         """Commands within the joints' limits, (n,)."""
