@@ -39,7 +39,9 @@ from delta_calibration.effects import effect_named
 from delta_calibration.identification import Identification
 from delta_calibration.robot import Robot, load_robot
 from node_processes import Processes, identified, processes
-from soak_cell import Cell, Faults, Outputs
+from soak_cell import Cell
+from soak_faults import Faults
+from soak_outputs import Outputs
 
 RATE = 0.05  # [rad/s] fastest change of a correction
 SLOPE = 1.0  # [MB/min] that memory may grow by at most, over ten minutes
