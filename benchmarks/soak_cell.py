@@ -1,4 +1,4 @@
-"""The cell around the node in a soak: who commands, what goes wrong, and what may come out."""
+"""The cell around the node in a soak: who commands, listens, asks, starts and ends it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import subprocess
 import time
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,203 +16,17 @@ import numpy as np
 
 from delta_calibration.robot import Robot
 from node_processes import Processes, given, motion
+from soak_faults import NEAR, Faults, Steps
+from soak_outputs import Outputs, Told
 
 NODE = "delta_calibration.ros.calibration_node"
 PERIOD_S = 1e-3
-RAMP_S, LONGEST_RAMP_S = 0.2, 1.0
+RAMP_S = 0.2
 TIMEOUT_S = 0.5  # [s] age of a command
 OFFSET_SPEED = 1.0  # [rad/s] at which commands go to another part of the workspace
-NEAR = np.zeros(3)
 PAGE = os.sysconf("SC_PAGE_SIZE") / 2**20  # [MB]
 BEHIND = 30  # commands without an output: the node is behind, or dropping them
 KEPT = 5000  # commands whose outputs may still come
-
-Steps = Iterator[None]
-
-
-@dataclass(frozen=True)
-class Told:
-    """A command as it was sent."""
-
-    when: float  # steady [s]
-    joint: np.ndarray
-    held: bool  # whether the node may be holding, or on its way back
-
-
-class Outputs:
-    """Checks each output against the commands; what is broken is kept in words."""
-
-    def __init__(self, bound: float, rate: float, speed: float) -> None:
-        self.bound, self._step = bound, rate + speed
-        self.count, self.fastest, self.largest = 0, 0.0, 0.0
-        self.broken: list[str] = []
-        self.told: dict[int, Told] = {}
-        self._last: tuple[Told, np.ndarray] | None = None
-        self._in: np.ndarray | None = None
-
-    def forget(self) -> None:
-        """The node begins anew: the next output follows none."""
-        self._last = None
-
-    def take(self, stamp: int, out: np.ndarray, now: float) -> None:
-        """An output came."""
-        self.count += 1
-        told = self.told.get(stamp)
-        if told is None:
-            return self._break(f"an output with a stamp that no command had: {stamp}")
-        if not np.isfinite(out).all():
-            return self._break(f"an output that is not finite: {out.tolist()}")
-        finite = np.isfinite(told.joint).all()
-        if finite and not told.held:
-            self.largest = max(self.largest, float(np.abs(out - told.joint).max()))
-            if self.largest > self.bound * (1 + 1e-9):
-                self._break(f"a correction of {self.largest:.5f} rad")
-        if self._last is not None:
-            before, last = self._last
-            # The node took the one after the first was sent and the other before it was here.
-            allowed = self._step * (now - before.when) + 1e-9
-            if finite and np.isfinite(before.joint).all():
-                allowed = allowed + np.abs(told.joint - before.joint)
-                share = float((np.abs(out - last) / allowed).max())
-                self.fastest = max(self.fastest, share)
-                if share > 1.0:
-                    self._break(f"a step of {np.abs(out - last).max():.5f} rad, {share:.2f} of it")
-        if finite:
-            self._last = told, out
-        return None
-
-    def _break(self, text: str) -> None:
-        if len(self.broken) < 10:
-            self.broken.append(text)
-
-
-class Faults:
-    """What goes wrong, one thing after another; each a generator that takes a cell through it."""
-
-    def __init__(self, calibrations: dict[str, Path], singular: np.ndarray, seed: int) -> None:
-        self._files, self._singular = calibrations, singular
-        self._rng = np.random.default_rng(seed)
-
-    def round(self, cell: Any) -> Steps:
-        """All of them once."""
-        each = (
-            self.nan_burst, self.tracker_gone, self.clock_steps, self.late, self.marked,
-            self.echo, self.beyond, self.singular, self.swapped, self.sensor_gone,
-            self.useless, self.broken, self.switched, self.lifecycle, self.storm, self.held,
-        )  # fmt: skip
-        for fault in each:
-            yield from fault(cell)
-            yield from cell.wait(0.3)
-
-    def nan_burst(self, cell: Any) -> Steps:
-        for value in (np.nan, np.inf):
-            cell.spoil = value
-            yield from cell.wait(0.05)
-            cell.spoil = None
-            yield from cell.wait(0.2)
-
-    def tracker_gone(self, cell: Any) -> Steps:
-        yield from cell.order("start_capture")
-        cell.tracked = False
-        yield from cell.wait(2.0)
-        cell.tracked = True
-        yield from cell.order("stop_capture")
-
-    def clock_steps(self, cell: Any) -> Steps:
-        for shift in (-3.0, 3.0):
-            cell.shift = shift
-            yield from cell.wait(0.3)
-            cell.shift = 0.0
-            yield from cell.wait(0.3)
-
-    def late(self, cell: Any) -> Steps:
-        cell.sending = False
-        yield from cell.wait(0.3)
-        for age in np.linspace(0.3, 0.0, 60):
-            cell.command(-float(age))
-        for age in np.linspace(2.0, 1.0, 30):
-            cell.command(-float(age))
-        cell.sending = True
-
-    def marked(self, cell: Any) -> Steps:
-        cell.mark = "compensated"
-        yield from cell.wait(0.3)
-        cell.mark = ""
-
-    def echo(self, cell: Any) -> Steps:
-        cell.echoing = True
-        yield from cell.wait(0.3)
-        cell.echoing = False
-
-    def beyond(self, cell: Any) -> Steps:
-        yield from cell.go(np.full(3, 1.9))
-        yield from cell.go(NEAR)
-
-    def singular(self, cell: Any) -> Steps:
-        cell.amplitude = 0.0
-        yield from cell.go(self._singular - cell.middle)
-        yield from cell.go(NEAR)
-        cell.amplitude = 1.0
-
-    def swapped(self, cell: Any) -> Steps:
-        for name in ("extended", "plain", "extended"):
-            yield from cell.load(self._files[name])
-            yield from cell.wait(0.5)
-
-    def sensor_gone(self, cell: Any) -> Steps:
-        yield from cell.set(temperature_timeout_s=1.0)
-        cell.warm = False
-        yield from cell.wait(2.0)
-        cell.warm = True
-        yield from cell.wait(0.5)
-        yield from cell.load(self._files["plain"])
-
-    def useless(self, cell: Any) -> Steps:
-        yield from cell.load(self._files["useless"])
-        yield from cell.wait(0.5)
-        yield from cell.load(self._files["plain"])
-
-    def broken(self, cell: Any) -> Steps:
-        if (yield from cell.load(self._files["broken"])):
-            cell.outputs.broken.append("a broken calibration was loaded")
-        yield from cell.set(calibration=str(self._files["plain"]))
-
-    def switched(self, cell: Any) -> Steps:
-        for on in (False, True, False, True):
-            yield from cell.order("enable", on)
-            yield from cell.wait(float(self._rng.uniform(0.02, 0.3)))
-
-    def lifecycle(self, cell: Any) -> Steps:
-        from lifecycle_msgs.msg import Transition
-
-        for name in ("DEACTIVATE", "CONFIGURE", "ACTIVATE"):  # the second does not fit
-            transition = getattr(Transition, f"TRANSITION_{name}")
-            yield from cell.transit(transition)
-            yield from cell.wait(0.1)
-        yield from cell.order("enable", True)
-
-    def storm(self, cell: Any) -> Steps:
-        draw = self._rng.uniform
-        for _ in range(30):
-            yield from cell.set(
-                ramp_s=float(draw(0.0, LONGEST_RAMP_S)),
-                max_correction_rate=float(draw(0.3, 1.0)) * cell.rate,
-                command_timeout_s=float(draw(0.3, 1.0)),
-            )
-            bad = {"ramp_s": np.nan, "max_correction_rate": -1.0, "on_failure": "stop"}
-            for name, value in bad.items():
-                if (yield from cell.set(**{name: value})):
-                    cell.outputs.broken.append(f"{name} = {value} was taken")
-        yield from cell.set(**cell.parameters())
-
-    def held(self, cell: Any) -> Steps:
-        cell.holding = True
-        yield from cell.set(on_failure="hold")
-        yield from self.nan_burst(cell)
-        yield from self.beyond(cell)
-        yield from cell.set(on_failure="pass_through")
-        yield from cell.wait(LONGEST_RAMP_S + 1.0)
-        cell.holding = False
 
 
 class Cell:
@@ -269,6 +82,7 @@ class Cell:
         from rclpy.clock import Clock
         from rclpy.clock_type import ClockType
         from rclpy.node import Node
+        from rclpy.task import Future
 
         from delta_calibration.ros.runtime import make_executor
 
@@ -280,8 +94,6 @@ class Cell:
         self.node.create_timer(PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         executor = make_executor()
         executor.add_node(self.node)
-        from rclpy.task import Future
-
         while self._going:
             executor.spin_until_future_complete(Future(), 0.2)
         executor.shutdown()

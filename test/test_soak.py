@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from soak import growth
-from soak_cell import Outputs, Told
+from soak_outputs import Outputs, Told
 
 ROOT = Path(__file__).parents[1]
 Q = np.array([0.1, 0.2, 0.3])

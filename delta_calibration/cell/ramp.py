@@ -11,6 +11,7 @@ steps without that, as that of a play does when the motion turns round, the rate
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,10 +59,11 @@ class Ramp:
         if now_s < self._since_s + self._length:
             share = max(now_s - self._since_s, 0.0) / self._length
             dq = (1.0 - share) * self._from + share * goal
-        if np.isfinite(self.rate):
+        if isfinite(self.rate):
             step = self.rate * max(now_s - self._last_s, 0.0)
-            free, dq = dq, np.clip(dq, self.applied - step, self.applied + step)
-            self.limited += int((free != dq).any())
+            if (np.abs(dq - self.applied) > step).any():
+                dq = np.clip(dq, self.applied - step, self.applied + step)
+                self.limited += 1
         self._last_s, self.applied = now_s, dq
         return dq
 

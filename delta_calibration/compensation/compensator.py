@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.backward import Backward
 from delta_calibration.compensation.base import REACHED, Correction, Flags
-from delta_calibration.compensation.compiled import CompiledGeometry
+from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton
 from delta_calibration.compensation.machine import METHODS, TABLE, Machine
 from delta_calibration.compensation.table import Stamp, Table
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
@@ -118,6 +118,8 @@ class JointCompensator:
         self.robot = calibration.robot
         self.method = method
         tool, bound = self.robot.tool_offset, self.robot.limits.correction
+        joints = self.robot.joints
+        self._lower, self._upper = joints.lower.tolist(), joints.upper.tolist()
         self._nominal = self.robot.commanded
         made = TableSettings() if table is None else table
         self._solver = made.solver if method == TABLE else method
@@ -239,17 +241,23 @@ class JointCompensator:
         """
         limits = self.robot.limits
         target = nominal.point(q)
-        if not (np.isfinite(target).all() and self._within(q)[0]):
+        if not (np.isfinite(target).all() and self._joints_within(q)):
             return None
         if self.calibration.region.outside(target[0] - self.robot.tool_offset) > _ON_FACE:
             return None
         if not nominal.condition(q)[0] <= limits.condition:
             return None
-        found = self._model.solver.correct(q, target)
+        solver = self._model.solver
+        # what `CompiledNewton.correct` checks has been checked
+        found = (
+            solver.geometry.newton(q, target, solver.settings)
+            if isinstance(solver, CompiledNewton)
+            else solver.correct(q, target)
+        )
         if not (found.error[0] <= REACHED and np.abs(found.dq).max() <= limits.correction):
             return None
         joint = q + found.dq
-        if not self._within(joint)[0]:
+        if not self._joints_within(joint):
             return None
         return Compensated(
             joint, found.dq, found.error, found.evaluations, _CORRECTED, share=np.ones(1)
@@ -351,6 +359,11 @@ class JointCompensator:
         if self._fast_nominal is not None:
             return self._fast_nominal.condition(q)
         return self._nominal.condition(q, x, self._nominal.parameters.nominal)
+
+    def _joints_within(self, q: Array) -> bool:
+        """Whether one command (1, m) is within the joints' limits."""
+        rows = zip(self._lower, q[0].tolist(), self._upper, strict=True)
+        return all(low <= angle <= high for low, angle, high in rows)
 
     def _within(self, q: Array) -> Flags:
         """Commands within the joints' limits, (n,)."""

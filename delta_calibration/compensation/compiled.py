@@ -106,10 +106,12 @@ class CompiledGeometry:
     def condition(self, q: Array) -> Array:
         """`Mechanism.condition` of the pose at joints q, (n, 3) -> (n,)."""
         _, gains = self._kernel.jacobians(*self._centre, _rows(q))
+        largest = np.fmax(gains[:, 0], self._typical)
+        smallest = np.fmin(gains[:, 1], self._typical)
+        if smallest.all():
+            return np.asarray(largest / smallest)
         with np.errstate(divide="ignore"):
-            return np.asarray(
-                np.fmax(gains[:, 0], self._typical) / np.fmin(gains[:, 1], self._typical)
-            )
+            return np.asarray(largest / smallest)
 
     def newton(self, q: Array, target: Array, s: NewtonSettings) -> Correction:
         """`Newton.correct`, for finite commands (n, 3) [rad] and targets (n, 3) [m]."""

@@ -185,8 +185,9 @@ def _unit_quaternion(value: Any) -> Array:
 
 def _finite(values: Array, field: str, labels: Sequence[str]) -> Array:
     """The same values, as floats, or an error that names those that are not finite."""
-    bad = ~np.isfinite(values)
-    if np.any(bad):
+    finite = np.isfinite(values)
+    if not finite.all():
+        bad = ~finite
         named = ", ".join(f"{labels[int(i)]} = {values[i]}" for i in np.flatnonzero(bad))
         raise InputError(f"{field}: {named}; finite values are needed")
     return np.asarray(values, dtype=np.float64)
