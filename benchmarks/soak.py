@@ -152,14 +152,14 @@ def verdict(cell: Cell, outputs: Outputs, log: str) -> list[str]:
     return failed
 
 
-def soak(seconds: float, running: Processes, folder: Path) -> list[str]:
+def soak(seconds: float, hz: float, running: Processes, folder: Path) -> list[str]:
     """Run the cell; what failed."""
     robot_file, calibrations = files(folder)
     robot = load_robot(robot_file)
     outputs = Outputs(robot.limits.correction, RATE, robot.joints.speed)
     faults = Faults(calibrations, np.load(folder / "singular.npy"), seed=1)
     os.environ.update(running.environment)
-    cell = Cell(running, robot, robot_file, calibrations, outputs, faults, seconds, RATE)
+    cell = Cell(running, robot, robot_file, calibrations, outputs, faults, seconds, RATE, hz)
     cell.run()
     log = (running.logs / "calibration_node.log").read_text("utf-8", "replace")
     return verdict(cell, outputs, log)
@@ -169,12 +169,13 @@ def main() -> int:
     """Run and judge."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--hz", type=float, default=1000.0, help="of the commands")
     parser.add_argument("--logs", type=Path, default=None, help="folder to leave the logs in")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         logs = arguments.logs or Path(folder) / "logs"
         with processes(logs) as running:
-            failed = soak(arguments.seconds, running, Path(folder))
+            failed = soak(arguments.seconds, arguments.hz, running, Path(folder))
     for text in failed:
         print(f"FAILED: {text}")
     print("passed" if not failed else "failed")

@@ -20,7 +20,6 @@ from soak_faults import NEAR, Faults, Steps
 from soak_outputs import Outputs, Told
 
 NODE = "delta_calibration.ros.calibration_node"
-PERIOD_S = 1e-3
 RAMP_S = 0.2
 TIMEOUT_S = 0.5  # [s] age of a command
 OFFSET_SPEED = 1.0  # [rad/s] at which commands go to another part of the workspace
@@ -42,6 +41,7 @@ class Cell:
         faults: Faults,
         seconds: float,
         rate: float,
+        hz: float,
     ) -> None:
         self.running, self.robot, self.outputs, self.faults = running, robot, outputs, faults
         self.seconds, self.rate = seconds, rate
@@ -91,7 +91,7 @@ class Cell:
         self._connect()
         self._steps = self._scenario()
         self._going = True
-        self.node.create_timer(PERIOD_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.node.create_timer(1.0 / hz, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         executor = make_executor()
         executor.add_node(self.node)
         while self._going:

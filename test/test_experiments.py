@@ -19,7 +19,7 @@ from delta_calibration.diagnosis.experiments import (
 )
 from delta_calibration.diagnosis.foresight import AT_REST, Foresight, Products, Samples, together
 from delta_calibration.diagnosis.geometry import without_geometry
-from delta_calibration.effects import EFFECTS
+from delta_calibration.effects import EFFECTS, catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.region import Region
@@ -256,7 +256,7 @@ def test_nothing_known_of_payload_or_direction_is_no_crash(poor):
         travel=np.full_like(poor.at.travel, np.inf),
     )
     bare = replace(poor, at=at)
-    for cause in EFFECTS:
+    for cause in (e.cause for e in catalogue(ROBOT, poor.chain.mechanism)):
         said = next_experiment(bare, effect(cause, poor), None)
         assert said
     payload = next_experiment(bare, effect("joint_compliance", poor), None)

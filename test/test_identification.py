@@ -71,7 +71,7 @@ def test_what_the_data_do_not_set_stays_as_uncertain_as_before():
     along[[PARAMETERS.row("base_radial_1"), PARAMETERS.row("platform_radial_1")]] = np.sqrt(0.5)
     std = np.sqrt(along @ result.covariance @ along)
     assert std == pytest.approx(ROBOT.tolerances.joint_position, rel=0.02)
-    assert result.std[PARAMETERS.row("joint_zero_1")] < 2 * ROBOT.tolerances.zero
+    assert result.std[PARAMETERS.row("joint_zero_1")] < 2 * ROBOT.tolerances.joint_zero
 
 
 @pytest.mark.parametrize(

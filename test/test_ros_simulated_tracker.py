@@ -281,9 +281,9 @@ def test_wrong_parameters_are_refused(
 
 
 def test_wrong_use_is_one_line_and_2(launch: Launch) -> None:
-    node = launch(NODE, robot="scara")
+    node = launch(NODE, robot="scarab")
     assert node.end() == 2
-    assert "no robot 'scara'" in node.output
+    assert "no robot 'scarab'" in node.output
     assert len(node.output.strip().splitlines()) == 1
 
 

@@ -82,10 +82,10 @@ def command(
 ) -> None:
     """Drive a simulated machine through a plan and record the session.
 
-    The machine has six rods and parts that deviate by their tolerances, its own tracker frame,
-    tracker noise and joint repeatability. The seed decides all of it. The session of the plan
-    "rich" lasts two hours, in which the cell warms up: the arms from 20 towards 33 deg C with a
-    time constant of 40 minutes, the base plate slower and by a third of that.
+    The machine has parts that deviate by their tolerances (a Delta six rods), its own tracker
+    frame, tracker noise and joint repeatability. The seed decides all of it. The session of the
+    plan "rich" lasts two hours, in which the cell warms up: the arms from 20 towards 33 deg C
+    with a time constant of 40 minutes, the base plate slower and by a third of that.
 
     --effect hides a cause in the machine. All take strength=S, in typical sizes, and most
     value=V, in SI (rad, m, s, 1/K, rad/(N m), ...); those of single joints location=joint_K.

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 _PLACES = 10_000  # of the region at which a table is tried, beside the middles of its cells
 _WIDE = 10.0  # times the bound of a correction: at nodes beyond the region it may be larger
+_POINT = 3  # coordinates of a pose that is a point
 _ON_FACE = 1e-9  # [m] a point this near a face of the region is on it
 
 
@@ -107,7 +108,8 @@ class JointCompensator:
         property `compiled` says whether it came to that.
 
         Raises:
-            InputError: no such method, a table for another one, or one made for something else.
+            InputError: no such method, a table for another or for something else, or a robot
+                that is not commanded by points.
             DataError: no table within its bound.
         """
         if method not in METHODS:
@@ -121,6 +123,11 @@ class JointCompensator:
         joints = self.robot.joints
         self._lower, self._upper = joints.lower.tolist(), joints.upper.tolist()
         self._nominal = self.robot.commanded
+        if self._nominal.pose_size != _POINT:
+            raise InputError(
+                f"robot {self.robot.name}: a {self._nominal.name} is commanded by poses; "
+                "compensation takes robots that are commanded by points"
+            )
         made = TableSettings() if table is None else table
         self._solver = made.solver if method == TABLE else method
         self._model = Machine(
