@@ -44,7 +44,7 @@ class Cell:
         hz: float,
     ) -> None:
         self.running, self.robot, self.outputs, self.faults = running, robot, outputs, faults
-        self.seconds, self.rate = seconds, rate
+        self.seconds, self.rate, self.hz = seconds, rate, hz
         self.middle = robot.model().home
         self._arguments = given(
             robot=robot_file, autostart=True, calibration=calibrations["plain"],
@@ -91,7 +91,8 @@ class Cell:
         self._connect()
         self._steps = self._scenario()
         self._going = True
-        self.node.create_timer(1.0 / hz, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.node.create_timer(1.0 / self.hz, self._tick, clock=steady)
         executor = make_executor()
         executor.add_node(self.node)
         while self._going:

@@ -24,10 +24,10 @@ def test_a_minute_of_faults(tmp_path: Path) -> None:
     from ros_helpers import environment
 
     # Other tests share the processors: a quarter of the rate shows the same faults.
-    command = [sys.executable, str(ROOT / "benchmarks" / "soak.py"), "--seconds", "60"]
+    script = str(ROOT / "benchmarks" / "soak.py")
     run = subprocess.run(
-        [*command, "--hz", "250", "--logs", str(tmp_path)], env=environment(), text=True, capture_output=True,
-        check=False, timeout=540,
+        [sys.executable, script, "--seconds", "60", "--hz", "250", "--logs", str(tmp_path)],
+        env=environment(), text=True, capture_output=True, check=False, timeout=540,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr[-4000:]
     assert run.stdout.rstrip().endswith("passed")
