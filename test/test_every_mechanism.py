@@ -10,6 +10,7 @@ from delta_calibration.compensation import JointCompensator
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.errors import InputError
+from delta_calibration.geometry.frames import align
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import tool_points
@@ -67,11 +68,12 @@ def test_a_fit_predicts_to_the_noise(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(HIDDEN))
 def test_a_cause_of_its_own_is_named(name: str) -> None:
-    """Among all causes whose shape need not be searched."""
+    """Among it and all causes whose shape need not be searched."""
     cause, plan = HIDDEN[name]
     robot, seen = measured(name, f"{cause}:strength=3", plan, 24 if plan == "identify" else 12, 5)
     every = catalogue(robot, robot.model())
-    said = diagnose(seen, robot, effects=tuple(e for e in every if not e.settings)).verdict
+    tried = tuple(e for e in every if e.cause == cause or not e.settings)
+    said = diagnose(seen, robot, effects=tried).verdict
     first = said.findings[0]
     assert cause in (first.cause, *first.equivalents)
     assert said.extended.held_out_rms_mm < 0.7 * said.calibrated.held_out_rms_mm
@@ -91,11 +93,12 @@ def test_a_linear_delta_is_compensated() -> None:
     plan = make_plan("identify", robot, count=30, seed=3)
     seen = survey(simulate_session(machine, plan, 3), robot.joints.names)
     made = from_identification(identify(seen.poses, robot), robot, seen.poses)
-    line = make_plan("line", robot, count=9, both_sides=False)
-    done = JointCompensator(made).compensate(line.joint)
-    off = [
-        machine.tool_points(standing(joint)) - line.target for joint in (line.joint, done.joint)
-    ]
-    # what the frame takes up of a machine's errors stays in it
-    before, after = (np.linalg.norm(o - o.mean(axis=0), axis=1).max() for o in off)
+    disc = make_plan("disc", robot, count=20, both_sides=False)
+    done = JointCompensator(made).compensate(disc.joint)
+    inside = np.flatnonzero(done.share == 1.0)
+    assert len(inside) >= 10
+    meant = disc.target[inside]
+    seen_at = [machine.tool_points(standing(q[inside])) for q in (disc.joint, done.joint)]
+    # the shape alone: where the base stands is the frame's business
+    before, after = (np.abs(align(at, meant).apply(at) - meant).max() for at in seen_at)
     assert after < 0.2 * before
