@@ -40,11 +40,11 @@ from delta_calibration.identification import (
     stepwise,
     stepwise_singular,
 )
-from delta_calibration.mechanisms.five_axis import DIMENSIONS, TOLERANCES, FiveAxis
+from delta_calibration.robot import load_robot
 
 Array = NDArray[np.float64]
 
-MACHINE = FiveAxis(DIMENSIONS, TOLERANCES)
+MACHINE = load_robot("five_axis").model()
 NOMINAL = MACHINE.parameters.nominal
 # What can be identified: all but the x errors at struts 3, 4.
 FREE = np.array(

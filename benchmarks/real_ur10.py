@@ -22,7 +22,10 @@ from delta_calibration.geometry import Frame, align
 from delta_calibration.identification.mixed import MixedFit, fit_observations
 from delta_calibration.identification.observations import PoseMeasured
 from delta_calibration.mechanisms.serial_arm import SerialArm
-from delta_calibration.mechanisms.serial_dimensions import UR10, ArmTolerances
+from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
+from delta_calibration.robot import load_robot
+
+UR10 = load_robot("ur10").dimensions
 
 Array = NDArray[np.float64]
 

@@ -1,12 +1,27 @@
-"""Cable robots written apart from the package: lengths a cable at a time, turns by quaternions."""
+"""Two drawings, and cable robots written apart: a cable at a time, turns by quaternions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import dist
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+
+from delta_calibration.mechanisms import CableDimensions
+from delta_calibration.robot import load_robot
+
+EIGHT_CABLES, TOLERANCES = load_robot("cdpr8").dimensions, load_robot("cdpr8").tolerances
+ZEROS_FREE = replace(TOLERANCES, zero=10e-3)
+FOUR_CABLES = CableDimensions(  # a point on three low cables and one from above
+    anchors=np.array([[1.6, 0.0, 0.0], [-0.8, 1.4, 0.0], [-0.8, -1.4, 0.0], [0.0, 0.0, 2.5]]),
+    joints=np.zeros((4, 3)),
+    drum_radius=np.full(4, 0.05),
+    gear=np.full(4, 10.0),
+    tackle=np.ones(4),
+    home_place=np.array([0.0, 0.0, 0.6]),
+    pretension=60.0,
+)
 
 
 @dataclass(frozen=True)

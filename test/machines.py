@@ -7,6 +7,7 @@ import numpy as np
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.robot import Robot, known_robots, load_robot
 
+STEP = 1e-30
 ROBOTS = [load_robot(name) for name in known_robots()]
 
 
@@ -39,3 +40,13 @@ def places(
         x = x + way @ mechanism.velocity_jacobian(home, x, nominal)[0].T
     q = mechanism.inverse(x[:, : mechanism.task_size], g)
     return q, mechanism.forward(q, g)
+
+
+def complex_step(function, x: np.ndarray) -> np.ndarray:
+    """Derivative of function(x) by the components of x, appended as last axis; no cancellation."""
+    columns = []
+    for k in range(x.shape[-1]):
+        moved = x.astype(complex)
+        moved[..., k] += 1j * STEP
+        columns.append(np.imag(function(moved)) / STEP)
+    return np.stack(columns, axis=-1)

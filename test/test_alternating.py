@@ -12,7 +12,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from cables import built, geometry_of, workspace
+from cables import (
+    EIGHT_CABLES,
+    FOUR_CABLES,
+    TOLERANCES,
+    ZEROS_FREE,
+    built,
+    geometry_of,
+    workspace,
+)
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification import (
@@ -23,12 +31,6 @@ from delta_calibration.identification import (
     whitening,
 )
 from delta_calibration.mechanisms import CableRobot, RotaryDelta, SixRodDelta
-from delta_calibration.mechanisms.cable_dimensions import (
-    EIGHT_CABLES,
-    FOUR_CABLES,
-    TOLERANCES,
-    ZEROS_FREE,
-)
 from identification_bench import ROBOT
 
 TURN, PLACE = np.array([0.2, -0.1, 1.0]), np.array([3.0, 0.5, -0.2])

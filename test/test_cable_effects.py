@@ -10,7 +10,12 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 
-from cables import workspace
+from cables import (
+    EIGHT_CABLES,
+    FOUR_CABLES,
+    TOLERANCES,
+    workspace,
+)
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag, slack_of_sag
@@ -19,7 +24,6 @@ from delta_calibration.effects.drum_scale import DrumScale
 from delta_calibration.effects.pulley_radius import PulleyRadius, excess
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.mechanisms import CableRobot
-from delta_calibration.mechanisms.cable_dimensions import EIGHT_CABLES, FOUR_CABLES, TOLERANCES
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import at_rest
 

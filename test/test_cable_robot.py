@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from cables import Winches, built, geometry_of, workspace
-from delta_calibration.errors import ConfigError, ReachError
-from delta_calibration.mechanisms import CableRobot
-from delta_calibration.mechanisms.cable_dimensions import (
+from cables import (
     EIGHT_CABLES,
     FOUR_CABLES,
     TOLERANCES,
     ZEROS_FREE,
+    Winches,
+    built,
+    geometry_of,
+    workspace,
 )
+from delta_calibration.errors import ConfigError, ReachError
+from delta_calibration.mechanisms import CableRobot
+from machines import complex_step
 
-STEP = 1e-30
 BODY, POINT = CableRobot(EIGHT_CABLES, TOLERANCES), CableRobot(FOUR_CABLES, TOLERANCES)
 SIX = CableRobot(  # no more cables than freedoms: two of one edge left out
     replace(
@@ -42,15 +45,6 @@ def robot(request):
 def machine(robot, rng):
     parameters = robot.parameters
     return parameters.nominal + parameters.prior * rng.standard_normal(len(parameters))
-
-
-def complex_step(function, x):
-    columns = []
-    for k in range(x.shape[-1]):
-        moved = x.astype(complex)
-        moved[..., k] += 1j * STEP
-        columns.append(np.imag(function(moved)) / STEP)
-    return np.stack(columns, axis=-1)
 
 
 def test_lengths_are_those_of_the_machine_written_apart(robot):

@@ -12,11 +12,11 @@ from delta_calibration.effects.slider_pitch import SliderPitch
 from delta_calibration.errors import ReachError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification import observe
-from delta_calibration.mechanisms.five_axis import DIMENSIONS, TOLERANCES, FiveAxis
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import at_rest
+from machines import complex_step
 
-MACHINE = FiveAxis(DIMENSIONS, TOLERANCES)
+MACHINE = load_robot("five_axis").model()
 NOMINAL = MACHINE.parameters.nominal
 HIDDEN = ("platform_x_3", "slider_x_3", "platform_x_4", "slider_x_4")
 
@@ -31,15 +31,6 @@ def machine(seed: int, scale: float = 100.0) -> np.ndarray:
     """Wrong by `scale` times what is expected: millimetres."""
     rng = np.random.default_rng(seed)
     return NOMINAL + scale * MACHINE.parameters.prior * rng.standard_normal(len(NOMINAL))
-
-
-def complex_step(function, x):
-    columns = []
-    for k in range(x.shape[-1]):
-        moved = x.astype(complex)
-        moved[..., k] += 1e-30j
-        columns.append(np.imag(function(moved)) / 1e-30)
-    return np.stack(columns, axis=-1)
 
 
 def joints_in_space(x: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

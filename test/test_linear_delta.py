@@ -11,10 +11,10 @@ from delta_calibration.mechanisms.linear_delta import (
     LinearDeltaDimensions,
     LinearDeltaTolerances,
 )
+from machines import complex_step
 
 DRAWING = LinearDeltaDimensions(0.160, np.radians([210.0, 330.0, 90.0]), 0.345, 0.415)
 TOLERANCES = LinearDeltaTolerances(1e-3, 5e-3, 3e-3, 1e-3)
-STEP = 1e-30  # complex step
 
 
 @pytest.fixture
@@ -29,15 +29,6 @@ def machine(delta, rng, scale=2.0):
 
 def carriages(rng, n):
     return rng.uniform(0.3, 0.42, (n, 3))
-
-
-def complex_step(function, x):
-    columns = []
-    for k in range(x.shape[-1]):
-        moved = x.astype(complex)
-        moved[..., k] += 1j * STEP
-        columns.append(np.imag(function(moved)) / STEP)
-    return np.stack(columns, axis=-1)
 
 
 def test_on_the_drawing(delta):

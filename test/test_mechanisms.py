@@ -8,11 +8,10 @@ import pytest
 from delta_calibration.errors import ReachError, SingularityError
 from delta_calibration.mechanisms import MECHANISMS, RotaryDelta, SixRodDelta
 from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
-from machines import machine, model_of, places
+from machines import complex_step, machine, model_of, places
 
 SRBD = DeltaDimensions(0.2, 0.055, 0.32, 0.85, 0.04)
 TOLERANCES = DeltaTolerances(0.25e-3, 0.15e-3, 0.2e-3, 0.1e-3, 0.8e-3, 0.5e-3, 0.05e-3, 1e-3)
-STEP = 1e-30  # complex step: no cancellation, so the derivative is exact to rounding
 
 
 DELTAS = ("rotary_delta", "six_rod_delta")
@@ -31,16 +30,6 @@ def delta(request):
 def joints_in_workspace(rng, n):
     """Of a Delta, (n, 3) [rad]."""
     return rng.uniform(-0.3, 1.2, (n, 3))
-
-
-def complex_step(function, x):
-    """Derivative of function(x) by the components of x, appended as last axis."""
-    columns = []
-    for k in range(x.shape[-1]):
-        moved = x.astype(complex)
-        moved[..., k] += 1j * STEP
-        columns.append(np.imag(function(moved)) / STEP)
-    return np.stack(columns, axis=-1)
 
 
 def test_forward_meets_the_closure(mechanism):

@@ -26,8 +26,9 @@ from delta_calibration.mechanisms.linear_delta import (
 )
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta
 from delta_calibration.mechanisms.serial_arm import SerialArm
-from delta_calibration.mechanisms.serial_dimensions import UR10, ArmTolerances
+from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
+from delta_calibration.robot import load_robot
 
 SRBD = DeltaDimensions(0.2, 0.055, 0.32, 0.85, 0.04)
 TOLERANCES = DeltaTolerances(0.25e-3, 0.15e-3, 0.2e-3, 0.1e-3, 0.8e-3, 0.5e-3, 0.05e-3, 1e-3)
@@ -35,6 +36,8 @@ PRINTER = LinearDelta(
     LinearDeltaDimensions(0.160, np.radians([210.0, 330.0, 90.0]), 0.345, 0.415),
     LinearDeltaTolerances(1e-3, 5e-3, 3e-3, 1e-3),
 )
+
+UR10 = load_robot("ur10").dimensions
 ARM = SerialArm(UR10, ArmTolerances(0.5e-3, 1e-3, 1e-3, 2e-3, 5e-3))
 MACHINES = {
     "linear_delta": (PRINTER, (0.3, 0.42)),

@@ -11,8 +11,10 @@ from scipy.spatial.transform import Rotation
 import real_ur10
 import real_v400
 from delta_calibration.mechanisms.serial_arm import SerialArm
-from delta_calibration.mechanisms.serial_dimensions import UR10
+from delta_calibration.robot import load_robot
 from real_machines import DATA
+
+UR10 = load_robot("ur10").dimensions
 
 V400, ARM = DATA / "v400_linear_delta", DATA / "ur10_lasertracker"
 

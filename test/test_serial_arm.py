@@ -11,8 +11,12 @@ from scipy.spatial.transform import Rotation
 from delta_calibration.errors import ConfigError, ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.serial_arm import SerialArm
-from delta_calibration.mechanisms.serial_dimensions import SCARA, UR10, ArmTolerances
+from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
+from delta_calibration.robot import load_robot
+from machines import complex_step
 
+SCARA = load_robot("scara").dimensions
+UR10 = load_robot("ur10").dimensions
 TOLERANCES = ArmTolerances(0.5e-3, 1e-3, 1e-3, 2e-3, 5e-3)
 MOUNTED = replace(
     UR10, tool=np.array([0.02, -0.01, 0.09]), mount=np.array([0.4, np.pi / 2, -1.1])
@@ -20,7 +24,6 @@ MOUNTED = replace(
 ARMS = {"six_axes": MOUNTED, "scara": SCARA, "three_axes": replace(
     UR10, links=UR10.links[:3], tool=np.array([-0.57, 0.0, 0.16]), home=UR10.home[:3]
 )}  # fmt: skip
-STEP = 1e-30  # complex step
 
 
 @pytest.fixture(params=ARMS)
@@ -35,15 +38,6 @@ def machine(arm, rng, scale=3.0):
 
 def joints_about_home(arm, rng, n, spread=1.0):
     return arm.home + rng.uniform(-spread, spread, (n, arm.joints))
-
-
-def complex_step(function, x):
-    columns = []
-    for k in range(x.shape[-1]):
-        moved = x.astype(complex)
-        moved[..., k] += 1j * STEP
-        columns.append(np.imag(function(moved)) / STEP)
-    return np.stack(columns, axis=-1)
 
 
 def test_ur10_against_its_dh_matrices():

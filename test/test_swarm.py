@@ -26,7 +26,7 @@ from delta_calibration.identification import (
 from delta_calibration.identification.swarm import Swarm
 from delta_calibration.mechanisms import RotaryDelta, SixRodDelta
 from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
-from delta_calibration.mechanisms.five_axis import DIMENSIONS, TOLERANCES, FiveAxis
+from delta_calibration.robot import load_robot
 
 LAWS = (Qpso(), Pso(), Apso())
 each_law = pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
@@ -37,7 +37,7 @@ PARTS = DeltaTolerances(0.25e-3, 0.15e-3, 0.2e-3, 0.1e-3, 0.8e-3, 0.5e-3, 0.05e-
 
 def mechanisms():
     built = [RotaryDelta(SRBD, PARTS), SixRodDelta(SRBD, PARTS)]
-    return [*built, FiveAxis(DIMENSIONS, TOLERANCES)]
+    return [*built, load_robot("five_axis").model()]
 
 
 each_mechanism = pytest.mark.parametrize("mechanism", mechanisms(), ids=lambda m: m.name)
@@ -313,7 +313,7 @@ def test_rounds_of_least_squares_end_where_the_residual_is_zero(mechanism):
 
 def test_a_swarm_may_ask_the_residual_itself():
     """Without an error model in between nothing is left out, and every particle costs poses."""
-    residual, truth = measured(FiveAxis(DIMENSIONS, TOLERANCES), size=1.0, n=20)
+    residual, truth = measured(load_robot("five_axis").model(), size=1.0, n=20)
     box = Box.about_zero(np.full(len(truth), 0.1e-3))
     slope = residual.jacobian(np.zeros(len(truth)))
     found = stepwise_singular(residual, slope, box, SwarmSettings(20, 80), rng())
@@ -322,7 +322,7 @@ def test_a_swarm_may_ask_the_residual_itself():
 
 
 def test_noise_that_no_parameter_explains_stays_in_the_error_model():
-    residual, truth = measured(FiveAxis(DIMENSIONS, TOLERANCES))
+    residual, truth = measured(load_robot("five_axis").model())
     noisy = PoseResidual(
         residual.mechanism,
         residual.joint,
@@ -336,7 +336,7 @@ def test_noise_that_no_parameter_explains_stays_in_the_error_model():
 
 
 def test_measurements_that_do_not_fit_are_refused():
-    residual, _ = measured(FiveAxis(DIMENSIONS, TOLERANCES), n=8)
+    residual, _ = measured(load_robot("five_axis").model(), n=8)
     parts = (residual.joint, residual.pose, residual.weight, residual.free)
     kind = residual.mechanism
     with pytest.raises(InputError, match=r"poses \(8, 3\) .* of five_axis; \(8, 4\)"):

@@ -6,7 +6,12 @@ from pathlib import Path
 
 import click
 
-from delta_calibration.cli.options import require_folder, table
+from delta_calibration.cli.options import (
+    figures_option,
+    numbers_option,
+    require_folder,
+    table,
+)
 from delta_calibration.cli.report import PATH, write
 from delta_calibration.errors import InputError
 from delta_calibration.report import (
@@ -27,14 +32,8 @@ from delta_calibration.robot import load_robot
     help="The robot of the calibrations; verdicts need none.",
 )  # fmt: skip
 @click.option("--out", type=PATH, default=None, help="HTML page to write; it opens offline.")
-@click.option(
-    "--figures", type=PATH, default=None, metavar="FOLDER",
-    help="Also every figure as a PNG file in this folder (needs matplotlib).",
-)  # fmt: skip
-@click.option(
-    "--numbers", type=PATH, default=None, metavar="FOLDER",
-    help="Also all numbers: report.json, and a CSV file a figure and table.",
-)  # fmt: skip
+@figures_option
+@numbers_option
 def command(
     files: tuple[Path, ...],
     robot_file: str | None,

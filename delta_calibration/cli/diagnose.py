@@ -13,6 +13,8 @@ from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import (
     SESSION,
+    in_force_option,
+    model_option,
     require_folder,
     robot_option,
     seed_option,
@@ -21,7 +23,6 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.diagnosis import STEPS, Diagnosis, Finding, Verdict, diagnose
-from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
@@ -33,10 +34,7 @@ _FILE = click.Path(path_type=Path)
 @click.command("diagnose", short_help="name what the model gets wrong")
 @SESSION
 @robot_option
-@click.option(
-    "--calibration", "in_force", type=_FILE, default=None,
-    help="What the robot is compensated by: held against the session in the drawing's place.",
-)  # fmt: skip
+@in_force_option
 @click.option("--json", "json_file", type=_FILE, default=None, help="Verdict to write.")
 @click.option(
     "--out", type=_FILE, default=None,
@@ -46,10 +44,7 @@ _FILE = click.Path(path_type=Path)
     "--report", "report_file", type=_FILE, default=None,
     help="HTML page to write; it opens offline.",
 )  # fmt: skip
-@click.option(
-    "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
-    help="Mechanism to fit; the robot file's own where not given.",
-)  # fmt: skip
+@model_option
 @seed_option
 @topics_option
 @click.option("-v", "--verbose", is_flag=True, help="Everything that was tried, and how it did.")

@@ -11,6 +11,7 @@ from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cli.options import (
     SESSION,
     duration,
+    model_option,
     require_folder,
     robot_option,
     seed_option,
@@ -18,7 +19,6 @@ from delta_calibration.cli.options import (
     topics_option,
 )
 from delta_calibration.identification import Identification, identify
-from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Poses, collect
@@ -38,10 +38,7 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     "--method", type=click.Choice(["least_squares"]), default="least_squares", show_default=True,
     help="Prior-weighted (MAP) least squares on whitened residuals, robust.",
 )  # fmt: skip
-@click.option(
-    "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
-    help="Mechanism to fit; the robot file's own where not given.",
-)  # fmt: skip
+@model_option
 @seed_option
 @topics_option
 @click.option("-v", "--verbose", is_flag=True, help="All combinations and correlations.")

@@ -11,6 +11,7 @@ import click
 from tqdm import tqdm
 
 from delta_calibration.errors import InputError
+from delta_calibration.mechanisms import MECHANISMS
 
 Item = TypeVar("Item")
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -44,6 +45,38 @@ def topics_option(function: Function) -> Function:
         help="Where a stream was recorded under another name: command=/my/joint_command; streams: "
         "command, states, tracker_pose, tracker_point, temperature, payload. An empty name leaves "
         "a stream out.",
+    )(function)  # fmt: skip
+
+
+def model_option(function: Function) -> Function:
+    """`--model`."""
+    return click.option(
+        "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
+        help="Mechanism to fit; the robot file's own where not given.",
+    )(function)  # fmt: skip
+
+
+def in_force_option(function: Function) -> Function:
+    """`--calibration` that is the baseline."""
+    return click.option(
+        "--calibration", "in_force", type=click.Path(path_type=Path), default=None,
+        help="What the robot is compensated by: held against the session in the drawing's place.",
+    )(function)  # fmt: skip
+
+
+def figures_option(function: Function) -> Function:
+    """`--figures`."""
+    return click.option(
+        "--figures", type=click.Path(path_type=Path), default=None, metavar="FOLDER",
+        help="Also every figure as a PNG file in this folder (needs matplotlib).",
+    )(function)  # fmt: skip
+
+
+def numbers_option(function: Function) -> Function:
+    """`--numbers`."""
+    return click.option(
+        "--numbers", type=click.Path(path_type=Path), default=None, metavar="FOLDER",
+        help="Also all numbers: report.json, and a CSV file a figure and table.",
     )(function)  # fmt: skip
 
 

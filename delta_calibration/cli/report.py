@@ -12,12 +12,15 @@ from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import (
     SESSION,
+    figures_option,
+    in_force_option,
+    model_option,
+    numbers_option,
     require_folder,
     robot_option,
     seed_option,
     topics_option,
 )
-from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
     Report,
@@ -36,26 +39,14 @@ PATH = click.Path(path_type=Path)
 @SESSION
 @robot_option
 @click.option("--out", type=PATH, required=True, help="HTML page to write; it opens offline.")
-@click.option(
-    "--calibration", "in_force", type=PATH, default=None,
-    help="What the robot is compensated by: held against the session in the drawing's place.",
-)  # fmt: skip
+@in_force_option
 @click.option(
     "--iso9283", "cycles", type=PATH, default=None, metavar="SESSION",
     help="A session of the standard's cycles (plan iso9283), where SESSION does not hold them.",
 )  # fmt: skip
-@click.option(
-    "--figures", type=PATH, default=None, metavar="FOLDER",
-    help="Also every figure as a PNG file in this folder (needs matplotlib).",
-)  # fmt: skip
-@click.option(
-    "--numbers", type=PATH, default=None, metavar="FOLDER",
-    help="Also all numbers: report.json, and a CSV file a figure and table.",
-)  # fmt: skip
-@click.option(
-    "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
-    help="Mechanism to fit; the robot file's own where not given.",
-)  # fmt: skip
+@figures_option
+@numbers_option
+@model_option
 @seed_option
 @topics_option
 def command(

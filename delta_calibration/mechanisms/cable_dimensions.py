@@ -1,14 +1,8 @@
-"""The drawing of a cable robot and two sets of dimensions.
-
-Paper 002 gives no dimensions: both sets here are ours. `EIGHT_CABLES` is a box of 4 x 3 x 2.5 m
-with crossed cables to a tall body that moves with all six freedoms: of some shapes and crossings
-tried, the one whose cables stay taut and whose condition is least; `FOUR_CABLES` carries a point
-on three low cables and one from above.
-"""
+"""The drawing of a cable robot: where cables go, what winds them, and how far both may be off."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,38 +97,3 @@ class CableMasses:
     def on_platform(self) -> float:
         """What moves with the platform: itself [kg]."""
         return self.platform
-
-
-def _box(size: tuple[float, float, float], rows: tuple[int, ...]) -> Array:
-    """Corners of a box about the origin by number; 1 in it is +x, 2 +y, 4 +z.  -> (rows, 3)."""
-    bits = np.array([[(row >> axis) & 1 for axis in range(3)] for row in rows])
-    return np.asarray((bits - 0.5) * np.array(size))
-
-
-_CORNERS = tuple(range(8))
-# a joint on the far side in y and the other height: crossed cables hold the platform's turns
-_CROSSED = tuple(corner ^ 0b110 for corner in _CORNERS)
-
-EIGHT_CABLES = CableDimensions(
-    anchors=_box((4.0, 3.0, 2.5), _CORNERS) + np.array([0.0, 0.0, 1.25]),
-    joints=_box((0.4, 0.4, 0.8), _CROSSED),
-    drum_radius=np.full(8, 0.05),
-    gear=np.full(8, 10.0),
-    tackle=np.ones(8),
-    home_place=np.array([0.0, 0.0, 1.25]),
-    home_turn=np.zeros(3),
-    pretension=400.0,
-)
-
-FOUR_CABLES = CableDimensions(
-    anchors=np.array([[1.6, 0.0, 0.0], [-0.8, 1.4, 0.0], [-0.8, -1.4, 0.0], [0.0, 0.0, 2.5]]),
-    joints=np.zeros((4, 3)),
-    drum_radius=np.full(4, 0.05),
-    gear=np.full(4, 10.0),
-    tackle=np.ones(4),
-    home_place=np.array([0.0, 0.0, 0.6]),
-    pretension=60.0,
-)
-
-TOLERANCES = CableTolerances(anchor=10e-3, joint=2e-3, gain=5e-3)
-ZEROS_FREE = replace(TOLERANCES, zero=10e-3)

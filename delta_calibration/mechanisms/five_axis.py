@@ -55,17 +55,6 @@ class FiveAxisTolerances:
     joint_position: float = tolerance()  # [m] each coordinate of each joint's centre
 
 
-# The paper gives no dimensions. These are ours, found by search: a joint's error reaches the
-# tool's tip about doubled.
-DIMENSIONS = FiveAxisDimensions(
-    turning=StrutPair(-0.245, 0.123, 0.096, -0.286, 0.475, 0.628),
-    hinged=StrutPair(0.0, 0.142, 0.078, 0.0, 0.548, 0.644),
-    tool=0.150,
-    height=1.050,
-)
-TOLERANCES = FiveAxisTolerances(joint_position=0.03e-3 / np.sqrt(3))  # +-0.03 mm, all alike likely
-
-
 class FiveAxis(Mechanism):
     """Sliders on columns, struts to a platform that moves in the plane x = 0 and turns twice.
 

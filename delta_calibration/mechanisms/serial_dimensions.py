@@ -70,24 +70,3 @@ class ArmTolerances:
     zero: float = tolerance("mrad")  # [rad] encoder zero
     tool: float = tolerance()  # [m] tool centre point, each coordinate
     mount: float = tolerance("mrad")  # [rad] how the tool is turned, each axis
-
-
-SCARA = ArmDimensions(  # paper 003: l1 = l2 = 500 mm; the masses are ours
-    links=(Link(0.0, 0.0, 0.0, mass=8.0), Link(0.0, 0.5, 0.0, parallel=True, mass=5.0)),
-    tool=np.array([0.5, 0.0, 0.0]),
-    home=np.array([np.pi / 3, np.pi / 6]),
-    mount=np.zeros(3),
-)
-UR10 = ArmDimensions(  # by the maker's table of DH parameters
-    links=(
-        Link(0.0, 0.0, 0.1273),
-        Link(np.pi / 2, 0.0, 0.0),
-        Link(0.0, -0.612, 0.0, parallel=True),
-        Link(0.0, -0.5723, 0.163941, parallel=True),
-        Link(np.pi / 2, 0.0, 0.1157),
-        Link(-np.pi / 2, 0.0, 0.0922),
-    ),
-    tool=np.zeros(3),
-    home=np.array([0.0, -2.0, 2.0, -1.5, -1.5, 0.0]),
-    mount=np.zeros(3),
-)

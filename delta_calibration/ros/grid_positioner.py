@@ -41,7 +41,14 @@ from delta_calibration.ros.conversions import (
     tracker_pose,
 )
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.parameters import (
+    RATE,
+    SUBSCRIBERS,
+    WAIT_FOR_SUBSCRIBER,
+    ParameterTable,
+    Spec,
+    warn_of_unknown,
+)
 from delta_calibration.ros.qos import MEASURED, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
 
@@ -91,21 +98,9 @@ SPECS = (
     Spec("readings", 10, "tracker readings averaged at a stop", (1, 10**5), read_only=True),
     Spec("dwell", 0.3, "time [s] at a stop before readings count", (0.0, 3600.0), read_only=True),
     Spec("patience", 10.0, "time [s] for a stop to be measured", (0.1, 3600.0), read_only=True),
-    Spec("rate", 50.0, "rate [Hz] of the commands", range=(1.0, 1000.0), read_only=True),
-    Spec(
-        "subscribers",
-        1,
-        "how many have to listen before it begins: the cell, and the recorder if there is one",
-        range=(1, 100),
-        read_only=True,
-    ),
-    Spec(
-        "wait_for_subscriber",
-        10.0,
-        "time [s] to wait until somebody listens to the commands and says where it stands",
-        range=(0.0, 3600.0),
-        read_only=True,
-    ),
+    RATE,
+    SUBSCRIBERS,
+    WAIT_FOR_SUBSCRIBER,
 )
 
 

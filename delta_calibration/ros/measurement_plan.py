@@ -25,7 +25,14 @@ from delta_calibration.plans import Plan, legs, make_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.parameters import (
+    RATE,
+    SUBSCRIBERS,
+    WAIT_FOR_SUBSCRIBER,
+    ParameterTable,
+    Spec,
+    warn_of_unknown,
+)
 from delta_calibration.ros.qos import MEASURED, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
 
@@ -49,23 +56,11 @@ SPECS = (
     Spec("count", 0, "different points; 0: the plan's usual number", (0, 10**5), read_only=True),
     Spec("dwell", 1.0, "time [s] at each stop", range=(0.0, 3600.0), read_only=True),
     Spec("both_sides", True, "take each point from both sides", read_only=True),
-    Spec("rate", 50.0, "rate [Hz] of the commands", range=(1.0, 1000.0), read_only=True),
+    RATE,
     Spec("radius", 0.45, "radius [m] of what is covered", range=(0.001, 10.0), read_only=True),
     Spec("seed", 0, "of the order and of what is drawn", range=(0, 2**31), read_only=True),
-    Spec(
-        "subscribers",
-        1,
-        "how many have to listen before it begins: the cell, and the recorder if there is one",
-        range=(1, 100),
-        read_only=True,
-    ),
-    Spec(
-        "wait_for_subscriber",
-        10.0,
-        "time [s] to wait until somebody listens to the commands",
-        range=(0.0, 3600.0),
-        read_only=True,
-    ),
+    SUBSCRIBERS,
+    WAIT_FOR_SUBSCRIBER,
 )
 
 

@@ -75,6 +75,24 @@ class Spec:
         return descriptor
 
 
+# Of every node that drives a cell by commands.
+RATE = Spec("rate", 50.0, "rate [Hz] of the commands", range=(1.0, 1000.0), read_only=True)
+SUBSCRIBERS = Spec(
+    "subscribers",
+    1,
+    "how many have to listen before it begins: the cell, and the recorder if there is one",
+    range=(1, 100),
+    read_only=True,
+)
+WAIT_FOR_SUBSCRIBER = Spec(
+    "wait_for_subscriber",
+    10.0,
+    "time [s] to wait until somebody listens to the commands and says where it stands",
+    range=(0.0, 3600.0),
+    read_only=True,
+)
+
+
 class ParameterTable:
     """The declared parameters of one node.
 
