@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any, ClassVar
@@ -171,12 +172,12 @@ class Robot:
             )
         return kind(self.dimensions, self.tolerances)
 
-    @property
+    @cached_property
     def commanded(self) -> Mechanism:
         """The model by which its controller turns poses into joints."""
         return self.model(MECHANISMS[self.mechanism].commanded or None)
 
-    @property
+    @cached_property
     def detailed(self) -> Mechanism:
         """The model that leaves out least."""
         return self.model(MECHANISMS[self.mechanism].detailed or None)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import signal
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -122,6 +124,10 @@ def test_without_joint_states_it_begins_at_the_first_stop(
     np.testing.assert_allclose(listener.angles[0], expected(points, None)[0], atol=1e-12)
 
 
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    return max(len(list(run)) * flag for flag, run in groupby(flags.tolist()))
+
+
 def test_after_a_hold_up_it_goes_on_without_a_jump(
     bench: Bench, launch: Launch, points: Path
 ) -> None:
@@ -134,7 +140,8 @@ def test_after_a_hold_up_it_goes_on_without_a_jump(
     node.send(signal.SIGCONT)
     assert listener.until_end(node) == 0
     gaps = np.diff(listener.stamps[count:]) * 1e-9
-    assert np.sum(gaps < 0.3 / RATE) < 25  # had it caught up: 80 and more at once
+    # 0.25 s are caught up with, 0.8 s are not: 80 and more would come at once
+    assert _longest_run(gaps < 0.3 / RATE) < 50
     assert "held up: the rest of the plan is" in node.output
     np.testing.assert_allclose(listener.angles, expected(points, HERE, dwell=0.2), atol=1e-12)
 
