@@ -174,8 +174,7 @@ class Chain:
         _, offset, frame = self.split(theta)
         joints, geometry = self.joints(at, theta), self.geometry(at, theta)
         by_pose = frame.rotation @ self.point_by_pose(x, offset)
-        by_joints = by_pose @ self.mechanism.velocity_jacobian(joints, x, geometry)
-        return by_joints, by_pose @ self.mechanism.identification_jacobian(joints, x, geometry)
+        return self.mechanism.moved_by(joints, x, geometry, by_pose)
 
     def seen(
         self, at: Conditions, x: Array, theta: Array, by_joints: Array | None = None

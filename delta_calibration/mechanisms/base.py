@@ -98,11 +98,16 @@ class Mechanism(ABC):
         """Pose of the platform at joints q, (n, k); NaN rows where it cannot be assembled."""
         x = self.start(q, g) if guess is None else np.array(guess, dtype=float)
         for _ in range(_NEWTON_STEPS):
-            step = solve(self.closure_by_pose(q, x, g), self.closure(q, x, g)[..., None])[..., 0]
+            f, slope = self.linearised(q, x, g)
+            step = solve(slope, f[..., None])[..., 0]
             x = x - step
             if _settled(step):
                 break
         return _without_strays(x, self.missed(q, x, g))
+
+    def linearised(self, q: Array, x: Array, g: Array) -> tuple[Array, Array]:
+        """Closure (n, r) and its derivative by the pose (n, r, k), where they have work in common."""
+        return self.closure(q, x, g), self.closure_by_pose(q, x, g)
 
     def missed(self, q: Array, x: Array, g: Array) -> Array:
         """What of the closure another pose could take away, (n, r); zero at a solution.
@@ -137,6 +142,15 @@ class Mechanism(ABC):
     def identification_jacobian(self, q: Array, x: Array, g: Array) -> Array:
         """dx/dg, (n, k, p), at constant joints."""
         return -solve(self.closure_by_pose(q, x, g), self.closure_by_geometry(q, x, g))
+
+    def moved_by(self, q: Array, x: Array, g: Array, by_pose: Array) -> tuple[Array, Array]:
+        """Derivatives by joints, (n, c, m), and geometry, (n, c, p), of what follows the pose.
+
+        `by_pose` (n, c, k) is its derivative by the pose. The same as the products with the two
+        Jacobians, but with c systems to solve for each sample instead of m + p.
+        """
+        back = -divide(by_pose, self.closure_by_pose(q, x, g))
+        return back @ self.closure_by_joints(q, x, g), back @ self.closure_by_geometry(q, x, g)
 
     def condition(self, q: Array, x: Array, g: Array) -> Array:
         """How far a pose is from being regular, (n,): 1 is as good as home, infinite is singular.
@@ -239,6 +253,17 @@ def solve(matrix: Array, right: Array) -> Array:
         usable = np.where(regular[..., None, None], usable, np.eye(size))
         result = np.linalg.solve(usable, np.where(finite[..., None, None], right, 0.0))
     return np.where(finite[..., None, None], result, np.nan)
+
+
+def divide(left: Array, matrix: Array) -> Array:
+    """left @ (pseudo)inverse of matrix for each sample; NaN where that is singular.
+
+    (n, c, k), (n, r, k) -> (n, c, r).
+    """
+    turned = np.swapaxes(matrix, -1, -2)
+    if matrix.shape[-2] == matrix.shape[-1]:
+        return np.swapaxes(solve(turned, np.swapaxes(left, -1, -2)), -1, -2)
+    return np.swapaxes(matrix @ solve(turned @ matrix, np.swapaxes(left, -1, -2)), -1, -2)
 
 
 def _settled(step: Array) -> bool:

@@ -62,16 +62,18 @@ class SixRodDelta(DeltaModel):
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """Squared length of each rod less what it should be, (n, 6) [m^2]."""
         leg = legs(g)
-        gap = np.sum(self._rods(q, x, leg) ** 2, axis=-1) - _lengths(leg) ** 2
-        return np.asarray(gap.reshape(len(q), 2 * LEGS))
+        return _gap(self._rods(q, x, leg), leg)
 
     def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
         """2 [s, s . d(R a)/dw], (n, 6, 6)."""
         leg = legs(g)
+        return self._by_pose(self._rods(q, x, leg), x, leg)
+
+    def linearised(self, q: Array, x: Array, g: Array) -> tuple[Array, Array]:
+        """Both from the same rods."""
+        leg = legs(g)
         s = self._rods(q, x, leg)
-        turn = rotations.exp_times_derivative(x[:, None, None, 3:], self._platform_balls(leg))
-        by_turn = (s[..., None, :] @ turn)[..., 0, :]
-        return 2 * np.concatenate([s, by_turn], axis=-1).reshape(len(q), 2 * LEGS, 6)
+        return _gap(s, leg), self._by_pose(s, x, leg)
 
     def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
         """Each joint moves the two elbow balls of its own leg, (n, 6, 3)."""
@@ -180,6 +182,19 @@ class SixRodDelta(DeltaModel):
         """s: from elbow to platform, (n, 3 legs, 2 sides, 3) [m] in the base."""
         turned = self._platform_balls(leg) @ _transposed(rotations.exp(x[:, None, 3:]))
         return x[:, None, None, :3] + turned - self._elbow_balls(q, leg)
+
+    def _by_pose(self, s: Array, x: Array, leg: Array) -> Array:
+        """2 [s, s . d(R a)/dw] with s . d(R a)/dw = (a x R^T s)^T J_r, J_r(w) = J_l(-w)."""
+        turn = x[:, None, 3:]
+        lever = np.cross(self._platform_balls(leg), s @ rotations.exp(turn))
+        by_turn = lever @ rotations.left_jacobian(-turn)
+        return 2 * np.concatenate([s, by_turn], axis=-1).reshape(len(x), 2 * LEGS, 6)
+
+
+def _gap(s: Array, leg: Array) -> Array:
+    """Squared lengths of the rods s less what they should be, (n, 6) [m^2]."""
+    gap = np.sum(s**2, axis=-1) - _lengths(leg) ** 2
+    return np.asarray(gap.reshape(len(s), 2 * LEGS))
 
 
 def _dot(a: Array, b: Array) -> Array:
