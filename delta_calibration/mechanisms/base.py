@@ -106,7 +106,7 @@ class Mechanism(ABC):
         return _without_strays(x, self.missed(q, x, g))
 
     def linearised(self, q: Array, x: Array, g: Array) -> tuple[Array, Array]:
-        """Closure (n, r) and its derivative by the pose (n, r, k), where they have work in common."""
+        """Closure (n, r) and its derivative by the pose (n, r, k), by what they have in common."""
         return self.closure(q, x, g), self.closure_by_pose(q, x, g)
 
     def missed(self, q: Array, x: Array, g: Array) -> Array:
