@@ -51,7 +51,7 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         """The class that an entry names.
 
         Raises:
-            ConfigError: it cannot be imported, is of another kind, or its name differs or is taken.
+            ConfigError: it cannot be imported, is no such class, or its name is another or taken.
         """
         where = f"entry point {self._group}: {entry.name} = {entry.value}"
         if entry.name in self._own:
