@@ -22,21 +22,17 @@ BAGS = {
         "a machine with manufacturing errors and nothing else: for `fit`",
     ),
     "srbd_backlash": (
-        "--robot srbd --plan rich --count 12 --rate 5 --seed 4"
+        "--robot srbd --plan rich --count 12 --seed 4"
         " --effect backlash:location=joint_2,value=0.0006",
         "play of 0.6 mrad hidden in joint 2: for `diagnose`",
     ),
     "srbd_warm": (
-        "--robot srbd --plan rich --count 12 --rate 5 --seed 5"
+        "--robot srbd --plan rich --count 12 --seed 5"
         " --effect thermal_growth_arm:sensor=arm,value=0.000023",
         "arms of aluminium that grow while the cell warms up",
     ),
-    "srbd_cycles": (
-        "--robot srbd --plan iso9283 --count 3 --rate 10 --seed 6",
-        "three cycles of the standard's points and paths: for `iso9283`",
-    ),
     "linear_delta_plain": (
-        "--robot linear_delta --plan identify --count 20 --rate 10 --seed 7",
+        "--robot linear_delta --plan identify --count 20 --seed 7",
         "another mechanism, joints that slide",
     ),
 }
