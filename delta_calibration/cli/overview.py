@@ -10,7 +10,7 @@ import click
 PURPOSES: Mapping[str, Mapping[str, str]] = {
     "Measure": {
         "plan": "--robot srbd --identify --out poses.csv",
-        "simulate": "--robot srbd --plan rich --effect backlash:strength=1 --out session",
+        "simulate": "--robot srbd --effect backlash:strength=1 --out session",
         "import": "table.csv --mapping mapping.yaml --robot srbd --out session",
         "info": "session",
         "replay": "session --rate 10",
@@ -52,4 +52,4 @@ def _write(formatter: click.HelpFormatter, examples: Mapping[str, str], find: Fi
         command = find(verb)
         said = "" if command is None else command.get_short_help_str(limit=200)
         formatter.write(f"{'':{formatter.current_indent}}{verb:<12}{said}\n")
-        formatter.write(f"{'':{formatter.current_indent + 12}}$ delta-cal {verb} {example}\n")
+        formatter.write(f"{'':{formatter.current_indent + 4}}$ delta-cal {verb} {example}\n")
