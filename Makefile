@@ -1,11 +1,11 @@
 # Everything is installed into .venv; `make` alone lists the targets.
 #   make install PYTHON=python3.12      another interpreter
-#   make install EXTRAS=report,test,study,dev       without the ROS wheels (other platforms; a cell that has ROS from apt)
+#   make install EXTRAS=report,docs,test,study,dev       without the ROS wheels (other platforms; a cell that has ROS from apt)
 #   make test PYTEST_ARGS="-k delta"    a part of the tests
 
 SHELL := /bin/bash
 PYTHON ?= python3
-EXTRAS ?= ros,report,test,study,dev
+EXTRAS ?= ros,report,docs,test,study,dev
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
@@ -19,7 +19,7 @@ endif
 unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint bench study soak clean
+.PHONY: help install demo test lint docs bench study soak clean
 
 help: ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -55,6 +55,10 @@ lint: install ## ruff, mypy --strict on the package, codespell
 	@$(PY) -m ruff check .
 	@$(PY) -m mypy
 	@$(VENV)/bin/codespell
+
+docs: install ## build the API reference, a page a module (out/docs); what is missing in it is an error
+	@$(PY) docs/make_api.py out/docs
+	@echo "written: out/docs/index.html"
 
 study: install ## put the diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
 	@PYTHONPATH=test:benchmarks $(PY) -m study $(STUDY_ARGS)

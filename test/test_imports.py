@@ -22,6 +22,7 @@ LAYERS = [
     "documents",
     "parameters",
     "sections",
+    "registry",
     "swarm_law",
     "geometry",
     "samples",

@@ -124,9 +124,10 @@ def describe(verdict: Verdict) -> str:
     unknown = verdict.unknown_structure
     if unknown.found:
         size = f", {unknown.rms_mm:.4f} mm RMS" if unknown.rms_mm is not None else ""
+        where = f"; {unknown.where}" if unknown.where else ""
         lines += [
             "",
-            f"unexplained structure{size}: moves with {unknown.moves_with}; {unknown.where}",
+            f"unexplained structure{size}: moves with {unknown.moves_with}{where}",
         ]
     if verdict.cannot_tell:
         lines += ["", "this session cannot tell:"]

@@ -10,11 +10,12 @@ from collections.abc import Sequence
 import click
 
 from delta_calibration import __version__
+from delta_calibration.cli.overview import write_verbs
 from delta_calibration.errors import CalibrationError
 
 VERBS = (
     "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
-    "info", "demo",
+    "info", "demo", "completion",
 )  # fmt: skip
 _INTERRUPTED = 130
 
@@ -38,17 +39,27 @@ class Verbs(click.Group):
         command = module.command
         return command if isinstance(command, click.Command) else None
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The verbs by purpose, an example of each."""
+        write_verbs(formatter, VERBS, lambda verb: self.get_command(ctx, verb))
+
 
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="delta-cal")
 def group() -> None:
-    """Calibrate a parallel robot from measured data.
+    r"""Calibrate a parallel robot from measured data.
 
     A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds
     what the machine really is, `compensate` the joint commands that put the tool where it was
     meant to be, `iso9283` says how accurate the cell is. `simulate` makes sessions of a machine
     that is not built as drawn; `demo` shows it all on a live simulated cell.
 
+    \b
+    A first look, in a folder of your own:
+      delta-cal simulate --robot srbd --plan identify --seed 1 --out session
+      delta-cal fit session --robot srbd --out calibration.yaml
+
+    `delta-cal VERB --help` says the rest. Work over a second shows a bar with the time left.
     Exit codes: 0 done; 1 the data cannot answer; 2 wrong use or bad input.
     """
 

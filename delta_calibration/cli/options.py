@@ -8,13 +8,23 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.robot import known_robots
 
 Item = TypeVar("Item")
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+
+def robots(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """What `--robot` may go on with: a name, or a file."""
+    names = [CompletionItem(name) for name in known_robots() if name.startswith(begun)]
+    return [*names, CompletionItem(begun, type="file")]
+
 
 SESSION = click.argument("session", type=click.Path(path_type=Path))
 
@@ -22,7 +32,7 @@ SESSION = click.argument("session", type=click.Path(path_type=Path))
 def robot_option(function: Function) -> Function:
     """`--robot`: a robot file or name."""
     return click.option(
-        "--robot", "robot_file", required=True, metavar="FILE|NAME",
+        "--robot", "robot_file", required=True, metavar="FILE|NAME", shell_complete=robots,
         help="Robot file (config/srbd.yaml), or the name of one that comes with it (srbd).",
     )(function)  # fmt: skip
 

@@ -12,7 +12,12 @@ from delta_calibration.cli.options import duration, progress, robot_option, seed
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, effect_options, simulate_session
+from delta_calibration.simulation import (
+    draw_machine,
+    effect_options,
+    hideable_causes,
+    simulate_session,
+)
 
 _RICH_PERIOD = 38.0  # [s] from stop to stop: two hours for the usual number of stops
 _CAUSES = """\b
@@ -42,6 +47,13 @@ Structure:
 """
 
 
+def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]:
+    """What `--effect` may go on with, for the robot that is named before it."""
+    robot = load_robot(context.params.get("robot_file") or "srbd")
+    chain = draw_machine(robot, seed=0).chain
+    return [name for name in hideable_causes(robot, chain) if name.startswith(begun)]
+
+
 @click.command(
     "simulate",
     short_help="make a session of a machine that is not built as drawn",
@@ -49,7 +61,7 @@ Structure:
 )
 @robot_option
 @click.option(
-    "--effect", "effects", multiple=True, metavar="NAME[:k=v,...]",
+    "--effect", "effects", multiple=True, metavar="NAME[:k=v,...]", shell_complete=_causes,
     help="Cause to hide, e.g. backlash:location=joint_2,value=0.0003 (SI); may be repeated.",
 )  # fmt: skip
 @click.option(

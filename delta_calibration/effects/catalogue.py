@@ -1,4 +1,4 @@
-"""Every effect that the package knows. A new one is a file of its own and a line here."""
+"""Every effect there is. One of the package is a file of its own and a line here."""
 
 from __future__ import annotations
 
@@ -34,11 +34,14 @@ from delta_calibration.effects.transmission_error import TransmissionError
 from delta_calibration.effects.unexplained import UNEXPLAINED, Unexplained
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.registry import Registry
 from delta_calibration.robot import Robot
 
-EFFECTS: Mapping[str, type[Effect]] = {
-    effect.cause: effect
-    for effect in (
+EFFECTS: Registry[Effect] = Registry(
+    Effect,  # type: ignore[type-abstract]
+    "cause",
+    "delta_calibration.effects",
+    (
         TrackerScale,
         TrackerDrift,
         TimestampLatency,
@@ -64,8 +67,8 @@ EFFECTS: Mapping[str, type[Effect]] = {
         SliderPitch,
         ReducerCompliance,
         ThermalGrowthLink,
-    )
-}
+    ),
+)
 
 
 def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:

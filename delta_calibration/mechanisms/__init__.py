@@ -8,6 +8,7 @@ from delta_calibration.mechanisms.linear_delta import LinearDelta
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
+from delta_calibration.registry import Registry
 
 _EVERY: tuple[type[Mechanism], ...] = (
     RotaryDelta,
@@ -17,7 +18,12 @@ _EVERY: tuple[type[Mechanism], ...] = (
     FiveAxis,
     SerialArm,
 )
-MECHANISMS: dict[str, type[Mechanism]] = {kind.name: kind for kind in _EVERY}
+MECHANISMS: Registry[Mechanism] = Registry(
+    Mechanism,  # type: ignore[type-abstract]
+    "name",
+    "delta_calibration.mechanisms",
+    _EVERY,
+)
 
 __all__ = [
     "MECHANISMS",

@@ -1,0 +1,29 @@
+"""`delta-cal completion`: what a shell needs to complete verbs, options, robots and causes."""
+
+from __future__ import annotations
+
+import click
+from click.shell_completion import get_completion_class
+
+from delta_calibration.errors import InputError
+
+_PROGRAM, _VARIABLE = "delta-cal", "_DELTA_CAL_COMPLETE"
+
+
+@click.command("completion", short_help="let the shell complete verbs, options and names")
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def command(shell: str) -> None:
+    r"""Print a script that makes SHELL complete delta-cal by the Tab key.
+
+    \b
+    bash, in ~/.bashrc:                   eval "$(delta-cal completion bash)"
+    zsh, in ~/.zshrc, after compinit:     eval "$(delta-cal completion zsh)"
+    fish, once:
+      delta-cal completion fish > ~/.config/fish/completions/delta-cal.fish
+    """
+    kind = get_completion_class(shell)
+    if kind is None:
+        raise InputError(f"this version of click has no completion for {shell}")
+    # The group is asked for when the Tab key is pressed, by the variable; not here.
+    script = kind(click.Command(_PROGRAM), {}, _PROGRAM, _VARIABLE)
+    click.echo(script.source_template % script.source_vars())

@@ -1,0 +1,68 @@
+"""Classes by name: those of the package, and those that installed packages add.
+
+A package adds its own in an entry-point group, `delta_calibration.effects` or
+`delta_calibration.mechanisms`: the entry's name is the class's own, its value `module:Class`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from typing import Generic, TypeVar
+
+from delta_calibration.errors import ConfigError
+
+Kind = TypeVar("Kind")
+
+
+class Registry(Mapping[str, type[Kind]], Generic[Kind]):
+    """A kind of classes by their names; what is installed beside them is loaded when first asked.
+
+    Not before, so that a module of another package can import this one first.
+    """
+
+    def __init__(self, base: type[Kind], key: str, group: str, own: Iterable[type[Kind]]) -> None:
+        """From the package's own classes.
+
+        Args:
+            base: what each class has to be derived from.
+            key: class variable that holds the name.
+            group: of entry points.
+            own: of this package.
+        """
+        self._base, self._key, self._group = base, key, group
+        self._own = {str(getattr(kind, key)): kind for kind in own}
+
+    def __getitem__(self, name: str) -> type[Kind]:
+        return self._own[name] if name in self._own else self._added[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter({**self._own, **self._added})
+
+    def __len__(self) -> int:
+        return len({**self._own, **self._added})
+
+    @cached_property
+    def _added(self) -> dict[str, type[Kind]]:
+        return {entry.name: self._loaded(entry) for entry in entry_points(group=self._group)}
+
+    def _loaded(self, entry: EntryPoint) -> type[Kind]:
+        """The class that an entry names.
+
+        Raises:
+            ConfigError: it cannot be imported, is no such class, or its name is another or taken.
+        """
+        where = f"entry point {self._group}: {entry.name} = {entry.value}"
+        if entry.name in self._own:
+            raise ConfigError(f"{where}: the package has a {entry.name} itself; use another name")
+        try:
+            kind = entry.load()
+        except Exception as error:  # whatever a foreign module does when it is imported
+            raise ConfigError(f"{where}: cannot be loaded: {error}") from error
+        if not (isinstance(kind, type) and issubclass(kind, self._base)):
+            raise ConfigError(f"{where}: is no class derived from {self._base.__name__}")
+        name = getattr(kind, self._key, None)
+        if name != entry.name:
+            raise ConfigError(f"{where}: its {self._key} is {name!r}, not the entry's name")
+        return kind

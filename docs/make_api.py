@@ -1,0 +1,67 @@
+"""API reference of the whole package, from its docstrings: `python docs/make_api.py FOLDER`.
+
+A page a module, with search; it opens offline. What pdoc warns of (an annotation that cannot be
+resolved, a module that cannot be imported) is an error here. Where rclpy is missing the nodes are
+left out, and this is said.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import pkgutil
+import sys
+import warnings
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import get_type_hints
+
+import pdoc
+from pdoc.extract import walk_specs
+
+import delta_calibration
+
+ROS = "delta_calibration.ros"
+
+
+def modules() -> list[str]:
+    """Every module of the package; those of nodes only where they can be imported."""
+    package = delta_calibration.__name__
+    left_out = []
+    if importlib.util.find_spec("rclpy") is None:
+        sys.stderr.write(f"no rclpy: without {ROS}\n")
+        left_out = [f"!{ROS}"]
+    # pdoc finds by itself what no `__all__` leaves out
+    found = {*walk_specs([package, *left_out])}
+    every = pkgutil.walk_packages(delta_calibration.__path__, f"{package}.")
+    names = [item.name for item in every]
+    kept = [name for name in names if not left_out or not f"{name}.".startswith(f"{ROS}.")]
+    return [package, *(name for name in kept if name not in found), *left_out]
+
+
+def resolve_fields(names: list[str]) -> None:
+    """Let the constructors of dataclasses name types, not texts.
+
+    A field's annotation is a text in the words of the module where the field stands; a class that
+    inherits it elsewhere has the text and not the words.
+    """
+    for name in names:
+        for kind in vars(importlib.import_module(name)).values():
+            if isinstance(kind, type) and is_dataclass(kind) and "__init__" in vars(kind):
+                texts, types = kind.__init__.__annotations__, get_type_hints(kind)
+                texts.update({field: types[field] for field in texts if field in types})
+
+
+def main(folder: Path) -> None:
+    """Write the pages."""
+    with warnings.catch_warnings():
+        # of pdoc only: what other libraries deprecate among themselves is not ours
+        warnings.filterwarnings("error", category=UserWarning)
+        pdoc.render.configure(docformat="google", footer_text=f"{delta_calibration.__version__}")
+        names = modules()
+        resolve_fields([*walk_specs(names)])
+        pdoc.pdoc(*names, output_directory=folder)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/docs"))

@@ -1,0 +1,78 @@
+"""Help and completion: every verb under its purpose, with an example that would be taken."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from delta_calibration.cli.main import VERBS, group, run
+from delta_calibration.cli.overview import PURPOSES
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = {verb: text for part in PURPOSES.values() for verb, text in part.items()}
+
+
+def test_help_shows_every_verb_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert "More:" not in said, "a verb without a purpose: add it to cli/overview.py"
+    for verb in VERBS:
+        assert f"$ delta-cal {verb} {EXAMPLES[verb]}" in said
+    assert max(map(len, said.splitlines())) < 100
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_an_example_is_taken(verb: str) -> None:
+    """Its options and their values are sound; what they name need not be there."""
+    command = group.get_command(click.Context(group), verb)
+    assert command is not None
+    command.make_context(verb, EXAMPLES[verb].split())
+
+
+def test_an_example_that_is_wrong_is_found() -> None:
+    command = group.get_command(click.Context(group), "fit")
+    assert command is not None
+    with pytest.raises(click.UsageError, match="--robots"):
+        command.make_context("fit", ["session", "--robots", "srbd"])
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_can_read_its_script(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert "_DELTA_CAL_COMPLETE" in script
+    if shutil.which(shell) is None:
+        pytest.skip(f"no {shell} to read its script")
+    done = subprocess.run([shell, "-n"], input=script, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def completed(*words: str) -> set[str]:
+    """What bash is offered for the last word."""
+    variables = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
+        "_DELTA_CAL_COMPLETE": "bash_complete",
+        "COMP_WORDS": " ".join(words),
+        "COMP_CWORD": str(len(words) - 1),
+    }
+    command = [sys.executable, "-m", "delta_calibration.cli.main"]
+    done = subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
+    return {line.partition(",")[2] for line in done.stdout.splitlines()}
+
+
+def test_verbs_options_robots_and_causes_are_completed() -> None:
+    assert completed("delta-cal", "di") == {"diagnose"}
+    assert "--json" in completed("delta-cal", "diagnose", "--")
+    assert {"srbd", "scara"} <= completed("delta-cal", "fit", "--robot", "s")
+    causes = completed("delta-cal", "simulate", "--robot", "srbd", "--effect", "joint_")
+    assert {"joint_lag", "joint_zero_offset"} <= causes
+    cables = completed("delta-cal", "simulate", "--robot", "cdpr8", "--effect", "")
+    assert "cable_sag" in cables
+    assert "ball_joint_clearance" not in cables
