@@ -35,7 +35,7 @@ from delta_calibration.compensation import (
     Apso,
     ApsoSettings,
     NewtonSettings,
-    kernel,
+    newton_kernel,
     swarm_kernel,
 )
 from delta_calibration.compensation.compiled import CompiledGeometry, drawn_beforehand
@@ -196,7 +196,9 @@ def direct(task: Task) -> Iterator[Row]:
     settings = (s.bound_rad, s.tolerance, s.condition_limit, s.iterations, s.halvings)
 
     def newton(rows: slice) -> tuple[Array, float]:
-        dq, _, evaluations = kernel.newton(*geometry, task.q[rows], task.target[rows], settings)
+        dq, _, evaluations = newton_kernel.newton(
+            *geometry, task.q[rows], task.target[rows], settings
+        )
         return dq, evaluations.mean()
 
     def closed(rows: slice) -> tuple[Array, float]:

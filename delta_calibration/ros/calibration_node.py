@@ -22,7 +22,7 @@ from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
 from delta_calibration.ros.controllers import Controllers, points_of, trajectory
-from delta_calibration.ros.conversions import JointReader, joint_state, stamp_to_ns
+from delta_calibration.ros.conversions import JointReader, JointWriter, stamp_to_ns
 from delta_calibration.ros.diagnostics import Diagnostics, status
 from delta_calibration.ros.jobs import Finish, Jobs, Work
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
@@ -95,6 +95,7 @@ class CalibrationNode(SafeLifecycleNode):
         )
         self._streams = not trajectory_input
         self._command_reader, self._states_reader = JointReader(names), JointReader(names)
+        self._command_writer, self._states_writer = JointWriter(names), JointWriter(names)
         self._desk = desk
         self._listen()
         self.get_logger().info(f"configured for {desk.robot.name}")
@@ -163,25 +164,26 @@ class CalibrationNode(SafeLifecycleNode):
         try:
             q = self._command_reader.positions(message)
         except CalibrationError as error:
-            self._send(desk, message, desk.path.refuse(str(error)))
+            self._send(message, desk.path.refuse(str(error)))
             raise
         already = message.header.frame_id == MARK
         sent = desk.send(q, stamp_ns, now_s, already, self._age_s(desk, stamp_ns))
+        self._send(message, sent)
         if not already:
             desk.capture.add_command(stamp_ns, q)
-        self._send(desk, message, sent)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
         if desk.path.trouble is not None:
             desk.watch.trouble("joint_command", desk.path.trouble, now_s)
             self._warn(f"joint_command: {desk.path.trouble}")
 
-    def _send(self, desk: Desk, message: JointState, sent: Sent | None) -> None:
+    def _send(self, message: JointState, sent: Sent | None) -> None:
         if sent is not None:
-            out = joint_state(desk.robot.joints.names, sent.joint, message.header.stamp)
-            out.header.frame_id = MARK if sent.compensated else ""
-            self._out.publish(out)
+            mark = MARK if sent.compensated else ""
+            self._out.publish(
+                self._command_writer.message(sent.joint, message.header.stamp, mark)
+            )
             if self._controllers is not None:
-                self._controllers.send(sent.joint, out.header.frame_id, self._streams)
+                self._controllers.send(sent.joint, mark, self._streams)
 
     def _age_s(self, desk: Desk, stamp_ns: int) -> float:
         """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it."""
@@ -206,8 +208,8 @@ class CalibrationNode(SafeLifecycleNode):
         now_s = time.monotonic()
         desk.watch.heard("joint_states", now_s)
         desk.capture.add_states(stamp_to_ns(message.header.stamp), q)
-        names = desk.robot.joints.names
-        self._nominal.publish(joint_state(names, desk.nominal(q, now_s), message.header.stamp))
+        nominal = desk.nominal(q, now_s)
+        self._nominal.publish(self._states_writer.message(nominal, message.header.stamp))
 
     def _on_pose(self, desk: Desk, message: Any) -> None:
         reflector = desk.robot.tracker.measures == "position"
