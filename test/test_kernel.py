@@ -252,7 +252,8 @@ def test_one_command_meets_every_guard_and_correction_that_numpy_has_for_many(ma
             getattr(alone, name), getattr(plain, name), rtol=0, atol=1e-12, err_msg=name
         )
     # a search along the bound comes to its end by rounding, sooner or later
-    found = np.array([v is not Verdict.NOT_REACHED for v in plain.verdicts])
+    found = plain.model_error < 1e-9
+    assert found.sum() > 100
     np.testing.assert_array_equal(alone.evaluations[found], plain.evaluations[found])
 
 
