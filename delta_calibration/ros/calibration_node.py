@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -50,6 +50,7 @@ class CalibrationNode(SafeLifecycleNode):
         warn_of_unknown(self)
         self._desk: Desk | None = None
         self._active = False
+        self._refused = ""  # why the node could not be configured
         self._listening: list[Any] = []
         self._told: tuple[bytes, str] | None = None
         self._controllers: Controllers | None = None
@@ -60,7 +61,7 @@ class CalibrationNode(SafeLifecycleNode):
             JointState, "joint_states_nominal", STREAM_OUT
         )
         self._status = self.create_publisher(DiagnosticStatus, "~/status", STATUS)
-        self._jobs = Jobs(self)
+        self._jobs = Jobs(self, self._tell_of)
         self._serve()
         self._diagnostics = Diagnostics(self, self._report)
 
@@ -80,8 +81,16 @@ class CalibrationNode(SafeLifecycleNode):
     # --- lifecycle
 
     def configure(self) -> None:
-        """Load robot and calibration, and listen."""
-        desk = Desk(desk_settings(self._settings))
+        """Load robot and calibration, and listen; why that was refused stays on diagnostics."""
+        try:
+            self._configure()
+        except CalibrationError as error:
+            self._refused = str(error)
+            raise
+        self._refused = ""
+
+    def _configure(self) -> None:
+        desk = Desk(desk_settings(self._settings), self._follow)
         text, names = self._settings.text, desk.robot.joints.names
         trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
         if trajectory_input and not trajectories:
@@ -268,8 +277,12 @@ class CalibrationNode(SafeLifecycleNode):
 
     def _prepare_reload(self) -> Work:
         desk, path = self._require_desk(), self._settings.text("calibration")
-        work = desk.prepare_reload(path)
+        work = desk.prepare_reload(path, self._settings.text("table"))
         return lambda: partial(desk.take_file, path, *work())
+
+    def _tell_of(self, job: str, why: str) -> None:
+        if self._desk is not None:
+            self._desk.watch.trouble(job, why, time.monotonic())
 
     def _log_answer(self, response: Any) -> None:
         log = self.get_logger()
@@ -300,7 +313,17 @@ class CalibrationNode(SafeLifecycleNode):
             self._status.publish(status(level, name, health.message, health.values))
         return level, health.message, health.values
 
+    def _follow(self, blocks: range) -> Iterator[int]:
+        """Say how far the making of a table of corrections is, once a second."""
+        for block in blocks:
+            self.get_logger().info(
+                f"table of corrections: {100 * block // len(blocks)} %", throttle_duration_sec=1.0
+            )
+            yield block
+
     def _health(self) -> Health:
+        if self._desk is None and self._refused:
+            return Health(Level.ERROR, f"{self.state}, nothing is sent: {self._refused}", {})
         if self._desk is None:
             return Health(Level.WARN, f"{self.state}: nothing is sent", {})
         timeout_s = self._settings.number("tracker_timeout_s")
