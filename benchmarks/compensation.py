@@ -44,7 +44,7 @@ from delta_calibration.robot import Robot, load_robot
 from swarm_rivals import RIVALS, Objective, Solver, installed, root, solve
 
 Array = NDArray[np.float64]
-Way = Callable[[slice], tuple[Array, float]]  # rows of the task -> corrections, evaluations
+Way = Callable[[slice], tuple[Array, object]]  # rows of the task -> corrections, evaluations
 
 TOLERANCE = 1e-6  # [m]
 SINGLE, SLOW, BATCH = 2000, 20, 10_000  # targets
@@ -119,7 +119,8 @@ def timed(task: Task, name: str, way: Way, n: int, size: int = 1) -> Row:
     dq = np.concatenate([each for each, _ in found])
     gap = np.linalg.norm(point(task)(task.q[:n] + dq) - task.target[:n], axis=1)
     reached = int(np.sum(gap <= TOLERANCE * (1 + 1e-6)))
-    return Row(name, seconds, float(np.mean([count for _, count in found])), reached, n)
+    evaluations = float(np.mean([np.mean(count) for _, count in found]))
+    return Row(name, seconds, evaluations, reached, n)
 
 
 def point(task: Task) -> Callable[[Array], Array]:
@@ -138,18 +139,18 @@ def our_swarms(task: Task) -> Iterator[Row]:
     constants = (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social)
     random_numbers, by_numpy = drawn_beforehand(s), Apso(point(task), s)
 
-    def compiled_swarm(rows: slice) -> tuple[Array, float]:
-        dq, _, evaluations = swarm_kernel.search(
-            compiled._geometry, task.q[rows], task.target[rows], *random_numbers, constants
+    def compiled_swarm(rows: slice) -> tuple[Array, object]:
+        out = swarm_kernel.search(
+            compiled.arrays, task.q[rows], task.target[rows], *random_numbers, constants
         )
-        return dq, evaluations.mean()
+        return out[:, :3], out[:, 4]
 
-    def numpy_swarm(rows: slice) -> tuple[Array, float]:
+    def numpy_swarm(rows: slice) -> tuple[Array, object]:
         found = by_numpy.correct(task.q[rows], task.target[rows])
-        return found.dq, found.evaluations.mean()
+        return found.dq, found.evaluations
 
-    def plain(rows: slice) -> tuple[Array, float]:
-        i, spheres = rows.start, compiled._geometry[0].tolist()
+    def plain(rows: slice) -> tuple[Array, object]:
+        i, spheres = rows.start, compiled.arrays[0].tolist()
         q, p = task.q[i].tolist(), task.target[i].tolist()
 
         def distance(dq: list[float]) -> float:
@@ -174,7 +175,7 @@ def rivals(task: Task) -> Iterator[Row]:
     fast, bound = task.compiled.point, task.settings.bound_rad
 
     def by(solver: Solver) -> Way:
-        def way(rows: slice) -> tuple[Array, float]:
+        def way(rows: slice) -> tuple[Array, object]:
             f = Objective(fast, task.q[rows], task.target[rows], bound, TOLERANCE)
             solve(solver, f, rows.start)
             return bound * f.best[None], f.evaluations
@@ -191,17 +192,16 @@ def rivals(task: Task) -> Iterator[Row]:
 
 def direct(task: Task) -> Iterator[Row]:
     """What needs no swarm: Newton's method compiled, and the closed form by numpy."""
-    geometry = task.compiled._geometry
-    s = NewtonSettings(task.settings.bound_rad, TOLERANCE)
-    settings = (s.bound_rad, s.tolerance, s.condition_limit, s.iterations, s.halvings)
+    geometry = task.compiled.arrays
+    settings = NewtonSettings(task.settings.bound_rad, TOLERANCE).numbers
 
-    def newton(rows: slice) -> tuple[Array, float]:
+    def newton(rows: slice) -> tuple[Array, object]:
         dq, _, evaluations = newton_kernel.newton(
             *geometry, task.q[rows], task.target[rows], settings
         )
-        return dq, evaluations.mean()
+        return dq, evaluations
 
-    def closed(rows: slice) -> tuple[Array, float]:
+    def closed(rows: slice) -> tuple[Array, object]:
         q = task.mechanism.inverse(task.target[rows], task.geometry)
         return q - task.q[rows], 0.0
 

@@ -135,13 +135,14 @@ class CompiledGeometry:
 
     def swarm(self, q: Array, target: Array, s: ApsoSettings) -> Correction:
         """`Apso.correct`, for finite commands (n, 3) [rad] and targets (n, 3) [m]."""
-        dq, error, evaluations = _swarm_kernel().search(
+        out = _swarm_kernel().search(
             self._geometry,
             _rows(q),
             _rows(target),
             *drawn_beforehand(s),
             (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social),
         )
+        dq, error, evaluations = out[:, :3].copy(), out[:, 3].copy(), out[:, 4].astype(np.int64)
         return Correction(dq, error, evaluations, converged=error <= s.tolerance)
 
 
