@@ -177,13 +177,14 @@ def _move(
         leader = own[k * m + winner]
         for i in range(m):
             goal[k * m + i] = leader
-    r1, r2 = 2 * size * move, 2 * size * move + size
+    r1 = draws[2 * size * move : (2 * move + 1) * size]
+    r2 = draws[(2 * move + 1) * size : 2 * (move + 1) * size]
     for i in range(size):
-        pull = cognitive * (draws[r1 + i] * (own[i] - x[i]))
-        pull = w * v[i] + pull + social * (draws[r2 + i] * (goal[i] - x[i]))
-        v[i] = min(max(pull, -most), most)
-    for i in range(size):
-        x[i] = min(max(x[i] + v[i], -bound), bound)
+        pull = cognitive * (r1[i] * (own[i] - x[i]))
+        pull = w * v[i] + pull + social * (r2[i] * (goal[i] - x[i]))
+        step = min(max(pull, -most), most)
+        v[i] = step
+        x[i] = min(max(x[i] + step, -bound), bound)
 
 
 _MACHINE = "Tuple((f8[:, ::1], f8[:, ::1], f8[::1]))"  # legs, rods, offset: see kernel.py
