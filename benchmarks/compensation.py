@@ -35,7 +35,7 @@ from delta_calibration.compensation import (
     Apso,
     ApsoSettings,
     NewtonSettings,
-    kernel,
+    newton_kernel,
     swarm_kernel,
 )
 from delta_calibration.compensation.compiled import CompiledGeometry, drawn_beforehand
@@ -44,7 +44,8 @@ from delta_calibration.robot import Robot, load_robot
 from swarm_rivals import RIVALS, Objective, Solver, installed, root, solve
 
 Array = NDArray[np.float64]
-Way = Callable[[slice], tuple[Array, float]]  # rows of the task -> corrections, evaluations
+Found = tuple[Array, object]  # corrections [rad], evaluations
+Way = Callable[[Array, Array, int], Found]  # of commands, targets, and the number of the first
 
 TOLERANCE = 1e-6  # [m]
 SINGLE, SLOW, BATCH = 2000, 20, 10_000  # targets
@@ -108,18 +109,20 @@ def timed(task: Task, name: str, way: Way, n: int, size: int = 1) -> Row:
 
     What it reached is judged by numpy's model.
     """
-    batches = [slice(first, first + size) for first in range(0, n, size)]
+    parts = [slice(first, first + size) for first in range(0, n, size)]
+    batches = [(task.q[rows], task.target[rows], rows.start) for rows in parts]
     seconds = np.full(len(batches), np.inf)
     for _ in range(REPEATS if n > SLOW else FEW):
         found = []
         for i, batch in enumerate(batches):
             start = process_time()
-            found.append(way(batch))
+            found.append(way(*batch))
             seconds[i] = min(seconds[i], (process_time() - start) / size)
     dq = np.concatenate([each for each, _ in found])
     gap = np.linalg.norm(point(task)(task.q[:n] + dq) - task.target[:n], axis=1)
     reached = int(np.sum(gap <= TOLERANCE * (1 + 1e-6)))
-    return Row(name, seconds, float(np.mean([count for _, count in found])), reached, n)
+    evaluations = float(np.mean([np.mean(count) for _, count in found]))
+    return Row(name, seconds, evaluations, reached, n)
 
 
 def point(task: Task) -> Callable[[Array], Array]:
@@ -134,32 +137,30 @@ def point(task: Task) -> Callable[[Array], Array]:
 
 def our_swarms(task: Task) -> Iterator[Row]:
     """The compiled function, called as `CompiledApso` calls it; numpy; plain Python."""
-    s, compiled = task.settings, task.compiled
+    s, machine = task.settings, task.compiled.arrays
+    spheres = machine[0].tolist()
     constants = (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social)
     random_numbers, by_numpy = drawn_beforehand(s), Apso(point(task), s)
 
-    def compiled_swarm(rows: slice) -> tuple[Array, float]:
-        dq, _, evaluations = swarm_kernel.search(
-            compiled._geometry, task.q[rows], task.target[rows], *random_numbers, constants
-        )
-        return dq, evaluations.mean()
+    def compiled_swarm(q: Array, target: Array, _: int) -> Found:
+        out = swarm_kernel.search(machine, q, target, *random_numbers, constants)
+        return out[:, :3], out[:, 4]
 
-    def numpy_swarm(rows: slice) -> tuple[Array, float]:
-        found = by_numpy.correct(task.q[rows], task.target[rows])
-        return found.dq, found.evaluations.mean()
+    def numpy_swarm(q: Array, target: Array, _: int) -> Found:
+        found = by_numpy.correct(q, target)
+        return found.dq, found.evaluations
 
-    def plain(rows: slice) -> tuple[Array, float]:
-        i, spheres = rows.start, compiled._geometry[0].tolist()
-        q, p = task.q[i].tolist(), task.target[i].tolist()
+    def plain(q: Array, target: Array, number: int) -> Found:
+        told, p = q[0].tolist(), target[0].tolist()
 
         def distance(dq: list[float]) -> float:
-            there = [a + b for a, b in zip(q, dq, strict=True)]
+            there = [a + b for a, b in zip(told, dq, strict=True)]
             try:
                 return dist(plain_swarm.meeting_point(spheres, there), p)
             except ValueError:
                 return np.inf
 
-        dq, _, evaluations = plain_swarm.search(distance, 3, s, random.Random(i))
+        dq, _, evaluations = plain_swarm.search(distance, 3, s, random.Random(number))
         return np.array([dq]), evaluations
 
     yield timed(task, "APSO, compiled", compiled_swarm, SINGLE)
@@ -174,9 +175,9 @@ def rivals(task: Task) -> Iterator[Row]:
     fast, bound = task.compiled.point, task.settings.bound_rad
 
     def by(solver: Solver) -> Way:
-        def way(rows: slice) -> tuple[Array, float]:
-            f = Objective(fast, task.q[rows], task.target[rows], bound, TOLERANCE)
-            solve(solver, f, rows.start)
+        def way(q: Array, target: Array, number: int) -> Found:
+            f = Objective(fast, q, target, bound, TOLERANCE)
+            solve(solver, f, number)
             return bound * f.best[None], f.evaluations
 
         return way
@@ -191,17 +192,15 @@ def rivals(task: Task) -> Iterator[Row]:
 
 def direct(task: Task) -> Iterator[Row]:
     """What needs no swarm: Newton's method compiled, and the closed form by numpy."""
-    geometry = task.compiled._geometry
-    s = NewtonSettings(task.settings.bound_rad, TOLERANCE)
-    settings = (s.bound_rad, s.tolerance, s.condition_limit, s.iterations, s.halvings)
+    geometry = task.compiled.arrays
+    settings = NewtonSettings(task.settings.bound_rad, TOLERANCE).numbers
 
-    def newton(rows: slice) -> tuple[Array, float]:
-        dq, _, evaluations = kernel.newton(*geometry, task.q[rows], task.target[rows], settings)
-        return dq, evaluations.mean()
+    def newton(q: Array, target: Array, _: int) -> Found:
+        dq, _, evaluations = newton_kernel.newton(*geometry, q, target, settings)
+        return dq, evaluations
 
-    def closed(rows: slice) -> tuple[Array, float]:
-        q = task.mechanism.inverse(task.target[rows], task.geometry)
-        return q - task.q[rows], 0.0
+    def closed(q: Array, target: Array, _: int) -> Found:
+        return task.mechanism.inverse(target, task.geometry) - q, 0.0
 
     yield timed(task, "Newton, compiled", newton, SINGLE)
     yield timed(task, f"Newton, compiled, {BATCH} at once", newton, BATCH, BATCH)
@@ -210,12 +209,15 @@ def direct(task: Task) -> Iterator[Row]:
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as Markdown; ratios to the first one's median, 10th to 90th percentile."""
+    """The rows as Markdown; ratios to the first one's median, 10th to 90th percentile.
+
+    Where a way was tried on some of the targets, the median is that of the first way on them.
+    """
     head = "way, median [us], p99 [us], times the first (10 % to 90 %), evaluations, reached"
     columns = head.split(", ")
     lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
-    unit = np.median(rows[0].seconds)
     for row in rows:
+        unit = np.median(rows[0].seconds[: row.tried])
         median, p99 = 1e6 * np.median(row.seconds), 1e6 * np.percentile(row.seconds, 99)
         low, middle, high = np.percentile(row.seconds, [10, 50, 90]) / unit
         ratio = f"{middle:.3g} ({low:.3g} to {high:.3g})"

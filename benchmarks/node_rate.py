@@ -5,7 +5,7 @@
 A commander publishes joint commands, a node sends them on, a listener takes the time from the one
 to the other by the machine's steady clock. In turns of `--round` seconds the commands go straight
 to the listener, through a pass-through node of the same skeleton (executor, joint order, message
-made anew), and through the calibration node with compensation on; so all three see the same
+filled), and through the calibration node with compensation on; so all three see the same
 machine. Then the rate is raised until messages are lost.
 """
 
@@ -125,7 +125,7 @@ def pass_on() -> int:
     """Take a command, put it into the robot's order, send it on."""
     from sensor_msgs.msg import JointState
 
-    from delta_calibration.ros.conversions import JointReader, joint_state
+    from delta_calibration.ros.conversions import JointReader, JointWriter
     from delta_calibration.ros.qos import COMMAND, STREAM_OUT
     from delta_calibration.ros.runtime import BaseNode
 
@@ -134,13 +134,13 @@ def pass_on() -> int:
     class PassThrough(BaseNode):
         def __init__(self) -> None:
             super().__init__("pass_through")
-            self.reader = JointReader(names)
+            self.reader, self.writer = JointReader(names), JointWriter(names)
             self.out = self.create_publisher(JointState, OUT["pass-through"], STREAM_OUT)
             self.create_subscription(JointState, IN["pass-through"], self.take, COMMAND)
 
         def take(self, message: JointState) -> None:
             q = self.reader.positions(message)
-            self.out.publish(joint_state(names, q, message.header.stamp))
+            self.out.publish(self.writer.message(q, message.header.stamp))
 
     return run_node(PassThrough, "pass_through")
 

@@ -47,6 +47,7 @@ class IsoReport:
     conditions: Conditions
     frame: str  # how the tracker was registered to the base
     values: tuple[IsoValue, ...]
+    left_out: tuple[str, ...] = ()  # criteria that are not there, and why
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def evaluate(
     conditions: Conditions,
     calibration: Calibration | None,
 ) -> IsoReport:
-    """AP, RP of P1 to P5, AD, RD of P2-P4, AT, RT of line and circle.
+    """AP, RP of P1 to P5, AD, RD of P2-P4; AT, RT of line and circle where they were run.
 
     Without a calibration the tracker is registered by the best rigid frame over the stops
     themselves, which flatters AP; AD and RD do not depend on it.
@@ -92,8 +93,8 @@ def evaluate(
         said = f"calibration of session {calibration.source!r}"
     cycles = _cycles(attained, conditions)
     values = [*_positions(cycles, conditions), *_distances(cycles, conditions)]
-    values += _paths(moving, readings.time, conditions)
-    return IsoReport(conditions, said, tuple(values))
+    paths, left_out = _paths(moving, readings.time, conditions)
+    return IsoReport(conditions, said, tuple(values + paths), tuple(left_out))
 
 
 def _cycles(attained: _Attained, conditions: Conditions) -> list[Array]:
@@ -131,18 +132,24 @@ def _distances(cycles: list[Array], conditions: Conditions) -> list[IsoValue]:
     return [IsoValue(c.symbol, "P2-P4", float(c.value), n) for c in (ad, rd)]
 
 
-def _paths(moving: _Attained, time: Array, conditions: Conditions) -> list[IsoValue]:
-    """AT and RT of each path that was run often enough; none where a session holds no paths."""
-    values = []
+def _paths(
+    moving: _Attained, time: Array, conditions: Conditions
+) -> tuple[list[IsoValue], list[str]]:
+    """AT and RT of each path that was run often enough; of the others, why they are not there."""
+    values, left_out, n = [], [], conditions.path_cycles
     for name, way_of in (("line", CUBE.line), ("circle", CUBE.circle)):
         runs = [moving.reached[run] for run in _runs(moving.meant, time, way_of())]
+        if len(runs) < n:
+            left_out.append(
+                f"AT and RT of the {name}: {len(runs)} complete runs found, "
+                f"{conditions.name} asks for {n}"
+            )
+            continue
         way = way_of(stations=_FINE)
-        n = conditions.path_cycles
-        if len(runs) >= n:
-            at = path_accuracy(way, runs[:n], conditions)
-            rt = path_repeatability(way, runs[:n], conditions)
-            values += [IsoValue(c.symbol, name, float(c.value), n) for c in (at, rt)]
-    return values
+        at = path_accuracy(way, runs[:n], conditions)
+        rt = path_repeatability(way, runs[:n], conditions)
+        values += [IsoValue(c.symbol, name, float(c.value), n) for c in (at, rt)]
+    return values, left_out
 
 
 def _runs(meant: Array, time: Array, way: Array) -> list[NDArray[np.intp]]:

@@ -47,6 +47,11 @@ class Region:
         hull = ConvexHull(solid, qhull_options="QJ Pp")
         return cls(solid[np.sort(hull.vertices)])
 
+    @property
+    def planes(self) -> Array:
+        """The hull's faces, (f, 4): n . p + d is negative inside [m]."""
+        return self._planes
+
     def outside(self, points: Array) -> Array:
         """How far outside each point lies, (...,) [m]; negative inside.
 

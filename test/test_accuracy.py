@@ -145,6 +145,21 @@ def test_a_session_without_paths_has_no_path_criteria(thirty):
     stops = readings.take(readings.time < collect(thirty, names).time[149] + 0.1)
     found = evaluate(collect(thirty, names), stops, ROBOT, STANDARD, None)
     assert {v.symbol for v in found.values} == {"AP", "RP", "AD", "RD"}
+    said = "AT and RT of the {}: 0 complete runs found, ISO 9283:1998 asks for 10"
+    assert found.left_out == (said.format("line"), said.format("circle"))
+
+
+def test_of_two_paths_the_one_that_was_run_too_seldom_is_named(thirty):
+    """The ten circles come last: a second and a half before the end one is not complete."""
+    names = ROBOT.joints.names
+    readings = match(thirty, names)
+    cut = readings.take(readings.time < readings.time[-1] - 1.5)
+    found = evaluate(collect(thirty, names), cut, ROBOT, STANDARD, None)
+    paths = [(v.symbol, v.where) for v in found.values if v.symbol in ("AT", "RT")]
+    assert paths == [("AT", "line"), ("RT", "line")]
+    (said,) = found.left_out
+    assert said == "AT and RT of the circle: 9 complete runs found, ISO 9283:1998 asks for 10"
+    assert report(thirty, STANDARD, None)[0].left_out == ()
 
 
 # A session as a cell records it, by a few lines of one's own

@@ -121,6 +121,7 @@ def test_iso9283_writes_every_criterion(tmp_path, capsys):
         "RT",
     ]
     assert {v["cycles"] for v in found["values"]} == {30, 10}
+    assert found["left_out"] == []
     assert run(["iso9283", str(session), "--robot", ROBOT, "--conditions", "delta_paper"]) == 0
     assert "Delta paper" in capsys.readouterr().out
 

@@ -13,7 +13,13 @@ import pytest
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
-from delta_calibration.compensation import JointCompensator, Newton, NewtonSettings, Verdict
+from delta_calibration.compensation import (
+    Compensated,
+    JointCompensator,
+    Newton,
+    NewtonSettings,
+    Verdict,
+)
 from delta_calibration.compensation import compiled as compiled_module
 from delta_calibration.compensation.compiled import (
     CompiledDrawing,
@@ -225,6 +231,30 @@ def test_same_answers_compiled_or_not(machine, method, n):
     np.testing.assert_array_equal(found.evaluations, expected.evaluations)
     np.testing.assert_allclose(fast.targets(q), plain.targets(q), rtol=0, atol=1e-12)
     np.testing.assert_allclose(fast.jacobian(q), plain.jacobian(q), rtol=1e-9, atol=1e-12)
+
+
+def test_one_command_meets_every_guard_and_correction_that_numpy_has_for_many(machine):
+    limits = replace(ROBOT.limits, correction=2e-3, condition=4.0, region_margin=0.1)
+    joints = replace(ROBOT.joints, lower=np.full(3, -1.6), upper=np.full(3, 2.6))
+    robot = replace(ROBOT, tool_offset=TOOL, limits=limits, joints=joints)
+    rng = np.random.default_rng(8)
+    wide, middle = rng.uniform(-1.8, 2.8, (150, 3)), rng.uniform(-0.5, 1.6, (150, 3))
+    q = np.concatenate([commands(150, seed=9), wide, middle])
+    q[3], q[4], q[5] = [np.nan, 0.1, 0.2], [0.1, np.inf, 0.2], np.nan
+    plain = JointCompensator(machine.calibration(robot)).compensate(q)
+    fast = JointCompensator(machine.calibration(robot), compiled=True)
+    alone = Compensated.joined([fast.compensate(row[None]) for row in q])
+    assert alone.verdicts == plain.verdicts
+    assert set(alone.verdicts) == set(Verdict) - {Verdict.OUTSIDE_TABLE, Verdict.MISSING_CONDITION}
+    assert any(v is Verdict.CORRECTED and plain.blended(k) for k, v in enumerate(plain.verdicts))
+    for name in ("joint", "correction", "model_error", "share"):
+        np.testing.assert_allclose(
+            getattr(alone, name), getattr(plain, name), rtol=0, atol=1e-12, err_msg=name
+        )
+    # a search along the bound comes to its end by rounding, sooner or later
+    found = plain.model_error < 1e-9
+    assert found.sum() > 100
+    np.testing.assert_array_equal(alone.evaluations[found], plain.evaluations[found])
 
 
 def test_without_numba_numpy_does_the_work_and_it_says_so(machine, monkeypatch):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.parameter import Parameter
 
 from calibration_bench import (  # noqa: F401
     CLEARLY,
@@ -25,8 +28,13 @@ from calibration_bench import (  # noqa: F401
     positions,
     session_fixture,
 )
+from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.cell import desk as desk_module
 from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.fitting import Fitted
+from delta_calibration.compensation import JointCompensator, save_table
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp
+from extended_bench import with_effects
 from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
@@ -66,6 +74,87 @@ def test_a_reload_of_a_bad_file_keeps_the_calibration_in_force(bench: Bench, fil
     yes, said = cell.call("reload")
     assert yes
     assert "compensation is on" in said
+
+
+@pytest.fixture(name="table")
+def table_fixture(file: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "corrections.npz"
+    made = JointCompensator(load_calibration(file, ROBOT), "table", compiled=True)
+    save_table(path, made.table)
+    return path
+
+
+def test_a_table_is_read_from_its_file(bench: Bench, file: Path, table: Path) -> None:
+    cell = Cell(bench, calibration=file, method="table", table=table, ramp_s=0.0)
+    assert cell.call("enable", True)[0]
+    exact = JointCompensator(load_calibration(file, ROBOT)).compensate(Q[None]).joint[0]
+    np.testing.assert_allclose(positions(cell.give(Q)), exact, atol=3e-6)
+    assert np.abs(positions(cell.give(Q)) - Q).max() > CLEARLY
+    assert cell.diagnosed("compensating by table (", DiagnosticStatus.OK)
+
+
+def test_a_stale_table_is_refused_and_diagnostics_say_so(
+    bench: Bench, desk: Desk, file: Path, table: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.yaml"
+    drift = with_effects(desk.fitted.found, ROBOT, {"joint_zero_drift": ({}, 1e-3)})
+    save_calibration(other, drift, ROBOT, desk.fitted.poses)
+    cell = Cell(bench, start=False, calibration=other, method="table", table=table)
+    cell.node.trigger_configure()
+    assert cell.node.state == "unconfigured"
+    assert cell.diagnosed(f"{table}: the table is stale", DiagnosticStatus.ERROR)
+    cell.node.set_parameters([Parameter("calibration", value=str(file))])
+    cell.node.trigger_configure()
+    cell.node.trigger_activate()
+    cell.found()
+    assert cell.diagnosed("compensation is off", DiagnosticStatus.OK)
+    cell.node.set_parameters([Parameter("calibration", value=str(other))])
+    yes, said = cell.call("reload")
+    assert not yes
+    assert "the table is stale" in said
+    assert cell.diagnosed(f"reload: {table}: the table is stale")
+    assert cell.call("enable", True)[0]  # the one in force stays
+
+
+class Gate:
+    """Stands in for a function: waits there until it is opened, and knows who came."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function, self._open = function, threading.Event()
+        self.threads: list[int] = []
+
+    def __call__(self, *arguments: Any) -> Any:
+        self.threads.append(threading.get_ident())
+        assert self._open.wait(60.0)
+        return self._function(*arguments)
+
+    def open(self) -> None:
+        self._open.set()
+
+
+@pytest.mark.parametrize("service", ["save", "reload"])
+def test_no_command_waits_for_a_file(
+    bench: Bench, desk: Desk, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    service: str,
+) -> None:  # fmt: skip
+    cell = Cell(bench, calibration=file, output=tmp_path / "saved.yaml", ramp_s=0.0)
+    cell.node._desk.fitted = desk.fitted
+    assert cell.call("enable", True)[0]
+    gate = {"save": Gate(Fitted.save), "reload": Gate(desk_module.load_calibration)}[service]
+    if service == "save":
+        monkeypatch.setattr(Fitted, "save", lambda *arguments: gate(*arguments))
+    else:
+        monkeypatch.setattr(desk_module, "load_calibration", gate)
+    answer = cell.ask(service)
+    assert bench.until(lambda: gate.threads)
+    for k in range(100):  # the file is not done as long as the gate is closed
+        assert cell.give(Q + 1e-5 * k, T0_NS + k * 1_000_000) is not None
+    assert not answer.done()
+    gate.open()
+    assert bench.until(answer.done)
+    assert answer.result().success
+    assert threading.get_ident() not in gate.threads  # where the callbacks run
+    assert cell.give(Q) is not None
 
 
 def test_a_live_fit_is_the_fit_of_the_session_and_commands_go_on_meanwhile(

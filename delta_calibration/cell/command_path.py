@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from math import isfinite
 from typing import Protocol
 
 import numpy as np
@@ -105,7 +106,7 @@ class CommandPath:
         self._held: Sent | None = None
         self._holding = False  # whether the last output was the one before it again
         self._back: WayBack | None = None
-        self._echo: Echo | None = None
+        self._echo = Echo()
         self._last_stamp: int | None = None
 
     def set_options(
@@ -153,7 +154,7 @@ class CommandPath:
 
     def takes(self, q: Array, age_s: float) -> bool:
         """Whether a command (m,) [rad] of this age [s] may be sent at all."""
-        return bool(np.isfinite(q).all()) and not self._stale(age_s)
+        return _finite(q) and not self._stale(age_s)
 
     def send(
         self,
@@ -180,9 +181,9 @@ class CommandPath:
         self.trouble = None
         self._watch_time(stamp_ns)
         if not self.takes(q, age_s):
-            self.count(STALE if np.isfinite(q).all() else Verdict.NOT_FINITE.value)
+            self.count(STALE if _finite(q) else Verdict.NOT_FINITE.value)
             return self._instead()
-        carried = None if self._echo is None else self._echo.of(q)
+        carried = self._echo.of(q)
         if already or carried is not None:
             self.count(ALREADY if already else ECHO)
             self.ramp.set(0.0 if carried is None else carried, self.compensator)
@@ -249,7 +250,6 @@ class CommandPath:
             self.counts[LIMITED] += 1
         sent = self._go(q, dq, self.enabled or bool(np.any(dq)), now_s)
         if self._back is None:  # else the output is on its way, and fits no pose of its own
-            self._echo = self._echo or Echo(len(q))
             self._echo.sent(sent.joint, dq)
         return sent
 
@@ -274,3 +274,7 @@ class CommandPath:
             return self._held
         self.counts[DROPPED] += 1
         return None
+
+
+def _finite(q: Array) -> bool:
+    return all(map(isfinite, q.tolist()))  # of three numbers, a third of what numpy takes

@@ -21,7 +21,7 @@ from delta_calibration.cell.fitting import Fitted, fit
 from delta_calibration.cell.health import Health, Level, Watch
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
-from delta_calibration.compensation import JointCompensator
+from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session
@@ -39,6 +39,7 @@ class Settings:
     robot: str  # file or name
     calibration: str = ""  # file; empty for none
     method: str = "newton"
+    table: str = ""  # file of a table of corrections, for method table; empty: it is made
     on_failure: str = PASS_THROUGH
     ramp_s: float = 1.0  # [s]
     rate: float = 5.0  # [rad/s] fastest change of a correction
@@ -53,12 +54,17 @@ class Settings:
 class Desk:
     """A robot with its capture, its command path and its calibration.
 
+    `follow` is handed the blocks of work of a table that is made, to show how far it is.
+
     Raises:
-        CalibrationError: robot or calibration cannot be loaded; nothing is half set up then.
+        CalibrationError: robot, calibration or table cannot be loaded, or the table is stale;
+            nothing is half set up then.
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self.settings = settings
+    def __init__(self, settings: Settings, follow: Follow = iter) -> None:
+        if settings.table and settings.method != TABLE:
+            raise InputError(f"parameter table: is for method {TABLE!r}, not {settings.method!r}")
+        self.settings, self._follow = settings, follow
         self.robot = load_robot(settings.robot)
         self._model = self.robot.model(settings.model or None).name
         self.capture = Capture(self.robot.joints.names, settings.capture_limit)
@@ -81,7 +87,7 @@ class Desk:
         self.calibration: Calibration | None = None
         self._capture_since_s = 0.0
         if settings.calibration:
-            self.reload(settings.calibration)
+            self.reload(settings.calibration, settings.table)
 
     def send(
         self, q: Array, stamp_ns: int, now_s: float, already: bool, age_s: float = 0.0
@@ -199,12 +205,16 @@ class Desk:
 
         return work
 
-    def reload(self, path: str) -> str:
+    def reload(self, path: str, table: str = "") -> str:
         """Load a calibration file; the one in force stays if this one is no good."""
-        return self.take_file(path, *self.prepare_reload(path)())
+        return self.take_file(path, *self.prepare_reload(path, table)())
 
-    def prepare_reload(self, path: str) -> Callable[[], tuple[Calibration, JointCompensator]]:
-        """The work of reading a calibration file; may be done on another thread.
+    def prepare_reload(
+        self, path: str, table: str = ""
+    ) -> Callable[[], tuple[Calibration, JointCompensator]]:
+        """The work of reading a calibration and its table; may be done on another thread.
+
+        Without the file of a table, one is made where the method is to use one.
 
         Raises:
             InputError: no path.
@@ -214,7 +224,8 @@ class Desk:
 
         def work() -> tuple[Calibration, JointCompensator]:
             calibration = load_calibration(Path(path).expanduser(), self.robot)
-            return calibration, self._compensator(calibration)
+            read = load_table(Path(table).expanduser(), calibration) if table else None
+            return calibration, self._compensator(calibration, read)
 
         return work
 
@@ -273,9 +284,12 @@ class Desk:
             **{f"{stream} refused": n for stream, n in self.watch.refused.items()},
         }
 
-    def _compensator(self, calibration: Calibration) -> JointCompensator:
+    def _compensator(
+        self, calibration: Calibration, table: Table | None = None
+    ) -> JointCompensator:
+        method, seed = self.settings.method, self.settings.seed
         compensator = JointCompensator(
-            calibration, self.settings.method, self.settings.seed, compiled=True
+            calibration, method, seed, compiled=True, table=table, follow=self._follow
         )
         # The first use is slow (imports, buffers), and so not left to the first command.
         compensator.compensate(self.robot.model().home[None])

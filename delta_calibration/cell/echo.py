@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, insort
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,28 +20,35 @@ class Echo:
 
     A command of the motion's own meets one of them to `_SAME` in every joint by an accident that
     a smooth motion does not have.
-
-    Args:
-        joints: how many there are.
     """
 
-    def __init__(self, joints: int) -> None:
-        self._sent = np.full((_KEPT, joints), np.inf)
-        self._first = np.full(_KEPT, np.inf)  # the first joint of each, in one place
-        self._correction = np.zeros((_KEPT, joints))
-        self._next = 0
+    def __init__(self) -> None:
+        self._order: deque[tuple[float, int]] = deque()
+        self._first: list[tuple[float, int]] = []  # the first joint of each and its number, sorted
+        self._sent: dict[int, tuple[Array, Array]] = {}  # output and correction, by number
+        self._number = 0
 
     def sent(self, output: Array, correction: Array) -> None:
         """Remember an output (m,) [rad] and the correction in it, if there is one."""
-        if np.abs(correction).max() > _LEAST:
-            self._sent[self._next], self._correction[self._next] = output, correction
-            self._first[self._next] = output[0]
-            self._next = (self._next + 1) % _KEPT
+        if max(map(abs, correction.tolist())) <= _LEAST:
+            return
+        key = float(output[0]), self._number
+        self._number += 1
+        self._sent[key[1]] = output, correction
+        self._order.append(key)
+        insort(self._first, key)
+        if len(self._order) > _KEPT:
+            oldest = self._order.popleft()
+            del self._sent[oldest[1]], self._first[bisect_left(self._first, oldest)]
 
     def of(self, q: Array) -> Array | None:
         """The correction (m,) [rad] that a command carries already; None if it carries none."""
-        near = np.flatnonzero(np.abs(self._first - q[0]) <= _SAME)  # nearly always none
-        for row in near.tolist():
-            if (np.abs(self._sent[row] - q) <= _SAME).all():
-                return np.array(self._correction[row])
+        first = float(q[0])
+        for row in range(bisect_left(self._first, (first - _SAME, -1)), len(self._first)):
+            angle, number = self._first[row]
+            if angle > first + _SAME:  # nearly always the first that is looked at
+                break
+            output, correction = self._sent[number]
+            if (np.abs(output - q) <= _SAME).all():
+                return correction
         return None

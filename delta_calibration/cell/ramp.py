@@ -61,7 +61,7 @@ class Ramp:
             dq = (1.0 - share) * self._from + share * goal
         if isfinite(self.rate):
             step = self.rate * max(now_s - self._last_s, 0.0)
-            if (np.abs(dq - self.applied) > step).any():
+            if max(map(abs, (dq - self.applied).tolist())) > step:
                 dq = np.clip(dq, self.applied - step, self.applied + step)
                 self.limited += 1
         self._last_s, self.applied = now_s, dq

@@ -65,8 +65,8 @@ def command(
         (f"{v.symbol} {v.where}", f"{v.value * 1e3:.4f}", str(v.cycles)) for v in report.values
     ]
     click.echo(table(("criterion", "[mm]", "cycles"), rows))
-    if not any(v.symbol == "AT" for v in report.values):
-        click.echo("no AT, RT: the session holds too few runs of the standard's line and circle")
+    for sentence in report.left_out:
+        click.echo(f"left out: {sentence}")
     if json_file is not None:
         write_json(json_file, _as_json(report))
         click.echo(f"written: {json_file}")
@@ -88,4 +88,5 @@ def _as_json(report: IsoReport) -> dict[str, object]:
             {"symbol": v.symbol, "where": v.where, "value_mm": v.value * 1e3, "cycles": v.cycles}
             for v in report.values
         ],
+        "left_out": list(report.left_out),
     }

@@ -6,7 +6,7 @@ from delta_calibration.compensation.compensator import Compensated, JointCompens
 from delta_calibration.compensation.machine import METHODS, SOLVERS, TABLE
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 from delta_calibration.compensation.table import Table
-from delta_calibration.compensation.table_build import TableSettings
+from delta_calibration.compensation.table_build import Follow, TableSettings
 from delta_calibration.compensation.table_file import load_table, save_table
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "Compensated",
     "Compensator",
     "Correction",
+    "Follow",
     "JointCompensator",
     "Newton",
     "NewtonSettings",

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
+from delta_calibration.compensation.alone import Alone
 from delta_calibration.compensation.backward import Backward
 from delta_calibration.compensation.base import REACHED, Correction, Flags
-from delta_calibration.compensation.compiled import CompiledGeometry, CompiledNewton
+from delta_calibration.compensation.compiled import CompiledGeometry
 from delta_calibration.compensation.machine import METHODS, TABLE, Machine
 from delta_calibration.compensation.table import Stamp, Table
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
@@ -46,7 +47,18 @@ class Verdict(Enum):
     MISSING_CONDITION = "a condition that the model needs is not known"
 
 
-_CORRECTED = (Verdict.CORRECTED,)
+_ALONE = tuple(  # by the codes of command_kernel.py
+    (verdict,)
+    for verdict in (
+        Verdict.CORRECTED,
+        Verdict.NOT_FINITE,
+        Verdict.JOINT_LIMIT,
+        Verdict.OUT_OF_REACH,
+        Verdict.OUTSIDE_REGION,
+        Verdict.SINGULAR,
+        Verdict.NOT_REACHED,
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -120,8 +132,6 @@ class JointCompensator:
         self.robot = calibration.robot
         self.method = method
         tool, bound = self.robot.tool_offset, self.robot.limits.correction
-        joints = self.robot.joints
-        self._lower, self._upper = joints.lower.tolist(), joints.upper.tolist()
         self._nominal = self.robot.commanded
         if self._nominal.pose_size != _POINT:
             raise InputError(
@@ -143,6 +153,10 @@ class JointCompensator:
         self.table: Table | None = None
         if method == TABLE and not self._backward.reshaping:
             self._tabulate(made, follow)
+        self._alone: Alone | None = None
+        if self._fast_nominal is not None and not self.needs_conditions:
+            solver = self._model.solver
+            self._alone = Alone(calibration, self._fast_nominal, solver, _ON_FACE)
 
     @property
     def compiled(self) -> bool:
@@ -210,10 +224,10 @@ class JointCompensator:
         joints = len(self.robot.joints.names)
         if q.ndim != 2 or q.shape[1] != joints:
             raise InputError(f"commands have shape {q.shape}; it has to be (n, {joints})")
-        if len(q) == 1 and self._fast_nominal is not None and not self.needs_conditions:
-            alone = self._at_once(self._fast_nominal, q)
-            if alone is not None:
-                return alone
+        if len(q) == 1 and self._alone is not None:
+            at_once = self._at_once(self._alone, np.ascontiguousarray(q, dtype=np.float64))
+            if at_once is not None:
+                return at_once
         known = np.where(np.isfinite(q), q, 0.0)
         at = at_rest(known) if at is None else replace(at, joint=known)
         target = self.targets(known)
@@ -240,34 +254,28 @@ class JointCompensator:
             q + correction, correction, error, whole.evaluations, tuple(verdicts), missing, share
         )
 
-    def _at_once(self, nominal: CompiledGeometry, q: Array) -> Compensated | None:
-        """The correction of one command (1, m) that passes every guard; None where one does not.
+    def _at_once(self, alone: Alone, q: Array) -> Compensated | None:
+        """What `compensate` says of one command (1, m), a tenth of the time; None: ask that.
 
-        What `compensate` says of it, without what only many commands or an effect would need: the
-        same guards in the same order, a third of the time.
+        Newton's method answers every command here, any other solver what all guards let pass.
         """
-        limits = self.robot.limits
-        target = nominal.point(q)
-        if not (np.isfinite(target).all() and self._joints_within(q)):
+        if alone.corrects:
+            code, out = alone.correct(q[0])
+            dq, evaluations = out[None, 4:7], np.array([int(out[8])])
+            return Compensated(
+                q + dq, dq, out[7:8], evaluations, _ALONE[code], share=out[3:4]
+            )
+        code, out = alone.judge(q[0])
+        if code or out[3] < 1.0:
             return None
-        if self.calibration.region.outside(target[0] - self.robot.tool_offset) > _ON_FACE:
+        found = self._model.solver.correct(q, out[None, :3])
+        joint, bound = q + found.dq, self.robot.limits.correction
+        if not (found.error[0] <= REACHED and np.abs(found.dq).max() <= bound):
             return None
-        if not nominal.condition(q)[0] <= limits.condition:
-            return None
-        solver = self._model.solver
-        # what `CompiledNewton.correct` checks has been checked
-        found = (
-            solver.geometry.newton(q, target, solver.settings)
-            if isinstance(solver, CompiledNewton)
-            else solver.correct(q, target)
-        )
-        if not (found.error[0] <= REACHED and np.abs(found.dq).max() <= limits.correction):
-            return None
-        joint = q + found.dq
-        if not self._joints_within(joint):
+        if not self._within(joint)[0]:
             return None
         return Compensated(
-            joint, found.dq, found.error, found.evaluations, _CORRECTED, share=np.ones(1)
+            joint, found.dq, found.error, found.evaluations, _ALONE[code], share=out[3:4]
         )
 
     def _outside(self, target: Array) -> Array:
@@ -366,11 +374,6 @@ class JointCompensator:
         if self._fast_nominal is not None:
             return self._fast_nominal.condition(q)
         return self._nominal.condition(q, x, self._nominal.parameters.nominal)
-
-    def _joints_within(self, q: Array) -> bool:
-        """Whether one command (1, m) is within the joints' limits."""
-        rows = zip(self._lower, q[0].tolist(), self._upper, strict=True)
-        return all(low <= angle <= high for low, angle, high in rows)
 
     def _within(self, q: Array) -> Flags:
         """Commands within the joints' limits, (n,)."""

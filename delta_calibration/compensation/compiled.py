@@ -73,6 +73,16 @@ class CompiledGeometry:
         self._typical = _typical_gain(mechanism)
         self._set(geometry)
 
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Legs, rods and offset, as the compiled functions take them: see kernel.py."""
+        return self._geometry
+
+    @property
+    def typical(self) -> float:
+        """Gain of the nominal machine at home [m/rad], as in `Mechanism.condition`."""
+        return self._typical
+
     def at(self, geometry: Array) -> CompiledGeometry:
         """The same machine with other dimensions (p,); a third of a millisecond for six rods."""
         other = copy(self)
@@ -115,23 +125,24 @@ class CompiledGeometry:
 
     def newton(self, q: Array, target: Array, s: NewtonSettings) -> Correction:
         """`Newton.correct`, for finite commands (n, 3) [rad] and targets (n, 3) [m]."""
-        dq, error, evaluations = self._kernel.newton(
+        dq, error, evaluations = _newton_kernel().newton(
             *self._geometry,
             _rows(q),
             _rows(target),
-            (s.bound_rad, s.tolerance, s.condition_limit, s.iterations, s.halvings),
+            s.numbers,
         )
         return Correction(dq, error, evaluations, converged=error <= s.tolerance)
 
     def swarm(self, q: Array, target: Array, s: ApsoSettings) -> Correction:
         """`Apso.correct`, for finite commands (n, 3) [rad] and targets (n, 3) [m]."""
-        dq, error, evaluations = _swarm_kernel().search(
+        out = _swarm_kernel().search(
             self._geometry,
             _rows(q),
             _rows(target),
             *drawn_beforehand(s),
             (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social),
         )
+        dq, error, evaluations = out[:, :3].copy(), out[:, 3].copy(), out[:, 4].astype(np.int64)
         return Correction(dq, error, evaluations, converged=error <= s.tolerance)
 
 
@@ -164,6 +175,10 @@ class CompiledNewton:
 
     geometry: CompiledGeometry
     settings: NewtonSettings = field(default_factory=NewtonSettings)
+
+    def __post_init__(self) -> None:
+        """Take the first command's delay now."""
+        _newton_kernel()
 
     def correct(self, q: Array, target: Array) -> Correction:
         """Step to the correction of every command; see `Newton.correct`."""
@@ -204,6 +219,11 @@ class CompiledDrawing(RotaryDelta):
 def _kernel() -> Any:
     """The compiled functions."""
     return import_module("delta_calibration.compensation.kernel")
+
+
+def _newton_kernel() -> Any:
+    """The compiled Newton's method."""
+    return import_module("delta_calibration.compensation.newton_kernel")
 
 
 def _swarm_kernel() -> Any:

@@ -21,13 +21,11 @@ from numpy.typing import NDArray
 from delta_calibration.compensation.jit import compiled
 
 Array = NDArray[np.float64]
-Counts = NDArray[np.int64]
 Scratch = tuple[Array, Array, Array, Array, Array, Array, Array]
-Settings = tuple[float, float, float, int, int]  # of `NewtonSettings`, in its order, see newton
 
-_POSE_STEPS = 25  # these three as in mechanisms/base.py
-_POSE_TOLERANCE = 1e-13  # last step [m, rad]
-_STRAY = 1e-9  # largest closure of a solution [m^2]
+_POSE_STEPS = 25  # as in mechanisms/base.py
+_POSE_STEP = 1e-9  # [m, rad] the last step; what is left is of the order of its square
+_STRAY = 1e-9  # largest closure of a solution [m^2], as there
 _SERIES_BELOW = 1e-4  # squared angle [rad^2], as in geometry/rotations.py
 _SWEEPS = 30  # most of Jacobi's method; three or four do
 _ORTHOGONAL = 1e-10  # largest cosine between columns at the start of the last sweep
@@ -183,7 +181,7 @@ def _settle(rods: Array, scratch: Scratch) -> bool:
             step += abs(system[k, 6])
         if not step < np.inf:
             return False
-        if step <= _POSE_TOLERANCE:
+        if step <= _POSE_STEP:
             break
     return _close(rods, scratch) < _STRAY
 
@@ -232,13 +230,21 @@ def _point(
 def _slope(
     legs: Array, rods: Array, offset: Array, q: Array, out: Array, scratch: Scratch
 ) -> bool:
-    """d(tool point)/dq = dp + omega x R o into out (3, 3) [m/rad].
+    """d(tool point)/dq at joints q into out (3, 3) [m/rad]."""
+    found = _pose(legs, rods, q, scratch)
+    return _slope_here(legs, rods, offset, found, out, scratch)
+
+
+@compiled()
+def _slope_here(
+    legs: Array, rods: Array, offset: Array, found: bool, out: Array, scratch: Scratch
+) -> bool:
+    """d(tool point)/dq = dp + omega x R o where the platform stands, if its pose was found.
 
     s . dp + (b x s) . omega = s . de for each rod, with de the motion of its elbow. A platform
     that only translates has one rod a leg, from the sphere's centre, and no omega.
     """
     swing, turn, s, b, system, _, x = scratch
-    found = _pose(legs, rods, q, scratch)
     size = 6 if len(rods) else 3
     for i in range(size):
         leg = i * 3 // size
@@ -304,18 +310,6 @@ def _decompose(slope: Array, a: Array) -> tuple[float, float]:
 
 
 @compiled()
-def _descend(a: Array, gap: Array, step: Array) -> None:
-    """The step -J^-1 gap (3,) [rad], by the U S over V of `_decompose`."""
-    for k in range(3):
-        step[k] = 0.0
-    for j in range(3):
-        square = a[0, j] ** 2 + a[1, j] ** 2 + a[2, j] ** 2
-        share = (a[0, j] * gap[0] + a[1, j] * gap[1] + a[2, j] * gap[2]) / square
-        for k in range(3):
-            step[k] -= a[3 + k, j] * share
-
-
-@compiled()
 def _distance(
     legs: Array, rods: Array, offset: Array, q: Array, target: Array, gap: Array, scratch: Scratch
 ) -> float:
@@ -330,7 +324,6 @@ def _distance(
 # --- all samples ---------------------------------------------------------------------------------
 
 _GEOMETRY = "f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1]"  # legs, rods, offset, q
-_SETTINGS = "Tuple((f8, f8, f8, i8, i8))"
 
 
 @compiled(f"Tuple((f8[:, ::1], f8[:, ::1]))({_GEOMETRY})")
@@ -356,44 +349,3 @@ def jacobians(legs: Array, rods: Array, offset: Array, q: Array) -> tuple[Array,
         if _slope(legs, rods, offset, q[row], out[row], scratch):
             gains[row, 0], gains[row, 1] = _decompose(out[row], a)
     return out, gains
-
-
-@compiled(f"Tuple((f8[:, ::1], f8[::1], i8[::1]))({_GEOMETRY}, f8[:, ::1], {_SETTINGS})")
-def newton(
-    legs: Array, rods: Array, offset: Array, q: Array, target: Array, settings: Settings
-) -> tuple[Array, Array, Counts]:
-    """Corrections dq (n, 3) [rad], distances (n,) [m], evaluations (n,): see newton.py."""
-    bound, tolerance, condition_limit, iterations, halvings = settings
-    n = len(q)
-    best, error, evaluations = np.zeros((n, 3)), np.empty(n), np.ones(n, dtype=np.int64)
-    scratch, a, gap, step = _scratch(), np.empty((6, 3)), np.empty(3), np.empty(3)
-    dq, there, way, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
-    for row in range(n):
-        error[row] = _distance(legs, rods, offset, q[row], target[row], gap, scratch)
-        for _ in range(iterations):
-            before = error[row]
-            if not tolerance < before < np.inf:
-                break
-            for k in range(3):
-                there[k] = q[row, k] + best[row, k]
-            evaluations[row] += 1
-            if not _slope(legs, rods, offset, there, slope, scratch):
-                break
-            largest, smallest = _decompose(slope, a)
-            if not smallest * condition_limit > largest:
-                break
-            _descend(a, gap, step)
-            for halving in range(halvings + 1):
-                for k in range(3):
-                    dq[k] = min(max(best[row, k] + 0.5**halving * step[k], -bound), bound)
-                    there[k] = q[row, k] + dq[k]
-                evaluations[row] += 1
-                far = _distance(legs, rods, offset, there, target[row], way, scratch)
-                if far < error[row]:
-                    error[row] = far
-                    for k in range(3):
-                        best[row, k], gap[k] = dq[k], way[k]
-                    break
-            if not error[row] < before:
-                break
-    return best, error, evaluations

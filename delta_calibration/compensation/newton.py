@@ -45,6 +45,12 @@ class NewtonSettings:
         require_whole("iterations", self.iterations, 1)
         require_whole("halvings", self.halvings, 0)
 
+    @property
+    def numbers(self) -> tuple[float, float, float, int, int]:
+        """In the order that the compiled function takes them in."""
+        limit, steps = float(self.condition_limit), (int(self.iterations), int(self.halvings))
+        return float(self.bound_rad), float(self.tolerance), limit, *steps
+
 
 @dataclass(frozen=True)
 class _State:

@@ -30,6 +30,7 @@ def standard_section(iso: IsoReport | str) -> Section:
         f"{c.path_cycles} for paths at {c.stations} stations; {100 * c.speed_fraction:.0f} % of "
         f"the rated speed and {100 * c.load_fraction:.0f} % of the rated load are the conditions' "
         f"own and are not checked. Tracker registered by the {iso.frame}.",
+        *(f"Left out: {sentence}." for sentence in iso.left_out),
     )
     rows = tuple(
         (

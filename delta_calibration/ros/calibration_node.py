@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -22,7 +22,7 @@ from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
 from delta_calibration.ros.controllers import Controllers, points_of, trajectory
-from delta_calibration.ros.conversions import JointReader, joint_state, stamp_to_ns
+from delta_calibration.ros.conversions import JointReader, JointWriter, stamp_to_ns
 from delta_calibration.ros.diagnostics import Diagnostics, status
 from delta_calibration.ros.jobs import Finish, Jobs, Work
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
@@ -50,6 +50,7 @@ class CalibrationNode(SafeLifecycleNode):
         warn_of_unknown(self)
         self._desk: Desk | None = None
         self._active = False
+        self._refused = ""  # why the node could not be configured
         self._listening: list[Any] = []
         self._told: tuple[bytes, str] | None = None
         self._controllers: Controllers | None = None
@@ -60,7 +61,7 @@ class CalibrationNode(SafeLifecycleNode):
             JointState, "joint_states_nominal", STREAM_OUT
         )
         self._status = self.create_publisher(DiagnosticStatus, "~/status", STATUS)
-        self._jobs = Jobs(self)
+        self._jobs = Jobs(self, self._tell_of)
         self._serve()
         self._diagnostics = Diagnostics(self, self._report)
 
@@ -80,8 +81,16 @@ class CalibrationNode(SafeLifecycleNode):
     # --- lifecycle
 
     def configure(self) -> None:
-        """Load robot and calibration, and listen."""
-        desk = Desk(desk_settings(self._settings))
+        """Load robot and calibration, and listen; why that was refused stays on diagnostics."""
+        try:
+            self._configure()
+        except CalibrationError as error:
+            self._refused = str(error)
+            raise
+        self._refused = ""
+
+    def _configure(self) -> None:
+        desk = Desk(desk_settings(self._settings), self._follow)
         text, names = self._settings.text, desk.robot.joints.names
         trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
         if trajectory_input and not trajectories:
@@ -95,6 +104,7 @@ class CalibrationNode(SafeLifecycleNode):
         )
         self._streams = not trajectory_input
         self._command_reader, self._states_reader = JointReader(names), JointReader(names)
+        self._command_writer, self._states_writer = JointWriter(names), JointWriter(names)
         self._desk = desk
         self._listen()
         self.get_logger().info(f"configured for {desk.robot.name}")
@@ -163,25 +173,26 @@ class CalibrationNode(SafeLifecycleNode):
         try:
             q = self._command_reader.positions(message)
         except CalibrationError as error:
-            self._send(desk, message, desk.path.refuse(str(error)))
+            self._send(message, desk.path.refuse(str(error)))
             raise
         already = message.header.frame_id == MARK
         sent = desk.send(q, stamp_ns, now_s, already, self._age_s(desk, stamp_ns))
+        self._send(message, sent)
         if not already:
             desk.capture.add_command(stamp_ns, q)
-        self._send(desk, message, sent)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
         if desk.path.trouble is not None:
             desk.watch.trouble("joint_command", desk.path.trouble, now_s)
             self._warn(f"joint_command: {desk.path.trouble}")
 
-    def _send(self, desk: Desk, message: JointState, sent: Sent | None) -> None:
+    def _send(self, message: JointState, sent: Sent | None) -> None:
         if sent is not None:
-            out = joint_state(desk.robot.joints.names, sent.joint, message.header.stamp)
-            out.header.frame_id = MARK if sent.compensated else ""
-            self._out.publish(out)
+            mark = MARK if sent.compensated else ""
+            self._out.publish(
+                self._command_writer.message(sent.joint, message.header.stamp, mark)
+            )
             if self._controllers is not None:
-                self._controllers.send(sent.joint, out.header.frame_id, self._streams)
+                self._controllers.send(sent.joint, mark, self._streams)
 
     def _age_s(self, desk: Desk, stamp_ns: int) -> float:
         """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it."""
@@ -206,8 +217,8 @@ class CalibrationNode(SafeLifecycleNode):
         now_s = time.monotonic()
         desk.watch.heard("joint_states", now_s)
         desk.capture.add_states(stamp_to_ns(message.header.stamp), q)
-        names = desk.robot.joints.names
-        self._nominal.publish(joint_state(names, desk.nominal(q, now_s), message.header.stamp))
+        nominal = desk.nominal(q, now_s)
+        self._nominal.publish(self._states_writer.message(nominal, message.header.stamp))
 
     def _on_pose(self, desk: Desk, message: Any) -> None:
         reflector = desk.robot.tracker.measures == "position"
@@ -266,8 +277,12 @@ class CalibrationNode(SafeLifecycleNode):
 
     def _prepare_reload(self) -> Work:
         desk, path = self._require_desk(), self._settings.text("calibration")
-        work = desk.prepare_reload(path)
+        work = desk.prepare_reload(path, self._settings.text("table"))
         return lambda: partial(desk.take_file, path, *work())
+
+    def _tell_of(self, job: str, why: str) -> None:
+        if self._desk is not None:
+            self._desk.watch.trouble(job, why, time.monotonic())
 
     def _log_answer(self, response: Any) -> None:
         log = self.get_logger()
@@ -298,7 +313,17 @@ class CalibrationNode(SafeLifecycleNode):
             self._status.publish(status(level, name, health.message, health.values))
         return level, health.message, health.values
 
+    def _follow(self, blocks: range) -> Iterator[int]:
+        """Say how far the making of a table of corrections is, once a second."""
+        for block in blocks:
+            self.get_logger().info(
+                f"table of corrections: {100 * block // len(blocks)} %", throttle_duration_sec=1.0
+            )
+            yield block
+
     def _health(self) -> Health:
+        if self._desk is None and self._refused:
+            return Health(Level.ERROR, f"{self.state}, nothing is sent: {self._refused}", {})
         if self._desk is None:
             return Health(Level.WARN, f"{self.state}: nothing is sent", {})
         timeout_s = self._settings.number("tracker_timeout_s")

@@ -14,6 +14,12 @@ SPECS = (
     Spec("calibration", "", "calibration file for configure and ~/reload; may be empty"),
     Spec("method", "newton", "how corrections are found; from configure on", choices=METHODS),
     Spec(
+        "table",
+        "",
+        "file of a table of corrections for configure and ~/reload, with method table; empty: "
+        "the table is made then",
+    ),
+    Spec(
         "on_failure",
         PASS_THROUGH,
         "what is sent for a command that cannot be compensated: itself, or the last good one",
@@ -90,6 +96,7 @@ def desk_settings(table: ParameterTable) -> Settings:
         robot=table.text("robot"),
         calibration=table.text("calibration"),
         method=table.text("method"),
+        table=table.text("table"),
         on_failure=table.text("on_failure"),
         ramp_s=table.number("ramp_s"),
         rate=table.number("max_correction_rate"),

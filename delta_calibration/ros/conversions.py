@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,8 @@ class JointReader:
                 f"JointState: {len(message.position)} positions for "
                 f"{len(message.name)} names {list(message.name)}"
             )
-        return _finite(np.array(message.position)[self._order], "JointState.position", self.names)
+        angles = [message.position[k] for k in self._order]
+        return _finite(np.array(angles), "JointState.position", self.names)
 
     def order(self, names: Sequence[str]) -> list[int]:
         """Where each of the robot's joints is among these names.
@@ -91,6 +93,37 @@ def joint_state(names: Sequence[str], position: Array, stamp: Time) -> JointStat
     message.name = list(names)
     message.position = array("d", _finite(position, "JointState.position", names).tolist())
     return message
+
+
+class JointWriter:
+    """Messages of a stream of joint positions: one message, filled anew each time.
+
+    Publishing copies it, so that the next one may follow at once; whoever else wants to keep it
+    takes `joint_state`.
+
+    Args:
+        names: (m,) of the joints.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._message = JointState(name=list(names))
+
+    def message(self, position: Array, stamp: Time, frame_id: str = "") -> JointState:
+        """Message with the positions (m,) [rad].
+
+        Raises:
+            InputError: as many positions as names are needed, all of them finite.
+        """
+        if position.shape != (len(self._names),):
+            raise InputError(
+                f"JointState: {position.shape} positions for the names {list(self._names)}"
+            )
+        _finite(position, "JointState.position", self._names)
+        header = self._message.header
+        header.stamp, header.frame_id = stamp, frame_id
+        self._message.position = array("d", position.tolist())
+        return self._message
 
 
 @dataclass(frozen=True)
@@ -185,9 +218,8 @@ def _unit_quaternion(value: Any) -> Array:
 
 def _finite(values: Array, field: str, labels: Sequence[str]) -> Array:
     """The same values, as floats, or an error that names those that are not finite."""
-    finite = np.isfinite(values)
-    if not finite.all():
-        bad = ~finite
-        named = ", ".join(f"{labels[int(i)]} = {values[i]}" for i in np.flatnonzero(bad))
+    if not all(map(isfinite, values.tolist())):
+        bad = np.flatnonzero(~np.isfinite(values))
+        named = ", ".join(f"{labels[int(i)]} = {values[i]}" for i in bad)
         raise InputError(f"{field}: {named}; finite values are needed")
     return np.asarray(values, dtype=np.float64)

@@ -33,10 +33,14 @@ class Jobs:
 
     The work is prepared on the node's own thread, done on another, and what it returns is called
     on the node's own again: it takes the result into use and says so.
+
+    Args:
+        node: that offers the services.
+        tell: is told the kind of a job that failed, and why.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, tell: Callable[[str, str], None]) -> None:
+        self._node, self._tell = node, tell
         self._running: dict[str, _Job] = {}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._poll = node.create_timer(POLL_S, self._finish, clock=steady)
@@ -83,10 +87,12 @@ class Jobs:
         try:
             return Trigger.Response(success=True, message=job.background.result()())
         except CalibrationError as error:
-            return Trigger.Response(success=False, message=str(error))
+            why = str(error)
         except Exception as error:
             self._node.get_logger().error(traceback.format_exc())
-            return Trigger.Response(success=False, message=f"the {kind} failed: {error!r}")
+            why = f"the {kind} failed: {error!r}"
+        self._tell(kind, why)
+        return Trigger.Response(success=False, message=why)
 
     def _logged(self, response: Any) -> Any:
         log = self._node.get_logger()
