@@ -154,7 +154,7 @@ class CompiledApso:
 
     def correct(self, q: Array, target: Array) -> Correction:
         """Search the correction of every command; see `Apso.correct`."""
-        q, target, usable = checked_commands(q, target)
+        q, target, usable = checked_commands(q, target, 3)
         return self.geometry.swarm(q[usable], target[usable], self.settings).spread(usable)
 
 
@@ -167,7 +167,7 @@ class CompiledNewton:
 
     def correct(self, q: Array, target: Array) -> Correction:
         """Step to the correction of every command; see `Newton.correct`."""
-        q, target, usable = checked_commands(q, target)
+        q, target, usable = checked_commands(q, target, 3)
         return self.geometry.newton(q[usable], target[usable], self.settings).spread(usable)
 
 

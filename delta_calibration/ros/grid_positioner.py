@@ -31,7 +31,7 @@ from delta_calibration.cell.standing import Standing
 from delta_calibration.compensation.grid_search import Stop
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.errors import CalibrationError, DataError, InputError
-from delta_calibration.plans import Plan, legs, read_points
+from delta_calibration.plans import Plan, legs, read_targets
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import (
     JointReader,
@@ -155,7 +155,7 @@ class GridPositioner(BaseNode):
         )
         return Positioning(
             self._robot,
-            read_points(Path(s.text("points"))),
+            read_targets(Path(s.text("points")), self._robot).point,
             lattice,
             s.integer("repeats"),
             s.integer("readings"),
