@@ -129,6 +129,10 @@ class JointCompensator:
         joints = self.robot.joints
         self._lower, self._upper = joints.lower.tolist(), joints.upper.tolist()
         self._aim = Aim.of(self._nominal, tool)
+        # what is left is then said by the chain run forward, apart for place and turn
+        self._by_pose = self._aim.turns or self._nominal.joints > self._nominal.task_size
+        self._home = self._nominal.home[None]
+        self._pose_at_home = self._nominal.forward(self._home, self._nominal.parameters.nominal)
         made = TableSettings() if table is None else table
         self._solver = made.solver if method == TABLE else method
         self._model = Machine(
@@ -181,7 +185,7 @@ class JointCompensator:
 
     def warm_up(self) -> None:
         """Take the first command's delay now: compensate one at home and forget it."""
-        self.compensate(self._nominal.home[None])
+        self.compensate(self._home)
 
     def targets(self, q: Array) -> Array:
         """Tool points the nominal robot means by the commands, (n, d) [m]; NaN without a pose.
@@ -240,9 +244,10 @@ class JointCompensator:
         for row in np.flatnonzero(usable & ~good).tolist():
             verdicts[row] = Verdict.JOINT_LIMIT if reached[row] else Verdict.NOT_REACHED
         left, turn = whole.error + self._left(known, whole.dq, 1.0 - share), None
-        if self._aim.turns:
-            left, turn = self._aim.parted(self._backward.points(at, known + dq) - target)
-            turn = np.where(good, turn, np.inf)
+        if self._by_pose:
+            left, turned = self._aim.parted(self._backward.points(at, known + dq) - target)
+            good &= np.isfinite(left)
+            turn = np.where(good, turned, np.inf) if self._aim.turns else None
         return Compensated(
             q + correction,
             correction,
@@ -366,9 +371,8 @@ class JointCompensator:
         limits = self.robot.limits
         finite, reached = _finite(q), _finite(meant)
         covered = outside <= limits.region_margin + _ON_FACE
-        home, there = self._nominal.home, finite & reached
-        safe = np.where(there[:, None], q, home)
-        x = np.where(there[:, None], meant, self._meant(home[None]))
+        there = (finite & reached)[:, None]
+        safe, x = np.where(there, q, self._home), np.where(there, meant, self._pose_at_home)
         regular = np.asarray(self._condition(safe, x) <= limits.condition)
         checks = [
             (finite, Verdict.NOT_FINITE),

@@ -11,6 +11,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.compensation.aim import Aim
 from delta_calibration.compensation.apso import Apso, ApsoSettings
 from delta_calibration.compensation.base import Compensator
+from delta_calibration.compensation.by_pose import ByPose
 from delta_calibration.compensation.compiled import (
     CompiledApso,
     CompiledGeometry,
@@ -18,7 +19,6 @@ from delta_calibration.compensation.compiled import (
     available,
 )
 from delta_calibration.compensation.newton import Newton, NewtonSettings
-from delta_calibration.compensation.redundant import Fitting
 from delta_calibration.compensation.table import AXES, Table, Tabulated
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism
@@ -134,12 +134,6 @@ class Machine:
         slope = slope @ self._mechanism.velocity_jacobian(flat, x, self._geometry)
         return slope.reshape((*q.shape[:-1], self.aim.size, q.shape[-1]))
 
-    def fitted(self, q: Array) -> Array:
-        """Joints (n, m) that fit the pose at joints q (n, m) without a rest; NaN out of reach."""
-        mechanism = self._mechanism
-        task = mechanism.forward(q, self._geometry)[:, : mechanism.task_size]
-        return mechanism.inverse(task, self._geometry, q)
-
     def _make_solver(self) -> Compensator:
         if self._method == "apso":
             law = ApsoSettings(bound_rad=self._bound, seed=self._seed)
@@ -148,6 +142,7 @@ class Machine:
         settings = NewtonSettings(bound_rad=self._bound, freedoms=mechanism.task_size)
         if self.fast is not None:
             return CompiledNewton(self.fast, settings)
-        newton = Newton(self.point, self.jacobian, settings)
-        redundant = mechanism.joints > mechanism.task_size
-        return Fitting(newton, self.fitted) if redundant else newton
+        all_of_it = mechanism.task_size == mechanism.pose_size
+        if all_of_it and (self.aim.turns or mechanism.joints > mechanism.task_size):
+            return ByPose(mechanism, self._geometry, self.aim)
+        return Newton(self.point, self.jacobian, settings)

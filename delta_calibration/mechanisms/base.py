@@ -14,6 +14,7 @@ in the least-squares sense where f has more rows than x has coordinates.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -147,14 +148,17 @@ class Mechanism(ABC):
         gains a freedom (f_x singular), where it loses one (f_q singular), and also where it loses
         all at once, which the plain condition number does not see.
         """
-        home = self._gains(self.home[None], self.parameters.nominal)
-        typical = np.exp(np.log(home).mean())
+        typical = self._typical_gain
         gains = self._singular_values(self.velocity_jacobian(q, x, g))
         with np.errstate(divide="ignore"):
             return np.asarray(np.fmax(gains[:, 0], typical) / np.fmin(gains[:, -1], typical))
 
-    def _gains(self, q: Array, g: Array) -> Array:
-        return self._singular_values(self.velocity_jacobian(q, self.forward(q, g), g))
+    @cached_property
+    def _typical_gain(self) -> float:
+        """Mean gain of the nominal machine at home [m/rad]."""
+        home, nominal = self.home[None], self.parameters.nominal
+        slope = self.velocity_jacobian(home, self.forward(home, nominal), nominal)
+        return float(np.exp(np.log(self._singular_values(slope)).mean()))
 
     def _singular_values(self, slope: Array) -> Array:
         """Of the commanded part, (n, min(m, task)), largest first; 0 where no Jacobian exists."""

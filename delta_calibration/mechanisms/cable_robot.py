@@ -123,7 +123,8 @@ class CableRobot(Mechanism):
 
     def directions(self, x: Array, g: Array) -> Array:
         """u: unit vectors along the cables from platform to anchor, (n, m, 3)."""
-        return self._vectors(x, g) / self.lengths(x, g)[..., None]
+        v = self._vectors(x, g)
+        return np.asarray(v / np.sqrt(np.sum(v**2, axis=-1, keepdims=True)))
 
     def tensions(self, x: Array, g: Array, load: Array) -> Array:
         """Pull of each cable that bears a load, (n, m) [N]: the nearest to the pretension.

@@ -15,6 +15,7 @@ from delta_calibration.plans.points import (
     nominal_joints,
     require_borne,
     tool_frames,
+    tool_points,
 )
 from delta_calibration.plans.target_file import (
     PLACE,
@@ -42,5 +43,6 @@ __all__ = [
     "read_targets",
     "require_borne",
     "tool_frames",
+    "tool_points",
     "write_plan",
 ]
