@@ -73,7 +73,7 @@ class _Eye:
         there = self._machine.tool_points(
             standing((joint + self._machine.rest_error(self._rng))[None])
         )
-        return on_plane(self._plane, self._camera.find(there, self._rng))[0]
+        return np.asarray(on_plane(self._plane, self._camera.find(there, self._rng))[0])
 
     def off(self, joint: Array) -> float:
         """How far the tool truly is from the target in the plane [m]."""

@@ -62,7 +62,8 @@ _CIRCLE = "circle_2.5_s"
 _RATE = 50.0  # [1/s]
 _EACH = 5  # of the circle's samples
 _FEWEST = 8
-_HEAD = ("error against the truth", "max [mm]", "mean [mm]", "3 std [mm]", "turn, mean [mrad]")
+_HEAD = ("error against the truth", "max [mm]", "mean [mm]", "3 std [mm]")
+_TURN = "turn, mean [mrad]"
 
 
 def machine_demo(
@@ -99,7 +100,7 @@ def _first_act(
     click.echo("\n" + describe(found, verbose=False) + "\n")
     say(f"compensating by {method}")
     calibrated = _Trial.of("geometry compensated", calibration, machine, method, trial)
-    click.echo("\n" + table(_HEAD, [calibrated.before(), calibrated.after()]) + "\n")
+    click.echo("\n" + _told(robot, [calibrated.before(), calibrated.after()]) + "\n")
     return calibrated.figures()
 
 
@@ -125,7 +126,7 @@ def _second_act(
     by_geometry = _Trial.of("geometry compensated", plain, machine, method, trial)
     by_all = _Trial.of("extended model", extended, machine, method, trial)
     rows = [by_geometry.before(), by_geometry.after(), by_all.after()]
-    click.echo(table(_HEAD, rows) + "\n")
+    click.echo(_told(robot, rows) + "\n")
     named = [effect.cause for effect in extended.chain.effects]
     click.echo(f"hidden: {cause}; found: {', '.join(named) or 'nothing'}\n")
     return {
@@ -187,10 +188,20 @@ class _Trial:
         }
 
 
+def _told(robot: Robot, rows: Rows) -> str:
+    """Rows as a table, the turn's column where the joints command a turn."""
+    if robot.commanded.task_size > 3:
+        return table((*_HEAD, _TURN), rows) + (
+            "\none reflector's places do not show how a tool is turned on its flange, nor a "
+            "platform against its joints: that stays in the turn"
+        )
+    return table(_HEAD, [row[: len(_HEAD)] for row in rows])
+
+
 def _row(name: str, far: Array, turn: Array) -> tuple[str, ...]:
     e = Errors.of(far)
     values = (e.maximum, e.mean, e.three_std, float(turn.mean()))
-    return name, *(f"{v * 1e3:.4f}" for v in values)
+    return f"{name} ({e.points} moments)", *(f"{v * 1e3:.4f}" for v in values)
 
 
 def _measure(machine: Machine, plan: Plan, seed: int, out: Path, name: str) -> None:

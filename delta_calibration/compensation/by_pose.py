@@ -2,8 +2,8 @@
 
     x <- x - (dplace/dx)^+ (place(x) - p*),    q = inverse(x) of the identified machine
 
-The first asks nothing of the machine but where its tool is fixed, the second is closed or nearly so
-for most: no direct problem is solved on the way. It is also the only way where there are more
+The first asks nothing of the machine but where its tool is fixed, the second is closed or nearly
+so for most: no direct problem is solved on the way. It is also the only way where there are more
 joints than freedoms. Which pose those come to is a compromise: on a real machine the commands of
 the drawing fit no pose at all, and cables are pulled out of their set tension. The inverse of the
 identified machine meets all of its closure equations, and no joint works against another.
