@@ -178,7 +178,7 @@ class CableRobot(Mechanism):
         if missed > _BORNE * np.linalg.norm(load[bad[0]]):
             raise ReachError(
                 f"{what} {bad[0] + 1}: no pull of the {self.joints} cables, however strong, holds "
-                "the platform there; it is outside of what they span"
+                "the platform there: it lies or is turned beyond what they can balance"
             )
         tension = np.ones((len(x), self.joints))
         tension[row] = self.tensions(x[row], g, load[row])
