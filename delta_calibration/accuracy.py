@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from delta_calibration.iso9283 import (
     position_accuracy,
     position_repeatability,
 )
-from delta_calibration.plans import CUBE
+from delta_calibration.plans import CUBE, tool_points
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, Readings
 
@@ -74,11 +75,7 @@ def evaluate(
         DataError: a pose of the cube was not reached, or not as often as the conditions ask.
         InputError: what the criteria themselves refuse.
     """
-    nominal = robot.commanded
-
-    def meant(command: Array) -> Array:
-        return nominal.forward(command, nominal.parameters.nominal) + robot.tool_offset
-
+    meant = partial(tool_points, robot)
     stops = meant(poses.command)
     if calibration is None:
         frame = align(stops, poses.point).inverse()

@@ -108,7 +108,8 @@ class Tracker:
 class Limits:
     """What the compensation may do."""
 
-    correction: float = quantity("deg", above=0.0, most=10.0)  # largest correction of a joint
+    # largest correction of a joint; a drum turns far where a joint of an arm turns little
+    correction: float = quantity("deg", above=0.0, most=7200.0)
     condition: float = quantity(above=1.0)  # largest of the mechanism, see Mechanism.condition
     # how far outside the calibrated region
     region_margin: float = quantity("mm", least=0.0)

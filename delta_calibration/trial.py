@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation import Apso, ApsoSettings
+from delta_calibration.geometry import align, rotations
 from delta_calibration.plans import make_plan
-from delta_calibration.samples import Poses
+from delta_calibration.samples import Conditions, Poses
 from delta_calibration.simulation import Machine, standing
 
 Array = NDArray[np.float64]
@@ -93,3 +94,35 @@ def _nearest(targets: Array, reached: Array) -> Array:
     """The target that each reached point means: targets lie farther apart than any error."""
     distance = np.linalg.norm(reached[:, None] - targets, axis=-1)
     return np.asarray(targets[np.argmin(distance, axis=1)])
+
+
+def true_misses(
+    calibration: Calibration, machine: Machine, at: Conditions, meant: Array, registered: bool
+) -> tuple[Array, Array]:
+    """How far the tool truly is from nominal poses, distance (n,) [m] and turn (n,) [rad].
+
+    Of the place only what the joints command counts.
+
+    Args:
+        calibration: its frame is the base, and its reflector's place that on the platform.
+        machine: the truth.
+        at: what its drives were told, and when.
+        meant: poses of the nominal robot, (n, k).
+        registered: whether to lay the frame anew, as well as it can be laid on these points:
+            before a calibration there is no other.
+    """
+    robot, chain = machine.robot, machine.chain
+    nominal, (_, _, frame) = robot.commanded, chain.split(machine.theta)
+    axes = min(nominal.task_size, 3)
+    x = chain.pose(at, machine.theta)
+    reached = calibration.tool_points(machine.reflector_points(at), at.joint)
+    wanted = nominal.position(meant) + nominal.rotation(meant) @ robot.tool_offset
+    turned = calibration.frame.inverse().rotation @ frame.rotation @ chain.mechanism.rotation(x)
+    if registered:
+        best = align(reached, wanted)
+        reached, turned = best.apply(reached), best.rotation @ turned
+    left = turned @ np.swapaxes(nominal.rotation(meant), 1, 2)
+    return (
+        np.linalg.norm((reached - wanted)[:, :axes], axis=1),
+        np.linalg.norm(rotations.log(left), axis=1),
+    )

@@ -9,7 +9,6 @@ from delta_calibration.calibration_file import from_identification
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
-from delta_calibration.errors import InputError
 from delta_calibration.geometry.frames import align
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
@@ -77,14 +76,6 @@ def test_a_cause_of_its_own_is_named(name: str) -> None:
     first = said.findings[0]
     assert cause in (first.cause, *first.equivalents)
     assert said.extended.held_out_rms_mm < 0.7 * said.calibrated.held_out_rms_mm
-
-
-@pytest.mark.parametrize("name", ["cdpr8", "five_axis", "scara", "ur10"])
-def test_poses_as_targets_are_refused_for_compensation(name: str) -> None:
-    robot, seen = measured(name, "", "identify", 30, 3)
-    made = from_identification(identify(seen.poses, robot), robot, seen.poses)
-    with pytest.raises(InputError, match=f"robot {name}: .* is commanded by poses"):
-        JointCompensator(made)
 
 
 def test_a_linear_delta_is_compensated() -> None:

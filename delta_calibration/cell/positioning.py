@@ -19,7 +19,8 @@ from delta_calibration.compensation.grid_search import GridResult, GridSearch, S
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame, align
-from delta_calibration.plans import make_plan, nominal_joints
+from delta_calibration.mechanisms import Mechanism
+from delta_calibration.plans import make_plan, nominal_joints, tool_points
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -100,7 +101,8 @@ class Positioning:
         frame: how the tracker stands: a calibration, or so many stops to find out.
 
     Raises:
-        InputError: too few repeats, readings or stops.
+        InputError: too few repeats, readings or stops, or a robot of which more is commanded than
+            a place of the tool, or by more joints than it takes.
         ReachError: a target out of reach.
     """
 
@@ -117,10 +119,12 @@ class Positioning:
         _require_least("readings", readings, 1)
         if isinstance(frame, int):
             _require_least("frame_stops", frame, FEWEST_FRAME_STOPS)
+        self._model = robot.commanded
+        _require_places(self._model, robot.name)
+        self._axes = self._model.task_size  # of a place, that the joints command
         self._robot, self._targets, self._settings = robot, targets, settings
         self._repeats, self._readings, self._given = repeats, readings, frame
         self._commands = nominal_joints(robot, targets)
-        self._model = robot.commanded
         self.frame: TrackerFrame | None = None
         self.outcomes: list[Outcome] = []
         self.doing = ""  # what the next step is for
@@ -169,8 +173,7 @@ class Positioning:
         for number, joint in enumerate(joints, start=1):
             self.doing = f"tracker frame, stop {number} of {stops}"
             readings.append((yield joint))
-        points = self._model.forward(joints, self._model.parameters.nominal)
-        self.frame = TrackerFrame.on(points + self._robot.tool_offset, np.array(readings))
+        self.frame = TrackerFrame.on(tool_points(self._robot, joints), np.array(readings))
 
     def _right(self, number: int) -> Generator[Array, Array, None]:
         """Search for one target as often as wanted, and look what the mean comes to."""
@@ -178,7 +181,7 @@ class Positioning:
         settings, edges = self._laid(target, command)
         found: list[GridResult] = []
         for repeat in range(1, self._repeats + 1):
-            search = GridSearch(command, target, settings, edges)
+            search = GridSearch(command, target[: self._axes], settings, edges)
             while not search.done:
                 self.doing = (
                     f"target {number + 1} of {len(self._targets)}, search {repeat} of "
@@ -200,7 +203,7 @@ class Positioning:
                 dq=mean.dq,
                 std=mean.std,
                 before=float(np.mean([result.before for result in found])),
-                after=float(np.linalg.norm(after - target)),
+                after=float(np.linalg.norm(after - target[: self._axes])),
                 moves=sum(result.moves for result in found) + 1,
                 stop=ends[0] if ends else Stop.FINEST,
             )
@@ -208,8 +211,10 @@ class Positioning:
 
     def _laid(self, target: Array, command: Array) -> tuple[GridSettings, Array]:
         """The lattice with the noise to expect at a target, and its nominal edges."""
-        x, g = (target - self._robot.tool_offset)[None], self._model.parameters.nominal
-        slope = self._model.velocity_jacobian(command[None], x, g)[0, :3]
+        model, q = self._model, command[None]
+        x, g = model.forward(q, model.parameters.nominal), model.parameters.nominal
+        slope = model.point_by_pose(x, self._robot.tool_offset) @ model.velocity_jacobian(q, x, g)
+        slope = slope[0, : self._axes]
         settings = self._settings
         if settings.noise == 0.0:
             settings = replace(settings, noise=self._noise(target, slope))
@@ -224,10 +229,12 @@ class Positioning:
         return float(np.sqrt((read + rest) / 3.0))
 
     def _in_base(self, reading: Array, joint: Array) -> Array:
-        """Where the tool is in the base, (3,) [m]."""
+        """Where the tool is in the base, what the joints command of it, (axes,) [m]."""
         if isinstance(self._given, Calibration):
-            return np.asarray(self._given.tool_points(reading[None], joint[None])[0])
-        return self._placed.inverse().apply(reading)
+            point = self._given.tool_points(reading[None], joint[None])[0]
+        else:
+            point = self._placed.inverse().apply(reading)
+        return np.asarray(point[: self._axes])
 
     @property
     def _placed(self) -> Frame:
@@ -276,6 +283,16 @@ def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]
         beside.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _require_places(model: Mechanism, robot: str) -> None:
+    """Refuse a machine whose tool is also turned, or whose joints work against each other."""
+    if model.task_size > 3 or model.joints != model.task_size:
+        raise InputError(
+            f"robot {robot}: {model.joints} joints of a {model.name} command {model.task_size} "
+            "coordinates; positioning without a model is for robots whose joints command a place "
+            "of the tool alone, a joint for each of its coordinates"
+        )
 
 
 def _require_least(name: str, value: int, least: int) -> None:

@@ -25,10 +25,12 @@ from delta_calibration.compensation import (
     Compensated,
     JointCompensator,
     Verdict,
+    methods_for,
+    require_method,
 )
 from delta_calibration.errors import DataError, InputError, ReachError
-from delta_calibration.plans import nominal_joints, read_points
-from delta_calibration.robot import Robot, load_robot
+from delta_calibration.plans import read_targets, require_borne
+from delta_calibration.robot import Joints, Robot, load_robot
 from delta_calibration.samples import Conditions, at_rest, motion_of
 
 Array = NDArray[np.float64]
@@ -42,7 +44,11 @@ _BATCH = 64  # commands searched side by side
     "--calibration", "calibration_file", type=click.Path(path_type=Path), required=True,
     help="File that `fit` wrote for this robot.",
 )  # fmt: skip
-@click.option("--method", type=click.Choice(METHODS), default="apso", show_default=True)
+@click.option(
+    "--method", type=click.Choice(METHODS), default=None,
+    help="How corrections are found.  [default: apso; newton where more than three joints are "
+    "searched]",
+)  # fmt: skip
 @click.argument("targets", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
 @click.option(
@@ -58,7 +64,7 @@ _BATCH = 64  # commands searched side by side
 def command(
     robot_file: str,
     calibration_file: Path,
-    method: str,
+    method: str | None,
     targets: Path,
     out: Path,
     payload: float | None,
@@ -68,7 +74,13 @@ def command(
     table_bound_um: float | None,
     seed: int,
 ) -> None:
-    """Correct the joint commands for the tool points in TARGETS (CSV: x_mm, y_mm, z_mm).
+    """Correct the joint commands for the tool's places in TARGETS (CSV).
+
+    TARGETS has the columns x_mm, y_mm, z_mm (tool point, base frame) and, where the joints turn
+    the platform as well, turn_x_deg, turn_y_deg, turn_z_deg (a rotation vector; of an arm from how
+    it holds its tool at home; A and B of a five-axis machine), nothing where a turn is not given.
+    What the joints do not command needs no column: an arm of two joints has x_mm, y_mm, a
+    five-axis machine y_mm, z_mm, turn_x_deg, turn_y_deg.
 
     The machine is taken to stop at each point, and to come to it from the one before: play is
     taken back by that direction, and from its middle where a joint has not moved yet.
@@ -76,22 +88,27 @@ def command(
     Method `table` finds corrections on a grid over the calibrated region first, as many as it
     takes to stay within 1 um between the nodes, and looks them up. Where the calibration holds an
     effect that changes the robot's dimensions from command to command no table can follow; each
-    correction is then found exactly, and this is said.
+    correction is then found exactly, and this is said. The swarm (apso) is for robots with as many
+    joints as the coordinates they command, the table for those with three; Newton's method for
+    all: where there are more joints, as on a cable robot, the commands are those that fit the
+    corrected pose without the joints working against each other.
 
-    Writes the joints [rad] and error_mm: how far the tool stays from the target *by the identified
-    model*; not what a tracker would measure.
+    Writes a column a joint, by its name: joints that turn in rad, joints that slide in mm, and _mm
+    behind the name. Then error_mm and, where the joints turn the platform, error_mrad: how far the
+    tool stays from the target *by the identified model*; not what a tracker would measure.
     """
     require_folder(out)
+    robot = load_robot(robot_file)
+    method = method or methods_for(robot.commanded)[0]
+    require_method(robot.commanded, method, robot.name)
     options = TableOptions(table_file, table_by, table_bound_um)
     options.require_method(method)
-    robot = load_robot(robot_file)
-    points = read_points(targets)
     calibration = load_calibration(calibration_file, robot)
-    nominal = _nominal(robot, points, targets)
+    nominal = _nominal(robot, targets, payload)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
-        compensator = JointCompensator(calibration, method, seed, compiled=len(points) > _BATCH)
+        compensator = JointCompensator(calibration, method, seed, compiled=len(nominal) > _BATCH)
     at = _conditions(nominal, payload, _by_part(temperatures))
     parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
     found = Compensated.joined(
@@ -102,21 +119,27 @@ def command(
     )
     _refuse_unknown(found, calibration_file)
     _refuse_uncorrected(found, targets)
-    _write(out, robot.joints.names, found)
+    _write(out, robot.joints, found)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
+    unit, factor = robot.joints.shown
+    turn = "" if found.model_turn is None else f" and {found.model_turn.max() * 1e3:.2e} mrad"
     click.echo(
-        f"written: {out} ({len(points)} commands by {compensator.by}, largest correction "
-        f"{np.degrees(np.abs(found.correction).max()):.3f} degrees; error by the model at most "
-        f"{found.model_error.max() * 1e3:.2e} mm, {found.evaluations.mean():.0f} evaluations each)"
+        f"written: {out} ({len(nominal)} commands by {compensator.by}, largest correction "
+        f"{factor * np.abs(found.correction).max():.3f} {unit}; error by the model at most "
+        f"{found.model_error.max() * 1e3:.2e} mm{turn}, {found.evaluations.mean():.0f} "
+        "evaluations each)"
     )
 
 
-def _nominal(robot: Robot, points: Array, targets: Path) -> Array:
+def _nominal(robot: Robot, file: Path, payload: float | None) -> Array:
+    """Joints that the drawing takes for the targets, (n, m) [rad or m]."""
     try:
-        return nominal_joints(robot, points)
+        joint = read_targets(file, robot).joint
+        require_borne(robot, joint, "point", np.full(len(joint), payload or 0.0))
     except ReachError as error:
-        raise ReachError(f"{targets}: {error}") from error
+        raise ReachError(f"{file}: {error}") from error
+    return joint
 
 
 def _by_part(given: Sequence[str]) -> dict[str, float]:
@@ -164,14 +187,20 @@ def _refuse_uncorrected(found: Compensated, targets: Path) -> None:
         )
 
 
-def _write(path: Path, names: tuple[str, ...], found: Compensated) -> None:
+def _write(path: Path, joints: Joints, found: Compensated) -> None:
+    slides = joints.unit == "m"
+    head = [f"{name}_mm" if slides else name for name in joints.names]
+    errors = {"error_mm": found.model_error}
+    if found.model_turn is not None:
+        errors["error_mrad"] = found.model_turn
+    left = 1e3 * np.stack(list(errors.values()), axis=1)
     beside = path.with_name(f".{path.name}.part")
     try:
         with beside.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow([*names, "error_mm"])
-            for joint, error in zip(found.joint, found.model_error, strict=True):
-                writer.writerow([*(f"{v:.9f}" for v in joint), f"{error * 1e3:.3e}"])
+            writer.writerow([*head, *errors])
+            for joint, error in zip(found.joint * (1e3 if slides else 1.0), left, strict=True):
+                writer.writerow([*(f"{v:.9f}" for v in joint), *(f"{v:.3e}" for v in error)])
         beside.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -24,10 +24,12 @@ from delta_calibration.cli.live_cell import (
     clock,
     part_of,
 )
+from delta_calibration.cli.machine_demo import machine_demo
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import table, write_json
 from delta_calibration.cli.report import write
 from delta_calibration.cli.second_act import second_act
+from delta_calibration.compensation import require_method
 from delta_calibration.errors import InputError
 from delta_calibration.identification import Identification, identify
 from delta_calibration.plans import make_plan
@@ -40,6 +42,7 @@ from delta_calibration.simulation import draw_machine
 from delta_calibration.trial import Errors, measured_errors, paper_simulation, true_errors
 
 _PAPER = ("3.3050", "0.8030", "2.0860")  # [mm] table 3: a real machine, without compensation
+_FILES = ("calibration.yaml", "extended.yaml", "verdict.json", "summary.json", "report.html")
 _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 
 
@@ -55,13 +58,40 @@ _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
     "--method", type=click.Choice(["newton", "apso"]), default="newton", show_default=True
 )
 def command(robot_file: str, out: Path, seed: int, method: str) -> None:
-    """Start the nodes of a cell as processes on this machine and take them through a calibration.
+    """Take a simulated cell through a calibration.
+
+    A robot of the Delta paper's kind (srbd): its nodes are started as processes on this machine.
 
     The workspace is measured and recorded, the machine identified, compensation switched on, and
     the Delta paper's line and a disc are measured before and after. Then the paper's own
     simulation. In a second act something is hidden in the machine that no geometry explains; the
     cell finds it, names it, and measures the line again. Needs ROS 2.
+
+    Any other robot (cdpr8, five_axis, linear_delta, scara, ur10), in this process, without ROS 2:
+    its workspace is measured and recorded, the machine identified and compensated, the places of a
+    trial taken before and after; then the same with a cause of its own hidden in it. A SCARA's
+    points are also driven right by what a simulated camera sees, without a model.
     """
+    if load_robot(robot_file).workspace is not None:
+        _without_nodes(load_robot(robot_file), out, seed, method)
+    else:
+        _with_nodes(robot_file, out, seed, method)
+
+
+def _without_nodes(robot: Robot, out: Path, seed: int, method: str) -> None:
+    """The demonstration in this process."""
+    require_method(robot.commanded, method, robot.name)
+    _clean(out)
+    say = clock()
+    write_json(out / "summary.json", machine_demo(robot, out, seed, method, say))
+    files = ("session", "calibration.yaml", "session_2", "extended.yaml", "verdict.json")
+    click.echo(f"written: {', '.join(f'{out}/{name}' for name in (*files, 'summary.json'))}")
+    say("writing the report of the second act")
+    _report(out, robot)
+
+
+def _with_nodes(robot_file: str, out: Path, seed: int, method: str) -> None:
+    """The demonstration of a live cell."""
     if importlib.util.find_spec("rclpy") is None:
         raise InputError(
             "the demo needs ROS 2 (rclpy), which this Python does not have; see the README"
@@ -191,7 +221,7 @@ def _clean(out: Path) -> None:
     """The output folder without what an earlier run left, with a folder of logs."""
     for name in ("session", "session_2", "logs"):
         shutil.rmtree(out / name, ignore_errors=True)
-    for name in ("calibration.yaml", "extended.yaml", "summary.json", "report.html"):
+    for name in _FILES:
         (out / name).unlink(missing_ok=True)
     try:
         (out / "logs").mkdir(parents=True)

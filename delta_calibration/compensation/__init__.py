@@ -3,7 +3,13 @@
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
 from delta_calibration.compensation.compensator import Compensated, JointCompensator, Verdict
-from delta_calibration.compensation.machine import METHODS, SOLVERS, TABLE
+from delta_calibration.compensation.machine import (
+    METHODS,
+    SOLVERS,
+    TABLE,
+    methods_for,
+    require_method,
+)
 from delta_calibration.compensation.newton import Newton, NewtonSettings
 from delta_calibration.compensation.table import Table
 from delta_calibration.compensation.table_build import Follow, TableSettings
@@ -27,5 +33,7 @@ __all__ = [
     "TableSettings",
     "Verdict",
     "load_table",
+    "methods_for",
+    "require_method",
     "save_table",
 ]

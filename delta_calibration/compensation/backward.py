@@ -73,7 +73,7 @@ class Backward:
         return bool(self._drive or self._structure)
 
     def correct(self, at: Conditions, target: Array) -> Correction:
-        """What to add to the commands at.joint (n, m) [rad] to reach the targets (n, 3) [m].
+        """What to add to the commands at.joint (n, m) [rad] to reach the targets (n, d) [m].
 
         The error is that of the whole chain run forward at the corrected command. It is within
         `REACHED` where `converged`, but for one case: where a rod's force changes its sign with
@@ -96,6 +96,15 @@ class Backward:
         good = (found.error <= REACHED) & (error <= np.where(steady, REACHED, _STEP))
         dq = np.where(np.isfinite(error)[:, None], told - at.joint, 0.0)
         return Correction(dq, error, evaluations, converged=good)
+
+    def points(self, at: Conditions, told: Array) -> Array:
+        """Where the chain run forward has the tool when told joints (n, m) [rad], (n, d) [m].
+
+        The conditions are those of the commands, as in `correct`.
+        """
+        at = replace(at, joint=told, travel=np.full_like(at.travel, np.inf))
+        behind = told + _shift(self._drive, at) if self._drive else told
+        return self._points(self._dimensions(at), behind)
 
     def _dimensions(self, at: Conditions) -> Array:
         """Geometry under these conditions, (n, p), or (p,) where it is always the same."""
@@ -126,10 +135,14 @@ class Backward:
 
     def _missed(self, geometry: Array, behind: Array, target: Array) -> Array:
         """Distance of the tool from the target with joints at `behind`, (n,) [m]."""
-        point = np.full_like(target, np.nan)
+        return distance(self._points(geometry, behind) - target)
+
+    def _points(self, geometry: Array, behind: Array) -> Array:
+        """Tool points with joints at `behind`, (n, d) [m]; NaN out of reach."""
+        point = np.full((len(behind), self._machine.aim.size), np.nan)
         for rows, machine in self._machines(geometry, len(behind)):
             point[rows] = machine.point(behind[rows])
-        return distance(point - target)
+        return point
 
     def _machines(self, geometry: Array, n: int) -> Iterator[tuple[Counts, Machine]]:
         """Each different machine of n commands, with its rows; none of an unknown geometry."""

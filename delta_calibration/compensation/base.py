@@ -5,6 +5,7 @@ For a nominal joint command q and the tool point p* that it was meant to reach, 
     dq with  point(q + dq) = p*,   |dq_j| <= bound,
 
 where `point` is the model of the machine as it is. How that model was made is not asked here.
+Where the joints turn the tool as well, the point has more than three coordinates: see aim.py.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ Flags = NDArray[np.bool_]
 Counts = NDArray[np.int64]
 
 PointFunction = Callable[[Array], Array]
-"""Joint angles (..., m) [rad] to tool points (..., 3) [m]; NaN rows where out of reach.
+"""Joint angles (..., m) [rad] to tool points (..., d) [m]; NaN rows where out of reach.
 
 Every row is treated alike: rows come in any number and order and drop out when done. What
 differs between commands (payload, temperature, direction) is fixed inside: one function for each.
 """
 
 JacobianFunction = Callable[[Array], Array]
-"""Joint angles (..., m) [rad] to d point / d q, (..., 3, m) [m/rad]."""
+"""Joint angles (..., m) [rad] to d point / d q, (..., d, m) [m/rad]."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Compensator(Protocol):
     """One way to the correction; all ways answer the same question in the same form."""
 
     def correct(self, q: Array, target: Array) -> Correction:
-        """Return dq for nominal commands q (n, m) [rad] and the points they mean, (n, 3) [m]."""
+        """Return dq for nominal commands q (n, m) [rad] and the points they mean, (n, d) [m]."""
         ...
 
 
@@ -91,8 +92,15 @@ def joined(parts: Iterable[Correction], m: int) -> Correction:
     )
 
 
-def checked_commands(q: Array, target: Array) -> tuple[Array, Array, Flags]:
-    """Return commands (n, m) [rad], targets (n, 3) [m] and which rows of both are finite, (n,).
+def checked_commands(
+    q: Array, target: Array, size: int | None = None
+) -> tuple[Array, Array, Flags]:
+    """Return commands (n, m) [rad], targets (n, d) [m] and which rows of both are finite, (n,).
+
+    Args:
+        q: Commands.
+        target: Targets.
+        size: What d has to be; any where not given.
 
     Raises:
         InputError: if the shapes do not belong together.
@@ -100,9 +108,11 @@ def checked_commands(q: Array, target: Array) -> tuple[Array, Array, Flags]:
     q, target = np.asarray(q, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if q.ndim != 2 or q.shape[1] == 0:
         raise InputError(f"q has shape {q.shape}; it has to be (targets, joints)")
-    if target.shape != (len(q), 3):
+    size = target.shape[-1] if size is None and target.ndim else size
+    if target.shape != (len(q), size):
         raise InputError(
-            f"target has shape {target.shape}; it has to be ({len(q)}, 3), a row for each of q"
+            f"target has shape {target.shape}; it has to be ({len(q)}, {size}), a row for each "
+            "of q"
         )
     usable: Flags = np.all(np.isfinite(np.hstack([q, target])), axis=1)
     return q, target, usable
@@ -112,9 +122,9 @@ def distance(gap: Array) -> Array:
     """Return f = |gap| (...,) [m], the fitness (9); infinite where the gap is not finite.
 
     Args:
-        gap: Point reached less point meant (..., 3) [m]; NaN where the mechanism cannot go.
+        gap: Point reached less point meant (..., d) [m]; NaN where the mechanism cannot go.
     """
-    f = np.sqrt(gap[..., 0] ** 2 + gap[..., 1] ** 2 + gap[..., 2] ** 2)
+    f = np.sqrt(sum(gap[..., k] ** 2 for k in range(gap.shape[-1])))
     return np.where(np.isfinite(f), f, np.inf)
 
 

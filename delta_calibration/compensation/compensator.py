@@ -15,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
+from delta_calibration.compensation.aim import Aim
 from delta_calibration.compensation.alone import Alone
 from delta_calibration.compensation.backward import Backward
 from delta_calibration.compensation.base import REACHED, Correction, Flags
 from delta_calibration.compensation.compiled import CompiledGeometry
-from delta_calibration.compensation.machine import METHODS, TABLE, Machine
+from delta_calibration.compensation.machine import TABLE, Machine, require_method
 from delta_calibration.compensation.table import Stamp, Table
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
+from delta_calibration.effects.loads import weight_known
 from delta_calibration.errors import InputError
 from delta_calibration.samples import Conditions, at_rest
 
@@ -29,7 +31,6 @@ Array = NDArray[np.float64]
 
 _PLACES = 10_000  # of the region at which a table is tried, beside the middles of its cells
 _WIDE = 10.0  # times the bound of a correction: at nodes beyond the region it may be larger
-_POINT = 3  # coordinates of a pose that is a point
 _ON_FACE = 1e-9  # [m] a point this near a face of the region is on it
 
 
@@ -42,6 +43,7 @@ class Verdict(Enum):
     OUT_OF_REACH = "no pose of the nominal robot"
     OUTSIDE_REGION = "outside the calibrated region"
     SINGULAR = "near a singularity"
+    SLACK = "a cable would hang slack"
     OUTSIDE_TABLE = "outside the table of corrections"
     NOT_REACHED = "no correction within the bound reaches the target"
     MISSING_CONDITION = "a condition that the model needs is not known"
@@ -75,6 +77,9 @@ class Compensated:
     # (n,) of the whole correction that `correction` is: 1 in the calibrated region, less and less
     # beyond it. None where corrections end at an edge instead
     share: Array | None = None
+    # (n,) [rad] turn that is left to the target, as `model_error`; None where the joints command
+    # no turn
+    model_turn: Array | None = None
 
     def blended(self, row: int) -> bool:
         """Whether a command got a part of its correction only."""
@@ -90,7 +95,8 @@ class Compensated:
             evaluations=np.concatenate([part.evaluations for part in parts]),
             verdicts=tuple(verdict for part in parts for verdict in part.verdicts),
             missing=next((part.missing for part in parts if part.missing), ""),
-            share=_joined_shares(parts),
+            share=_joined([part.share for part in parts]),
+            model_turn=_joined([part.model_turn for part in parts]),
         )
 
 
@@ -120,24 +126,23 @@ class JointCompensator:
         property `compiled` says whether it came to that.
 
         Raises:
-            InputError: no such method, a table for another or for something else, or a robot
-                that is not commanded by points.
+            InputError: no such method, none for such a robot, or a table for another or for
+                something else.
             DataError: no table within its bound.
         """
-        if method not in METHODS:
-            raise InputError(f"no method {method!r}; choose from: {', '.join(METHODS)}")
+        self._nominal = calibration.robot.commanded
+        require_method(self._nominal, method, calibration.robot.name)
         if table is not None and method != TABLE:
             raise InputError(f"a table is for method {TABLE!r}, not {method!r}")
         self.calibration = calibration
         self.robot = calibration.robot
         self.method = method
         tool, bound = self.robot.tool_offset, self.robot.limits.correction
-        self._nominal = self.robot.commanded
-        if self._nominal.pose_size != _POINT:
-            raise InputError(
-                f"robot {self.robot.name}: a {self._nominal.name} is commanded by poses; "
-                "compensation takes robots that are commanded by points"
-            )
+        self._aim = Aim.of(self._nominal, tool)
+        # what is left is then said by the chain run forward, apart for place and turn
+        self._by_pose = self._aim.turns or self._nominal.joints > self._nominal.task_size
+        self._home = self._nominal.home[None]
+        self._pose_at_home = self._nominal.forward(self._home, self._nominal.parameters.nominal)
         made = TableSettings() if table is None else table
         self._solver = made.solver if method == TABLE else method
         self._model = Machine(
@@ -194,20 +199,23 @@ class JointCompensator:
 
     def warm_up(self) -> None:
         """Take the first command's delay now: compensate one at home and forget it."""
-        self.compensate(self._nominal.home[None])
+        self.compensate(self._home)
 
     def targets(self, q: Array) -> Array:
-        """Tool points the nominal robot means by the commands, (n, 3) [m]; NaN without a pose."""
+        """Tool points the nominal robot means by the commands, (n, d) [m]; NaN without a pose.
+
+        As in aim.py where the joints turn the tool.
+        """
         if self._fast_nominal is not None:
             return self._fast_nominal.point(q)
-        return self._nominal.forward(q, self._nominal.parameters.nominal) + self.robot.tool_offset
+        return self._aim.places(self._nominal, self._meant(q))
 
     def point(self, q: Array) -> Array:
-        """Tool points of the identified geometry, (..., m) -> (..., 3) [m]; NaN without a pose."""
+        """Tool points of the identified geometry, (..., m) -> (..., d) [m]; NaN without a pose."""
         return self._model.point(q)
 
     def jacobian(self, q: Array) -> Array:
-        """d(tool point)/dq of the identified geometry, (..., m) -> (..., 3, m) [m/rad]."""
+        """d(tool point)/dq of the identified geometry, (..., m) -> (..., d, m) [m/rad]."""
         return self._model.jacobian(q)
 
     def compensate(self, q: Array, at: Conditions | None = None) -> Compensated:
@@ -230,9 +238,9 @@ class JointCompensator:
                 return at_once
         known = np.where(np.isfinite(q), q, 0.0)
         at = at_rest(known) if at is None else replace(at, joint=known)
-        target = self.targets(known)
-        outside = self._outside(target)
-        verdicts = self._guard(q, target, outside)
+        meant = self._meant(known)
+        target, outside = self._aim.places(self._nominal, meant), self._outside(meant)
+        verdicts = self._guard(q, meant, outside, at)
         missing = self.missing(at)
         for row in self._lacking(at) if missing else ():
             verdicts[row] = _unless(verdicts[row], Verdict.MISSING_CONDITION)
@@ -249,10 +257,27 @@ class JointCompensator:
         correction = np.where(good[:, None], dq, 0.0)
         for row in np.flatnonzero(usable & ~good).tolist():
             verdicts[row] = Verdict.JOINT_LIMIT if reached[row] else Verdict.NOT_REACHED
-        error = np.where(good, whole.error + self._left(known, whole.dq, 1.0 - share), np.inf)
+        left, turn = whole.error + self._left(known, whole.dq, 1.0 - share), None
+        if self._by_pose:
+            left, turned = self._aim.parted(self._backward.points(at, known + dq) - target)
+            good &= np.isfinite(left)
+            turn = np.where(good, turned, np.inf) if self._aim.turns else None
         return Compensated(
-            q + correction, correction, error, whole.evaluations, tuple(verdicts), missing, share
+            q + correction,
+            correction,
+            np.where(good, left, np.inf),
+            whole.evaluations,
+            tuple(verdicts),
+            missing,
+            share,
+            turn,
         )
+
+    def _meant(self, q: Array) -> Array:
+        """Poses of the nominal robot, (n, k); NaN out of reach."""
+        if self._fast_nominal is not None:
+            return self._fast_nominal.pose(q)
+        return self._nominal.forward(q, self._nominal.parameters.nominal)
 
     def _at_once(self, alone: Alone, q: Array) -> Compensated | None:
         """What `compensate` says of one command (1, m), a tenth of the time; None: ask that.
@@ -278,10 +303,10 @@ class JointCompensator:
             joint, found.dq, found.error, found.evaluations, _ALONE[code], share=out[3:4]
         )
 
-    def _outside(self, target: Array) -> Array:
-        """How far outside the calibrated region targets (n, 3) lie, (n,) [m]; negative inside."""
-        known = np.where(_finite(target)[:, None], target, 0.0)
-        return self.calibration.region.outside(known - self.robot.tool_offset)
+    def _outside(self, meant: Array) -> Array:
+        """How far outside the calibrated region poses (n, k) lie, (n,) [m]; negative inside."""
+        known = np.where(_finite(meant)[:, None], meant, 0.0)
+        return self.calibration.region.outside(self._nominal.position(known))
 
     def _share(self, outside: Array) -> Array:
         """How much of a correction is applied so far outside (n,) [m] of the region, (n,).
@@ -335,28 +360,27 @@ class JointCompensator:
 
     def _admitted(self, q: Array) -> Flags:
         """Commands that no guard refuses, (n,)."""
-        target = self.targets(q)
-        checks = self._checks(q, target, self._outside(target))
+        meant = self._meant(q)
+        checks = self._checks(q, meant, self._outside(meant), at_rest(q))
         return np.asarray(np.all([passed for passed, _ in checks], axis=0))
 
-    def _guard(self, q: Array, target: Array, outside: Array) -> list[Verdict]:
+    def _guard(self, q: Array, meant: Array, outside: Array, at: Conditions) -> list[Verdict]:
         """The first guard that each command fails, `CORRECTED` where it passes all."""
-        checks = self._checks(q, target, outside)
+        checks = self._checks(q, meant, outside, at)
         return [
             next((verdict for passed, verdict in checks if not passed[row]), Verdict.CORRECTED)
             for row in range(len(q))
         ]
 
     def _checks(
-        self, q: Array, target: Array, outside: Array
+        self, q: Array, meant: Array, outside: Array, at: Conditions
     ) -> list[tuple[Flags, Verdict]]:
         """Which commands pass each guard, (n,), and what the others are told."""
         limits = self.robot.limits
-        finite, reached = _finite(q), _finite(target)
-        known = np.where(reached[:, None], target, 0.0)
-        x = known - self.robot.tool_offset
+        finite, reached = _finite(q), _finite(meant)
         covered = outside <= limits.region_margin + _ON_FACE
-        safe = np.where((finite & reached)[:, None], q, self._nominal.home)
+        there = (finite & reached)[:, None]
+        safe, x = np.where(there, q, self._home), np.where(there, meant, self._pose_at_home)
         regular = np.asarray(self._condition(safe, x) <= limits.condition)
         checks = [
             (finite, Verdict.NOT_FINITE),
@@ -364,10 +388,21 @@ class JointCompensator:
             (reached, Verdict.OUT_OF_REACH),
             (covered, Verdict.OUTSIDE_REGION),
             (regular, Verdict.SINGULAR),
+            (self._borne(x, at), Verdict.SLACK),
         ]
         if self.table is not None:
             checks.append((self.table.covers(q), Verdict.OUTSIDE_TABLE))
         return checks
+
+    def _borne(self, x: Array, at: Conditions) -> Flags:
+        """Poses (n, k) at which the nominal robot bears what is on it, (n,).
+
+        An unknown payload is none: where the model needs it, that is told for itself.
+        """
+        if not self._nominal.pulls:
+            return np.ones(len(x), dtype=np.bool_)
+        load = weight_known(self.robot, self._nominal, at, x)
+        return self._nominal.borne(x, self._nominal.parameters.nominal, load)
 
     def _condition(self, q: Array, x: Array) -> Array:
         """`Mechanism.condition` of the nominal robot, (n,)."""
@@ -381,9 +416,9 @@ class JointCompensator:
         return np.asarray(((q >= joints.lower) & (q <= joints.upper)).all(axis=1))
 
 
-def _joined_shares(parts: Sequence[Compensated]) -> Array | None:
-    shares = [part.share for part in parts if part.share is not None]
-    return np.concatenate(shares) if len(shares) == len(parts) else None
+def _joined(parts: Sequence[Array | None]) -> Array | None:
+    there = [part for part in parts if part is not None]
+    return np.concatenate(there) if len(there) == len(parts) else None
 
 
 def _finite(rows: Array) -> Flags:

@@ -165,7 +165,7 @@ class CompiledApso:
 
     def correct(self, q: Array, target: Array) -> Correction:
         """Search the correction of every command; see `Apso.correct`."""
-        q, target, usable = checked_commands(q, target)
+        q, target, usable = checked_commands(q, target, 3)
         return self.geometry.swarm(q[usable], target[usable], self.settings).spread(usable)
 
 
@@ -182,7 +182,7 @@ class CompiledNewton:
 
     def correct(self, q: Array, target: Array) -> Correction:
         """Step to the correction of every command; see `Newton.correct`."""
-        q, target, usable = checked_commands(q, target)
+        q, target, usable = checked_commands(q, target, 3)
         return self.geometry.newton(q[usable], target[usable], self.settings).spread(usable)
 
 

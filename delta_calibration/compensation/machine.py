@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
+from delta_calibration.compensation.aim import Aim
 from delta_calibration.compensation.apso import Apso, ApsoSettings
 from delta_calibration.compensation.base import Compensator
+from delta_calibration.compensation.by_pose import ByPose
 from delta_calibration.compensation.compiled import (
     CompiledApso,
     CompiledGeometry,
@@ -17,14 +19,44 @@ from delta_calibration.compensation.compiled import (
     available,
 )
 from delta_calibration.compensation.newton import Newton, NewtonSettings
-from delta_calibration.compensation.table import Table, Tabulated
+from delta_calibration.compensation.table import AXES, Table, Tabulated
 from delta_calibration.errors import InputError
+from delta_calibration.mechanisms import Mechanism
 
 Array = NDArray[np.float64]
 
 SOLVERS = ("apso", "newton")
 TABLE = "table"
 METHODS = (*SOLVERS, TABLE)
+
+
+def methods_for(mechanism: Mechanism) -> tuple[str, ...]:
+    """Those of `METHODS` that such a mechanism can be compensated by, the usual one first.
+
+    A swarm finds what as many joints as freedoms come to; with more it would settle anywhere among
+    commands that work against each other. A table has three axes.
+    """
+    if mechanism.joints != mechanism.task_size:
+        return ("newton",)
+    swarm = ("apso", "newton") if mechanism.joints <= AXES else ("newton", "apso")
+    return (*swarm, TABLE) if mechanism.joints == AXES else swarm
+
+
+def require_method(mechanism: Mechanism, method: str, robot: str) -> None:
+    """Refuse a way that does not exist, or not for such a robot.
+
+    Raises:
+        InputError: names those that do.
+    """
+    if method not in METHODS:
+        raise InputError(f"no method {method!r}; choose from: {', '.join(METHODS)}")
+    allowed = methods_for(mechanism)
+    if method not in allowed:
+        raise InputError(
+            f"method {method!r} is not for robot {robot}: a {mechanism.name} of "
+            f"{mechanism.joints} joints that command {mechanism.task_size} coordinates; "
+            f"allowed: {', '.join(allowed)}"
+        )
 
 
 class Machine:
@@ -56,7 +88,8 @@ class Machine:
     ) -> None:
         if method not in SOLVERS:
             raise InputError(f"no solver {method!r}; choose from: {', '.join(SOLVERS)}")
-        self._chain, self._geometry, self._tool = chain, geometry, tool
+        self._mechanism, self._geometry = chain.mechanism, geometry
+        self.aim = Aim.of(chain.mechanism, tool)
         self._method, self._bound, self._seed = method, bound, seed
         self.fast: CompiledGeometry | None = None
         if compiled and available(chain.mechanism):
@@ -85,28 +118,31 @@ class Machine:
         return other
 
     def point(self, q: Array) -> Array:
-        """Tool points, (..., m) -> (..., 3) [m]; NaN without a pose."""
+        """Tool points, (..., m) -> (..., d) [m], see aim.py; NaN without a pose."""
         if self.fast is not None:
             return self.fast.point(q)
-        flat = q.reshape(-1, q.shape[-1])
-        x = self._chain.mechanism.forward(flat, self._geometry)
-        return self._chain.point(x, self._tool).reshape((*q.shape[:-1], 3))
+        x = self._mechanism.forward(q.reshape(-1, q.shape[-1]), self._geometry)
+        return self.aim.places(self._mechanism, x).reshape((*q.shape[:-1], -1))
 
     def jacobian(self, q: Array) -> Array:
-        """d(tool point)/dq, (..., m) -> (..., 3, m) [m/rad]."""
+        """d(tool point)/dq, (..., m) -> (..., d, m) [m/rad]."""
         if self.fast is not None:
             return self.fast.jacobian(q)
         flat = q.reshape(-1, q.shape[-1])
-        x = self._chain.mechanism.forward(flat, self._geometry)
-        slope = self._chain.point_by_pose(x, self._tool)
-        slope = slope @ self._chain.mechanism.velocity_jacobian(flat, x, self._geometry)
-        return slope.reshape((*q.shape[:-1], 3, q.shape[-1]))
+        x = self._mechanism.forward(flat, self._geometry)
+        slope = self.aim.slopes(self._mechanism, x)
+        slope = slope @ self._mechanism.velocity_jacobian(flat, x, self._geometry)
+        return slope.reshape((*q.shape[:-1], self.aim.size, q.shape[-1]))
 
     def _make_solver(self) -> Compensator:
         if self._method == "apso":
             law = ApsoSettings(bound_rad=self._bound, seed=self._seed)
             return Apso(self.point, law) if self.fast is None else CompiledApso(self.fast, law)
-        settings = NewtonSettings(bound_rad=self._bound)
+        mechanism = self._mechanism
+        settings = NewtonSettings(bound_rad=self._bound, freedoms=mechanism.task_size)
         if self.fast is not None:
             return CompiledNewton(self.fast, settings)
+        all_of_it = mechanism.task_size == mechanism.pose_size
+        if all_of_it and (self.aim.turns or mechanism.joints > mechanism.task_size):
+            return ByPose(mechanism, self._geometry, self.aim)
         return Newton(self.point, self.jacobian, settings)

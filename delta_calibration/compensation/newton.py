@@ -2,9 +2,10 @@
 
     dq <- dq - t J^+ (point(q + dq) - p*),   t = 1, 1/2, 1/4, ... until the distance falls
 
-with J the model's velocity Jacobian. On a smooth model and near the start it comes to the same
-correction as the swarm for a hundredth of the work. At a jump of the model, at a singular J or
-from a start out of reach it stops and says so. It never leaves the bound.
+with J the model's velocity Jacobian, and J^+ over as many directions as the joints command. On a
+smooth model and near the start it comes to the same correction as the swarm for a hundredth of
+the work. At a jump of the model, at a singular J or from a start out of reach it stops and says
+so. It never leaves the bound.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ class NewtonSettings:
     iterations: int = 15
     halvings: int = 8  # of one step, before it is given up
     condition_limit: float = 1e8  # of J; at and above it the pose counts as singular
+    # directions that the joints command; 0 for as many as J has. More joints than that work
+    # against each other in the others, which are left alone
+    freedoms: int = 0
 
     def __post_init__(self) -> None:
         """Refuse settings with which no step can be made."""
@@ -44,6 +48,7 @@ class NewtonSettings:
         require_positive("condition_limit", self.condition_limit)
         require_whole("iterations", self.iterations, 1)
         require_whole("halvings", self.halvings, 0)
+        require_whole("freedoms", self.freedoms, 0)
 
     @property
     def numbers(self) -> tuple[float, float, float, int, int]:
@@ -57,7 +62,7 @@ class _State:
     """Where the search of k targets stands."""
 
     dq: Array  # (k, m) [rad]
-    gap: Array  # (k, 3) [m] point(q + dq) - target
+    gap: Array  # (k, d) [m] point(q + dq) - target
     error: Array  # (k,) [m] length of the gap
     evaluations: Counts  # (k,)
 
@@ -96,7 +101,7 @@ class Newton:
 
         Args:
             q: Nominal commands (n, m) [rad].
-            target: Points they mean (n, 3) [m].
+            target: Points they mean (n, d) [m].
 
         Raises:
             InputError: if the shapes do not belong together.
@@ -135,6 +140,8 @@ class Newton:
         finite: Flags = np.all(np.isfinite(jacobian), axis=(1, 2))
         safe = np.where(finite[:, None, None], jacobian, 0.0)  # zero is singular, and so refused
         u, s, vt = np.linalg.svd(safe, full_matrices=False)
+        few = self.settings.freedoms or s.shape[1]
+        u, s, vt = u[:, :, :few], s[:, :few], vt[:, :few]
         regular: Flags = s[:, -1] * self.settings.condition_limit > s[:, 0]
         s = np.where(regular[:, None], s, 1.0)
         return -np.einsum("krm,kr->km", vt, np.einsum("kcr,kc->kr", u, gap) / s), regular

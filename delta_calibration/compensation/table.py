@@ -42,7 +42,7 @@ from delta_calibration.errors import InputError
 
 BEND = 0.4  # b
 FEWEST_NODES = 5  # an axis: as many as the condition at an end takes
-_AXES = 3
+AXES = 3
 
 
 @dataclass(frozen=True)
@@ -104,17 +104,17 @@ class Table:
     def __post_init__(self) -> None:
         """Find the splines through the nodes."""
         shape, k = self.corrections.shape, len(self.corrections)
-        if shape != (k, k, k, _AXES) or k < FEWEST_NODES:
+        if shape != (k, k, k, AXES) or k < FEWEST_NODES:
             raise InputError(
                 f"corrections have shape {shape}; it has to be (k, k, k, 3), k at least "
                 f"{FEWEST_NODES}"
             )
         if not np.isfinite(self.corrections).all():
             raise InputError("corrections hold values that are not finite")
-        if self.lower.shape != (_AXES,) or not (self.lower < self.upper).all():
+        if self.lower.shape != (AXES,) or not (self.lower < self.upper).all():
             raise InputError(f"axes from {self.lower} to {self.upper}: no grid of three joints")
         half = (self.upper - self.lower) / 2
-        steps = np.full(_AXES, (k - 1) / 2 / (1 + self.bend))
+        steps = np.full(AXES, (k - 1) / 2 / (1 + self.bend))
         columns = self.lower, self.upper, self.lower + half, 1 / half, 0 * half + self.bend, steps
         object.__setattr__(self, "_axes", np.stack(columns, axis=1))
         object.__setattr__(self, "_coefficients", _splined(self.corrections))
@@ -159,7 +159,7 @@ class Tabulated:
             q: Nominal commands (n, 3) [rad].
             target: Points they mean (n, 3) [m], by the nominal model that the table was made with.
         """
-        q, target, usable = checked_commands(q, target)
+        q, target, usable = checked_commands(q, target, AXES)
         usable &= self.table.covers(q)
         dq = self.table.at(q[usable])
         error = distance(self.point(q[usable] + dq) - target[usable])
@@ -182,7 +182,7 @@ def _splined(values: Array) -> Array:
         rows[node, node : node + 3] = 1 / 6, 4 / 6, 1 / 6
     rows[k, :5] = rows[k + 1, -5:] = 1, -4, 6, -4, 1  # one cubic on both sides of the second node
     solve = np.linalg.inv(rows)[:, :k]
-    for axis in range(_AXES):
+    for axis in range(AXES):
         values = np.moveaxis(np.tensordot(solve, values, (1, axis)), 0, axis)
     return np.ascontiguousarray(values)
 

@@ -10,6 +10,8 @@ Evaluated on the nominal machine: deviations of a thousandth change a load by a 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,6 +41,12 @@ def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Arra
     centre = mechanism.point_by_pose(x, np.zeros(3))[:, 2]
     payload = mechanism.point_by_pose(x, at.payload_centre)[:, 2]
     return np.asarray(GRAVITY * (own * centre + at.payload[:, None] * payload))
+
+
+def weight_known(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Array:
+    """The same with an unknown payload taken for none."""
+    payload, centre = np.nan_to_num(at.payload), np.nan_to_num(at.payload_centre)
+    return weight(robot, mechanism, replace(at, payload=payload, payload_centre=centre), x)
 
 
 def gravity_torque(robot: Robot, mechanism: Mechanism, at: Conditions) -> Array:

@@ -103,7 +103,9 @@ def identify(
     frame_free = np.zeros(len(start), dtype=bool)
     frame_free[chain.base_size - 6 : chain.base_size] = True
     registered = solve(problem.only(frame_free), robust=False)
-    _refuse_another_robot(registered, poses, robot)
+    probe_free = frame_free.copy()  # where the reflector is put is no part of the robot either
+    probe_free[chain.geometry_size : chain.geometry_size + 3] = True
+    _refuse_another_robot(solve(problem.only(probe_free), robust=False), poses, robot)
     full = solve(problem)
     folds = _folds(poses, np.random.default_rng(seed))
     covariance, chi_square = _covariance(full)

@@ -14,6 +14,7 @@ in the least-squares sense where f has more rows than x has coordinates.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -47,6 +48,7 @@ class Mechanism(ABC):
     limb: ClassVar[str] = "joint"  # what a location is called, with its number behind
     commanded: ClassVar[str] = ""  # simpler model that a controller of it uses, if not this one
     detailed: ClassVar[str] = ""  # model of the same drawing that leaves out least, if another
+    pulls: ClassVar[bool] = False  # whether its limbs can pull only: see `borne`
 
     joint_size: float = 1.0  # of its joints' unit, that move it as far as 1 rad does a Delta
     joints: int  # m
@@ -160,14 +162,17 @@ class Mechanism(ABC):
         gains a freedom (f_x singular), where it loses one (f_q singular), and also where it loses
         all at once, which the plain condition number does not see.
         """
-        home = self._gains(self.home[None], self.parameters.nominal)
-        typical = np.exp(np.log(home).mean())
+        typical = self._typical_gain
         gains = self._singular_values(self.velocity_jacobian(q, x, g))
         with np.errstate(divide="ignore"):
             return np.asarray(np.fmax(gains[:, 0], typical) / np.fmin(gains[:, -1], typical))
 
-    def _gains(self, q: Array, g: Array) -> Array:
-        return self._singular_values(self.velocity_jacobian(q, self.forward(q, g), g))
+    @cached_property
+    def _typical_gain(self) -> float:
+        """Mean gain of the nominal machine at home [m/rad]."""
+        home, nominal = self.home[None], self.parameters.nominal
+        slope = self.velocity_jacobian(home, self.forward(home, nominal), nominal)
+        return float(np.exp(np.log(self._singular_values(slope)).mean()))
 
     def _singular_values(self, slope: Array) -> Array:
         """Of the commanded part, (n, min(m, task)), largest first; 0 where no Jacobian exists."""
@@ -202,6 +207,36 @@ class Mechanism(ABC):
             each = np.broadcast_to(offset, (len(x), 3))
             slope[:, :, 3:] = rotations.exp_times_derivative(x[:, 3:], each)
         return slope
+
+    def turn(self, x: Array) -> Array:
+        """The turn (n, 3) [rad] that `task` takes for the orientation at poses x, (n, k)."""
+        none = np.zeros((len(x), 3))
+        none[:, : self.pose_size - 3] = x[:, 3:6]
+        return none
+
+    @property
+    def freedoms(self) -> tuple[int, ...]:
+        """Which of x, y, z of a place and of a turn about x, y, z the joints command, 0 to 5."""
+        return tuple(range(self.task_size))
+
+    def borne(self, x: Array, g: Array, load: Array) -> NDArray[np.bool_]:
+        """Whether the limbs bear a load at poses x, (n,); those that can push as well always do.
+
+        Args:
+            x: poses, (n, k).
+            g: geometry.
+            load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
+        """
+        del g, load
+        return np.ones(len(x), dtype=np.bool_)
+
+    def require_borne(self, x: Array, g: Array, load: Array, what: str) -> None:
+        """Refuse a batch that holds a pose at which a load is not borne; `what` names a pose.
+
+        Raises:
+            ReachError: names the first such pose and what gives way.
+        """
+        del x, g, load, what
 
     def require_reach(self, solution: Array, wanted: Array, what: str, unit: str) -> None:
         """Refuse a batch that holds a row out of reach; `what` and `unit` say what was wanted.

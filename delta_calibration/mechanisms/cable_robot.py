@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from delta_calibration.errors import ReachError
 from delta_calibration.geometry import rotations
@@ -21,6 +22,7 @@ Array = NDArray[np.float64]
 
 _LEVER = 0.3  # [m] that a joint of a Delta moves its platform a radian
 _TORN = 0.03  # of its length: steel and aramid cables break before they stretch so far
+_BORNE = 1e-6  # of a load: what is left of it when the cables bear it
 _AXES = "xyz"
 
 
@@ -45,6 +47,7 @@ class CableRobot(Mechanism):
 
     name: ClassVar[str] = "cable_robot"
     limb: ClassVar[str] = "cable"
+    pulls: ClassVar[bool] = True
     Dimensions = CableDimensions
     Tolerances = CableTolerances
     Masses = CableMasses
@@ -120,7 +123,8 @@ class CableRobot(Mechanism):
 
     def directions(self, x: Array, g: Array) -> Array:
         """u: unit vectors along the cables from platform to anchor, (n, m, 3)."""
-        return self._vectors(x, g) / self.lengths(x, g)[..., None]
+        v = self._vectors(x, g)
+        return np.asarray(v / np.sqrt(np.sum(v**2, axis=-1, keepdims=True)))
 
     def tensions(self, x: Array, g: Array, load: Array) -> Array:
         """Pull of each cable that bears a load, (n, m) [N]: the nearest to the pretension.
@@ -139,8 +143,8 @@ class CableRobot(Mechanism):
         missed = -load[..., None] - structure @ wished
         return np.asarray((wished + np.linalg.pinv(structure) @ missed)[..., 0])
 
-    def require_taut(self, tension: Array, lowest: float = 0.0) -> None:
-        """Refuse poses at which a cable hangs loose.
+    def require_taut(self, tension: Array, lowest: float = 0.0, what: str = "pose") -> None:
+        """Refuse poses at which a cable hangs loose; `what` names a pose.
 
         Raises:
             ReachError: names the first pose and cable under `lowest` [N].
@@ -149,9 +153,36 @@ class CableRobot(Mechanism):
         if len(bad):
             pose, cable = bad[0].tolist()
             raise ReachError(
-                f"pose {pose + 1}: cable_{cable + 1} is slack: {tension[pose, cable]:.4g} N at a "
-                f"pretension of {self.dimensions.pretension:g} N, more than {lowest:g} N is needed"
+                f"{what} {pose + 1}: cable_{cable + 1} is slack: {tension[pose, cable]:.4g} N at "
+                f"a pretension of {self.dimensions.pretension:g} N, more than {lowest:g} N is "
+                "needed"
             )
+
+    def borne(self, x: Array, g: Array, load: Array) -> NDArray[np.bool_]:
+        """Whether every cable pulls, (n,)."""
+        return np.asarray((self.tensions(x, g, load) > 0.0).all(axis=1))
+
+    def require_borne(self, x: Array, g: Array, load: Array, what: str) -> None:
+        """Refuse poses at which a cable hangs loose.
+
+        Raises:
+            ReachError: names the first pose; the cable and its pull, or that no pull of all
+                cables whatever holds the platform there.
+        """
+        bad = np.flatnonzero(~self.borne(x, g, load))
+        if not bad.size:
+            return
+        row = slice(bad[0], bad[0] + 1)
+        structure = self._lengths_by_pose(x[row], g)[0].T
+        missed = nnls(structure, -load[bad[0]])[1]  # [N, N m]
+        if missed > _BORNE * np.linalg.norm(load[bad[0]]):
+            raise ReachError(
+                f"{what} {bad[0] + 1}: no pull of the {self.joints} cables, however strong, holds "
+                "the platform there: it lies or is turned beyond what they can balance"
+            )
+        tension = np.ones((len(x), self.joints))
+        tension[row] = self.tensions(x[row], g, load[row])
+        self.require_taut(tension, what=what)
 
     def _cables(self, g: Array) -> Array:
         """The parameters by cable.  (..., p) -> (..., m, size)."""

@@ -145,6 +145,15 @@ class FiveAxis(Mechanism):
         """y, z, A, B, (n, 4); x is no choice."""
         return np.stack([position[:, 1], position[:, 2], turn[:, 0], turn[:, 1]], axis=1)
 
+    def turn(self, x: Array) -> Array:
+        """A, B, 0, (n, 3) [rad]."""
+        return np.concatenate([x[:, 2:4], np.zeros_like(x[:, :1])], axis=1)
+
+    @property
+    def freedoms(self) -> tuple[int, ...]:
+        """y, z, and about x and y."""
+        return (1, 2, 3, 4)
+
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
         """Heights of the sliders, (n, 4) [m]; closed form.
 

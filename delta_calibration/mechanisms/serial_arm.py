@@ -98,6 +98,11 @@ class SerialArm(Mechanism):
         held = rotations.log(rotations.exp(turn) @ self.rotation(home))
         return np.concatenate([position, held], axis=1)[:, : self.task_size]
 
+    def turn(self, x: Array) -> Array:
+        """How the tool is turned from how it is held at home, (n, 3) [rad]."""
+        home = self.forward(self.home[None], self.parameters.nominal)
+        return rotations.log(self.rotation(x) @ np.swapaxes(self.rotation(home), 1, 2))
+
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """Misfit of pose and arm, (n, 6) [m, 1]."""
         walk = self.walk(q, g)

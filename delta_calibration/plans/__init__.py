@@ -8,19 +8,41 @@ dwell.
 from delta_calibration.plans.motion import Leg, MotionPath, Plan, legs
 from delta_calibration.plans.named import make_plan
 from delta_calibration.plans.plan_file import read_plan, write_plan
-from delta_calibration.plans.points import CUBE, LINE_HALF, PLANE, nominal_joints, read_points
+from delta_calibration.plans.points import (
+    CUBE,
+    LINE_HALF,
+    PLANE,
+    nominal_joints,
+    require_borne,
+    tool_frames,
+    tool_points,
+)
+from delta_calibration.plans.target_file import (
+    PLACE,
+    TURN,
+    Targets,
+    commanded_columns,
+    read_targets,
+)
 
 __all__ = [
     "CUBE",
     "LINE_HALF",
+    "PLACE",
     "PLANE",
+    "TURN",
     "Leg",
     "MotionPath",
     "Plan",
+    "Targets",
+    "commanded_columns",
     "legs",
     "make_plan",
     "nominal_joints",
     "read_plan",
-    "read_points",
+    "read_targets",
+    "require_borne",
+    "tool_frames",
+    "tool_points",
     "write_plan",
 ]

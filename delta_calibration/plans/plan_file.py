@@ -1,12 +1,13 @@
-"""A plan as a CSV file: tool points, and where wanted the side, the load and the motion.
+"""A plan as a CSV file: targets, and where wanted the side, the load and the motion.
 
     x_mm, y_mm, z_mm                the tool point, base frame
+    turn_x_deg, ...                 how the platform is turned: see target_file.py
     direction                       1 or -1: the side that each joint comes from
     payload_kg                      on the platform
     path, duration_s                only where the points are driven through without a stop: the
                                     path's name, and how long the whole of it takes
 
-Only the first three columns have to be there. Stops come first, then paths.
+Only the place has to be there. Stops come first, then paths.
 """
 
 from __future__ import annotations
@@ -21,7 +22,15 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans.motion import MotionPath, Plan
-from delta_calibration.plans.points import COLUMNS, Row, nominal_joints, read_rows, tool_points
+from delta_calibration.plans.points import tool_frames
+from delta_calibration.plans.target_file import (
+    PLACE,
+    TURN,
+    Row,
+    commanded_columns,
+    read_rows,
+    targets_of,
+)
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -43,7 +52,7 @@ def read_plan(path: Path, robot: Robot, dwell: float, sides: Sequence[float], ma
         InputError: no such file, or one of another form.
         ReachError: a point out of the robot's reach or joint limits.
     """
-    rows = read_rows(path)
+    rows = read_rows(path, robot)
     on_path = [bool(row.text.get(PATH)) for row in rows]
     count = on_path.index(True) if any(on_path) else len(rows)
     if count == 0:
@@ -57,12 +66,11 @@ def read_plan(path: Path, robot: Robot, dwell: float, sides: Sequence[float], ma
     else:
         each = list(sides) * count
     again = max(len(sides), 1)
-    target = np.array([row.point for row in stops])
-    joint = nominal_joints(robot, target)
+    targets = targets_of(stops, robot)
     return Plan(
         name=path.stem,
-        target=np.repeat(target, again, axis=0),
-        joint=np.repeat(joint, again, axis=0),
+        target=np.repeat(targets.point, again, axis=0),
+        joint=np.repeat(targets.joint, again, axis=0),
         direction=np.array(each),
         payload=np.repeat([_payload(row, mass) for row in stops], again),
         dwell=dwell,
@@ -76,7 +84,8 @@ def write_plan(path: Path, plan: Plan, robot: Robot) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    head = [*COLUMNS, DIRECTION, PAYLOAD]
+    turns = [k for k, name in enumerate(TURN) if name in commanded_columns(robot)]
+    head = [*PLACE, *(TURN[k] for k in turns), DIRECTION, PAYLOAD]
     blank = []
     if plan.paths:
         head += [PATH, DURATION]
@@ -86,11 +95,21 @@ def write_plan(path: Path, plan: Plan, robot: Robot) -> None:
         with beside.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(head)
-            for target, side, mass in zip(plan.target, plan.direction, plan.payload, strict=True):
-                writer.writerow([*_in_mm(target), f"{side:.0f}", f"{mass:g}", *blank])
+            each = zip(
+                plan.target,
+                tool_frames(robot, plan.joint)[1][:, turns],
+                plan.direction,
+                plan.payload,
+                strict=True,
+            )
+            for target, turn, side, mass in each:
+                place = [*_in_mm(target), *_in_degrees(turn)]
+                writer.writerow([*place, f"{side:.0f}", f"{mass:g}", *blank])
             for name, motion in zip(_names(plan.paths), plan.paths, strict=True):
-                for point in tool_points(robot, motion.joint):
-                    writer.writerow([*_in_mm(point), "", "", name, f"{motion.duration:.6g}"])
+                points, turned = tool_frames(robot, motion.joint)
+                for point, turn in zip(points, turned[:, turns], strict=True):
+                    place = [*_in_mm(point), *_in_degrees(turn)]
+                    writer.writerow([*place, "", "", name, f"{motion.duration:.6g}"])
         beside.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
@@ -98,6 +117,10 @@ def write_plan(path: Path, plan: Plan, robot: Robot) -> None:
 
 def _in_mm(point: Array) -> list[str]:
     return [f"{1e3 * v:.6f}" for v in point]
+
+
+def _in_degrees(turn: Array) -> list[str]:
+    return [f"{v:.9f}" for v in np.degrees(turn)]
 
 
 def _names(paths: Sequence[MotionPath]) -> Iterator[str]:
@@ -142,7 +165,7 @@ def _paths(rows: Sequence[Row], robot: Robot) -> Iterator[MotionPath]:
                     DURATION, f"differs from the {duration:g} that the path began with"
                 )
         try:
-            joint = nominal_joints(robot, np.array([row.point for row in way]))
+            joint = targets_of(way, robot).joint
         except ReachError as error:
             raise ReachError(f"path {name}: {error}") from error
         yield MotionPath(str(name), joint, duration)

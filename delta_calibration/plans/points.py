@@ -1,26 +1,24 @@
-"""The places of a plan: by name, or from a CSV file."""
+"""The places of a plan by name, and the joints that the drawing takes for them."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from delta_calibration.effects.loads import weight_known
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.iso9283 import Cube
 from delta_calibration.plans.motion import APPROACH
 from delta_calibration.robot import Robot
+from delta_calibration.samples import at_rest
 
 Array = NDArray[np.float64]
 
 LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
-COLUMNS = ("x_mm", "y_mm", "z_mm")
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
 
 
@@ -33,12 +31,36 @@ def nominal_joints(robot: Robot, targets: Array, turns: Array | None = None) -> 
         turns: of the platform, where it can be turned, (n, 3) [rad]; none where not given.
 
     Raises:
-        ReachError: the first point out of reach or beyond a joint's limit.
+        ReachError: the first point out of reach or beyond a joint's limit, or at which the
+            platform's own weight is not borne.
     """
+    model = robot.commanded
     joint = _joints(robot, targets, turns)
-    robot.commanded.require_reach(joint, targets, "point", "m")
+    model.require_reach(joint, targets, "point", "m")
     require_limits(robot, joint, "point")
+    require_borne(robot, joint, "point")
     return joint
+
+
+def require_borne(robot: Robot, joint: Array, what: str, payload: Array | None = None) -> None:
+    """Refuse joints (n, m) at which limbs that only pull do not bear what is on the platform.
+
+    Args:
+        robot: whose drawing and masses.
+        joint: within reach.
+        what: what a row is called.
+        payload: (n,) [kg] at the platform's centre; none where not given.
+
+    Raises:
+        ReachError: names the first such row and what gives way.
+    """
+    model = robot.commanded
+    if model.pulls:
+        at, nominal = at_rest(joint), model.parameters.nominal
+        if payload is not None:
+            at = replace(at, payload=payload)
+        x = model.forward(joint, nominal)
+        model.require_borne(x, nominal, weight_known(robot, model, at, x), what)
 
 
 def _joints(robot: Robot, targets: Array, turns: Array | None) -> Array:
@@ -54,9 +76,14 @@ def _joints(robot: Robot, targets: Array, turns: Array | None) -> Array:
 
 def tool_points(robot: Robot, joint: Array) -> Array:
     """Where the drawing has the tool at joints (n, m), (n, 3) [m]; NaN out of reach."""
+    return tool_frames(robot, joint)[0]
+
+
+def tool_frames(robot: Robot, joint: Array) -> tuple[Array, Array]:
+    """The same, and how the platform is turned there, 2 (n, 3) [m, rad]; see `Mechanism.turn`."""
     model = robot.commanded
     x = model.forward(joint, model.parameters.nominal)
-    return np.asarray(model.position(x) + model.rotation(x) @ robot.tool_offset)
+    return np.asarray(model.position(x) + model.rotation(x) @ robot.tool_offset), model.turn(x)
 
 
 def require_limits(robot: Robot, joint: Array, what: str) -> None:
@@ -69,75 +96,6 @@ def require_limits(robot: Robot, joint: Array, what: str) -> None:
         wrong = robot.joints.beyond(one)
         if wrong:
             raise ReachError(f"{what} {row + 1} needs {wrong}")
-
-
-def read_points(path: Path) -> Array:
-    """Tool points of a CSV file with columns x_mm, y_mm, z_mm, (n, 3) [m].
-
-    Raises:
-        InputError: no such file, a column missing, a value that is no finite number, or no row.
-    """
-    return np.array([row.point for row in read_rows(path)])
-
-
-@dataclass(frozen=True)
-class Row:
-    """A line of a CSV file of tool points."""
-
-    file: Path
-    line: int
-    text: Mapping[str, str | None]  # by the names of the columns; None where the line is short
-
-    @property
-    def point(self) -> list[float]:
-        """The tool point [m]."""
-        return [1e-3 * self.number(name) for name in COLUMNS]
-
-    def number(self, column: str) -> float:
-        """The finite number in a column.
-
-        Raises:
-            InputError: another text.
-        """
-        text = self.text[column] or ""
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
-            raise self.wrong(column, "is not a finite number")
-        return value
-
-    def wrong(self, column: str, problem: str) -> InputError:
-        """What is wrong with the value in a column."""
-        text = self.text[column] or ""
-        return InputError(f"{self.file}: line {self.line}: {column}: {text!r} {problem}")
-
-
-def read_rows(path: Path) -> list[Row]:
-    """The lines of a CSV file that has columns x_mm, y_mm, z_mm at least.
-
-    Raises:
-        InputError: no such file, a column missing, a line too long, or no line.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            found = reader.fieldnames or []
-            missing = [name for name in COLUMNS if name not in found]
-            if missing:
-                raise InputError(
-                    f"{path}: column {', '.join(missing)} missing; expected "
-                    f"{', '.join(COLUMNS)}, found {', '.join(found) or 'nothing'}"
-                )
-            rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    if not rows:
-        raise InputError(f"{path}: no points in it")
-    return rows
 
 
 def line(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
@@ -206,17 +164,3 @@ def usable(robot: Robot, points: Array, turns: Array | None = None) -> NDArray[n
     x = model.forward(joint[good], nominal)
     good[good] = model.condition(joint[good], x, nominal) < robot.limits.condition / 2
     return good
-
-
-def _of_one_length(
-    path: Path, reader: csv.DictReader[str], columns: Sequence[str]
-) -> Iterator[dict[str, str]]:
-    """The rows, none longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
-    for row in reader:
-        surplus: Sequence[str] = row.pop(None, ())
-        if surplus:
-            raise InputError(
-                f"{path}: line {reader.line_num}: {len(columns) + len(surplus)} values, but "
-                f"{len(columns)} columns; decimals take a point, not a comma"
-            )
-        yield row

@@ -31,7 +31,7 @@ from delta_calibration.cell.standing import Standing
 from delta_calibration.compensation.grid_search import Stop
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.errors import CalibrationError, DataError, InputError
-from delta_calibration.plans import Plan, legs, read_points
+from delta_calibration.plans import Plan, legs, read_targets
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import (
     JointReader,
@@ -71,7 +71,13 @@ SPECS = (
     ),
     Spec("frame_stops", 24, "stops to find the tracker's frame by", (4, 1000), read_only=True),
     Spec("repeats", 3, "searches for each point, averaged", (2, 100), read_only=True),
-    Spec("unit_deg", 0.01, "one command unit [deg] of each joint", (1e-6, 1.0), read_only=True),
+    Spec(
+        "unit_deg",
+        0.01,
+        "one command unit [deg] of each joint; of one that slides, what goes about as far",
+        (1e-6, 1.0),
+        read_only=True,
+    ),
     Spec("spacing", 16, "command units of the first lattice", (1, 1024), read_only=True),
     Spec("visits", 2, "of a stop at most, where stops are equal", (1, 100), read_only=True),
     Spec(
@@ -112,7 +118,8 @@ class GridPositioner(BaseNode):
         self._settings = ParameterTable(self, SPECS)
         warn_of_unknown(self)
         self._robot = load_robot(self._settings.text("robot"))
-        self._unit = float(np.radians(self._settings.number("unit_deg")))
+        size = self._robot.commanded.joint_size
+        self._unit = float(np.radians(self._settings.number("unit_deg"))) * size
         self._positioning = self._make_positioning()
         self._said = 0  # outcomes told and written
         self._moves = 0
@@ -138,7 +145,7 @@ class GridPositioner(BaseNode):
         self._diagnostics.publish()
 
     def _make_positioning(self) -> Positioning:
-        s, joints = self._settings, self._robot.joints
+        s, joints, size = self._settings, self._robot.joints, self._robot.commanded.joint_size
         if not s.text("points"):
             raise InputError("parameter points: needed, a CSV file with columns x_mm, y_mm, z_mm")
         m = len(joints.names)
@@ -146,7 +153,7 @@ class GridPositioner(BaseNode):
             unit=np.full(m, self._unit),
             lower=joints.lower,
             upper=joints.upper,
-            bound=np.radians(s.number("largest_deg")) or self._robot.limits.correction,
+            bound=size * np.radians(s.number("largest_deg")) or self._robot.limits.correction,
             noise=1e-3 * s.number("noise_mm"),
             spacing=s.integer("spacing"),
             visits=s.integer("visits"),
@@ -155,7 +162,7 @@ class GridPositioner(BaseNode):
         )
         return Positioning(
             self._robot,
-            read_points(Path(s.text("points"))),
+            read_targets(Path(s.text("points")), self._robot).point,
             lattice,
             s.integer("repeats"),
             s.integer("readings"),

@@ -1,0 +1,237 @@
+"""The demonstration for machines other than the paper's Delta: in one process, against the truth.
+
+Measured, fitted, compensated and measured again; then with something hidden in it that is a
+machine's of this kind, which is found, named and compensated as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration import __version__
+from delta_calibration.calibration import Calibration
+from delta_calibration.calibration_file import (
+    from_identification,
+    load_calibration,
+    save_calibration,
+    save_extended,
+)
+from delta_calibration.cli.camera_demo import positioned_by_camera
+from delta_calibration.cli.diagnose import describe as describe_verdict
+from delta_calibration.cli.diagnose import diagnosed
+from delta_calibration.cli.fit import describe
+from delta_calibration.cli.live_cell import Say
+from delta_calibration.cli.options import progress, table, write_json
+from delta_calibration.compensation import JointCompensator
+from delta_calibration.effects import catalogue
+from delta_calibration.errors import DataError
+from delta_calibration.identification import identify
+from delta_calibration.plans import Plan, legs, make_plan
+from delta_calibration.plans.named import motion_paths
+from delta_calibration.recording import read_session, write_session
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Conditions, collect, motion_of, survey
+from delta_calibration.simulation import (
+    Machine,
+    draw_machine,
+    effect_options,
+    simulate_session,
+    standing,
+)
+from delta_calibration.trial import Errors, true_misses
+
+Array = NDArray[np.float64]
+Rows = list[tuple[str, ...]]
+
+# A cause of each kind of machine, the first that suits; the plan and stops that show it.
+_OWN = {
+    "cable_elasticity": ("identify", 24),
+    "slider_pitch": ("identify", 24),
+    "reducer_compliance": ("rich", 12),
+    "encoder_eccentricity": ("identify", 40),
+}
+_STRENGTH = 3.0  # typical sizes
+_STOPS = 40  # of the first measurement
+_TRIED = 40  # places of the trial
+_CIRCLE = "circle_2.5_s"
+_RATE = 50.0  # [1/s]
+_EACH = 5  # of the circle's samples
+_FEWEST = 8
+_HEAD = ("error against the truth", "max [mm]", "mean [mm]", "3 std [mm]")
+_TURN = "turn, mean [mrad]"
+
+
+def machine_demo(
+    robot: Robot, out: Path, seed: int, method: str, say: Say
+) -> dict[str, object]:
+    """Both acts; prints, writes into `out`, and returns the figures."""
+    trial = _moments(robot, seed + 1)
+    summary: dict[str, object] = {"first_act": _first_act(robot, out, seed, method, trial, say)}
+    if robot.commanded.task_size == 2:
+        say("positioning by a camera, without a model")
+        summary["camera"] = positioned_by_camera(draw_machine(robot, seed), seed)
+    summary["second_act"] = _second_act(robot, out, seed, method, trial, say)
+    summary["provenance"] = {
+        "package_version": __version__,
+        "robot": robot.name,
+        "robot_sha256": robot.hash,
+        "seed": seed,
+        "method": method,
+    }
+    return summary
+
+
+def _first_act(
+    robot: Robot, out: Path, seed: int, method: str, trial: Conditions, say: Say
+) -> dict[str, object]:
+    """Geometry: measured, fitted, compensated."""
+    machine = draw_machine(robot, seed)
+    _measure(machine, make_plan("identify", robot, count=_STOPS, seed=seed), seed, out, "session")
+    say("fitting")
+    poses = collect(read_session(out / "session"), robot.joints.names)
+    found = identify(poses, robot)
+    save_calibration(out / "calibration.yaml", found, robot, poses)
+    calibration = load_calibration(out / "calibration.yaml", robot)
+    click.echo("\n" + describe(found, verbose=False) + "\n")
+    say(f"compensating by {method}")
+    calibrated = _Trial.of("geometry compensated", calibration, machine, method, trial)
+    click.echo("\n" + _told(robot, [calibrated.before(), calibrated.after()]) + "\n")
+    return calibrated.figures()
+
+
+def _second_act(
+    robot: Robot, out: Path, seed: int, method: str, trial: Conditions, say: Say
+) -> dict[str, object]:
+    """An effect of its own: found, named, compensated."""
+    causes = {effect.cause for effect in catalogue(robot, robot.detailed)}
+    cause = next(name for name in _OWN if name in causes)
+    plan, count = _OWN[cause]
+    say(f"second act: {cause} hidden in the machine")
+    machine = draw_machine(robot, seed, 1.0, [effect_options(f"{cause}:strength={_STRENGTH:g}")])
+    _measure(machine, make_plan(plan, robot, count=count, seed=seed), seed, out, "session_2")
+    say("diagnosing")
+    recorded = read_session(out / "session_2")
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    found = diagnosed(seen, robot, None, 0, None)
+    click.echo("\n" + describe_verdict(found.verdict) + "\n")
+    save_extended(out / "extended.yaml", found, robot, seen.poses)
+    write_json(out / "verdict.json", found.verdict.as_dict())
+    extended = load_calibration(out / "extended.yaml", robot)
+    plain = from_identification(identify(seen.poses, robot), robot, seen.poses)
+    by_geometry = _Trial.of("geometry compensated", plain, machine, method, trial)
+    by_all = _Trial.of("extended model", extended, machine, method, trial)
+    rows = [by_geometry.before(), by_geometry.after(), by_all.after()]
+    click.echo(_told(robot, rows) + "\n")
+    named = [effect.cause for effect in extended.chain.effects]
+    click.echo(f"hidden: {cause}; found: {', '.join(named) or 'nothing'}\n")
+    return {
+        "hidden": cause,
+        "found": named,
+        "right": named == [cause],
+        "calibrated": by_geometry.figures(),
+        "extended": by_all.figures(),
+    }
+
+
+class _Trial:
+    """A machine at the moments of the trial, told the nominal commands and the corrected ones."""
+
+    def __init__(self, name: str, before: tuple[Array, Array], after: tuple[Array, Array]) -> None:
+        self._name, self._before, self._after = name, before, after
+
+    @classmethod
+    def of(
+        cls, name: str, calibration: Calibration, machine: Machine, method: str, at: Conditions
+    ) -> _Trial:
+        """By a calibration.
+
+        Raises:
+            DataError: hardly any moment lies within the calibrated region.
+        """
+        done = JointCompensator(calibration, method).compensate(at.joint, at)
+        inside = np.isfinite(done.model_error)
+        if done.share is not None:
+            inside &= done.share == 1.0
+        if inside.sum() < _FEWEST:
+            raise DataError(
+                f"{int(inside.sum())} of {len(at)} moments of the trial lie in the region that "
+                f"was measured; {_FEWEST} are wanted"
+            )
+        at, joint = at.take(inside), done.joint[inside]
+        nominal = machine.robot.commanded
+        meant = nominal.forward(at.joint, nominal.parameters.nominal)
+        return cls(
+            name,
+            true_misses(calibration, machine, at, meant, True),
+            true_misses(calibration, machine, replace(at, joint=joint), meant, False),
+        )
+
+    def before(self) -> tuple[str, ...]:
+        """The row without compensation."""
+        return _row("not compensated, in its best frame", *self._before)
+
+    def after(self) -> tuple[str, ...]:
+        """The row with it."""
+        return _row(self._name, *self._after)
+
+    def figures(self) -> dict[str, object]:
+        """For files."""
+        parts = {"before": self._before, "after": self._after}
+        return {
+            when: {**Errors.of(far).in_mm(), "mean_turn_mrad": float(turn.mean() * 1e3)}
+            for when, (far, turn) in parts.items()
+        }
+
+
+def _told(robot: Robot, rows: Rows) -> str:
+    """Rows as a table, the turn's column where the joints command a turn."""
+    if robot.commanded.task_size > 3:
+        return table((*_HEAD, _TURN), rows) + (
+            "\none reflector's places do not show how a tool is turned on its flange, nor a "
+            "platform against its joints: that stays in the turn"
+        )
+    return table(_HEAD, [row[: len(_HEAD)] for row in rows])
+
+
+def _row(name: str, far: Array, turn: Array) -> tuple[str, ...]:
+    e = Errors.of(far)
+    values = (e.maximum, e.mean, e.three_std, float(turn.mean()))
+    return f"{name} ({e.points} moments)", *(f"{v * 1e3:.4f}" for v in values)
+
+
+def _measure(machine: Machine, plan: Plan, seed: int, out: Path, name: str) -> None:
+    """Take the machine through a plan, recorded."""
+    total = len(plan) + 2 * len(plan.paths)
+    session = simulate_session(
+        machine, plan, seed, source=name, follow=lambda way: progress(way, total, "stop")
+    )
+    robot = machine.robot
+    made = {"made_by": f"delta-cal demo {__version__}", "seed": str(seed), "plan": plan.name}
+    write_session(out / name, session, {**made, "robot": robot.name, "robot_sha256": robot.hash})
+
+
+def _moments(robot: Robot, seed: int) -> Conditions:
+    """Stops at places of their own and moments of a fast circle, as they are commanded."""
+    circle = tuple(path for path in motion_paths(robot) if path.name == _CIRCLE)
+    plan = make_plan("identify", robot, count=_TRIED, both_sides=False, dwell=0.2, seed=seed)
+    ways = list(legs(replace(plan, paths=circle), robot, _RATE))
+    lengths = [len(way.time) for way in ways]
+    begin = np.repeat(np.cumsum([0, *lengths[:-1]]) / _RATE, lengths)
+    joint = np.concatenate([way.joint for way in ways])
+    motion = motion_of(begin + np.concatenate([way.time for way in ways]), joint)
+    moving = ~np.concatenate([way.resting for way in ways])
+    first = sum(lengths[:-1])
+    stops = np.cumsum(lengths)[: len(plan)] - 1
+    rows = np.concatenate([stops, first + np.flatnonzero(moving[first:])[::_EACH]])
+    return replace(
+        standing(joint[rows]),
+        velocity=motion.velocity[rows] * moving[rows, None],
+        acceleration=motion.acceleration[rows] * moving[rows, None],
+        direction=motion.direction[rows],
+        travel=motion.travel[rows],
+    )

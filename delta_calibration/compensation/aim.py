@@ -1,0 +1,75 @@
+"""What of the tool a joint command aims at, in coordinates that can be subtracted.
+
+    place = [p; h R e_x; h R e_y; h R e_z],   h = LEVER / sqrt(2)
+
+with p the tool point and R the platform's orientation. The distance of two places is
+
+    sqrt(|p - p'|^2 + (2 LEVER sin(angle / 2))^2),
+
+angle that of the turn between them: a turn of a radian counts as LEVER metres. Where the joints
+command no turn the place is p alone; on an arm of two joints its x and y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.mechanisms import Mechanism
+
+Array = NDArray[np.float64]
+
+LEVER = 0.3  # [m]
+_SPACE = 3
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Which coordinates of the tool a mechanism's joints command, the tool at `tool` (3,) [m]."""
+
+    tool: Array
+    axes: int  # of x, y, z
+    turns: bool
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, tool: Array) -> Aim:
+        """What this mechanism's joints command of a tool in the platform's frame (3,) [m].
+
+        Where they turn the platform the whole pose counts, also what is no choice of theirs: it
+        follows from the rest, for the nominal machine and the identified one alike.
+        """
+        size = mechanism.task_size
+        return cls(tool, min(size, _SPACE), size > _SPACE)
+
+    @property
+    def size(self) -> int:
+        """Coordinates of a place."""
+        return self.axes + (_SPACE * _SPACE if self.turns else 0)
+
+    def places(self, mechanism: Mechanism, x: Array) -> Array:
+        """Places of the tool at poses x, (n, k) -> (n, size) [m]."""
+        rotation = mechanism.rotation(x)
+        point = (mechanism.position(x) + rotation @ self.tool)[:, : self.axes]
+        if not self.turns:
+            return np.asarray(point)
+        arms = np.swapaxes(rotation, 1, 2).reshape(len(x), -1)  # one after the other
+        return np.concatenate([point, _ARM * arms], axis=1)
+
+    def slopes(self, mechanism: Mechanism, x: Array) -> Array:
+        """d(place)/dx, (n, size, k)."""
+        point = mechanism.point_by_pose(x, self.tool)
+        if not self.turns:
+            return np.asarray(point[:, : self.axes])
+        arms = [mechanism.point_by_pose(x, self.tool + _ARM * e) - point for e in np.eye(_SPACE)]
+        return np.concatenate([point, *arms], axis=1)
+
+    def parted(self, gap: Array) -> tuple[Array, Array]:
+        """Differences of places (n, size) as distance [m] and turn [rad] of the tool, 2 (n,)."""
+        far = np.linalg.norm(gap[:, : self.axes], axis=1)
+        chord = np.linalg.norm(gap[:, self.axes :], axis=1) / (2 * LEVER)
+        return far, 2 * np.arcsin(np.minimum(chord, 1.0))
+
+
+_ARM = LEVER / np.sqrt(2)

@@ -1,0 +1,92 @@
+"""The demonstration of machines that need no ROS, and the camera over a SCARA's plane."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.cell.positioning import Positioning
+from delta_calibration.cli.camera_demo import positioned_by_camera
+from delta_calibration.cli.main import run
+from delta_calibration.compensation.joint_lattice import GridSettings
+from delta_calibration.errors import InputError
+from delta_calibration.plans import make_plan
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.simulation import draw_machine, standing
+from delta_calibration.simulation.camera import Camera, homography, on_plane
+
+
+def test_marks_say_what_a_tilted_camera_sees() -> None:
+    rng = np.random.default_rng(5)
+    camera = Camera.over(np.array([0.3, 0.5, 0.0]), 1.5, 9000.0, rng)
+    marks = np.array([0.3, 0.5, 0.0]) + 0.05 * np.array(
+        [[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0], [0.2, 0.4, 0]]
+    )
+    seen = camera.picture(marks)
+    plane = homography(seen[:4], marks[:4, :2])
+    np.testing.assert_allclose(on_plane(plane, seen), marks[:, :2], atol=1e-9)
+    # over the plane the picture is another: what stands 10 mm higher looks 0.1 mm and more aside
+    high = camera.picture(marks + np.array([0.0, 0.0, 0.01]))
+    assert np.linalg.norm(on_plane(plane, high) - marks[:, :2], axis=1).min() > 1e-4
+    found = camera.find(np.repeat(marks[:1], 400, axis=0), rng)
+    assert found.std(axis=0) == pytest.approx(camera.noise, rel=0.15)
+
+
+def test_a_scara_is_driven_right_by_a_camera(capsys) -> None:
+    figures = positioned_by_camera(draw_machine(load_robot("scara"), 7), 7)
+    before, after = figures["before"], figures["after"]
+    assert after["mean_mm"] < 0.15 * before["mean_mm"]
+    assert after["max_mm"] < 0.1  # a unit of 0.01 degree is up to 0.17 mm at 1 m
+    assert figures["moves_mean"] < 40
+    assert "no model" in capsys.readouterr().out
+
+
+def lattice(robot: Robot) -> GridSettings:
+    joints = robot.joints
+    unit = np.full(len(joints.names), robot.commanded.joint_size * np.pi / 18000)
+    return GridSettings(unit, joints.lower, joints.upper, robot.limits.correction)
+
+
+def test_a_scara_is_positioned_by_a_tracker() -> None:
+    robot = load_robot("scara")
+    machine, rng = draw_machine(robot, 3), np.random.default_rng(3)
+    targets = make_plan("disc", robot, count=3, both_sides=False).target
+    way = Positioning(robot, targets, lattice(robot), 2, 5, 12)
+    while not way.done:
+        at = standing((way.step + machine.rest_error(rng))[None])
+        way.tell(np.mean([machine.readings(at, rng)[0] for _ in range(5)], axis=0))
+    assert all(outcome.after < 0.06e-3 for outcome in way.outcomes)
+
+
+@pytest.mark.parametrize("name", ["cdpr8", "five_axis", "ur10"])
+def test_a_tool_that_is_turned_is_not_positioned_by_its_place(name: str) -> None:
+    robot = load_robot(name)
+    targets = make_plan("disc", robot, count=2, both_sides=False).target
+    with pytest.raises(InputError, match=f"robot {name}: . joints .* command . coordinates"):
+        Positioning(robot, targets, lattice(robot), 2, 5, 12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "cause"), [("five_axis", "slider_pitch"), ("scara", "reducer_compliance")]
+)
+def test_a_demonstration(name: str, cause: str, tmp_path: Path, capsys) -> None:
+    assert run(["demo", "--robot", name, "--out", str(tmp_path / "demo")]) == 0
+    assert f"hidden: {cause}; found: {cause}" in capsys.readouterr().out
+    left = {path.name for path in (tmp_path / "demo").iterdir()}
+    assert {"session", "session_2", "calibration.yaml", "extended.yaml", "verdict.json"} <= left
+    summary = json.loads((tmp_path / "demo" / "summary.json").read_text())
+    second = summary["second_act"]
+    assert second["right"]
+    assert second["extended"]["after"]["mean_mm"] < 0.3 * second["calibrated"]["after"]["mean_mm"]
+    first = summary["first_act"]
+    assert first["after"]["mean_mm"] < 0.5 * first["before"]["mean_mm"]
+
+
+def test_a_method_that_is_not_for_the_robot_is_refused(tmp_path: Path, capsys) -> None:
+    given = ["demo", "--robot", "cdpr8", "--method", "apso", "--out", str(tmp_path / "demo")]
+    assert run(given) == 2
+    assert "method 'apso' is not for robot cdpr8" in capsys.readouterr().err
