@@ -215,7 +215,7 @@ def test_cables_that_contradict_each_other(method):
     robot, poses = measured("cdpr8")
     joint = poses.joint.copy()
     joint[:, 0] += 60.0
-    with pytest.raises(DataError, match="another robot|out of the robot's reach"):
+    with pytest.raises(DataError, match=r"another robot|out of the robot's reach"):
         identify(replace(poses, joint=joint), robot, method=small(method))
 
 
