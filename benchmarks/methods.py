@@ -14,8 +14,9 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 for _library in ("OPENBLAS", "MKL", "OMP"):
@@ -116,10 +117,11 @@ def outcomes(name: str, seeds: int) -> dict[str, list[Outcome]]:
     return found
 
 
-def rows(name: str, seeds: int) -> Iterator[str]:
+def rows(name: str, seeds: int) -> list[str]:
     """A robot's part of the table: medians, largest in brackets."""
     found = outcomes(name, seeds)
     usual = np.array([o.seconds for o in found[METHODS[0]]])
+    lines = []
     for method, each in found.items():
         off = 1e3 * np.array([o.off for o in each])
         worst = 1e3 * max(o.worst for o in each)
@@ -127,20 +129,24 @@ def rows(name: str, seeds: int) -> Iterator[str]:
         tried = int(np.median([o.evaluations for o in each]))
         ratio = np.median(np.array([o.seconds for o in each]) / usual)
         shown = "" if method == NOTHING else f"{ratio:.2g}"
-        yield (
+        lines.append(
             f"| {name} | {method} | {np.median(off):.4f} ({off.max():.4f}) | {worst:.3f} "
             f"| {misfit:.3g} | {tried} | {shown} |"
         )
+    return lines
 
 
-def table(seeds: int) -> str:
-    """All robots."""
+def table(seeds: int, jobs: int) -> str:
+    """All robots, so many at a time."""
     head = (
         "| robot | method | off elsewhere, mm RMS | worst place, mm | misfit | machines tried "
         "| time |\n|---|---|---|---|---|---|---|"
     )
-    robots = tqdm(known_robots(), unit="robot", delay=1.0, disable=None, leave=False)
-    lines = [line for name in robots for line in rows(name, seeds)]
+    robots = known_robots()
+    with ProcessPoolExecutor(jobs) as pool:
+        parts = pool.map(rows, robots, repeat(seeds))
+        bar = tqdm(parts, total=len(robots), unit="robot", delay=1.0, disable=None, leave=False)
+        lines = [line for part in bar for line in part]
     said = f"{seeds} machines of each robot, seeds 0 to {seeds - 1}; median, largest in brackets."
     return "\n".join([said, "", head, *lines]) + "\n"
 
@@ -148,10 +154,11 @@ def table(seeds: int) -> str:
 def main() -> None:
     """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--machines", type=int, default=5, help="of each robot")
+    parser.add_argument("--machines", type=int, default=3, help="of each robot")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="robots at a time")
     parser.add_argument("--print", action="store_true", help="on the screen alone")
     asked = parser.parse_args()
-    made = table(asked.machines)
+    made = table(asked.machines, asked.jobs)
     if asked.print:
         print(made, end="")
         return
