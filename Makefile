@@ -19,7 +19,7 @@ endif
 unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint docs bench study soak clean
+.PHONY: help install demo test lint docs bench methods study soak clean
 
 help: ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -67,6 +67,9 @@ bench: install ## time kernels, fits, bags, the node at 1 kHz; the swarm beside 
 	@$(PY) benchmarks/run.py
 	@$(PY) benchmarks/compensation.py
 	@$(PY) benchmarks/node_rate.py
+
+methods: install ## fit every robot by every method, the table into docs/methods.md (METHODS_ARGS="--machines 5")
+	@$(PY) benchmarks/methods.py $(METHODS_ARGS)
 
 soak: install ## run the node for 10 minutes at 1 kHz under faults (SOAK_ARGS="--seconds 60")
 	@$(PY) benchmarks/soak.py $(SOAK_ARGS)

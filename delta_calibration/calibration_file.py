@@ -25,25 +25,20 @@ from delta_calibration.samples import Poses
 
 Array = NDArray[np.float64]
 
-LEAST_SQUARES, DIAGNOSIS = "least_squares", "diagnosis"
 _SEAL = "sha256"
 _FAR = 20.0  # priors from nominal to zero, from where on a parameter is a length
 
 
-def from_identification(
-    found: Identification, robot: Robot, poses: Poses, method: str = LEAST_SQUARES
-) -> Calibration:
+def from_identification(found: Identification, robot: Robot, poses: Poses) -> Calibration:
     """The calibration that `save_calibration` would write and `load_calibration` read back."""
     lower, upper = found.region_joints
     return Calibration(
         robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor,
-        poses.source, content_hash(_content(found, robot, poses, method)),
+        poses.source, content_hash(_content(found, robot, poses)),
     )  # fmt: skip
 
 
-def save_calibration(
-    path: Path, found: Identification, robot: Robot, poses: Poses, method: str = LEAST_SQUARES
-) -> None:
+def save_calibration(path: Path, found: Identification, robot: Robot, poses: Poses) -> None:
     """Write a calibration, whole or not at all.
 
     Args:
@@ -51,18 +46,17 @@ def save_calibration(
         found: geometry, frame, and the effects in its chain.
         robot: what was identified.
         poses: what it was identified from.
-        method: how, in a word.
 
     Raises:
         ConfigError: the file cannot be written.
     """
-    content = _content(found, robot, poses, method)
+    content = _content(found, robot, poses)
     write_document(path, {**content, _SEAL: content_hash(content)})
 
 
 def from_diagnosis(found: Diagnosis, robot: Robot, poses: Poses) -> Calibration:
     """The calibration that `save_extended` would write and `load_calibration` read back."""
-    return from_identification(found.identification, robot, poses, DIAGNOSIS)
+    return from_identification(found.identification, robot, poses)
 
 
 def save_extended(path: Path, found: Diagnosis, robot: Robot, poses: Poses) -> None:
@@ -71,7 +65,7 @@ def save_extended(path: Path, found: Diagnosis, robot: Robot, poses: Poses) -> N
     Raises:
         ConfigError: the file cannot be written.
     """
-    save_calibration(path, found.identification, robot, poses, DIAGNOSIS)
+    save_calibration(path, found.identification, robot, poses)
 
 
 def load_calibration(path: Path, robot: Robot) -> Calibration:
@@ -217,14 +211,14 @@ def _effects(found: Identification) -> list[dict[str, Any]]:
     ]
 
 
-def _content(found: Identification, robot: Robot, poses: Poses, method: str) -> dict[str, Any]:
+def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:
     lower, upper = found.region_joints
     base = found.chain.base_size
     content = {
         "schema": 1,
         "robot": {"name": robot.name, "sha256": robot.hash},
         "model": found.chain.mechanism.name,
-        "provenance": _provenance(found, poses, method),
+        "provenance": _provenance(found, poses),
         "noise": {
             "floor_mm": found.noise.floor * 1e3,
             "degrees_of_freedom": found.noise.degrees,
@@ -254,13 +248,17 @@ def _content(found: Identification, robot: Robot, poses: Poses, method: str) -> 
     return {**content, "effects": _effects(found)} if found.chain.effects else content
 
 
-def _provenance(found: Identification, poses: Poses, method: str) -> Mapping[str, Any]:
+def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
+    effort = found.effort
+    counted = {} if effort.evaluations is None else {"evaluations": effort.evaluations}
     start = datetime.fromtimestamp(poses.start_ns * 1e-9, tz=timezone.utc)
     return {
         "package_version": __version__,
         "session": Path(poses.source).name,
         "session_start": start.isoformat(timespec="seconds"),
-        "method": method,
+        "method": effort.method,
+        **counted,
+        **effort.settings,
         "seed": found.seed,
         "poses": len(poses),
         "readings": poses.readings,

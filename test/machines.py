@@ -2,23 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
-from delta_calibration.robot import Robot, known_robots, load_robot
+from delta_calibration.robot import known_robots, load_robot
 
 STEP = 1e-30
 ROBOTS = [load_robot(name) for name in known_robots()]
 
 
-def robot_of(mechanism: str) -> Robot:
-    """A robot of the package that can be modelled so."""
-    drawing = MECHANISMS[mechanism].Dimensions
-    return next(robot for robot in ROBOTS if isinstance(robot.dimensions, drawing))
+def _models() -> dict[str, Mechanism]:
+    """Every model of every robot's drawing, and a serial arm of other joints and tool."""
+    models = {
+        f"{robot.name}-{name}": robot.model(name)
+        for robot in ROBOTS
+        for name, kind in sorted(MECHANISMS.items())
+        if isinstance(robot.dimensions, kind.Dimensions)
+    }
+    six = next(robot for robot in ROBOTS if robot.name == "ur10")
+    mount, tool = np.array([0.4, np.pi / 2, -1.1]), np.array([0.02, -0.01, 0.09])
+    for name, change in (
+        ("mounted", {"mount": mount, "tool": tool}),
+        ("three_axes", {
+            "links": six.dimensions.links[:3],
+            "tool": np.array([-0.57, 0.0, 0.16]),
+            "home": six.dimensions.home[:3],
+        }),
+    ):  # fmt: skip
+        drawing = replace(six.dimensions, **change)
+        models[f"{name}-serial_arm"] = MECHANISMS["serial_arm"](drawing, six.tolerances)
+    return models
 
 
-def model_of(mechanism: str) -> Mechanism:
-    return robot_of(mechanism).model(mechanism)
+MODELS = _models()
 
 
 def machine(mechanism: Mechanism, rng: np.random.Generator, scale: float = 5.0) -> np.ndarray:

@@ -20,7 +20,7 @@ from delta_calibration.calibration_file import (
 from delta_calibration.documents import content_hash
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import ConfigError
-from delta_calibration.identification import identify
+from delta_calibration.identification import Effort, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import collect
@@ -337,13 +337,14 @@ def extended(fitted):
     covariance[: len(found.theta), : len(found.theta)] = found.covariance
     covariance[np.diag_indices_from(covariance)] += 1e-10 * np.arange(len(covariance))
     theta = np.concatenate([found.theta, 1e-5 * np.arange(1, more + 1)])
-    return replace(found, chain=chain, theta=theta, covariance=covariance), poses
+    effort = Effort("diagnosis")
+    return replace(found, chain=chain, theta=theta, covariance=covariance, effort=effort), poses
 
 
 @pytest.fixture
 def with_effects(extended, tmp_path):
     path = tmp_path / "extended.yaml"
-    save_calibration(path, extended[0], ROBOT, extended[1], "diagnosis")
+    save_calibration(path, extended[0], ROBOT, extended[1])
     return path
 
 
@@ -366,7 +367,7 @@ def test_effects_come_back_with_their_shapes_values_and_standard_errors(extended
         "value": found.theta[row],
         "std": pytest.approx(np.sqrt(found.covariance[row, row])),
     }
-    made = from_identification(found, ROBOT, poses, "diagnosis")
+    made = from_identification(found, ROBOT, poses)
     assert made.seal == read.seal
 
 

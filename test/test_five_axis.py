@@ -81,20 +81,6 @@ def test_assembly_mode_is_never_left():
     assert MACHINE.condition(q, reached, NOMINAL).max() < 50
 
 
-@pytest.mark.parametrize("each", [False, True], ids=["one machine", "one a sample"])
-def test_derivatives_against_complex_step(each):
-    x = poses(6, seed=5)
-    g = np.stack([machine(k) for k in range(6)]) if each else machine(5)
-    q = MACHINE.inverse(x, g) + 0.01
-    pairs = [
-        (MACHINE.closure_by_pose(q, x, g), lambda v: MACHINE.closure(q, v, g), x),
-        (MACHINE.closure_by_joints(q, x, g), lambda v: MACHINE.closure(v, x, g), q),
-        (MACHINE.closure_by_geometry(q, x, g), lambda v: MACHINE.closure(q, x, v), g),
-    ]
-    for written, function, at in pairs:
-        np.testing.assert_allclose(written, complex_step(function, at), atol=1e-14)
-
-
 def test_place_of_a_point_on_the_platform_and_its_derivative():
     x, offset = poses(5, seed=6), np.array([0.02, -0.03, 0.15])
 
@@ -106,19 +92,6 @@ def test_place_of_a_point_on_the_platform_and_its_derivative():
         np.testing.assert_allclose(place - turned, [0.0, *pose[:2]], atol=1e-15)
     exact = complex_step(point, x)
     np.testing.assert_allclose(MACHINE.point_by_pose(x, offset), exact, atol=1e-15)
-
-
-def test_jacobians_are_slopes_of_the_direct_problem():
-    g, x, h = machine(7), poses(4, seed=7), 1e-6
-    q = MACHINE.inverse(x, g)
-    by_joints = MACHINE.velocity_jacobian(q, x, g)
-    by_geometry = MACHINE.identification_jacobian(q, x, g)
-    for k, step in enumerate(h * np.eye(4)):
-        slope = (MACHINE.forward(q + step, g) - MACHINE.forward(q - step, g)) / (2 * h)
-        np.testing.assert_allclose(by_joints[..., k], slope, atol=1e-7)
-    for k, step in enumerate(h * np.eye(len(g))):
-        slope = (MACHINE.forward(q, g + step) - MACHINE.forward(q, g - step)) / (2 * h)
-        np.testing.assert_allclose(by_geometry[..., k], slope, atol=1e-7)
 
 
 def test_twenty_of_twenty_four_errors_show_and_the_others_are_named():

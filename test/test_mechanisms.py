@@ -8,7 +8,7 @@ import pytest
 from delta_calibration.errors import ReachError, SingularityError
 from delta_calibration.mechanisms import MECHANISMS, RotaryDelta, SixRodDelta
 from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
-from machines import complex_step, machine, model_of, places
+from machines import MODELS, complex_step, machine, places
 
 SRBD = DeltaDimensions(0.2, 0.055, 0.32, 0.85, 0.04)
 TOLERANCES = DeltaTolerances(0.25e-3, 0.15e-3, 0.2e-3, 0.1e-3, 0.8e-3, 0.5e-3, 0.05e-3, 1e-3)
@@ -17,9 +17,13 @@ TOLERANCES = DeltaTolerances(0.25e-3, 0.15e-3, 0.2e-3, 0.1e-3, 0.8e-3, 0.5e-3, 0
 DELTAS = ("rotary_delta", "six_rod_delta")
 
 
-@pytest.fixture(params=sorted(MECHANISMS))
+@pytest.fixture(params=MODELS)
 def mechanism(request):
-    return model_of(request.param)
+    return MODELS[request.param]
+
+
+def test_every_registered_mechanism_is_among_them():
+    assert {model.name for model in MODELS.values()} == set(MECHANISMS)
 
 
 @pytest.fixture(params=DELTAS)

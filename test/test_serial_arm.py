@@ -1,4 +1,4 @@
-"""Serial arm: closure, derivatives, postures, rank, and plain DH matrices beside it."""
+"""Serial arm: postures, rank, and plain DH matrices beside it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.robot import load_robot
-from machines import complex_step
 
 SCARA = load_robot("scara").dimensions
 UR10 = load_robot("ur10").dimensions
@@ -71,50 +70,6 @@ def test_tool_is_mounted_as_scipy_says():
     np.testing.assert_allclose(x[:, :3], bare[:, :3] + flange @ MOUNTED.tool, atol=1e-14)
     turn = Rotation.from_euler("ZYX", MOUNTED.mount).as_matrix()
     np.testing.assert_allclose(mounted.rotation(x), flange @ turn, atol=1e-12)
-
-
-def test_forward_meets_the_closure(arm):
-    rng = np.random.default_rng(3)
-    g, q = machine(arm, rng), joints_about_home(arm, rng, 50, 3.0)
-    assert np.abs(arm.closure(q, arm.forward(q, g), g)).max() < 1e-14
-
-
-def test_closure_derivatives_against_complex_step(arm):
-    rng = np.random.default_rng(4)
-    g, q = machine(arm, rng), joints_about_home(arm, rng, 7)
-    x = arm.forward(q, g) + 0.05 * rng.standard_normal((7, 6))
-    pairs = [
-        (arm.closure_by_pose(q, x, g), complex_step(lambda v: arm.closure(q, v, g), x)),
-        (arm.closure_by_joints(q, x, g), complex_step(lambda v: arm.closure(v, x, g), q)),
-        (arm.closure_by_geometry(q, x, g), complex_step(lambda v: arm.closure(q, x, v), g)),
-    ]
-    for written, exact in pairs:
-        np.testing.assert_allclose(written, exact, atol=1e-13)
-
-
-def test_jacobians_are_slopes_of_the_direct_problem(arm):
-    rng = np.random.default_rng(5)
-    g, q, h = machine(arm, rng), joints_about_home(arm, rng, 5), 1e-6
-    x = arm.forward(q, g)
-    for jacobian, size, moved in (
-        (arm.velocity_jacobian(q, x, g), arm.joints, lambda d: arm.forward(q + d, g)),
-        (arm.identification_jacobian(q, x, g), len(g), lambda d: arm.forward(q, g + d)),
-    ):
-        for k in range(size):
-            d = h * np.eye(size)[k]
-            slope = (moved(d) - moved(-d)) / (2 * h)
-            np.testing.assert_allclose(jacobian[..., k], slope, atol=2e-8)
-
-
-def test_geometry_may_change_from_sample_to_sample(arm):
-    rng = np.random.default_rng(6)
-    q = joints_about_home(arm, rng, 4)
-    each = np.stack([machine(arm, rng) for _ in q])
-    together = arm.forward(q, each)
-    back = arm.inverse(together[:, : arm.task_size], each, guess=q + 0.02)
-    for k in range(len(q)):
-        np.testing.assert_allclose(together[k], arm.forward(q[k : k + 1], each[k])[0], atol=1e-14)
-    np.testing.assert_allclose(back, q, atol=1e-9)
 
 
 def test_inverse_undoes_forward_beside_its_guess(arm):

@@ -10,6 +10,7 @@ import numpy as np
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cli.options import (
     SESSION,
+    counter,
     duration,
     model_option,
     require_folder,
@@ -18,7 +19,14 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
 )
-from delta_calibration.identification import Identification, identify
+from delta_calibration.identification import (
+    METHODS,
+    ORDERS,
+    Identification,
+    identify,
+    method_named,
+    most_evaluations,
+)
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Poses, collect
@@ -35,8 +43,22 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     "--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write."
 )
 @click.option(
-    "--method", type=click.Choice(["least_squares"]), default="least_squares", show_default=True,
-    help="Prior-weighted (MAP) least squares on whitened residuals, robust.",
+    "--method", type=click.Choice(METHODS), default=METHODS[0], show_default=True,
+    help="How the fit (MAP: whitened residuals, robust, parts by their tolerances) is solved; "
+    "docs/methods.md says what each costs and finds.",
+)  # fmt: skip
+@click.option(
+    "--particles", type=click.IntRange(min=2), default=None,
+    help="Of a swarm.  [default: 80, as in the five-axis paper]",
+)  # fmt: skip
+@click.option(
+    "--iterations", type=click.IntRange(min=1), default=None,
+    help="Of each search of a swarm.  [default: 300, as in that paper; 120 of one direction]",
+)  # fmt: skip
+@click.option(
+    "--order", type=click.Choice(ORDERS), default=None,
+    help="How stepwise_qpso goes: by singular direction, or by parameter as soon as it has "
+    "settled, as in that paper.  [default: singular]",
 )  # fmt: skip
 @model_option
 @seed_option
@@ -47,6 +69,9 @@ def command(
     robot_file: str,
     out: Path | None,
     method: str,
+    particles: int | None,
+    iterations: int | None,
+    order: str | None,
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
@@ -55,9 +80,11 @@ def command(
     """Identify geometry, reflector offset and tracker frame from the still moments of SESSION."""
     if out is not None:
         require_folder(out)
+    chosen = method_named(method, particles, iterations, order)
     robot = load_robot(robot_file)
     poses = collect(read_session(session, Topics.from_options(topics)), robot.joints.names)
-    found = identify(poses, robot, model, seed)
+    with counter(most_evaluations(chosen, robot, model), "machine") as count:
+        found = identify(poses, robot, model, seed, chosen, count)
     click.echo(describe_poses(poses))
     click.echo(describe(found, verbose))
     if out is not None:
@@ -94,6 +121,7 @@ def describe(found: Identification, verbose: bool) -> str:
         f"stated noise along the beam, {noise.transverse_scale:.2f} x across",
         f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, "
         "tracker frame and reflector offset within",
+        f"method {found.effort.method}: {found.effort.evaluations} machines tried",
         "",
         _residuals(found),
         "",

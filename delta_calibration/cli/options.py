@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -94,6 +95,13 @@ def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
     """A bar with the time left, on work over a second; none where stderr is no terminal."""
     bar: Iterable[Item] = tqdm(items, total=total, unit=unit, delay=1.0, disable=None, leave=False)
     return bar
+
+
+@contextmanager
+def counter(most: int, unit: str) -> Iterator[Callable[[int], object]]:
+    """The same for work that tells of itself how many units it has just done."""
+    with tqdm(total=most, unit=unit, unit_scale=True, delay=1.0, disable=None, leave=False) as bar:
+        yield bar.update
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

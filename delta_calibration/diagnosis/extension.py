@@ -10,6 +10,7 @@ from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.identification import (
+    Effort,
     Identification,
     Residuals,
     observe,
@@ -56,6 +57,7 @@ def extended(model: Model, held: HeldOutModels, seed: int) -> Identification:
         region=Region.of(base.mechanism.position(nominal)),
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
+        effort=Effort("diagnosis"),
     )
 
 

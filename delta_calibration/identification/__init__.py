@@ -1,14 +1,29 @@
 """From measured poses to what the machine really is."""
 
-from delta_calibration.identification.alternating import JointFit, alternate, together
+from delta_calibration.identification.alternating import (
+    JointFit,
+    alternate,
+    in_turn,
+    together,
+)
+from delta_calibration.identification.error_model import box_of, error_model
 from delta_calibration.identification.fit import (
+    Effort,
     Identification,
     Residuals,
     chain_of,
     identify,
+    most_evaluations,
     prepare,
 )
 from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
+from delta_calibration.identification.methods import (
+    METHODS,
+    ORDERS,
+    Fit,
+    Method,
+    method_named,
+)
 from delta_calibration.identification.mixed import MixedFit, fit_observations
 from delta_calibration.identification.noise import Noise, whitening
 from delta_calibration.identification.observability import (
@@ -36,7 +51,9 @@ from delta_calibration.identification.problem import (
     Solution,
     build_problem,
     robust_weights,
+    solution_at,
     solve,
+    spread_of,
 )
 from delta_calibration.identification.stepwise import (
     Settled,
@@ -55,9 +72,13 @@ from delta_calibration.identification.swarm import (
 )
 
 __all__ = [
+    "METHODS",
+    "ORDERS",
     "Apso",
     "Box",
     "DistanceBetween",
+    "Effort",
+    "Fit",
     "Found",
     "HeightAtContact",
     "Identification",
@@ -65,6 +86,7 @@ __all__ = [
     "JointProblem",
     "LinearResidual",
     "Machine",
+    "Method",
     "MixedFit",
     "Noise",
     "Observability",
@@ -82,18 +104,25 @@ __all__ = [
     "SwarmSettings",
     "all_singular",
     "alternate",
+    "box_of",
     "build_problem",
     "chain_of",
+    "error_model",
     "fit_observations",
     "identify",
     "in_rounds",
+    "in_turn",
     "joint_covariance",
     "least_squares",
+    "method_named",
     "minimise",
+    "most_evaluations",
     "observe",
     "prepare",
     "robust_weights",
+    "solution_at",
     "solve",
+    "spread_of",
     "stepwise",
     "stepwise_singular",
     "strong_correlations",

@@ -6,6 +6,10 @@ of the other's error, so the two approach their common answer by a constant fact
 geometry and frame can do alike (a gauge) stays where it happened to be. Both at once takes a few
 steps. Plain weighted least squares with priors as rows where the problem wants them; nothing is
 done against gross errors.
+
+`in_turn` is the same on the error model of a session, where a device reads positions and no joint
+of a measured pose can be computed: a round costs two products there, and a hundred thousand of
+them are nothing.
 """
 
 from __future__ import annotations
@@ -19,6 +23,8 @@ from delta_calibration.errors import DataError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification.joint_residual import JointProblem
 from delta_calibration.identification.observability import Observability, observe
+from delta_calibration.identification.pose_residual import LinearResidual
+from delta_calibration.identification.swarm import Found
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,10 +78,7 @@ def alternate(
         moved = _apart(problem, last, now)
         if moved < still:
             return _result(problem, now, count)
-    raise DataError(
-        f"geometry and frame, fitted in turn, still move by {moved:.2g} of their expected size "
-        f"after {rounds} rounds; under {still:g} was wanted: allow more, or fit both at once"
-    )
+    raise _restless(moved, still, rounds)
 
 
 def together(
@@ -89,6 +92,45 @@ def together(
     now = _start(problem, frame)
     everything = np.ones(len(problem.names), dtype=bool)
     return _result(problem, _descend(problem, now, everything, still), 1)
+
+
+def in_turn(
+    line: LinearResidual, first: Mask, start: Array, rounds: int, still: float = 1e-5
+) -> Found:
+    """Some of an error model's unknowns with the others held, then those, until all stand still.
+
+    Args:
+        line: by unknowns in units of their expected sizes, (F,).
+        first: which of them are fitted first in a round.
+        start: of all, (F,).
+        rounds: after which they are taken not to come to rest.
+        still: largest change in a round that counts as none.
+
+    Raises:
+        DataError: no rest within `rounds`.
+    """
+    one, other = (np.linalg.pinv(line.factor[:, part]) for part in (first, ~first))
+    by_other, by_one = -one @ line.factor[:, ~first], -other @ line.factor[:, first]
+    alone = one @ line.target, other @ line.target
+    # a round is the same linear map each time: there and back in one
+    whole, back = by_other @ by_one, alone[0] + by_other @ alone[1]
+    now = alone[0] + by_other @ start[~first]
+    for count in range(1, rounds + 1):
+        last, now = now, back + whole @ now
+        moved = max(np.abs(now - last).max(), np.abs(by_one @ (now - last)).max())
+        if moved < still:
+            best = np.array(start)
+            best[first], best[~first] = now, alone[1] + by_one @ now
+            norm = float(line(best[None])[0])
+            return Found(best, norm, 2 * count, np.array([norm]))
+    raise _restless(moved, still, rounds)
+
+
+def _restless(moved: float, still: float, rounds: int) -> DataError:
+    return DataError(
+        f"geometry and frame, fitted in turn, still move by {moved:.2g} of their expected size "
+        f"after {rounds} rounds; under {still:g} was wanted: allow more, or fit both at once"
+    )
 
 
 @dataclass(frozen=True)

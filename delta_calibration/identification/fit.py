@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.errors import DataError
+from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.geometry import Frame, align
+from delta_calibration.identification.methods import LeastSquares, Method, Watch
 from delta_calibration.identification.noise import Noise, estimate_noise, whitening
 from delta_calibration.identification.observability import (
     Observability,
@@ -26,8 +28,9 @@ Array = NDArray[np.float64]
 
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
 _FOLDS = 5
-_GOOD_ENOUGH = 0.05  # of chi square, in fits that only predict what was held out
+_LOOSE = 1.0  # [m] by which parts within their tolerances never move a platform that is held
 _ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
+_LEAST_SQUARES = LeastSquares()
 _RMS_OF_MEDIAN = 1.126  # of the norms of three standard normal numbers
 
 
@@ -39,6 +42,16 @@ class Residuals:
     held_out: float  # each place predicted by a fit that has not seen it
     held_out_max: float
     held_out_whitened: float  # in units of the noise of each coordinate; 1 is as good as can be
+
+
+@dataclass(frozen=True)
+class Effort:
+    """By which method a fit was made, and what it cost."""
+
+    method: str
+    # machines tried for the fit, without the fits that hold parts out; None where not counted
+    evaluations: int | None = None
+    settings: Mapping[str, int | str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -59,6 +72,7 @@ class Identification:
     region: Region
     region_joints: tuple[Array, Array]  # lowest and highest joint angles measured, (m,) [rad]
     seed: int
+    effort: Effort
 
     @property
     def parameters(self) -> ParameterSet:
@@ -82,8 +96,18 @@ def chain_of(robot: Robot, model: str | None = None) -> Chain:
     return Chain(robot.model(model), tracker.reflector_offset, tracker.reflector_offset_prior)
 
 
+def most_evaluations(method: Method, robot: Robot, model: str | None = None) -> int:
+    """What `identify` tells its watch of at most, with the fits that hold parts out."""
+    return (1 + _FOLDS) * method.most(chain_of(robot, model).base_size)
+
+
 def identify(
-    poses: Poses, robot: Robot, model: str | None = None, seed: int = 0
+    poses: Poses,
+    robot: Robot,
+    model: str | None = None,
+    seed: int = 0,
+    method: Method = _LEAST_SQUARES,
+    watch: Watch = lambda _: None,
 ) -> Identification:
     """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
 
@@ -91,11 +115,14 @@ def identify(
         poses: what was measured.
         robot: drawing, priors, tracker.
         model: name of a mechanism; the robot file's own where not given.
-        seed: of the division into held-out parts.
+        seed: of the division into held-out parts, and of what a method leaves to chance.
+        method: how the problem is solved.
+        watch: is told of a slow method's evaluations while they are made.
 
     Raises:
-        DataError: too few different poses, poses out of the nominal robot's reach, or residuals
-            that no manufacturing error explains (another robot).
+        DataError: too few different poses, poses out of the nominal robot's reach or at a
+            singularity, residuals that no manufacturing error explains (another robot), or a
+            method that finds no rest.
     """
     require_poses(poses, _FEWEST)
     chain = chain_of(robot, model)
@@ -106,7 +133,9 @@ def identify(
     probe_free = frame_free.copy()  # where the reflector is put is no part of the robot either
     probe_free[chain.geometry_size : chain.geometry_size + 3] = True
     _refuse_another_robot(solve(problem.only(probe_free), robust=False), poses, robot)
-    full = solve(problem)
+    rng = np.random.default_rng([seed, 1])
+    fit = method.fit(problem, rng, watch)
+    full = fit.solution
     folds = _folds(poses, np.random.default_rng(seed))
     covariance, chi_square = _covariance(full)
     drawing = chain.join(*_nominal_but_frame(chain, full.theta))
@@ -124,14 +153,15 @@ def identify(
         noise=noise,
         observability=observability,
         correlations=strong_correlations(covariance, chain.parameters.names),
-        frame_only=_residuals(registered, folds),
-        full=_residuals(full, folds),
+        frame_only=_residuals(registered, folds, _LEAST_SQUARES, rng, watch),
+        full=_residuals(full, folds, method, rng, watch),
         frame_only_theta=registered.theta,
         weight=full.weight,
         chi_square=chi_square,
         region=Region.of(chain.mechanism.position(nominal)),
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
+        effort=Effort(method.name, fit.evaluations, method.settings),
     )
 
 
@@ -139,11 +169,13 @@ def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Pro
     """Nominal chain in the best frame, the noise, and the whitened problem with all free.
 
     Raises:
-        DataError: a pose that the nominal robot cannot take, or poses on one line.
+        DataError: a pose that the nominal robot cannot take or does not hold, or poses on one
+            line.
     """
     nominal = chain.mechanism.parameters.nominal
     x = chain.mechanism.forward(poses.joint, nominal)
     chain.mechanism.require_reach(x, poses.joint, "recorded joint command", "rad")
+    _require_held(chain, poses, x)
     try:
         frame = align(chain.point(x, chain.offset), poses.point)
     except DataError as error:
@@ -162,6 +194,25 @@ def distances(solution: Solution) -> Array:
     return np.asarray(np.linalg.norm(missed, axis=1))
 
 
+def _require_held(chain: Chain, poses: Poses, x: Array) -> None:
+    """Refuse poses of the nominal robot at which the platform is free to move.
+
+    There no error of a part has a definite effect. Where it is a joint that has lost its effect
+    (a stretched arm) there is one.
+    """
+    mechanism = chain.mechanism
+    parameters = mechanism.parameters
+    slope = mechanism.identification_jacobian(poses.joint, x, parameters.nominal)
+    known = np.isfinite(parameters.prior)
+    moved = np.linalg.norm(slope[..., known] * parameters.prior[known], axis=(1, 2))
+    bad = np.flatnonzero(~(moved < _LOOSE))
+    if bad.size:
+        raise SingularityError(
+            f"{poses.source}: pose {bad[0] + 1} is singular: tolerances of the parts move the "
+            f"nominal platform by {moved[bad[0]]:.2g} m; under {_LOOSE:g} m is allowed"
+        )
+
+
 def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]:
     return chain.mechanism.parameters.nominal, chain.offset, chain.split(theta)[2]
 
@@ -173,12 +224,18 @@ def _folds(poses: Poses, rng: np.random.Generator) -> NDArray[np.int64]:
     return np.asarray(part[np.searchsorted(places, poses.place)])
 
 
-def _residuals(solution: Solution, folds: NDArray[np.int64]) -> Residuals:
+def _residuals(
+    solution: Solution,
+    folds: NDArray[np.int64],
+    method: Method,
+    rng: np.random.Generator,
+    watch: Watch,
+) -> Residuals:
     problem = solution.problem
     missed = np.zeros_like(problem.y)
     for part in np.unique(folds):
         held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
-        fitted = solve(problem.take(seen), solution.z, settled=_GOOD_ENOUGH)
+        fitted = method.fit(problem.take(seen), rng, watch, solution.z).solution
         at = problem.at.take(held)
         x = problem.chain.pose(at, fitted.theta)
         problem.chain.mechanism.require_reach(x, at.joint, "held-out command", "rad")

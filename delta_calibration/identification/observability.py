@@ -61,7 +61,8 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
     """
     matrix = jacobian.reshape(-1, jacobian.shape[-1]) * scale
     norms = np.linalg.norm(matrix, axis=0)
-    unit = matrix / np.where(norms > 0, norms, 1.0)
+    shows = norms > _ZERO * norms.max()  # the rest is rounding, which no scale may make a column
+    unit = np.where(shows, matrix / np.where(shows, norms, 1.0), 0.0)
     values = np.linalg.svd(unit, compute_uv=False)
     rank = int(np.sum(values > _ZERO * values[0]))
     shown = np.linalg.svd(matrix, compute_uv=False)[:rank]
@@ -88,7 +89,7 @@ def _redundancies(
     found = []
     for column, name in enumerate(names):
         vector = unit[:, column]
-        if norms[column] <= _ZERO * norms.max():
+        if not vector.any():
             found.append(Redundancy(name, ()))
             continue
         left = vector - basis @ (basis.T @ vector)

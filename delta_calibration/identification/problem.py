@@ -14,7 +14,7 @@ are larger: what a model leaves out must not bend its parameters beyond what par
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +101,7 @@ class Solution:
     residual: Array  # (n, 3) whitened
     weight: Array  # (n,) of each pose under the robust loss, 1 where fully believed
     cost: float
-    steps: int
+    evaluations: int  # how often all poses were predicted
 
 
 def build_problem(
@@ -155,8 +155,10 @@ def solve(
         return _search(problem, _Loss(), start, settled)
     first = z = np.zeros(int(problem.free.sum())) if start is None else start
     bend = _bend(_state(problem, z, _Loss(), None).residual)
+    made = 1
     for _ in range(_ROUNDS):
         found = _search(problem, _Loss(bend), z, max(settled, _ROUGHLY))
+        made += found.evaluations
         last, bend, z = bend, min(bend, _bend(found.residual)), found.z
         if bend > _SHRUNK * last:
             break
@@ -165,17 +167,38 @@ def solve(
         if start is None:  # the rounds may have led the offset into a valley of its own
             starts.append(first)
     else:  # and so may gross errors
-        drawing = np.where(problem.offset_rows(), 0.0, z)
-        loss, starts = _Loss(bend, _GROSS * bend), [z]
-        starts.append(_search(problem, _Loss(bend), drawing, settled).z)
+        drawing = _search(
+            problem, _Loss(bend), np.where(problem.offset_rows(), 0.0, z), settled
+        )
+        made += drawing.evaluations
+        loss, starts = _Loss(bend, _GROSS * bend), [z, drawing.z]
     ends = [_search(problem, loss, begin, settled) for begin in starts]
-    return min(ends, key=lambda end: end.cost)
+    made += sum(end.evaluations for end in ends)
+    return replace(min(ends, key=lambda end: end.cost), evaluations=made)
+
+
+def solution_at(problem: Problem, z: Array) -> Solution:
+    """What the problem makes of unknowns found elsewhere, under the loss of their own residuals.
+
+    Raises:
+        DataError: the model with these unknowns cannot reach a pose.
+    """
+    own = _state(problem, z, _Loss(), None)
+    _require_reach(problem, own, "the machine that was found")
+    bend = _bend(own.residual)
+    now = _state(problem, z, _Loss(bend, _GROSS * bend), own.pose)
+    return _solution(problem, replace(now, evaluations=2))
 
 
 def robust_weights(residual: Array) -> Array:
     """Weight of each pose by its whitened residual (n, 3): 1, less beyond 4 sigma, 0 beyond 12."""
     bend = _bend(residual)
     return _Loss(bend, _GROSS * bend)(np.linalg.norm(residual, axis=1))[1]
+
+
+def spread_of(residual: Array) -> float:
+    """Robust standard deviation of whitened residuals (n, 3), but not under the noise's own, 1."""
+    return _bend(residual) / _HUBER
 
 
 def _bend(residual: Array) -> float:
@@ -193,13 +216,7 @@ def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) 
     """
     z = np.zeros(int(problem.free.sum())) if start is None else start
     now = _state(problem, z, loss, None)
-    if not np.isfinite(now.cost):
-        bad = int(np.flatnonzero(~np.isfinite(now.pose).all(axis=1))[0])
-        joints = ", ".join(f"{v:.4f}" for v in problem.at.joint[bad])
-        raise DataError(
-            f"pose {bad + 1} of {len(problem.at)} cannot be reached by the nominal robot: joints "
-            f"{joints} rad; another robot, or joints of another zero?"
-        )
+    _require_reach(problem, now, "the nominal robot")
     every = np.ones(len(z), dtype=bool)
     rest = ~problem.offset_rows()
     now = _settle(problem, now, rest, loss, settled)
@@ -214,8 +231,8 @@ def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) 
             if gain <= settled:
                 break
         else:
-            damping *= 10
-    return Solution(problem, now.theta, now.z, now.pose, now.residual, now.weight, now.cost, steps)
+            now, damping = replace(now, evaluations=tried.evaluations), 10 * damping
+    return _solution(problem, now)
 
 
 def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: float) -> _State:
@@ -224,7 +241,7 @@ def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: f
         tried = _step(problem, now, moving, loss, _DAMPING)
         gain = now.cost - tried.cost
         if not gain >= 0:
-            break
+            return replace(now, evaluations=tried.evaluations)
         now = tried
         if gain <= settled:
             break
@@ -241,7 +258,7 @@ def _step(problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: flo
     gradient = rows.T @ residual - (prior * now.z)[moving]
     z = now.z.copy()
     z[moving] += np.linalg.solve(normal, gradient)
-    return _state(problem, z, loss, now.pose)
+    return _state(problem, z, loss, now.pose, now.evaluations)
 
 
 @dataclass(frozen=True)
@@ -252,13 +269,35 @@ class _State:
     residual: Array
     weight: Array
     cost: float
+    evaluations: int  # on the way here, steps that were not kept among them
 
 
-def _state(problem: Problem, z: Array, loss: _Loss, guess: Array | None) -> _State:
+def _state(
+    problem: Problem, z: Array, loss: _Loss, guess: Array | None, evaluations: int = 0
+) -> _State:
     theta = problem.theta(z)
     pose = problem.chain.pose(problem.at, theta, guess)
     residual = problem.residual(theta, pose)
     losses, weight = loss(np.linalg.norm(residual, axis=1))
     explained = np.sum(losses) / loss.spread**2
     cost = float(explained + np.sum(z[problem.has_prior[problem.free]] ** 2))
-    return _State(z, theta, pose, residual, weight, cost if np.isfinite(cost) else np.inf)
+    cost = cost if np.isfinite(cost) else np.inf
+    return _State(z, theta, pose, residual, weight, cost, evaluations + 1)
+
+
+def _require_reach(problem: Problem, now: _State, whose: str) -> None:
+    """Refuse a state that leaves a pose without a prediction."""
+    if np.isfinite(now.cost):
+        return
+    bad = int(np.flatnonzero(~np.isfinite(now.pose).all(axis=1))[0])
+    joints = ", ".join(f"{v:.4f}" for v in problem.at.joint[bad])
+    raise DataError(
+        f"pose {bad + 1} of {len(problem.at)} cannot be reached by {whose}: joints "
+        f"{joints} rad; another robot, or joints of another zero?"
+    )
+
+
+def _solution(problem: Problem, now: _State) -> Solution:
+    return Solution(
+        problem, now.theta, now.z, now.pose, now.residual, now.weight, now.cost, now.evaluations
+    )

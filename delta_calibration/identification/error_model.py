@@ -1,0 +1,54 @@
+"""The error model of a session, and where a search may look in it.
+
+Paper 004's (6), of everything that a session leaves unknown: geometry, reflector offset and
+tracker frame, in units z of what one expects of them, with the priors as rows,
+
+    |e - J d|^2 = sum_i w_i |W_i (y_i - chain(q_i, theta)) - J_i d|^2 / s^2 + sum_prior z_k^2,
+
+about one machine, w and s the weights and the spread of the robust loss. Its sum of squares is
+that of one row an unknown, whatever the number of poses: a search may ask it a million times.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.identification.pose_residual import LinearResidual
+from delta_calibration.identification.problem import Problem, robust_weights
+from delta_calibration.identification.swarm import Box
+
+Array = NDArray[np.float64]
+
+_FAR = 4.0  # standard deviations of a part; of all parts one in 16 000 is farther off
+
+
+def error_model(problem: Problem, z: Array, spread: float) -> LinearResidual:
+    """The problem about unknowns z (F,), by the unknowns; `spread` of what no part explains."""
+    theta = problem.theta(z)
+    pose = problem.chain.pose(problem.at, theta)
+    residual, slope = problem.residual(theta, pose), problem.slope(theta, pose)
+    root = np.sqrt(robust_weights(residual))[:, None] / spread
+    data = (root[..., None] * slope).reshape(-1, len(z))
+    priors = np.eye(len(z))[problem.has_prior[problem.free]]
+    rows = np.concatenate([data, priors])
+    error = np.append((root * residual).reshape(-1) + data @ z, np.zeros(len(priors)))
+    basis, factor = np.linalg.qr(rows)
+    target = basis.T @ error
+    return LinearResidual(factor, target, float(np.linalg.norm(error - basis @ target)))
+
+
+def box_of(problem: Problem) -> Box:
+    """Where a machine of these priors may lie, by the unknowns.
+
+    What has no prior, the tracker's frame, stands as far from the one that fits the drawing best
+    as parts that far off can turn and shift it.
+    """
+    theta = problem.theta0
+    slope = problem.slope(theta, problem.chain.pose(problem.at, theta))
+    slope = slope.reshape(-1, slope.shape[-1])
+    known = problem.has_prior[problem.free]
+    reach = np.ones(len(known))
+    swept = np.linalg.lstsq(slope[:, ~known], slope[:, known], rcond=None)[0]
+    reach[~known] = np.linalg.norm(swept, axis=1)
+    return Box.about_zero(_FAR * reach)
