@@ -184,7 +184,7 @@ def _left_figure(each: dict[str, Observed]) -> Figure:
     for key in ("geometry", "verdict"):
         fit, (name, colour, symbol) = each[key], _STYLES[key]
         turns = fit.evidence.at.joint[:, 3] / (2 * np.pi)
-        points = Points(name, turns, MM * missed(fit), colour, symbol, 6.0)
+        points = Points("", turns, MM * missed(fit), colour, symbol, 6.0)
         panels.append(
             Panel(
                 f"{name}: {MM * line_rms(fit):.2f} mm RMS a line",

@@ -114,7 +114,8 @@ def diagnose_observations(
         stated: whether the noise that the observations state is known; else its factor is found.
         further: what else could be measured, in words, with made-up values: what the verdict
             proposes is chosen from it, the first that does.
-        effects: what is tried; where not given the whole catalogue, but what only a tracker shows.
+        effects: what is tried; where not given the whole catalogue, what acts on
+            a tracker's readings where there is nothing else.
         seed: of bootstraps.
         step: is told of each of `STEPS` as it begins.
 
@@ -125,7 +126,8 @@ def diagnose_observations(
     step(STEPS[0])
     start = Observed.of(mechanism, measured, frame, stated, further)
     if effects is None:
-        effects = [e for e in catalogue(robot, mechanism) if e.stage is not Stage.MEASUREMENT]
+        every = catalogue(robot, mechanism)
+        effects = [e for e in every if start.reads or e.stage is not Stage.MEASUREMENT]
     return judged(start, effects, start.facts, np.random.default_rng(seed), step=step)
 
 

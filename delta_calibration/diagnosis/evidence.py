@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -277,9 +277,7 @@ def together(parts: Sequence[Evidence]) -> Evidence:
     first = parts[0]
     if len(parts) == 1:
         return first
-    at = first.at
-    for part in parts[1:]:
-        at = joined(at, part.at)
+    at = reduce(joined, [part.at for part in parts])
 
     def every(name: str) -> Array:
         return np.concatenate([getattr(part, name) for part in parts])
@@ -297,7 +295,7 @@ def together(parts: Sequence[Evidence]) -> Evidence:
         poses=len(at),
         by_joints=by_joints,
         by_geometry=every("by_geometry"),
-        seen=at,
+        seen=reduce(joined, [part.seen for part in parts]),
     )
 
 

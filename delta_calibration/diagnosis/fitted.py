@@ -49,7 +49,7 @@ class Fitted(ABC):
     @property
     @abstractmethod
     def noise_apart(self) -> bool:
-        """Whether the noise is known by more than what fits leave; else none can be told to fit."""
+        """Whether the noise is known by more than what a fit leaves; else no fit is a bad one."""
 
     @property
     @abstractmethod

@@ -29,10 +29,14 @@ from delta_calibration.diagnosis.evidence import Evidence, together
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.diagnosis.verdict import SessionFacts
-from delta_calibration.effects import Effect
+from delta_calibration.effects import Effect, Stage
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame
-from delta_calibration.identification.observations import Machine, Observation
+from delta_calibration.identification.observations import (
+    Machine,
+    Observation,
+    PointMeasured,
+)
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.samples import Conditions
 
@@ -184,6 +188,11 @@ class Observed(Fitted):
         return machine, chain.joints(at, self.theta)
 
     @property
+    def reads(self) -> bool:
+        """Whether all that was measured are a tracker's readings, on which its own effects act."""
+        return all(type(m.observation) is PointMeasured for m in self.measured)
+
+    @property
     def _effects(self) -> tuple[Effect, ...]:
         return tuple(m.effect for m in self.members if m.effect is not None)
 
@@ -241,6 +250,11 @@ class Observed(Fitted):
                 f"{moved.kind}: sample {bad[0] + 1} cannot be predicted: joints "
                 f"{', '.join(f'{v:.4f}' for v in at.joint[bad[0]])} are out of reach"
             )
+        seen = at
+        if self.reads:
+            assert isinstance(moved, PointMeasured)
+            seen = replace(at, reading=moved.point - off)
+            off = off - self._shift(seen)
         n, d, p = len(off), off.shape[1], self.cell.geometry_size
         scale, precision = self._scale
         none = np.zeros((n, d, 3))  # a reflector's offset is the observation's own
@@ -264,13 +278,22 @@ class Observed(Fitted):
             poses=n,
             by_joints=by_joints,
             by_geometry=whiten @ slopes[..., :p],
-            seen=at,
+            seen=seen,
         )
         effects = evidence.chain.effect_values(self.theta)
         for effect, value in zip(self._effects, effects, strict=True):
             shift = evidence.columns(effect) @ (value / effect.parameters.prior)
             evidence = replace(evidence, residual=evidence.residual + shift.reshape(n, d))
         return evidence
+
+    def _shift(self, seen: Conditions) -> Array:
+        """What the effects on readings add, (n, 3) [m]."""
+        values = self.cell.with_effects(self._effects).effect_values(self.theta)
+        shift = np.zeros((len(seen), 3))
+        for effect, value in zip(self._effects, values, strict=True):
+            if effect.stage is Stage.MEASUREMENT:
+                shift += effect.columns(seen) @ value
+        return shift
 
 
 def _at(observation: Observation, joint: Array) -> Observation:
