@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.diagnosis import Judgement, Measured, Observed, diagnose_observations
+from delta_calibration.diagnosis.candidates import columns_of
+from delta_calibration.diagnosis.rivals import reached, scaled
 from delta_calibration.effects.drum_build_up import DrumBuildUp
 from delta_calibration.identification.closures import ClosureAlone, ClosureAtPose
 from delta_calibration.mechanisms import CableRobot
@@ -135,6 +137,26 @@ def fits(machine: Machine, found: Judgement) -> dict[str, Observed]:
     }
 
 
+def likeness(found: Judgement) -> dict[str, float]:
+    """Cosine of the first finding's signal with what every other cause could make, nearest first.
+
+    From 0.95 on the verdict calls both one class.
+    """
+    model = found.model
+    evidence, (member, *_) = model.evidence, model.members
+    signal = columns_of(member, evidence) @ scaled(model, member)
+    weighed = evidence.weigh(signal[:, None])[:, 0]
+    near: dict[str, float] = {}
+    for score in found.found.first.scores:
+        candidate = score.candidate
+        if candidate.unexplained or candidate.same_cause(member):
+            continue
+        columns = columns_of(candidate, evidence)
+        share = reached(evidence.information(columns), columns.T @ weighed) / (signal @ weighed)
+        near[candidate.cause] = max(near.get(candidate.cause, 0.0), float(np.sqrt(share)))
+    return dict(sorted(near.items(), key=lambda item: -item[1]))
+
+
 def missed(fit: Observed) -> Array:
     """Length that each number is missed by, (N,) [m]; of a pose's lines together where free."""
     return fit.beside.missed(fit.beside.best())[:, 0]
@@ -229,7 +251,9 @@ def report(root: Path, out: Path | None) -> list[Figure]:
     machine = Machine.of(root)
     found = verdict(machine)
     print("Hangprinter, closures of 44 poses, 9 of them measured")
-    print(describe(found.verdict))
+    print(describe(found.verdict, "one closure", "closure"))
+    print("how much like the first finding another cause could be, cosine beside geometry:")
+    print(f"  {', '.join(f'{cause} {cosine:.2f}' for cause, cosine in likeness(found).items())}")
     for key, fit in fits(machine, found).items():
         print(f"{_STYLES[key][0]}: {MM * line_rms(fit):.3f} mm RMS a line", end="; by hand")
         told = zip(LINES, MM * by_hand(fit), 1.96 * MM * by_hand_std(fit), strict=True)

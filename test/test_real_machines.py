@@ -71,6 +71,19 @@ def test_what_stays_of_the_meshes_and_what_does_not():
     assert chance < 0.1
 
 
+@pytest.mark.real
+@present(V400)
+def test_what_stays_has_the_towers_symmetry_and_a_part_of_what_does_not_the_probing():
+    meshes = [real_v400.mesh(V400 / day) for day in real_v400.AUGUST]
+    one, two = (real_v400.beyond_geometry(mesh) for mesh in meshes)
+    stays, changes = (one + two) / 2, (one - two) / 2
+    lobes = {n: real_v400.threefold_share(meshes[0], stays, n) for n in (2, 3, 4, 6)}
+    assert lobes[3] > 0.75
+    assert max(share for n, share in lobes.items() if n != 3) < 0.05
+    share = real_v400.to_and_fro(meshes[0], changes)
+    assert share > 0.2 > 0.15 > real_v400.by_chance(meshes[0], changes)
+
+
 def sampled(series, n, seed=1):
     """Some of the poses, in the order of their measurement."""
     rows = np.random.default_rng(seed).choice(len(series.joint), n, replace=False)
@@ -127,7 +140,7 @@ def simulated(rng, n, size):
     base = Rotation.from_rotvec([0.2, -0.4, 1.5]).as_matrix()
     point = x[:, :3] @ base.T + [1.0, -2.0, 0.3] + 30e-6 * rng.standard_normal((n, 3))
     clock = np.linspace(-1, 1, n)
-    return real_ur10.Series(joint, point, base @ arm.rotation(x), clock, 20 + clock)
+    return real_ur10.Series(joint, point, base @ arm.rotation(x), 3600 * clock, 20 + clock)
 
 
 def test_a_wave_of_one_joint_is_found_there_and_only_there():
