@@ -106,15 +106,15 @@ class Machine:
         at = self.conditions(joint)
         known = ClosureAtPose(joint[seen], place[seen], self.mechanism.joints, SIZE)
         redundant = self.mechanism.joints - self.mechanism.pose_size
-        parts = [Measured(known, at.take(seen))]
+        parts = [Measured(known, at.take(seen), timed=False)]
         if not seen.all():
             alone = ClosureAlone(joint[~seen], redundant, SIZE)
-            parts.append(Measured(alone, at.take(~seen)))
+            parts.append(Measured(alone, at.take(~seen), timed=False))
         return tuple(parts)
 
     def _with(self, measured: Measured, payload: float) -> Measured:
         at = measured.at
-        return Measured(measured.observation, replace(at, payload=np.full(len(at), payload)))
+        return replace(measured, at=replace(at, payload=np.full(len(at), payload)))
 
 
 def verdict(machine: Machine) -> Judgement:

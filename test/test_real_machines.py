@@ -10,6 +10,10 @@ from scipy.spatial.transform import Rotation
 
 import real_ur10
 import real_v400
+import ur10_verdict
+from delta_calibration.diagnosis import Measured, diagnose_observations
+from delta_calibration.documents import check_document, load_schema
+from delta_calibration.identification.observations import PointMeasured
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.robot import load_robot
 from real_machines import DATA
@@ -165,3 +169,24 @@ def test_without_a_wave_no_extension_helps():
     assert real_ur10.rms(geometry) < 60e-6  # 52 of them are noise
     for name, columns in real_ur10.extensions(left):
         assert real_ur10.margin(geometry, real_ur10.held_out(left, columns))[0] < 1e-6, name
+
+
+@pytest.mark.real
+@present(ARM)
+def test_the_verdict_on_the_arm_names_the_joints_own_curves():
+    """Of 300 poses and few candidates; the whole of it: `real_machines.py ur10`."""
+    series = sampled(real_ur10.read(ARM / real_ur10.SERIES["C"]), 300)
+    arm, frame = ur10_verdict.arm_before(series)
+    point = PointMeasured(series.joint, series.point, np.zeros(3), ur10_verdict.NOISE)
+    causes = {"joint_error_curve", "joint_compliance", "encoder_eccentricity", "joint_scale"}
+    tried = [e for e in ur10_verdict.candidates(arm, series) if e.cause in causes]
+    found = diagnose_observations(
+        [Measured(point, ur10_verdict.conditions(series))], arm, ur10_verdict.ROBOT, frame,
+        effects=tried,
+    )  # fmt: skip
+    first = found.verdict.findings[0]
+    assert first.cause == "joint_error_curve"
+    assert first.confidence > 0.99
+    assert first.gain_low > 0.5
+    assert found.verdict.extended.held_out_rms_mm < 0.5 * found.verdict.calibrated.held_out_rms_mm
+    check_document(found.verdict.as_dict(), load_schema("verdict"), "verdict")

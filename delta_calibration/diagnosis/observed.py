@@ -55,6 +55,7 @@ class Measured:
 
     observation: Observation
     at: Conditions  # (n) joints are the observation's
+    timed: bool = True  # whether the times are a clock's, or stand for an order
 
     def __post_init__(self) -> None:
         """Refuse conditions of other samples, and kinds of several sets of joints a number.
@@ -125,7 +126,8 @@ class Observed(Fitted):
         times = np.concatenate([m.at.time for m in self.measured])
         count = sum(len(m.at) for m in self.measured)
         aside = int(np.sum(self.kept == 0))
-        return SessionFacts(count, count, float(np.ptp(times)), {"outlier": aside, "frozen": 0})
+        duration = float(np.ptp(times)) if all(m.timed for m in self.measured) else 0.0
+        return SessionFacts(count, count, duration, {"outlier": aside, "frozen": 0})
 
     @property
     def noise_degrees(self) -> float:
