@@ -208,6 +208,9 @@ def test_what_cannot_be_diagnosed_is_refused():
         Measured(height, at_rest(joint + 1))
     with pytest.raises(InputError, match="observations: none is not allowed"):
         Observed.of(DELTA.commanded, [])
+    _, _, seen = tracked(np.random.default_rng(1))
+    with pytest.raises(InputError, match="frame: none is not allowed with positions"):
+        Observed.of(DELTA.commanded, [seen])
     far = HeightAtContact(np.full((3, 3), 3.0), np.zeros(3), 1e-4)
     with pytest.raises(DataError, match=r"height: sample 1 cannot be predicted: joints 3.0000"):
         Observed.of(DELTA.commanded, [Measured(far, at_rest(far.joint))])

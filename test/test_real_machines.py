@@ -174,8 +174,8 @@ def test_without_a_wave_no_extension_helps():
 @pytest.mark.real
 @present(ARM)
 def test_the_verdict_on_the_arm_names_the_joints_own_curves():
-    """Of 300 poses and few candidates; the whole of it: `real_machines.py ur10`."""
-    series = sampled(real_ur10.read(ARM / real_ur10.SERIES["C"]), 300)
+    """Of 200 poses and few candidates; the whole of it: `real_machines.py ur10`."""
+    series = sampled(real_ur10.read(ARM / real_ur10.SERIES["C"]), 200)
     arm, frame = ur10_verdict.arm_before(series)
     point = PointMeasured(series.joint, series.point, np.zeros(3), ur10_verdict.NOISE)
     causes = {"joint_error_curve", "joint_compliance", "encoder_eccentricity", "joint_scale"}

@@ -16,9 +16,8 @@ which is what is left of a and b once all that the nuisance can explain is proje
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,7 @@ from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.identification import Noise, Problem, whitening
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, Paths, Survey, joined
+from delta_calibration.samples import Conditions, Paths, Survey
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -270,33 +269,6 @@ class Evidence:
         """Residuals less nuisance z and what rest errors these paths then seem to have, (n, d)."""
         left = self.rest.without(self.column - self._flat @ z[:, None])
         return left.reshape(self.residual.shape)
-
-
-def together(parts: Sequence[Evidence]) -> Evidence:
-    """One evidence of several about the same fit, all of d coordinates and none with paths."""
-    first = parts[0]
-    if len(parts) == 1:
-        return first
-    at = reduce(joined, [part.at for part in parts])
-
-    def every(name: str) -> Array:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    by_joints = every("by_joints")
-    return replace(
-        first,
-        at=at,
-        pose=every("pose"),
-        whiten=every("whiten"),
-        residual=every("residual"),
-        nuisance=every("nuisance"),
-        rest=Rest.of(np.full(len(at), AT_REST), at, by_joints),
-        precision=np.min([part.precision for part in parts], axis=0),  # 1 where one shows nothing
-        poses=len(at),
-        by_joints=by_joints,
-        by_geometry=every("by_geometry"),
-        seen=reduce(joined, [part.seen for part in parts]),
-    )
 
 
 def gather(

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.contrast import ALIKE, NAMED, Contrast, Pair
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.evidence import together as together_evidence
 from delta_calibration.diagnosis.foresight import Foresight, Products, together
+from delta_calibration.diagnosis.pooling import together as pooled
 from delta_calibration.diagnosis.proposals import Session, proposals
 from delta_calibration.effects import Effect
 from delta_calibration.robot import Robot
@@ -98,7 +98,7 @@ class Outlook:
     def _said(cls, measured: Evidence, further: Sequence[tuple[str, Evidence]]) -> Outlook:
         """By what it was said could be measured."""
         number = np.repeat(np.arange(len(further)), [len(evidence) for _, evidence in further])
-        foreseen = together_evidence([evidence for _, evidence in further] or [measured])
+        foreseen = pooled([evidence for _, evidence in further] or [measured])
         return cls(measured, foreseen, tuple(words for words, _ in further), number)
 
     def next_experiment(self, first: Candidate, second: Candidate | None) -> str:

@@ -25,8 +25,9 @@ from scipy.stats import chi2
 
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of
-from delta_calibration.diagnosis.evidence import Evidence, together
+from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.pooling import apart, together, weighted
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Stage
@@ -102,7 +103,7 @@ class Observed(Fitted):
             further: what else could be measured, in words, with made-up values.
 
         Raises:
-            InputError: no observation.
+            InputError: no observation, or no frame where one matters.
             DataError: samples out of reach, or no rest.
         """
         if not measured:
@@ -111,6 +112,10 @@ class Observed(Fitted):
         theta = chain.join(mechanism.parameters.nominal, np.zeros(3), frame or Frame.identity())
         more = tuple((words, tuple(parts)) for words, parts in further)
         start = cls(tuple(measured), chain, theta, stated, more)
+        if frame is None and start.placed:
+            raise InputError(
+                "frame: none is not allowed with positions or poses; where to start from"
+            )
         first = start.fitted(())
         gross = _gross(first.evidence)
         return replace(first, kept=1.0 - gross).fitted(()) if gross.any() else first
@@ -135,7 +140,7 @@ class Observed(Fitted):
         return np.inf if self.stated else self.evidence.degrees
 
     @property
-    def noise_apart(self) -> bool:
+    def noiseapart(self) -> bool:
         """Only where it was stated."""
         return self.stated
 
@@ -156,7 +161,7 @@ class Observed(Fitted):
         others = tuple((words, self._gathered(parts)) for words, parts in self.further)
         own = self._gathered(self.measured)
         if self.kept.size:
-            own = _weighted(own, self.kept)
+            own = weighted(own, self.kept)
         return replace(own, further=others)
 
     def fitted(self, members: tuple[Candidate, ...]) -> Observed:
@@ -238,7 +243,7 @@ class Observed(Fitted):
         every = (*self.measured, *(m for _, others in self.further for m in others))
         alike = len({len(m.observation.sigma) for m in every}) == 1
         parts = (self._part(m) for m in measured)
-        return together([part if alike else _apart(part) for part in parts])
+        return together([part if alike else apart(part) for part in parts])
 
     def _part(self, measured: Measured) -> Evidence:
         """Evidence of one kind."""
@@ -316,45 +321,6 @@ def _by_joints(observation: Observation, machine: Machine) -> Array:
         )
         slopes.append((back - ahead) / (2 * h))
     return np.stack(slopes, axis=-1)
-
-
-def _apart(evidence: Evidence) -> Evidence:
-    """Each number a sample by itself."""
-    n, d = evidence.residual.shape
-    row = np.repeat(np.arange(n), d)
-
-    def each(columns: Array) -> Array:
-        return np.asarray(columns.reshape(n * d, 1, -1))
-
-    at, by_joints = evidence.at.take(row), each(evidence.by_joints)
-    return replace(
-        evidence,
-        at=at,
-        pose=evidence.pose[row],
-        whiten=np.einsum("nii->ni", evidence.whiten).reshape(n * d, 1, 1),
-        residual=evidence.residual.reshape(-1, 1),
-        nuisance=each(evidence.nuisance),
-        rest=Rest.of(np.full(n * d, AT_REST), at, by_joints),
-        poses=n * d,
-        by_joints=by_joints,
-        by_geometry=each(evidence.by_geometry),
-        seen=at,
-    )
-
-
-def _weighted(evidence: Evidence, kept: Array) -> Evidence:
-    """The evidence with some of its samples set aside, (N,) 1 or 0."""
-    root = kept[:, None, None]
-    by_joints = root * evidence.by_joints
-    return replace(
-        evidence,
-        whiten=root * evidence.whiten,
-        residual=root[..., 0] * evidence.residual,
-        nuisance=root * evidence.nuisance,
-        rest=evidence.rest.scaled(root),
-        by_joints=by_joints,
-        by_geometry=root * evidence.by_geometry,
-    )
 
 
 def _gross(evidence: Evidence) -> Array:
