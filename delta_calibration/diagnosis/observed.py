@@ -140,7 +140,7 @@ class Observed(Fitted):
         return np.inf if self.stated else self.evidence.degrees
 
     @property
-    def noiseapart(self) -> bool:
+    def noise_apart(self) -> bool:
         """Only where it was stated."""
         return self.stated
 

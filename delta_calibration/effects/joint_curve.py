@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import ClassVar
 
@@ -55,15 +56,7 @@ class JointCurve(Effect):
     @property
     def parameters(self) -> ParameterSet:
         """Weights [rad] of each joint's splines."""
-        return ParameterSet(
-            tuple(
-                Parameter(
-                    f"curve_{j}_{f}", "rad", 0.0, self.size / SPREAD, self.cause, f"joint_{j}"
-                )
-                for j, knots in enumerate(self._knots(), start=1)
-                for f in range(1, len(knots) - _DEGREE)
-            )
-        )
+        return _weights(tuple(len(k) - _DEGREE - 1 for k in self._knots()), self.size / SPREAD)
 
     def columns(self, at: Conditions) -> Array:
         """(n, m, sum of the joints' splines)."""
@@ -95,3 +88,15 @@ class JointCurve(Effect):
             step = inner[1] - inner[0]
             beyond = step * np.arange(1, _DEGREE + 1)
             yield np.concatenate([low - beyond[::-1], inner, high + beyond])
+
+
+@lru_cache
+def _weights(counts: tuple[int, ...], prior: float) -> ParameterSet:
+    """Of each joint's splines; there are many, and they are asked for often."""
+    return ParameterSet(
+        tuple(
+            Parameter(f"curve_{j}_{f}", "rad", 0.0, prior, JointCurve.cause, f"joint_{j}")
+            for j, count in enumerate(counts, start=1)
+            for f in range(1, count + 1)
+        )
+    )
