@@ -34,6 +34,9 @@ JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist
 TOLERANCES = ArmTolerances(length=1e-3, twist=1e-3, zero=1e-3, tool=np.inf, mount=np.inf)
 NOISE, TURN_NOISE = 0.2e-3, 1e-3  # [m], [rad]: probe and what the model leaves out
 BLOCKS = 10
+PACE = 3.74  # [s] a pose, that of series A; stamps of C lost their digits
+WARMING = (600.0, 1200.0, 2400.0, 4800.0)  # [s] time constants of links that grow
+GROWTH = 150e-6  # [1] expected
 KNOT = np.radians(4.0)  # of a joint's own error curve; chosen beforehand, never tuned
 CURVE, HARMONIC, DRIFT = 0.15e-3, 0.15e-3, 0.1e-3  # expected sizes [rad, m]
 BENDING = (0, 1, 2, 3, 4)  # joints whose angle moves the probe far; the last turns it in place
@@ -47,8 +50,13 @@ class Series:
     joint: Array  # (n, 6) [rad] commanded
     point: Array  # (n, 3) [m] of the probe in the tracker's frame
     rotation: Array  # (n, 3, 3)
-    clock: Array  # (n,) -1 to 1 over the series, by stamps or, without them, by order
+    time: Array  # (n,) [s] since the first, by stamps or, without them, by order at a usual pace
     temperature: Array  # (n,) [deg C] of the room
+
+    @property
+    def clock(self) -> Array:
+        """-1 to 1 over the series, (n,)."""
+        return 2 * (self.time - self.time[0]) / (self.time[-1] - self.time[0]) - 1
 
     def take(self, rows: NDArray[np.intp]) -> Series:
         """Some of the poses."""
@@ -63,6 +71,16 @@ class Left:
     missed: Array  # (n, 3) [m]
     geometry: Array  # (n, 3, P) in expected sizes
     by_joint: Array  # (n, 3, 6) [m/rad]
+    growth: Array  # (n, 3) [m] when all links grow by their own length
+
+
+@dataclass(frozen=True)
+class Gained:
+    """What an extension is worth on blocks held out."""
+
+    name: str
+    gain: float  # [m] RMS, mean over blocks
+    half: float  # [m] of its 95 % interval
 
 
 def read(path: Path) -> Series:
@@ -78,7 +96,7 @@ def read(path: Path) -> Series:
         joint=columns(*(f"{name}_joint" for name in JOINTS)),
         point=1e-3 * columns(*(f"measurement_{axis}" for axis in "xyz")),
         rotation=Rotation.from_euler("XYZ", angles, degrees=True).as_matrix(),
-        clock=_clock([row["timestamp"] for row in rows]),
+        time=_time([row["timestamp"] for row in rows]),
         temperature=columns("measurement_temperature")[:, 0],
     )
 
@@ -128,7 +146,10 @@ def left_by(fit: MixedFit, series: Series) -> Left:
     prior = np.append(parameters.prior, np.full(6, np.inf))
     scale = np.where(np.isfinite(prior), prior, 1e-3)
     zeros = [parameters.row(f"zero_{joint}") for joint in range(1, 7)]
-    return Left(series, seen.missed(fit.machine)[:, :3], slopes * scale, slopes[..., zeros])
+    lengths = [p.nominal * (p.cause in ("link_length", "link_offset")) for p in parameters]
+    growth = slopes[..., : len(parameters)] @ np.array(lengths)
+    missed = seen.missed(fit.machine)[:, :3]
+    return Left(series, missed, slopes * scale, slopes[..., zeros], growth)
 
 
 def extensions(left: Left) -> Iterator[tuple[str, Array]]:
@@ -143,20 +164,27 @@ def extensions(left: Left) -> Iterator[tuple[str, Array]]:
     yield "joint zeros drift, cubic in time", _times(zeros, course)
     yield "joint zeros by room temperature", _times(zeros, warm)
     yield "joints give way to gravity", gravity(left)
+    over = [1 - np.exp(-series.time / constant) for constant in WARMING]
+    links = left.growth[..., None] * GROWTH
+    yield "links grow as the arm warms up", _times(links, np.stack(over, axis=1))
     yield "one and two cycles a turn of each joint", np.concatenate(
         [left.by_joint * wave(n * q)[:, None] for n in (1, 2) for wave in (np.sin, np.cos)], -1
     ) * HARMONIC
 
 
 def gravity(left: Left) -> Array:
-    """Sags of joints 2, 3, 4 by the lever of each link: cosines of absolute angles, (n, 3, k)."""
-    q = left.series.joint
+    """Sags of joints 2, 3, 4 by the lever of each link, (n, 3, k)."""
+    each = levers(left.series.joint).items()
+    parts = [left.by_joint[..., j] * v[:, None] for j, some in each for v in some]
+    return np.stack(parts, axis=-1) * 0.3e-3
+
+
+def levers(q: Array) -> dict[int, list[Array]]:
+    """What gravity's torque about joints 2, 3, 4 is made of: cosines of absolute angles, (n,)."""
     upper = q[:, 1]
     fore, wrist = upper + q[:, 2], upper + q[:, 2] + q[:, 3]
     hand = [np.sin(wrist), np.cos(wrist), np.cos(wrist) * np.sin(q[:, 4])]
-    levers = {1: [np.cos(upper), np.cos(fore), *hand], 2: [np.cos(fore), *hand], 3: hand}
-    parts = [left.by_joint[..., j] * v[:, None] for j, each in levers.items() for v in each]
-    return np.stack(parts, axis=-1) * 0.3e-3
+    return {1: [np.cos(upper), np.cos(fore), *hand], 2: [np.cos(fore), *hand], 3: hand}
 
 
 def curves(left: Left, joints: tuple[int, ...]) -> Array:
@@ -197,12 +225,14 @@ def agreement(one: Left, other: Left, joint: int) -> tuple[float, Array]:
     ranges = [np.quantile(x.series.joint[:, joint], [0.0, 1.0]) for x in (one, other)]
     low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
     at = np.linspace(low + 0.1 * (high - low), high - 0.1 * (high - low), 500)
-    course = np.vander(np.linspace(-1, 1, len(at)), 5)
-    left = [
-        curve - course @ np.linalg.lstsq(course, curve, rcond=None)[0]
-        for curve in (curve_of(one, joint, at), curve_of(other, joint, at))
-    ]
+    left = [without_course(curve_of(each, joint, at)) for each in (one, other)]
     return float(np.corrcoef(*left)[0, 1]), at[[0, -1]]
+
+
+def without_course(curve: Array) -> Array:
+    """A curve at even steps, (k,), less its fourth-order course."""
+    course = np.vander(np.linspace(-1, 1, len(curve)), 5)
+    return np.asarray(curve - course @ np.linalg.lstsq(course, curve, rcond=None)[0])
 
 
 def held_out(left: Left, *columns: Array) -> Array:
@@ -237,9 +267,9 @@ def rms(missed: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(missed**2, axis=-1))))
 
 
-def report(root: Path) -> None:
-    """All of it."""
-    lefts = {}
+def report(root: Path) -> tuple[dict[str, Left], dict[str, list[Gained]]]:
+    """All of it; what is left of each series, and what each extension gains."""
+    lefts, gains = {}, {}
     for name, file in SERIES.items():
         series = read(root / file)
         nominal, full = fits(series)
@@ -250,11 +280,13 @@ def report(root: Path) -> None:
         left = lefts[name] = left_by(full, series)
         base = held_out(left)
         print(f"  {'geometry':48s} held out {rms(base) * 1e3:.3f} mm")
+        gained = gains[name] = []
         for what, columns in extensions(left):
-            _tell(what, base, held_out(left, columns))
+            gained.append(_tell(what, base, held_out(left, columns)))
         for joints in ((0,), (1,), (2,), (0, 1, 2), BENDING):
             named = ", ".join(str(joint + 1) for joint in joints)
-            _tell(f"own error curve of joint {named}", base, held_out(left, curves(left, joints)))
+            after = held_out(left, curves(left, joints))
+            gained.append(_tell(f"own error curve of joint {named}", base, after))
         own = curves(left, BENDING)
         base = held_out(left, own)
         sizes = ", ".join(f"{curve_size(left, joint) * 1e3:.2f}" for joint in BENDING)
@@ -266,12 +298,14 @@ def report(root: Path) -> None:
         correlation, (low, high) = agreement(lefts["A"], lefts["C"], joint)
         shared = f"{np.degrees(low):.0f} to {np.degrees(high):.0f} deg"
         print(f"  joint {joint + 1}, {shared}: correlation {correlation:.3f}")
+    return lefts, gains
 
 
-def _tell(what: str, before: Array, after: Array) -> None:
+def _tell(what: str, before: Array, after: Array) -> Gained:
     gain, half = margin(before, after)
     print(f"  {what:48s} held out {rms(after) * 1e3:.3f} mm", end="  ")
     print(f"gain {gain * 1e3:+.3f} +- {half * 1e3:.3f}")
+    return Gained(what, gain, half)
 
 
 def _times(columns: Array, course: Array) -> Array:
@@ -305,10 +339,9 @@ def _solve(matrix: Array, right: Array, geometry: int) -> Array:
     return np.asarray(np.linalg.solve(matrix + np.diag(prior), right))
 
 
-def _clock(stamps: list[str]) -> Array:
+def _time(stamps: list[str]) -> Array:
     """By stamps YYYYmmddHHMMSS; those that lost their digits by order."""
-    if all(len(stamp) == 14 and stamp.isdigit() for stamp in stamps):
-        times = np.array([datetime.strptime(s, "%Y%m%d%H%M%S").timestamp() for s in stamps])
-    else:
-        times = np.arange(len(stamps), dtype=float)
-    return np.asarray(2 * (times - times[0]) / (times[-1] - times[0]) - 1)
+    if not all(len(stamp) == 14 and stamp.isdigit() for stamp in stamps):
+        return PACE * np.arange(len(stamps), dtype=float)
+    times = np.array([datetime.strptime(s, "%Y%m%d%H%M%S").timestamp() for s in stamps])
+    return times - times[0]

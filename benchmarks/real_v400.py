@@ -92,6 +92,38 @@ def bed_share(mesh: Mesh, error: Array, degree: int) -> float:
     return float(1 - np.sum(left**2) / np.sum(error**2))
 
 
+def threefold_share(mesh: Mesh, error: Array, fold: int = 3) -> float:
+    """Share of the squares that one shape with as many lobes could make, r^k cos and sin k phi."""
+    x, y = mesh.place.T / np.abs(mesh.place).max()
+    shape = (x + 1j * y) ** fold
+    columns = np.column_stack([_heights_by_geometry(mesh), shape.real, shape.imag])
+    left = _left(error, columns)
+    return float(1 - np.sum(left**2) / np.sum(error**2))
+
+
+def to_and_fro(mesh: Mesh, error: Array, sign: Array | None = None) -> float:
+    """Share of the squares that goes with the rows' parity: they are probed to and fro.
+
+    Args:
+        mesh: where.
+        error: (n,) [m].
+        sign: of each row instead of its parity, for comparison.
+    """
+    row = np.unique(np.round(mesh.place[:, 1], 6), return_inverse=True)[1]
+    way = (-1.0) ** row if sign is None else sign[row]
+    x = mesh.place[:, 0] / np.abs(mesh.place).max()
+    left = _left(error, np.column_stack([way * x**power for power in range(4)]))
+    return float(1 - np.sum(left**2) / np.sum(error**2))
+
+
+def by_chance(mesh: Mesh, error: Array, draws: int = 500) -> float:
+    """The same share where each row has either sign by chance, its 99 % quantile."""
+    rng = np.random.default_rng(1)
+    rows = len(np.unique(np.round(mesh.place[:, 1], 6)))
+    signs = rng.choice([-1.0, 1.0], (draws, rows))
+    return float(np.quantile([to_and_fro(mesh, error, sign) for sign in signs], 0.99))
+
+
 def rms(values: Array) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
@@ -136,6 +168,12 @@ def report(root: Path) -> None:
     print(f"  of what stays: leaning towers could make {lean:.0%}", end=", ")
     shares = [f"{bed_share(meshes[0], stays, degree):.0%}" for degree in (3, 4, 6)]
     print(f"a smooth bed of degree 3, 4, 6: {', '.join(shares)}")
+    lobes = [f"{threefold_share(meshes[0], stays, fold):.0%}" for fold in (2, 3, 4, 6)]
+    print(f"  one shape of 2, 3, 4, 6 lobes: {', '.join(lobes)}")
+    for name, error in (("first", one), ("second", two), ("what changes", changes)):
+        share, chance = to_and_fro(meshes[0], error), by_chance(meshes[0], error)
+        print(f"  {name}: {share:.0%} goes with the rows' parity", end=", ")
+        print(f"by chance {chance:.0%} once in a hundred; {rms(error) * share**0.5 * 1e3:.4f} mm")
 
 
 def left_out(folder: Path, priors: bool) -> list[Array]:

@@ -10,6 +10,10 @@ from scipy.spatial.transform import Rotation
 
 import real_ur10
 import real_v400
+import ur10_verdict
+from delta_calibration.diagnosis import Measured, diagnose_observations
+from delta_calibration.documents import check_document, load_schema
+from delta_calibration.identification.observations import PointMeasured
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.robot import load_robot
 from real_machines import DATA
@@ -71,6 +75,19 @@ def test_what_stays_of_the_meshes_and_what_does_not():
     assert chance < 0.1
 
 
+@pytest.mark.real
+@present(V400)
+def test_what_stays_has_the_towers_symmetry_and_a_part_of_what_does_not_the_probing():
+    meshes = [real_v400.mesh(V400 / day) for day in real_v400.AUGUST]
+    one, two = (real_v400.beyond_geometry(mesh) for mesh in meshes)
+    stays, changes = (one + two) / 2, (one - two) / 2
+    lobes = {n: real_v400.threefold_share(meshes[0], stays, n) for n in (2, 3, 4, 6)}
+    assert lobes[3] > 0.75
+    assert max(share for n, share in lobes.items() if n != 3) < 0.05
+    share = real_v400.to_and_fro(meshes[0], changes)
+    assert share > 0.2 > 0.15 > real_v400.by_chance(meshes[0], changes)
+
+
 def sampled(series, n, seed=1):
     """Some of the poses, in the order of their measurement."""
     rows = np.random.default_rng(seed).choice(len(series.joint), n, replace=False)
@@ -127,7 +144,7 @@ def simulated(rng, n, size):
     base = Rotation.from_rotvec([0.2, -0.4, 1.5]).as_matrix()
     point = x[:, :3] @ base.T + [1.0, -2.0, 0.3] + 30e-6 * rng.standard_normal((n, 3))
     clock = np.linspace(-1, 1, n)
-    return real_ur10.Series(joint, point, base @ arm.rotation(x), clock, 20 + clock)
+    return real_ur10.Series(joint, point, base @ arm.rotation(x), 3600 * clock, 20 + clock)
 
 
 def test_a_wave_of_one_joint_is_found_there_and_only_there():
@@ -152,3 +169,24 @@ def test_without_a_wave_no_extension_helps():
     assert real_ur10.rms(geometry) < 60e-6  # 52 of them are noise
     for name, columns in real_ur10.extensions(left):
         assert real_ur10.margin(geometry, real_ur10.held_out(left, columns))[0] < 1e-6, name
+
+
+@pytest.mark.real
+@present(ARM)
+def test_the_verdict_on_the_arm_names_the_joints_own_curves():
+    """Of 200 poses and few candidates; the whole of it: `real_machines.py ur10`."""
+    series = sampled(real_ur10.read(ARM / real_ur10.SERIES["C"]), 200)
+    arm, frame = ur10_verdict.arm_before(series)
+    point = PointMeasured(series.joint, series.point, np.zeros(3), ur10_verdict.NOISE)
+    causes = {"joint_error_curve", "joint_compliance", "encoder_eccentricity", "joint_scale"}
+    tried = [e for e in ur10_verdict.candidates(arm, series) if e.cause in causes]
+    found = diagnose_observations(
+        [Measured(point, ur10_verdict.conditions(series))], arm, ur10_verdict.ROBOT, frame,
+        effects=tried,
+    )  # fmt: skip
+    first = found.verdict.findings[0]
+    assert first.cause == "joint_error_curve"
+    assert first.confidence > 0.99
+    assert first.gain_low > 0.5
+    assert found.verdict.extended.held_out_rms_mm < 0.5 * found.verdict.calibrated.held_out_rms_mm
+    check_document(found.verdict.as_dict(), load_schema("verdict"), "verdict")

@@ -108,8 +108,8 @@ def diagnosed(
         )
 
 
-def describe(verdict: Verdict) -> str:
-    """The verdict, for people."""
+def describe(verdict: Verdict, error: str = "3-D", of: str = "pose") -> str:
+    """The verdict, for people; what its errors are and of what it tells the noise."""
     models = [verdict.baseline, verdict.calibrated]
     if verdict.extended.model != verdict.calibrated.model:
         models.append(verdict.extended)
@@ -117,8 +117,8 @@ def describe(verdict: Verdict) -> str:
     lines = [
         f"verdict: {verdict.sentence()}",
         "",
-        table(("model", "held-out RMS, 3-D [mm]"), rows),
-        f"noise of a pose: {verdict.noise_mm:.4f} mm",
+        table(("model", f"held-out RMS, {error} [mm]"), rows),
+        f"noise of a {of}: {verdict.noise_mm:.4f} mm",
         *(line for finding in verdict.findings for line in ("", *_finding(finding))),
     ]
     unknown = verdict.unknown_structure

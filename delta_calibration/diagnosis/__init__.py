@@ -1,7 +1,26 @@
 """What a session shows that the model does not, and what causes it."""
 
-from delta_calibration.diagnosis.diagnose import STEPS, Diagnosis, calibrated, diagnose
+from delta_calibration.diagnosis.diagnose import (
+    Diagnosis,
+    calibrated,
+    diagnose,
+    diagnose_observations,
+)
+from delta_calibration.diagnosis.judge import STEPS, Judgement
 from delta_calibration.diagnosis.model import Model
+from delta_calibration.diagnosis.observed import Measured, Observed
 from delta_calibration.diagnosis.verdict import Finding, Verdict
 
-__all__ = ["STEPS", "Diagnosis", "Finding", "Model", "Verdict", "calibrated", "diagnose"]
+__all__ = [
+    "STEPS",
+    "Diagnosis",
+    "Finding",
+    "Judgement",
+    "Measured",
+    "Model",
+    "Observed",
+    "Verdict",
+    "calibrated",
+    "diagnose",
+    "diagnose_observations",
+]

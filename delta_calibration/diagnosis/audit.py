@@ -30,7 +30,7 @@ _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
 _EXCEPTION = 0.3  # share of the poses
-MOTION = "moran_motion"
+MOTION, LACK_OF_FIT = "moran_motion", "lack_of_fit"
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,14 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
         rng: of the draws.
     """
     rows = np.flatnonzero(evidence.believed[: evidence.poses] & ~_on_the_way(evidence))
-    drawn = evidence.weigh(evidence.draw(_DRAWS, rng)).reshape(len(evidence), 3, _DRAWS)
+    drawn = evidence.weigh(evidence.draw(_DRAWS, rng))
+    drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
     every, chance = evidence.left(), drawn[rows]
     left = every[rows]
     square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
-    p = {"lack_of_fit": float(chi2.sf(square * degrees / squares.mean(), degrees))}
+    p = {LACK_OF_FIT: float(chi2.sf(square * degrees / squares.mean(), degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
         p[f"moran_{name}"] = _alike(left, chance, near)
     moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
@@ -69,9 +70,10 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     whole = np.linalg.solve(evidence.whiten[rows], left[..., None])[..., 0]
     around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
     alike = whole[around].mean(axis=1)
+    beyond = max(0.0, 1 - squares.mean() / square)
     return Audit(
         p=p,
-        excess=float(np.sqrt(max(0.0, 1 - squares.mean() / square) * np.mean(whole**2) * 3)),
+        excess=float(np.sqrt(beyond * np.mean(whole**2) * evidence.coordinates)),
         in_motion=_going_along(evidence, every, drawn, moving, along),
         worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],
     )

@@ -60,7 +60,7 @@ class Candidate:
 
 
 def columns_of(candidate: Candidate, evidence: Evidence) -> Array:
-    """Whitened columns of the candidate's free parameters in units of their priors, (3 n, k)."""
+    """Whitened columns of the candidate's free parameters in units of their priors, (d n, k)."""
     rows = list(candidate.rows)
     if candidate.effect is None:
         return np.asarray(evidence.geometry[:, rows])

@@ -67,12 +67,14 @@ def scattered(evidence: Evidence) -> NDArray[np.int64]:
 
 
 def learnable(evidence: Evidence, columns: Array, part: NDArray[np.int64]) -> bool:
-    """Whether each part leaves enough of what sets the columns (3 n, k) to the others."""
+    """Whether each part leaves enough of what sets the columns (d n, k) to the others."""
     whole = np.diag(evidence.information(columns))
     for number in np.unique(part):
         others = np.flatnonzero(part != number)
-        seen = evidence.take(others).information(_of(others, columns)) if others.size else None
-        known = 0 * whole if seen is None else np.diag(seen)
+        known = 0 * whole
+        if others.size:
+            own = evidence.part(columns, others)
+            known = np.diag(evidence.take(others).information(own))
         if (known < _LEARNABLE * whole).any():
             return False
     return True
@@ -107,7 +109,7 @@ def foretold(
 
     Args:
         evidence: of all samples.
-        columns: of an explanation, (3 n, k).
+        columns: of an explanation, (d n, k).
         bounds: of its values, (k,) each.
         part: what is held out together, (n,).
     """
@@ -117,15 +119,10 @@ def foretold(
     for number in np.unique(part):
         others = np.flatnonzero(part != number)
         if others.size:
-            known, along = _products(evidence.take(others), _of(others, columns))
+            known, along = _products(evidence.take(others), evidence.part(columns, others))
             v = most_likely(known, along, *bounds)
             total += change(information, b, v) - change(known, along, v)
     return total / max(change(information, b, value), 1e-300)
-
-
-def _of(rows: NDArray[np.intp], columns: Array) -> Array:
-    """Some samples' part of columns (3 n, k)."""
-    return columns.reshape(-1, 3, columns.shape[1])[rows].reshape(3 * len(rows), -1)
 
 
 def _products(evidence: Evidence, columns: Array) -> tuple[Array, Array]:

@@ -64,7 +64,7 @@ class Pair:
         return nuisance
 
     def columns(self, evidence: Evidence) -> Array:
-        """Whitened columns of both side by side, (3 n, k)."""
+        """Whitened columns of both side by side, (d n, k)."""
         both = [self.first] if self.second is None else [self.first, self.second]
         return np.concatenate([columns_of(c, evidence) for c in both], axis=1)
 

@@ -58,30 +58,38 @@ class Cell:
 class Evidence:
     """Residuals of n samples, poses first and then the readings of the paths.
 
-    The unit of every whitened coordinate is a standard deviation of its noise.
+    The unit of every whitened coordinate is a standard deviation of its noise. A sample has d of
+    them: 3 of a tracker's reading, as many as there are numbers of any other kind.
     """
 
     chain: Chain
     theta: Array  # (P,) about which all is linear
     at: Conditions  # (n)
     pose: Array  # (n, k) of the platform
-    whiten: Array  # (n, 3, 3) [1/m], with the root of the robust weight in it
-    residual: Array  # (n, 3) whitened, at z = 0
-    nuisance: Array  # (n, 3, A)
+    whiten: Array  # (n, d, d) [1/m], with the root of the robust weight in it
+    residual: Array  # (n, d) whitened, at z = 0
+    nuisance: Array  # (n, d, A)
     rest: Rest  # errors that the paths' samples share
     precision: Array  # (A,) of z: 1 / variance of its prior, 0 where it has none
     poses: int  # how many of the samples are poses
-    by_joints: Array  # (n, 3, m) whitened d(reading) by the joint angles behind the drives
-    by_geometry: Array  # (n, 3, p) the same by geometry
+    by_joints: Array  # (n, d, m) whitened d(reading) by the joint angles behind the drives
+    by_geometry: Array  # (n, d, p) the same by geometry
     seen: Conditions  # with readings as the model has them before the measurement effects
+    # what else could be measured, in words, and its evidence; None where that is to be foreseen
+    further: tuple[tuple[str, Evidence], ...] | None = None
 
     def __len__(self) -> int:
         return len(self.at)
 
     @property
     def size(self) -> int:
-        """Length of a column: three coordinates of each sample."""
-        return 3 * len(self)
+        """Length of a column: the d coordinates of each sample."""
+        return self.residual.size
+
+    @property
+    def coordinates(self) -> int:
+        """d, of one sample."""
+        return int(self.residual.shape[1])
 
     @cached_property
     def _flat(self) -> Array:
@@ -103,17 +111,17 @@ class Evidence:
         return factor
 
     def _along(self, a: Array, shared: Array) -> Array:
-        """A^T C^-1 a of columns (3 n, k) that look like rest errors (r, k)."""
+        """A^T C^-1 a of columns (d n, k) that look like rest errors (r, k)."""
         return np.asarray(self._flat.T @ a - self._shared.T @ shared)
 
     @property
     def geometry(self) -> Array:
-        """Whitened columns of the mechanism's dimensions in units of their priors, (3 n, p)."""
+        """Whitened columns of the mechanism's dimensions in units of their priors, (d n, p)."""
         return self._flat[:, : self.chain.geometry_size]
 
     @property
     def column(self) -> Array:
-        """The residuals as one column, (3 n, 1)."""
+        """The residuals as one column, (d n, 1)."""
         return self.residual.reshape(-1, 1)
 
     def take(self, rows: NDArray[np.intp]) -> Evidence:
@@ -132,9 +140,14 @@ class Evidence:
             seen=self.seen.take(rows),
         )
 
+    def part(self, columns: Array, rows: NDArray[np.intp]) -> Array:
+        """Some samples' part of columns (d n, k)."""
+        each = columns.reshape(len(self), self.coordinates, -1)[rows]
+        return each.reshape(len(rows) * self.coordinates, -1)
+
     def beside(self, columns: Array, precision: Array) -> Evidence:
-        """The same evidence with more taken for possible: columns (3 n, k), their priors' (k,)."""
-        added = columns.reshape(len(self), 3, -1)
+        """The same evidence with more taken for possible: columns (d n, k), their priors' (k,)."""
+        added = columns.reshape(len(self), self.coordinates, -1)
         return replace(
             self,
             nuisance=np.concatenate([self.nuisance, added], axis=-1),
@@ -142,18 +155,18 @@ class Evidence:
         )
 
     def weigh(self, b: Array) -> Array:
-        """V^-1 b of columns (3 n, j)."""
+        """V^-1 b of columns (d n, j)."""
         z = cho_solve(self._factor, self._along(b, self.rest.seen(b)))
         return self.rest.without(b - self._flat @ z)
 
     def information(self, a: Array) -> Array:
-        """<a, a> of columns (3 n, k), (k, k)."""
+        """<a, a> of columns (d n, k), (k, k)."""
         shared = self.rest.seen(a)
         along = self._along(a, shared)
         return np.asarray(a.T @ a - shared.T @ shared - along.T @ cho_solve(self._factor, along))
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
-        """Residuals as chance would have them if nothing were left out, (3 n, count).
+        """Residuals as chance would have them if nothing were left out, (d n, count).
 
         What has no prior is left out of the draw: it is projected out again anyway.
         """
@@ -165,9 +178,9 @@ class Evidence:
 
     @cached_property
     def _believed(self) -> Array:
-        """1 for coordinates of samples that count, 0 for those set aside, (3 n, 1)."""
+        """1 for coordinates of samples that count, 0 for those set aside, (d n, 1)."""
         counts = np.abs(self.whiten).sum(axis=(1, 2)) > 0
-        return np.repeat(counts, 3)[:, None].astype(float)
+        return np.repeat(counts, self.coordinates)[:, None].astype(float)
 
     @cached_property
     def degrees(self) -> float:
@@ -177,7 +190,7 @@ class Evidence:
         return float(self._believed.sum() - taken)
 
     def columns(self, effect: Effect) -> Array:
-        """Whitened columns of an effect, in units of its parameters' priors, (3 n, k)."""
+        """Whitened columns of an effect, in units of its parameters' priors, (d n, k)."""
         slope = {
             Stage.DRIVE: self.by_joints,
             Stage.STRUCTURE: self.by_geometry,
@@ -195,7 +208,7 @@ class Evidence:
     @property
     def believed(self) -> NDArray[np.bool_]:
         """Samples that are not set aside, (n,)."""
-        return np.asarray(self._believed[::3, 0] > 0)
+        return np.asarray(self._believed[:: self.coordinates, 0] > 0)
 
     def covariance(self) -> Array:
         """Of the nuisance z given the residuals and its priors, (A, A)."""
@@ -233,7 +246,7 @@ class Evidence:
         return float(np.sum(self.left() ** 2) / self.degrees)
 
     def missed(self, z: Array) -> Array:
-        """Measured less predicted with the nuisance z, (n, 3) [m]; NaN for what was set aside."""
+        """Measured less predicted with the nuisance z, (n, d) [m]; NaN for what was set aside."""
         off = self._left(z)
         good = self.believed
         missed = np.full_like(off, np.nan)
@@ -242,19 +255,20 @@ class Evidence:
 
     @property
     def variance(self) -> Array:
-        """Of the 3-D distance of a reading from the truth, (n,) [m^2]; NaN for the set aside."""
+        """Of the distance of a reading from the truth, (n,) [m^2]; NaN for the set aside."""
         variance = np.full(len(self), np.nan)
         root = np.linalg.inv(self.whiten[self.believed])
         variance[self.believed] = np.sum(root**2, axis=(1, 2))
         return variance
 
     def left(self) -> Array:
-        """What remains of the residuals at the most likely nuisance, whitened, (n, 3)."""
+        """What remains of the residuals at the most likely nuisance, whitened, (n, d)."""
         return self._left(self.best())
 
     def _left(self, z: Array) -> Array:
-        """Residuals less nuisance z and what rest errors these paths then seem to have, (n, 3)."""
-        return self.rest.without(self.column - self._flat @ z[:, None]).reshape(-1, 3)
+        """Residuals less nuisance z and what rest errors these paths then seem to have, (n, d)."""
+        left = self.rest.without(self.column - self._flat @ z[:, None])
+        return left.reshape(self.residual.shape)
 
 
 def gather(

@@ -6,7 +6,7 @@ the two explanations is taken over all of them. The cheapest experiment that is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -17,6 +17,7 @@ from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.contrast import ALIKE, NAMED, Contrast, Pair
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.foresight import Foresight, Products, together
+from delta_calibration.diagnosis.pooling import together as pooled
 from delta_calibration.diagnosis.proposals import Session, proposals
 from delta_calibration.effects import Effect
 from delta_calibration.robot import Robot
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 NOTHING = "nothing that this cell can do parts them"
+NOT_SAID = "what else could be measured was not said"
+NONE_OF_IT = "nothing of what it was said could be measured parts them"
 ALREADY = "what was measured parts them already"
 _OVER = {1: "", 3: ", three times over", 10: ", ten times over"}
 _ON_PATHS = 400  # samples of a session's paths that are looked at
@@ -76,6 +79,8 @@ class Outlook:
             robot: whose joint limits hold; where not given, joints go no farther than they did.
         """
         measured = prepared(evidence)
+        if measured.further is not None:
+            return cls._said(measured, measured.further)
         foresight = Foresight.about(measured)
         experiments = tuple(proposals(_session(measured, robot)))
         samples = together([experiment.samples for experiment in experiments])
@@ -88,6 +93,13 @@ class Outlook:
             tuple(experiment.sentence for experiment in experiments),
             number[reached],
         )
+
+    @classmethod
+    def _said(cls, measured: Evidence, further: Sequence[tuple[str, Evidence]]) -> Outlook:
+        """By what it was said could be measured."""
+        number = np.repeat(np.arange(len(further)), [len(evidence) for _, evidence in further])
+        foreseen = pooled([evidence for _, evidence in further] or [measured])
+        return cls(measured, foreseen, tuple(words for words, _ in further), number)
 
     def next_experiment(self, first: Candidate, second: Candidate | None) -> str:
         """The cheapest experiment after which two explanations part, in words.
@@ -102,7 +114,10 @@ class Outlook:
         parted = (sentence for sentence, contrast in options if contrast.parted)
         # Where nothing else is in question, an effect that is seen is enough.
         seen = (s for s, contrast in options if pair.second is None and contrast.signal >= NAMED)
-        return next(chain(parted, seen), pair.outside or NOTHING)
+        nothing = NOTHING
+        if self.measured.further is not None:
+            nothing = NONE_OF_IT if self.sentences else NOT_SAID
+        return next(chain(parted, seen), pair.outside or nothing)
 
     def options(self, pair: Pair) -> Iterator[tuple[str, Contrast]]:
         """As measured, with each experiment, and with each done several times over.
@@ -115,7 +130,7 @@ class Outlook:
         measured = pair.products(self.measured)
         now = pair.contrast(measured, precision, geometry)
         yield ALREADY, now
-        columns = pair.columns(self.foreseen).reshape(len(self.foreseen), 3, -1)
+        columns = pair.columns(self.foreseen)
         added = [self._added(columns, i) for i in range(len(self.sentences))]
         distrusted = 0.0 if now.cosine < ALIKE else now.signal
         for times, over in _OVER.items():
@@ -132,10 +147,9 @@ class Outlook:
         return self.measured.precision[: chain.base_size], chain.geometry_size
 
     def _added(self, columns: Array, number: int) -> Products:
-        """What one experiment tells of columns over all of them, (n, 3, k)."""
+        """What one experiment tells of columns over all of them, (d n, k)."""
         rows = np.flatnonzero(self.number == number)
-        own = columns[rows].reshape(3 * len(rows), -1)
-        return Products.of(self.foreseen.take(rows), own)
+        return Products.of(self.foreseen.take(rows), self.foreseen.part(columns, rows))
 
 
 def prepared(evidence: Evidence) -> Evidence:

@@ -19,6 +19,7 @@ from delta_calibration.diagnosis.confirm import (
 )
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment
+from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import (
     Outlier,
     Scatter,
@@ -28,7 +29,6 @@ from delta_calibration.diagnosis.geometry import (
     without,
     without_geometry,
 )
-from delta_calibration.diagnosis.model import Model, beside
 from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import ALPHA, Found
@@ -69,14 +69,14 @@ class HeldOutModels:
     def gain(
         self, before: HeldOut, after: HeldOut, columns: Array, rng: np.random.Generator
     ) -> Gain:
-        """What the change is worth where its columns (3 n, k) show."""
+        """What the change is worth where its columns (d n, k) show."""
         rows, noise = self._where(columns), self.evidence.variance
         place = np.round(self.evidence.chain.mechanism.position(self.evidence.pose) / 0.02)
         _, number = np.unique(place, axis=0, return_inverse=True)
         return gain(before, after, noise, rows, number.reshape(-1), rng)
 
     def of_member(
-        self, model: Model, member: Candidate, columns: Array, rng: np.random.Generator
+        self, model: Fitted, member: Candidate, columns: Array, rng: np.random.Generator
     ) -> Gain | None:
         """What a member adds to the rest; None where held-out data do not bear it out.
 
@@ -180,7 +180,7 @@ def of_geometry(
     """What is said of a machine whose parts are farther off the drawing than they may be."""
     if scatter.log_p > np.log(ALPHA) or scatter.tau < _BEYOND:
         return None
-    rows = np.arange(found.model.problem.chain.geometry_size)
+    rows = np.arange(found.model.bare.geometry_size)
     return _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
 
 
@@ -197,7 +197,7 @@ def of_reflector(
 
 
 def _of_nuisance(
-    model: Model,
+    model: Fitted,
     cause: str,
     kind: str,
     rows: NDArray[np.int64],
@@ -206,7 +206,7 @@ def _of_nuisance(
     rng: np.random.Generator,
 ) -> Finding:
     """What is said of parameters that every calibration fits, as they are beyond their priors."""
-    items = [model.problem.chain.parameters.items[row] for row in rows]
+    items = [model.bare.parameters.items[row] for row in rows]
     columns = held.evidence.nuisance[:, :, rows].reshape(held.evidence.size, -1)
     bare = without(held.evidence, rows)
     before = held_out(bare, held.sectors)
@@ -266,10 +266,10 @@ def _finding(
     )
 
 
-def _items(model: Model, member: Candidate) -> list[Parameter]:
+def _items(model: Fitted, member: Candidate) -> list[Parameter]:
     """The member's free parameters."""
     if member.effect is None:
-        every = model.problem.chain.mechanism.parameters.items
+        every = model.bare.mechanism.parameters.items
     else:
         every = member.effect.parameters.items
     return [every[row] for row in member.rows]
@@ -278,5 +278,5 @@ def _items(model: Model, member: Candidate) -> list[Parameter]:
 def _log_p(found: Found, member: Candidate, signal: float, tried: tuple[Score, ...]) -> float:
     """ln p of the member's signal, charged with everything that was asked and searched."""
     tries = max((s.tries for s in tried if s.candidate.same_cause(member)), default=1.0)
-    log_p = log_p_of(signal, len(member.rows), found.model.cell.noise_degrees)
+    log_p = log_p_of(signal, len(member.rows), found.model.noise_degrees)
     return min(0.0, log_p + float(np.log(tries * found.first.tests)))

@@ -153,7 +153,7 @@ class Products:
 
     @classmethod
     def of(cls, evidence: Evidence, columns: Array) -> Products:
-        """Of columns (3 n, k); nuisance beyond what all samples share is projected out."""
+        """Of columns (d n, k); nuisance beyond what all samples share is projected out."""
         size, every = evidence.chain.base_size, len(evidence.precision)
         nuisance = evidence.nuisance.reshape(len(columns), -1)
         whole = evidence.rest.inner(np.concatenate([nuisance, columns], axis=1))

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
-from delta_calibration.diagnosis.scores import PRECISION, free_decrease
+from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.identification import Problem, robust_weights, solve
 from delta_calibration.samples import Survey
 
@@ -20,7 +19,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _ROUNDS = 4
-_ZOOMS, _POINTS = 3, 9
 _FAIR = 0.1  # of the information
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
@@ -29,7 +27,7 @@ _LITTLE = 0.1  # decrease of chi square ahead that is not worth a step
 
 
 @dataclass(frozen=True)
-class Model:
+class Model(Fitted):
     """A fit: geometry, frame and the members found so far, about which all is linear."""
 
     survey: Survey
@@ -62,31 +60,38 @@ class Model:
         """What is left to explain, as if the members were not in the model."""
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)
 
-    @cached_property
-    def beside(self) -> Evidence:
-        """What is left to explain beside the members."""
-        return beside(self.evidence, self.members)
+    @property
+    def bare(self) -> Chain:
+        """The chain without effects."""
+        return self.problem.chain
 
     @property
-    def misfit(self) -> float:
-        """Chi square per degree of freedom with the members in the model."""
-        return self.beside.misfit
+    def noise_degrees(self) -> float:
+        """Degrees of freedom of the noise estimate; infinite where the robot's file states it."""
+        return self.cell.noise_degrees
 
-    def values(self, member: Candidate) -> Array:
-        """A member's free parameters, (k,), in their own units."""
-        if member.effect is None:
-            return np.asarray(self.theta[list(member.rows)])
-        with_effect = [m for m in self.members if m.effect is not None]
-        each = self.extended.chain.effect_values(self.theta)
-        return np.asarray(each[with_effect.index(member)][list(member.rows)])
+    @property
+    def noise_apart(self) -> bool:
+        """By repeats, or by the robot's file."""
+        return True
 
+    @property
+    def floor(self) -> float:
+        """Root mean square of what noise makes of a pose [m]."""
+        return self.cell.noise.floor
 
-def beside(evidence: Evidence, members: Sequence[Candidate]) -> Evidence:
-    """The evidence with some explanations taken for possible."""
-    if not members:
-        return evidence
-    columns = np.concatenate([columns_of(m, evidence) for m in members], axis=1)
-    return evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    @property
+    def placed(self) -> bool:
+        """A tracker stands somewhere."""
+        return True
+
+    def fitted(self, members: tuple[Candidate, ...]) -> Model:
+        """The model with these members instead."""
+        return fit(self, members)
+
+    def rested(self) -> Model:
+        """The model at rest on poses and paths together."""
+        return rested(self)
 
 
 def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
@@ -100,7 +105,7 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
     near = model.evidence.pose
     now = _stepped(_sharpened(replace(model, members=members, theta=theta, near=near)))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
-    now = _settled(replace(now, cell=cell, members=_refined(now)))
+    now = _settled(replace(now, cell=cell, members=now.refined()))
     return _joined(now) if len(model.survey.paths) else now
 
 
@@ -197,7 +202,7 @@ def _shows_at_rest(evidence: Evidence, member: Candidate) -> bool:
 def _moved(model: Model, held: Index = _NOTHING) -> Model:
     """One step, and the shapes that go with its values."""
     step = _stepped(model, held)
-    return replace(step, members=_refined(step))
+    return replace(step, members=step.refined())
 
 
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
@@ -223,51 +228,12 @@ def _stepped(model: Model, held: Index = _NOTHING) -> Model:
 
 def _sharpened(model: Model) -> Model:
     """The model with searched fields of its members between the points of the search."""
-    members = model.members
-    for i, member in enumerate(members):
-        rest = members[:i] + members[i + 1 :]
-        members = (*members[:i], _sharper(beside(model.evidence, rest), member), *members[i + 1 :])
+    members = model.sharpened()
     changed = any(new is not old for new, old in zip(members, model.members, strict=True))
     return replace(model, members=members) if changed else model
-
-
-def _sharper(evidence: Evidence, member: Candidate) -> Candidate:
-    """The best shape within the interval about a member's, by zooming in."""
-    interval = None if member.effect is None else member.effect.interval()
-    if member.effect is None or interval is None:
-        return member
-    weighed = evidence.weigh(evidence.column)
-    name, low, high = interval
-    best = member.effect
-    for _ in range(_ZOOMS):
-        values = np.linspace(low, high, _POINTS)
-        fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
-        shapes = [replace(best, **field) for field in fields]
-        gains = [_gain(evidence, replace(member, effect=shape), weighed) for shape in shapes]
-        top = int(np.argmax(gains))
-        best = shapes[top]
-        low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
-    return replace(member, effect=best)
-
-
-def _gain(evidence: Evidence, candidate: Candidate, weighed: Array) -> float:
-    """Decrease of chi square by a candidate."""
-    columns = columns_of(candidate, evidence)
-    return float(free_decrease(evidence.information(columns), columns.T @ weighed)[0])
 
 
 def _residual(model: Model) -> Array:
     """Whitened residuals of the poses, none set aside, (n, 3)."""
     problem = model.extended
     return problem.residual(model.theta, problem.chain.pose(problem.at, model.theta))
-
-
-def _refined(model: Model) -> tuple[Candidate, ...]:
-    """The members with the shapes that go with their values."""
-    values = iter(model.extended.chain.effect_values(model.theta))
-    return tuple(m if m.effect is None else _reshaped(m, next(values)) for m in model.members)
-
-
-def _reshaped(member: Candidate, values: Array) -> Candidate:
-    effect = None if member.effect is None else member.effect.refined(values)
-    return member if effect is member.effect else replace(member, effect=effect)

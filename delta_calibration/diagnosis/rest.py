@@ -115,7 +115,7 @@ class Rest:
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """What chance makes of them, (3 n, count)."""
-        drawn = np.zeros((3 * len(self.path), count))
+        drawn = np.zeros((self.own.shape[0] * self.own.shape[1], count))
         for at, own, _ in self._blocks:
             drawn[at] = own @ rng.standard_normal((own.shape[1], count))
         return drawn

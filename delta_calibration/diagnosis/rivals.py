@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.model import Model, beside
+from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.scores import Score
 from delta_calibration.diagnosis.search import Together, as_score, shadow
 
@@ -45,7 +45,7 @@ class Standing:
     signal: float  # lambda: squared length of its signal after nuisance
 
 
-def standing(model: Model, member: Candidate, tried: Sequence[Score]) -> Standing:
+def standing(model: Fitted, member: Candidate, tried: Sequence[Score]) -> Standing:
     """How a member stands against everything that was tried in its place."""
     rest = tuple(m for m in model.members if m is not member)
     evidence = beside(model.evidence, rest)
@@ -70,7 +70,7 @@ def named(signal: float) -> float:
 def equivalents(
     evidence: Evidence, signal: Array, others: Sequence[Score], misfit: float = 1.0
 ) -> tuple[Candidate, ...]:
-    """The candidates that can do what the signal (3 n,) does, one a cause, nearest first."""
+    """The candidates that can do what the signal (d n,) does, one a cause, nearest first."""
     weighed = evidence.weigh(signal[:, None])[:, 0]
     length = float(signal @ weighed)
     near: dict[str, tuple[float, Candidate]] = {}
@@ -93,10 +93,10 @@ def reached(information: Array, along: Array) -> float:
     return float(np.sum((axes[:, shown].T @ along) ** 2 / values[shown]))
 
 
-def scaled(model: Model, member: Candidate) -> Array:
+def scaled(model: Fitted, member: Candidate) -> Array:
     """A member's values in units of the priors, (k,)."""
     if member.effect is None:
-        items = model.problem.chain.mechanism.parameters.items
+        items = model.bare.mechanism.parameters.items
         deviation = model.values(member) - np.array([items[r].nominal for r in member.rows])
         return np.asarray(deviation / np.array([items[r].prior for r in member.rows]))
     prior = member.effect.parameters.prior[list(member.rows)]
@@ -104,7 +104,7 @@ def scaled(model: Model, member: Candidate) -> Array:
 
 
 def _confidence(
-    model: Model,
+    model: Fitted,
     rest: tuple[Candidate, ...],
     others: Sequence[Score],
     tried: Sequence[Score],

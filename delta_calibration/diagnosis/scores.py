@@ -98,7 +98,7 @@ class Weighed:
     """The residuals of an evidence and draws of chance, ready for many candidates."""
 
     evidence: Evidence
-    weighed: Array  # (3 n, 1 + draws): V^-1 of the residuals, then of each draw
+    weighed: Array  # (d n, 1 + draws): V^-1 of the residuals, then of each draw
     noise_degrees: float  # of freedom of the stated noise
 
     @classmethod

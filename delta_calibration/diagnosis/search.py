@@ -25,7 +25,7 @@ from delta_calibration.diagnosis.candidates import (
     subsets,
 )
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.model import Model, fit
+from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.scores import (
     Chance,
     Score,
@@ -159,7 +159,7 @@ class Together:
 class Found:
     """Where the search ended."""
 
-    model: Model
+    model: Fitted
     first: Scan  # of the session as it came
     last: Scan  # of what is left beside the members
     short: tuple[Score, ...]  # the best shape of everything worth a thought
@@ -171,7 +171,7 @@ class Found:
         return tuple({**every, **{score.candidate.key: score for score in self.short}}.values())
 
 
-def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> Found:
+def find(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Found:
     """Search until nothing significant is left.
 
     Args:
@@ -179,7 +179,7 @@ def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> F
         effects: the catalogue.
         rng: of the bootstrap.
     """
-    degrees = model.cell.noise_degrees
+    degrees = model.noise_degrees
     first = here = scan(model.beside, effects, degrees, rng)
     short: dict[str, Score] = {}
     seen: set[tuple[str, ...]] = {()}
@@ -190,7 +190,7 @@ def find(model: Model, effects: Sequence[Effect], rng: np.random.Generator) -> F
         if keys in seen:
             return Found(model, first, here, tuple(short.values()))
         seen.add(keys)
-        model = fit(model, members)
+        model = model.fitted(members)
         here = scan(model.beside, effects, degrees, rng, model.members)
 
 
@@ -204,7 +204,7 @@ def _worth_a_map(here: Scan) -> list[Score]:
     return [s for s in here.scores if s.log_bayes > 0 or not s.candidate.unexplained]
 
 
-def _next_members(model: Model, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:
+def _next_members(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:
     """The members with the best newcomer, after swaps; the first is taken as it is.
 
     About a fit without the first of them nothing is linear enough for finer choices.
@@ -215,7 +215,7 @@ def _next_members(model: Model, here: Scan, short: tuple[Score, ...]) -> tuple[C
     return _improved(model, here, best, short)
 
 
-def _worth_it(here: Scan, model: Model) -> Score | None:
+def _worth_it(here: Scan, model: Fitted) -> Score | None:
     """The best explanation, if chance is out of the question and its parameters pay off."""
     explained = decrease_of(model)
     good = [
@@ -231,7 +231,7 @@ def _least(explained: float) -> float:
     return max(_NAMED, _IMPERFECT * explained) if explained > _NAMED else 0.0
 
 
-def decrease_of(model: Model) -> float:
+def decrease_of(model: Fitted) -> float:
     """How much chi square the members explain together."""
     without = float(np.sum(model.evidence.column * model.evidence.weigh(model.evidence.column)))
     return without - float(np.sum(model.beside.column * model.beside.weigh(model.beside.column)))
@@ -248,7 +248,7 @@ def shadow(candidate: Candidate, gain: float) -> float:
 
 
 def _improved(
-    model: Model, here: Scan, best: Score | None, short: tuple[Score, ...]
+    model: Fitted, here: Scan, best: Score | None, short: tuple[Score, ...]
 ) -> tuple[Candidate, ...]:
     """The best set of explanations within a few swaps of the members and the best newcomer."""
     newcomers = [] if best is None else [best]
@@ -259,7 +259,7 @@ def _improved(
     together = Together.of(model.evidence, scores)
     where = {score.candidate: i for i, score in enumerate(scores)}
     start = tuple(sorted(where[c] for c in (*model.members, *(s.candidate for s in newcomers))))
-    worth = _Worth(together, here, model.cell.noise_degrees)
+    worth = _Worth(together, here, model.noise_degrees)
     chosen = start
     if newcomers:  # something else shows: two others may have been taken for one
         chosen = max((start, _best_pair(worth, len(scores))), key=worth)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.model import Model, beside
+from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.rivals import reached, scaled
 
 Array = NDArray[np.float64]
@@ -16,7 +16,7 @@ _REMAINS = 0.25  # of what remains unexplained, that a cause must explain at lea
 _CLEAR = 3.0  # standard deviations by which chi square exceeds its degrees of freedom
 
 
-def untrusted(model: Model) -> tuple[Candidate, ...]:
+def untrusted(model: Fitted) -> tuple[Candidate, ...]:
     """Members whose names rest on too little.
 
     Where much remains that nothing explains, a cause that explains less than a quarter as much may
@@ -36,29 +36,29 @@ def untrusted(model: Model) -> tuple[Candidate, ...]:
     )
 
 
-def unexplained(model: Model) -> float:
+def unexplained(model: Fitted) -> float:
     """Chi square beyond what noise accounts for, at rest and in motion; 0 where not sure."""
     evidence = model.beside
     left, good = evidence.left(), evidence.believed
     resting = np.arange(len(evidence)) < evidence.poses
-    share = evidence.degrees / (3 * good.sum())
+    share = evidence.degrees / (evidence.coordinates * good.sum())
     total = 0.0
-    for rows, known in ((resting & good, model.cell.noise_degrees), (~resting & good, np.inf)):
-        degrees = 3 * share * rows.sum()
+    for rows, known in ((resting & good, model.noise_degrees), (~resting & good, np.inf)):
+        degrees = evidence.coordinates * share * rows.sum()
         excess = float(np.sum(left[rows] ** 2)) - degrees
         spread = np.sqrt(2 * degrees + 2 * degrees**2 / known)
         total += excess if excess > _CLEAR * spread else 0.0
     return total
 
 
-def signal_of(model: Model, member: Candidate) -> float:
+def signal_of(model: Fitted, member: Candidate) -> float:
     """lambda of a member: squared length of its signal beside the others."""
     evidence = beside(model.evidence, tuple(m for m in model.members if m is not member))
     signal = columns_of(member, evidence) @ scaled(model, member)
     return float(signal @ evidence.weigh(signal[:, None])[:, 0])
 
 
-def _in_the_shadow(model: Model, member: Candidate, other: Candidate) -> bool:
+def _in_the_shadow(model: Fitted, member: Candidate, other: Candidate) -> bool:
     """Whether a map explains more than a member and could have made most of its signal."""
     rest = tuple(m for m in model.members if m is not member and m is not other)
     evidence = beside(model.evidence, rest)

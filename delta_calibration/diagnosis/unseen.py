@@ -61,6 +61,8 @@ def _reflector(evidence: Evidence) -> list[CannotTell]:
     """The reflector's offset, where the platform tilts too little to show it."""
     rows = offset_rows(evidence)
     columns = evidence.nuisance[:, :, rows].reshape(evidence.size, -1)
+    if not columns.any():  # nothing measured goes by a reflector
+        return []
     shown = np.linalg.eigvalsh(without(evidence, rows).information(columns))
     if shown[-1] >= _HIDDEN:
         return []
@@ -82,7 +84,8 @@ def _blind(evidence: Evidence, effect: Effect) -> tuple[tuple[str, ...], str, st
     shape = next(effect.shapes(evidence.at), effect)
     lacking = shape.missing(evidence.at)
     if lacking:
-        return (), lacking, f"record it: {' and '.join(shape.needs)}"
+        following = f"record it: {' and '.join(shape.needs)}"
+        return (), lacking, following if "known" in lacking else "measure where that is not so"
     bare, beside = visibility(evidence, shape)
     if beside >= _HIDDEN:
         return None

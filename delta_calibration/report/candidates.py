@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from delta_calibration.diagnosis.diagnose import Diagnosis
+from delta_calibration.diagnosis.judge import Judgement
 from delta_calibration.diagnosis.scores import Score
 from delta_calibration.diagnosis.search import Scan
 from delta_calibration.diagnosis.verdict import Finding
@@ -35,7 +36,7 @@ def best_of_each(scan: Scan) -> tuple[Score, ...]:
     return tuple(kept)
 
 
-def evidence_figure(found: Diagnosis) -> Figure:
+def evidence_figure(found: Diagnosis | Judgement) -> Figure:
     """Decrease of chi square by each candidate, on a logarithmic axis."""
     shown = best_of_each(found.found.first)[:_SHOWN]
     named = {f.cause for f in found.verdict.findings}

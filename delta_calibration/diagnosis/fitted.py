@@ -1,0 +1,145 @@
+"""What a fit is to the diagnosis, whatever was measured: evidence, members and their values.
+
+A session of a tracker (`model.py`) and observations of any kinds (`observed.py`) are fitted each
+in its own way; the search, the tests and the verdict know no more of either than this.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Chain
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.scores import PRECISION, free_decrease
+
+Array = NDArray[np.float64]
+
+_ZOOMS, _POINTS = 3, 9
+
+
+class Fitted(ABC):
+    """A fit: geometry, frame and the members found so far, about which all is linear."""
+
+    theta: Array  # (P,) of the chain with the members' effects
+    members: tuple[Candidate, ...]
+
+    @property
+    @abstractmethod
+    def bare(self) -> Chain:
+        """The chain without effects."""
+
+    @property
+    @abstractmethod
+    def evidence(self) -> Evidence:
+        """What is left to explain, as if the members were not in the model."""
+
+    @property
+    @abstractmethod
+    def noise_degrees(self) -> float:
+        """Degrees of freedom of the noise estimate; infinite where the noise is known."""
+
+    @property
+    @abstractmethod
+    def noise_apart(self) -> bool:
+        """Whether the noise is known by more than what a fit leaves; else no fit is a bad one."""
+
+    @property
+    @abstractmethod
+    def floor(self) -> float:
+        """Root mean square of what noise makes of a sample [m]."""
+
+    @property
+    @abstractmethod
+    def placed(self) -> bool:
+        """Whether anything measured goes by a frame of its own."""
+
+    @abstractmethod
+    def fitted(self, members: tuple[Candidate, ...]) -> Fitted:
+        """The model with these members instead."""
+
+    @abstractmethod
+    def rested(self) -> Fitted:
+        """The same with everything where all that was measured has it."""
+
+    @cached_property
+    def beside(self) -> Evidence:
+        """What is left to explain beside the members."""
+        return beside(self.evidence, self.members)
+
+    @property
+    def misfit(self) -> float:
+        """Chi square per degree of freedom with the members in the model."""
+        return self.beside.misfit
+
+    @property
+    def effect_values(self) -> tuple[Array, ...]:
+        """Of each member that is an effect all parameters, (k,), in their own units."""
+        effects = tuple(m.effect for m in self.members if m.effect is not None)
+        return self.bare.with_effects(effects).effect_values(self.theta)
+
+    def values(self, member: Candidate) -> Array:
+        """A member's free parameters, (k,), in their own units."""
+        if member.effect is None:
+            return np.asarray(self.theta[list(member.rows)])
+        with_effect = [m for m in self.members if m.effect is not None]
+        return np.asarray(self.effect_values[with_effect.index(member)][list(member.rows)])
+
+    def refined(self) -> tuple[Candidate, ...]:
+        """The members with the shapes that go with their values."""
+        values = iter(self.effect_values)
+        return tuple(m if m.effect is None else _reshaped(m, next(values)) for m in self.members)
+
+    def sharpened(self) -> tuple[Candidate, ...]:
+        """The members with searched fields between the points of the search."""
+        members = self.members
+        for i, member in enumerate(members):
+            rest = members[:i] + members[i + 1 :]
+            sharper = _sharper(beside(self.evidence, rest), member)
+            members = (*members[:i], sharper, *members[i + 1 :])
+        return members
+
+
+def beside(evidence: Evidence, members: Sequence[Candidate]) -> Evidence:
+    """The evidence with some explanations taken for possible."""
+    if not members:
+        return evidence
+    columns = np.concatenate([columns_of(m, evidence) for m in members], axis=1)
+    return evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+
+
+def _sharper(evidence: Evidence, member: Candidate) -> Candidate:
+    """The best shape within the interval about a member's, by zooming in."""
+    interval = None if member.effect is None else member.effect.interval()
+    if member.effect is None or interval is None:
+        return member
+    weighed = evidence.weigh(evidence.column)
+    name, low, high = interval
+    best = member.effect
+    for _ in range(_ZOOMS):
+        values = np.linspace(low, high, _POINTS)
+        fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
+        shapes = [replace(best, **field) for field in fields]
+        gains = [_gain(evidence, replace(member, effect=shape), weighed) for shape in shapes]
+        top = int(np.argmax(gains))
+        best = shapes[top]
+        low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
+    return replace(member, effect=best)
+
+
+def _gain(evidence: Evidence, candidate: Candidate, weighed: Array) -> float:
+    """Decrease of chi square by a candidate."""
+    columns = columns_of(candidate, evidence)
+    return float(free_decrease(evidence.information(columns), columns.T @ weighed)[0])
+
+
+def _reshaped(member: Candidate, values: Array) -> Candidate:
+    effect = None if member.effect is None else member.effect.refined(values)
+    return member if effect is member.effect else replace(member, effect=effect)

@@ -1,0 +1,211 @@
+"""What a fit leaves: causes, how far each is borne out, what stays unknown, the verdict.
+
+Steps 3 to 8 of a diagnosis, whatever was measured: 3 candidates, 4 classes, 5 several effects,
+6 confirmation on held-out data, 7 audit of what is left, 8 what cannot be told and what to
+measure next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.audit import LACK_OF_FIT, MOTION, Audit, audit
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.confirm import HeldOut
+from delta_calibration.diagnosis.findings import (
+    MM,
+    HeldOutModels,
+    of_dimension,
+    of_geometry,
+    of_member,
+    of_reflector,
+)
+from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.rivals import scaled
+from delta_calibration.diagnosis.search import ALPHA, Found, find
+from delta_calibration.diagnosis.trust import signal_of, untrusted
+from delta_calibration.diagnosis.unseen import unseen
+from delta_calibration.diagnosis.verdict import (
+    Finding,
+    Held,
+    SessionFacts,
+    UnknownStructure,
+    Verdict,
+)
+from delta_calibration.effects import Effect
+from delta_calibration.effects.unexplained import Unexplained
+
+Array = NDArray[np.float64]
+
+# what is left must exceed these shares, of the noise and of what the members explain, to matter
+_MATERIAL, _SLIGHT = 0.3, 0.2
+STEPS = ("geometry", "causes", "held-out data", "what is left")
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The verdict, and what it rests on."""
+
+    verdict: Verdict
+    model: Fitted  # what the calibration is extended to
+    found: Found
+    audit: Audit
+    held: HeldOutModels  # the errors that the verdict tells, pose by pose
+    before: HeldOut  # those of the baseline
+
+
+def judged(
+    start: Fitted,
+    effects: Sequence[Effect],
+    facts: SessionFacts,
+    rng: np.random.Generator,
+    baseline: tuple[str, Callable[[HeldOutModels], HeldOut]] | None = None,
+    step: Callable[[str], None] = lambda name: None,
+) -> Judgement:
+    """Say what explains what a calibrated machine leaves.
+
+    Args:
+        start: the machine with its geometry identified and nothing else in the chain.
+        effects: what is tried.
+        facts: of what was measured.
+        rng: of bootstraps.
+        baseline: what the machine is held against and how that is called; the drawing where not
+            given.
+        step: is told of each of `STEPS` but the first as it begins.
+    """
+    step(STEPS[1])
+    sought = find(start, effects, rng)
+    step(STEPS[2])
+    found, held, said = _borne_out(sought, start, rng)
+    members = found.model.members
+    findings = [f for m, f in said.items() if not m.unexplained]
+    step(STEPS[3])
+    left = _audited(found.model, rng)
+    before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
+    explained = float(np.sqrt(max(0.0, before**2 - after**2)))
+    unknown = _unknown(found.model, sought.model, left, explained)
+    findings += _of_what_is_fitted(found, held, unknown.found, rng)
+    findings.sort(key=lambda finding: -finding.signal)
+    name, compared = _drawing(start.placed) if baseline is None else baseline
+    against = compared(held)
+    verdict = Verdict(
+        session=facts,
+        noise_mm=MM * found.model.floor,
+        baseline=Held(name, held.mm(against)),
+        calibrated=Held(_name((), start.placed), held.mm(held.members((), held.sectors))),
+        extended=Held(
+            _name(members, start.placed), held.mm(held.members(members, held.sectors))
+        ),
+        findings=tuple(findings),
+        unknown_structure=unknown,
+        cannot_tell=unseen(found.model.beside, effects, findings),
+    )
+    return Judgement(verdict, found.model, found, left, held, against)
+
+
+def _borne_out(
+    found: Found, start: Fitted, rng: np.random.Generator
+) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
+    """Only the members whose names can be trusted and that hold on data not seen, one by one."""
+    while True:
+        weak = untrusted(found.model)
+        if not weak:
+            found = replace(found, model=found.model.rested())
+            held = HeldOutModels(found.model.evidence)
+            said = {m: of_member(found, m, held, rng) for m in found.model.members}
+            good = {m: finding for m, finding in said.items() if finding is not None}
+            weak = tuple(m for m in said if m not in good)
+            if not weak:
+                return found, held, good
+        weakest = min(weak, key=lambda m: signal_of(found.model, m))
+        kept = tuple(m for m in found.model.members if m is not weakest)
+        found = replace(found, model=found.model.fitted(kept) if kept else start)
+
+
+def _of_what_is_fitted(
+    found: Found, held: HeldOutModels, unknown: bool, rng: np.random.Generator
+) -> list[Finding]:
+    """Findings among what every calibration fits: one dimension or all, and the reflector.
+
+    What nothing explains bends all that is fitted: beside it, scatter is no finding.
+    """
+    scatter = scatter_of(found.model.beside)
+    one = None
+    if scatter.outlier is not None:
+        one = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
+    if unknown:
+        return [] if one is None else [one]
+    every = of_geometry(found, scatter, held, rng) if one is None else None
+    return [f for f in (one, every, of_reflector(found, held, rng)) if f is not None]
+
+
+def _audited(model: Fitted, rng: np.random.Generator) -> Audit:
+    """The audit of what a model leaves; without lack of fit where that is what noise is by."""
+    left = audit(model.beside, model.noise_degrees, rng)
+    if model.noise_apart:
+        return left
+    return replace(left, p={name: p for name, p in left.p.items() if name != LACK_OF_FIT})
+
+
+def _drawing(placed: bool) -> tuple[str, Callable[[HeldOutModels], HeldOut]]:
+    """The drawing, in the best frame where there is one."""
+    return "nominal + frame" if placed else "nominal", lambda held: held.frame
+
+
+def _name(members: tuple[Candidate, ...], placed: bool) -> str:
+    frame = ["frame"] if placed else []
+    return " + ".join(["geometry", *frame, *(m.label for m in members)])
+
+
+def _unknown(model: Fitted, sought: Fitted, left: Audit, explained: float) -> UnknownStructure:
+    """Structure that a smooth map follows, or that the audit finds in what is left.
+
+    A map that chance is no reason for is structure, even where it foretells too little to be of
+    use and was left out of the model again.
+
+    Args:
+        model: with what is borne out.
+        sought: where the search ended.
+        left: the audit of what the model leaves.
+        explained: root mean square of what its members explain [m].
+    """
+    tests: dict[str, float | None] = {LACK_OF_FIT: None, **left.p}
+    for with_map in (model, sought):
+        for member in with_map.members:
+            if member.unexplained:
+                return _mapped(with_map, member, tests)
+    least = max(_MATERIAL * model.floor, _SLIGHT * explained)
+    size = {name: left.in_motion if name == MOTION else left.excess for name in left.p}
+    shown = [n for n, p in left.p.items() if size[n] >= least and p * len(left.p) <= ALPHA]
+    if not shown:
+        return UnknownStructure(False, None, None, None, tests)
+    worst = min(shown, key=lambda name: left.p[name])
+    moves = worst.removeprefix("moran_") if worst != LACK_OF_FIT else None
+    where = None if worst == MOTION else _around(left.worst)
+    return UnknownStructure(True, where, moves, MM * size[worst], tests)
+
+
+def _mapped(
+    model: Fitted, member: Candidate, tests: dict[str, float | None]
+) -> UnknownStructure:
+    """What the map says: how large it is, and where it is largest."""
+    evidence = model.evidence
+    moved = (columns_of(member, evidence) @ scaled(model, member)).reshape(evidence.residual.shape)
+    rows = np.flatnonzero(evidence.believed[: evidence.poses])
+    shift = np.linalg.solve(evidence.whiten[rows], moved[rows, :, None])[..., 0]
+    shift -= shift.mean(axis=0)
+    size = np.linalg.norm(shift, axis=1)
+    place = evidence.chain.mechanism.position(evidence.pose[rows])
+    family = member.effect.family if isinstance(member.effect, Unexplained) else None
+    where = _around(place[int(np.argmax(size))])
+    return UnknownStructure(True, where, family, MM * float(np.sqrt(np.mean(size**2))), tests)
+
+
+def _around(place: Array) -> str:
+    x, y, z = (MM * place).tolist()
+    return f"most around x = {x:.0f}, y = {y:.0f}, z = {z:.0f} mm"
