@@ -32,6 +32,7 @@ LAYERS = [
     "region",
     "identification",
     "calibration",
+    "description",
     "diagnosis",
     "iso9283",
     "plans",

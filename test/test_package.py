@@ -28,6 +28,7 @@ NODES = {
     "simulated_tracker",
     "measurement_plan",
     "grid_positioner",
+    "robot_description",
     "session_recorder",
     "session_player",
 }

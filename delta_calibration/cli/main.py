@@ -14,7 +14,7 @@ from delta_calibration.errors import CalibrationError
 
 VERBS = (
     "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
-    "info", "demo",
+    "info", "urdf", "demo",
 )  # fmt: skip
 _INTERRUPTED = 130
 

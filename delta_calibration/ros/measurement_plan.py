@@ -118,7 +118,7 @@ class MeasurementPlan(BaseNode):
         self._created = time.monotonic()
         self._found: float | None = None  # when somebody was seen to listen
         self._begun = 0.0
-        self._diagnostics = Diagnostics(self, self._report)
+        self._diagnostics = Diagnostics(self, self._report, self._robot.name)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ticker = self.create_timer(1.0 / self._hz, self._tick, clock=steady)
 
