@@ -47,6 +47,12 @@ class Region:
         hull = ConvexHull(solid, qhull_options="QJ Pp")
         return cls(solid[np.sort(hull.vertices)])
 
+    @property
+    def faces(self) -> Array:
+        """Triangles of the hull, (f, 3 corners, 3) [m]."""
+        hull = ConvexHull(self.vertices, qhull_options="QJ Pp")
+        return np.asarray(self.vertices[hull.simplices])
+
     def outside(self, points: Array) -> Array:
         """How far outside each point lies, (...,) [m]; negative inside.
 

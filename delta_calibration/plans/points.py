@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
+RADIUS = 0.45  # [m] of the paper's disc; what else is covered goes to the ends of the line
+LOW, HIGH = -0.15, 0.10  # [m] about the plane, between which poses are spread
 COLUMNS = ("x_mm", "y_mm", "z_mm")
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
 
@@ -170,7 +172,7 @@ def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gene
     # Shifted as a whole, so that the seed decides and every version of scipy draws the same.
     draws = np.mod(qmc.Halton(3, scramble=False).random(10 * wanted) + rng.random(3), 1.0)
     r, angle = widest * np.sqrt(draws[:, 0]), 2 * np.pi * draws[:, 1]
-    height = PLANE - 0.15 + 0.25 * draws[:, 2]
+    height = PLANE + LOW + (HIGH - LOW) * draws[:, 2]
     points = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)
     points = np.concatenate([ring, points[usable(robot, points)]])
     if len(points) < wanted:

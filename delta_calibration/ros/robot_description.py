@@ -40,7 +40,7 @@ SPECS = (
         "calibration file: the robot as identified, and the tracker's frame; may be empty",
         read_only=True,
     ),
-    Spec("rate", 30.0, "highest rate [Hz] of the joint states", range=(0.1, 200.0), read_only=True),
+    Spec("rate", 30.0, "highest rate [Hz] of joint states", range=(0.1, 200.0), read_only=True),
 )
 
 
