@@ -123,7 +123,8 @@ def test_a_fit_is_followed_and_its_errors_are_drawn(bench: Bench, session: Any) 
     cell.node.set_parameters([Parameter("error_scale", value=100.0)])
     assert bench.until(lambda: not np.array_equal(ends, points(watcher)))
     half = points(watcher)
-    np.testing.assert_allclose(np.linalg.norm(half[1::2] - half[::2], axis=1), first / 2, rtol=1e-6)
+    second = np.linalg.norm(half[1::2] - half[::2], axis=1)
+    np.testing.assert_allclose(second, first / 2, rtol=1e-6)
 
 
 def points(watcher: Watcher) -> np.ndarray:
