@@ -3,17 +3,20 @@
     ros2 launch delta_calibration cell.launch.py
     ros2 launch delta_calibration cell.launch.py plan:=identify record:=true session:=session_1
     ros2 launch delta_calibration cell.launch.py simulated:=false robot:=cell.yaml
+    ros2 launch delta_calibration cell.launch.py play:=session_1
 
 The first is a simulated cell in RViz, the second measures and records it, the third is a real one:
 its motion controller publishes joint_command, its drives listen to joint_command_compensated, its
-tracker driver publishes tracker/pose or tracker/point. `ros2 launch delta_calibration
-cell.launch.py --show-args` lists the arguments.
+tracker driver publishes tracker/pose or tracker/point. The last shows what was recorded, and
+starts nothing that drives listen to. `ros2 launch delta_calibration cell.launch.py --show-args`
+lists the arguments.
 """
 
 from __future__ import annotations
 
 from typing import Any, List  # noqa: UP035
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
 from launch.substitutions import (
@@ -26,11 +29,11 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 
-from launch import LaunchDescription
-
 PACKAGE = "delta_calibration"
 TEXTS = List[str]  # noqa: UP006  launch knows this one of the two, not list[str]
 SWITCH = ("true", "false")
+LOOK_S = 5.0  # [s] that a session waits for who watches
+LIVE = ["'", LaunchConfiguration("play"), "' == ''"]  # there is a cell, real or simulated
 
 ARGUMENTS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("robot", "srbd", "robot file, or the name of one that comes with the package", ()),
@@ -42,9 +45,9 @@ ARGUMENTS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("record", "false", "record what is commanded and measured", SWITCH),
     ("session", "session", "folder to record to; must not exist", ()),
     ("plan", "", "plan or CSV file of points to drive through, once; empty for none", ()),
+    ("play", "", "session to be shown in place of a cell; empty for none", ()),
     ("rviz", "true", "RViz with config/cell.rviz", SWITCH),
     ("foxglove", "false", "foxglove_bridge (port 8765), for config/cell.foxglove.json", SWITCH),
-    ("use_sim_time", "false", "what is shown goes by /clock, as when a session is played", SWITCH),
 )
 
 
@@ -62,6 +65,7 @@ def _cell() -> list[Node]:
     return [
         _own(
             "calibration_node",
+            _if(LIVE),
             autostart=True,
             robot=_text("robot"),
             calibration=_text("calibration"),
@@ -69,7 +73,7 @@ def _cell() -> list[Node]:
         ),
         _own(
             "simulated_tracker",
-            _if("simulated"),
+            _if(LIVE, " and ", _says_true("simulated")),
             robot=_text("robot"),
             seed=_value("seed", int),
             effects=_value("effects", TEXTS),
@@ -78,33 +82,34 @@ def _cell() -> list[Node]:
 
 
 def _measurement() -> list[Node]:
-    """What drives, and what writes down; who drives waits for who writes."""
-    record = LaunchConfiguration("record")
-    listeners = PythonExpression(["2 if '", record, "'.lower() == 'true' else 1"])
-    wanted = PythonExpression(["'", LaunchConfiguration("plan"), "' != ''"])
+    """What drives, and what writes down; who drives waits for who writes. Or what is played."""
+    recorded = _says_true("record")
+    listeners = PythonExpression(["2 if ", *recorded, " else 1"])
     return [
-        _own("session_recorder", _if("record"), output=_text("session")),
+        _own("session_recorder", _if(LIVE, " and ", recorded), output=_text("session")),
         _own(
             "measurement_plan",
-            IfCondition(wanted),
+            _if(LIVE, " and '", LaunchConfiguration("plan"), "' != ''"),
             robot=_text("robot"),
             plan=_text("plan"),
             subscribers=ParameterValue(listeners, value_type=int),
+        ),
+        _own(
+            "session_player",
+            _if("not (", LIVE, ")"),
+            session=_text("play"),
+            wait_for_subscribers=LOOK_S,
         ),
     ]
 
 
 def _view() -> list[Node]:
     """Where the links are: joint states with the passive joints, frames of them, and viewers."""
-    clock = {"use_sim_time": _value("use_sim_time", bool)}
+    played = PythonExpression(["not (", *LIVE, ")"])
+    clock = {"use_sim_time": ParameterValue(played, value_type=bool)}
     config = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "cell.rviz"])
     return [
-        _own(
-            "robot_description",
-            robot=_text("robot"),
-            calibration=_text("calibration"),
-            **clock,
-        ),
+        _own("robot_description", robot=_text("robot"), calibration=_text("calibration")),
         Node(
             package="robot_state_publisher",
             executable="robot_state_publisher",
@@ -120,13 +125,13 @@ def _view() -> list[Node]:
             executable="rviz2",
             arguments=["-d", config],
             parameters=[clock],
-            condition=_if("rviz"),
+            condition=_if(_says_true("rviz")),
         ),
         Node(
             package="foxglove_bridge",
             executable="foxglove_bridge",
             parameters=[clock],
-            condition=_if("foxglove"),
+            condition=_if(_says_true("foxglove")),
         ),
     ]
 
@@ -151,8 +156,14 @@ def _own(executable: str, condition: IfCondition | None = None, **parameters: An
     )
 
 
-def _if(argument: str) -> IfCondition:
-    return IfCondition(LaunchConfiguration(argument))
+def _if(*parts: Any) -> IfCondition:
+    """A condition in Python, of texts, substitutions and lists of them."""
+    flat = [word for part in parts for word in (part if isinstance(part, list) else [part])]
+    return IfCondition(PythonExpression(flat))
+
+
+def _says_true(argument: str) -> list[Any]:
+    return ["'", LaunchConfiguration(argument), "' == 'true'"]
 
 
 def _text(argument: str) -> ParameterValue:

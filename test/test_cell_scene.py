@@ -85,10 +85,19 @@ def test_poses_out_of_reach_are_left_out_and_many_thinned() -> None:
     assert not len(named(errors(Errors(*3 * (meant[7:8],)), 1.0), "nominal").points)
 
 
-def test_another_calibration_has_no_errors_of_poses_that_it_was_not_made_from(desk: Desk) -> None:
+def test_a_calibration_that_was_loaded_draws_the_errors_that_it_expects(desk: Desk) -> None:
+    """Of the region's places; against the identified model, solved by the closure's residual."""
     other = replace(desk.calibration, source="another")
-    names = {drawing.name for drawing in scene(ROBOT, other, desk.fitted, 100.0)}
-    assert names == {"workspace", "region", "region edges"}
+    drawings = scene(ROBOT, other, desk.fitted, 100.0)
+    names = {drawing.name for drawing in drawings}
+    assert names == {"workspace", "region", "region edges", "nominal", "error calibrated"}
+    lines = named(drawings, "error calibrated").points
+    meant, tips = lines[::2], lines[1::2]
+    assert (other.region.outside(meant) < 1e-6).all()
+    expected = meant + (tips - meant) / 100.0
+    q, model = nominal_joints(ROBOT, meant), other.chain.mechanism
+    assert np.abs(model.closure(q, expected, other.geometry)).max() < 1e-9
+    assert np.linalg.norm(expected - meant, axis=1).max() > 0.1e-3
     assert {d.name for d in scene(ROBOT, None, None, 100.0)} == {"workspace"}
 
 

@@ -47,6 +47,7 @@ def test_by_default_a_simulated_cell_is_watched(cell: LaunchDescription) -> None
         ({"plan": "identify"}, {"measurement_plan"}, set()),
         ({"rviz": "false"}, set(), {"rviz2"}),
         ({"foxglove": "true"}, {"foxglove_bridge"}, set()),
+        ({"play": "session"}, {"session_player"}, {"calibration_node", "simulated_tracker"}),
     ],
 )
 def test_arguments_start_and_leave_out(
@@ -55,6 +56,14 @@ def test_arguments_start_and_leave_out(
     before, after = set(cell.started()), set(cell.started(**chosen))
     assert after - before == more
     assert before - after == fewer
+
+
+def test_a_session_is_shown_by_its_own_clock_and_nothing_drives(cell: LaunchDescription) -> None:
+    played = cell.started(play="session", record="true", plan="line")
+    assert set(played) == {"session_player", "robot_description", "robot_state_publisher", "rviz2"}
+    for started, sim_time in ((played, True), (cell.started(), False)):
+        for viewer in ("robot_state_publisher", "rviz2"):
+            assert started[viewer][1]["use_sim_time"] is sim_time
 
 
 def test_executables_are_those_of_setup_cfg_or_of_packages_in_the_manifest(

@@ -71,8 +71,8 @@ class Watcher:
         return [status for message in self.progress for status in message.status]
 
 
-REGION = ("workspace", "region", "region edges")
-FITTED = (*REGION, "nominal", "error measured", "error calibrated")
+REGION = ("workspace", "region", "region edges", "nominal", "error calibrated")
+FITTED = (*REGION, "error measured")
 
 
 def test_a_late_watcher_sees_the_region_and_where_guards_acted(bench: Bench, file: Path) -> None:

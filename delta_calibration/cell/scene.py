@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.cell.fitting import Fitted
 from delta_calibration.description.tree import BLACK, BLUE, GREEN, GREY, VERMILLION, Colour
-from delta_calibration.plans import HIGH, LINE_HALF, LOW, PLANE, tool_points
+from delta_calibration.plans import HIGH, LINE_HALF, LOW, PLANE, joints_toward, tool_points
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
+FORESEEN = 100  # places in the region, beside its corners
 MOST = 300  # poses whose errors are drawn; more are thinned out
 _WIDE, _MIDDLE, _NARROW, _DOT = 0.003, 0.002, 0.0015, 0.006  # [m]
 _ROUND = 36  # corners of a circle
@@ -50,11 +51,11 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Errors:
-    """Tool points of measured poses, each (n, 3) [m] in the base."""
+    """Tool points of some poses, each (n, 3) [m] in the base."""
 
     meant: Array  # by the drawing, at the commanded joints
     modelled: Array  # by the calibration
-    measured: Array  # by the tracker, seen through the calibration's frame
+    measured: Array | None = None  # by the tracker, seen through the calibration's frame
 
     @classmethod
     def of(cls, fitted: Fitted, robot: Robot) -> Errors:
@@ -67,6 +68,15 @@ class Errors:
             known.tool_points(poses.point, poses.joint),
         )
 
+    @classmethod
+    def foreseen(cls, known: Calibration) -> Errors:
+        """Those that a calibration expects in its region, of its geometry alone."""
+        robot, model = known.robot, known.chain.mechanism
+        places = known.region.sample(FORESEEN, 0.0, np.random.default_rng(0))
+        q = joints_toward(robot, places)
+        pose = model.forward(q, known.geometry)
+        return cls(tool_points(robot, q), known.chain.point(pose, robot.tool_offset))
+
 
 def scene(
     robot: Robot, calibration: Calibration | None, fitted: Fitted | None, scale: float
@@ -76,14 +86,15 @@ def scene(
     Args:
         robot: whose workspace.
         calibration: in force; its region.
-        fitted: what was fitted here; its poses' errors, while its calibration is the one in force.
+        fitted: what was fitted here; its poses' errors, while its calibration is the one in force,
+            else those that the calibration expects.
         scale: that many times as long as they are, errors are drawn.
     """
     drawings = [workspace(robot)]
     if calibration is not None:
-        drawings += region(calibration.region)
-    if fitted is not None and fitted.calibration is calibration:
-        drawings += errors(Errors.of(fitted, robot), scale)
+        own = fitted is not None and fitted.calibration is calibration
+        seen = Errors.of(fitted, robot) if fitted and own else Errors.foreseen(calibration)
+        drawings += [*region(calibration.region), *errors(seen, scale)]
     return tuple(drawings)
 
 
@@ -113,20 +124,20 @@ def errors(seen: Errors, scale: float) -> list[Drawing]:
 
     Where the two vectors lie together the calibration explains the error.
     """
-    every = np.hstack([seen.meant, seen.modelled, seen.measured])
+    reached = [("error calibrated", seen.modelled, BLUE, _MIDDLE)]
+    if seen.measured is not None:
+        reached.append(("error measured", seen.measured, VERMILLION, _WIDE))
+    every = np.hstack([seen.meant, *(points for _, points, _, _ in reached)])
     rows = np.flatnonzero(np.isfinite(every).all(axis=1))
     rows = rows[:: -(-len(rows) // MOST) or 1]
     meant = seen.meant[rows]
 
-    def vectors(name: str, reached: Array, colour: Colour, width: float) -> Drawing:
-        tips = meant + scale * (reached[rows] - meant)
+    def vectors(name: str, points: Array, colour: Colour, width: float) -> Drawing:
+        tips = meant + scale * (points[rows] - meant)
         return Drawing(name, Kind.LINES, np.stack([meant, tips], 1).reshape(-1, 3), colour, width)
 
-    return [
-        Drawing("nominal", Kind.DOTS, meant, BLACK, _DOT),
-        vectors("error measured", seen.measured, VERMILLION, _WIDE),
-        vectors("error calibrated", seen.modelled, BLUE, _MIDDLE),
-    ]
+    dots = Drawing("nominal", Kind.DOTS, meant, BLACK, _DOT)
+    return [dots, *(vectors(*each) for each in reached)]
 
 
 def _cylinder(radius: float, low: float, high: float) -> Array:

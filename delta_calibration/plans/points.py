@@ -37,14 +37,14 @@ def nominal_joints(robot: Robot, targets: Array, turns: Array | None = None) -> 
     Raises:
         ReachError: the first point out of reach or beyond a joint's limit.
     """
-    joint = _joints(robot, targets, turns)
+    joint = joints_toward(robot, targets, turns)
     robot.commanded.require_reach(joint, targets, "point", "m")
     require_limits(robot, joint, "point")
     return joint
 
 
-def _joints(robot: Robot, targets: Array, turns: Array | None) -> Array:
-    """The same; NaN rows out of reach."""
+def joints_toward(robot: Robot, targets: Array, turns: Array | None = None) -> Array:
+    """The same, limits or not; NaN rows out of reach."""
     model = robot.commanded
     turns = np.zeros_like(targets) if turns is None else turns
     task = model.task(targets, turns)
@@ -201,7 +201,7 @@ def _rim(robot: Robot, widest: float) -> Array:
 def usable(robot: Robot, points: Array, turns: Array | None = None) -> NDArray[np.bool_]:
     """Points, and turns there, within reach and limits, well away from singularities, (n,)."""
     model = robot.commanded
-    nominal, joint = model.parameters.nominal, _joints(robot, points, turns)
+    nominal, joint = model.parameters.nominal, joints_toward(robot, points, turns)
     room = 2 * APPROACH * model.joint_size  # the way into a stop must be within the limits too
     inside = (joint > robot.joints.lower + room) & (joint < robot.joints.upper - room)
     good = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
