@@ -35,7 +35,7 @@ _KEPT = 500  # places
 
 
 class GuardTrail:
-    """Takes commands as they pass, and places them when somebody looks."""
+    """Takes commands as they pass, and places them when somebody looks, on whatever thread."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[str, Array]] = deque(maxlen=_WAITING)
@@ -44,7 +44,7 @@ class GuardTrail:
 
     def see(self, q: Array, path: CommandPath) -> None:
         """Remember a command (m,) [rad] if a guard acted on it; on the command path, so brief."""
-        blended, trouble = path.counts[BLENDED], path.trouble
+        blended, trouble = path.counts.get(BLENDED, 0), path.trouble
         if trouble is None and blended == self._blended:
             return
         if blended != self._blended:
@@ -52,6 +52,11 @@ class GuardTrail:
             self._waiting.append((FADED, q))
         elif trouble not in _NO_GUARD:
             self._waiting.append((HELD if path.on_failure == HOLD else PASSED, q))
+
+    @property
+    def waiting(self) -> bool:
+        """Whether there is anything to be placed."""
+        return bool(self._waiting)
 
     def clear(self) -> None:
         """Forget the places, as when another calibration comes into force."""

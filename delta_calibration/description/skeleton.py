@@ -116,7 +116,7 @@ class Skeleton:
         for strut in self.struts:
             end = (turn @ self._on_platform(strut, values) @ strut.end[:, None])[..., 0]
             values |= aim(strut, frames[strut.link], centre + end)
-        held = self.tree.frames(values)[self.struts[0].tip[0]][0]
+        held = lying(self.struts[0], frames[self.struts[0].link][0], values)
         free = np.swapaxes(held @ self.wrist, 1, 2) @ turn
         return values | dict(zip(WRIST, turns_about_xyz(free), strict=True))
 
@@ -155,6 +155,14 @@ def aim(strut: Strut, link: tuple[Array, Array], end: Array) -> Values:
         f"tilt_{strut.name}": np.arcsin(way[:, 1] / reach),
     }
     return values | ({f"length_{strut.name}": reach} if strut.stretches else {})
+
+
+def lying(strut: Strut, link: Array, values: Values) -> Array:
+    """How a strut lies in the base, (n, 3, 3), its link turned by `link` (n, 3, 3)."""
+    swing, tilt = (values[f"{way}_{strut.name}"][:, None] for way in ("swing", "tilt"))
+    return np.asarray(
+        link @ strut.origin.rotation @ rotations.exp(swing * Y) @ rotations.exp(tilt * X)
+    )
 
 
 def turns_about_xyz(rotation: Array) -> tuple[Array, Array, Array]:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import Point
-from numpy.typing import NDArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -33,8 +32,8 @@ TYPES = {
 class Markers:
     """Publishes what a desk's cell looks like on `~/markers`.
 
-    The scene is made on another thread when the calibration changes; the places where guards acted
-    are added once a second. What goes wrong here is logged: nobody's commands wait for a picture.
+    Once a second it looks whether something changed: then the picture is made and sent on another
+    thread. What goes wrong there is logged: nobody's commands wait for a picture.
 
     Args:
         node: that has the desk.
@@ -48,38 +47,42 @@ class Markers:
         self._node, self._desk, self._scale = node, desk, scale
         self.trail = GuardTrail()
         self._drawn: tuple[Any, ...] = ()  # what the scene is of
-        self._scene: tuple[Drawing, ...] = ()
-        self._work: Background[tuple[Drawing, ...]] | None = None
+        self._scene: list[Marker] = []
+        self._work: Background[None] | None = None
         self._publisher = node.create_publisher(MarkerArray, "~/markers", STATUS)
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(PERIOD_S, self._tick, clock=clock)
-
-    def _tick(self) -> None:
-        try:
-            self._look()
-        except Exception:
-            self._node.get_logger().error(f"markers: {traceback.format_exc()}")
+        node.create_timer(PERIOD_S, self._look, clock=clock)
 
     def _look(self) -> None:
-        desk = self._desk()
+        if self._work is not None and not self._ended(self._work):
+            return
+        desk, self._work = self._desk(), None
         if desk is None:
             return
-        if self._work is not None:
-            if self._work.done:
-                work, self._work = self._work, None
-                self._scene = work.result()
-                self._publish()
-            return
         wanted = (desk.robot, desk.calibration, desk.fitted, self._scale())
-        if not _same(wanted, self._drawn):
+        if self.trail.waiting or not _same(wanted, self._drawn):
+            self._work = Background(partial(self._draw, wanted))
+
+    def _ended(self, work: Background[None]) -> bool:
+        """Whether a picture is done; one that could not be made is told."""
+        if not work.done:
+            return False
+        try:
+            work.result()
+        except Exception:
+            self._node.get_logger().error(f"markers: {traceback.format_exc()}")
+        return True
+
+    def _draw(self, wanted: tuple[Any, ...]) -> None:
+        """Make the picture and send it; not on the thread of the commands."""
+        anew = not _same(wanted, self._drawn)
+        if anew:
             self._drawn = wanted
             self.trail.clear()
-            self._work = Background(partial(scene, *wanted))
-        elif self.trail.placed(desk.robot):
-            self._publish()
-
-    def _publish(self) -> None:
-        self._publisher.publish(marker_array((*self._scene, *self.trail.drawings())))
+            self._scene = [marker(drawing) for drawing in scene(*wanted)]
+        if self.trail.placed(wanted[0]) or anew:
+            guards = map(marker, self.trail.drawings())
+            self._publisher.publish(picture([*self._scene, *guards]))
 
 
 def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
@@ -87,11 +90,11 @@ def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
     return [*map(id, one[:-1]), one[-1:]] == [*map(id, other[:-1]), other[-1:]]
 
 
-def marker_array(drawings: Sequence[Drawing]) -> MarkerArray:
-    """The whole picture: all markers from before go."""
+def picture(markers: Sequence[Marker]) -> MarkerArray:
+    """The whole of it: all markers from before go."""
     clear = Marker(action=Marker.DELETEALL)
     clear.header.frame_id = FRAME
-    return MarkerArray(markers=[clear, *map(marker, drawings)])
+    return MarkerArray(markers=[clear, *markers])
 
 
 def marker(drawing: Drawing) -> Marker:
@@ -105,10 +108,5 @@ def marker(drawing: Drawing) -> Marker:
     )
     red, green, blue = drawing.colour
     message.color = ColorRGBA(r=red, g=green, b=blue, a=drawing.opacity)
-    message.points = points_of(drawing.points)
+    message.points = [Point(x=x, y=y, z=z) for x, y, z in drawing.points.tolist()]
     return message
-
-
-def points_of(points: NDArray[Any]) -> list[Point]:
-    """Of rows (n, 3) [m]."""
-    return [Point(x=x, y=y, z=z) for x, y, z in points.tolist()]
