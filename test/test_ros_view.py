@@ -190,13 +190,15 @@ def test_states_that_cannot_be_shown_are_told_and_do_not_stop_it(bench: Bench) -
     states = world.create_publisher(JointState, "joint_states", STREAM_OUT)
     assert bench.until(states.get_subscription_count)
     names = load_robot("linear_delta").joints.names
-    for torn in ([0.0, 0.0, 2.0], [np.nan, 0.0, 0.0]):
+    for torn, why in (([0.0, 0.0, 2.0], "cannot be assembled"), ([np.nan, 0.0, 0.0], "finite")):
         message = JointState(name=list(names), position=array("d", torn))
         states.publish(message)
         bench.spin_for(0.2)
         node._diagnostics.publish()
         assert bench.until(
-            lambda: any(s.level == DiagnosticStatus.WARN and s.message for s in watcher.told)
+            lambda why=why: any(
+                s.level == DiagnosticStatus.WARN and why in s.message for s in watcher.told
+            )
         )
         watcher.told.clear()
     assert shown == []
