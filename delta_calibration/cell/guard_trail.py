@@ -16,7 +16,7 @@ from delta_calibration.cell.command_path import (
     CommandPath,
 )
 from delta_calibration.cell.scene import Drawing, Kind
-from delta_calibration.description.tree import ORANGE, PURPLE, VERMILLION
+from delta_calibration.description.tree import ORANGE, PURPLE, VERMILION
 from delta_calibration.plans import tool_points
 from delta_calibration.robot import Robot
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 FADED, PASSED, HELD = "blended out", "passed uncompensated", "held"
 SEEN = {  # colour, and the dot's diameter [m], so that they differ in size as well
     FADED: (ORANGE, 0.006),
-    PASSED: (VERMILLION, 0.010),
+    PASSED: (VERMILION, 0.010),
     HELD: (PURPLE, 0.014),
 }
 _NO_GUARD = (ALREADY, ECHO, BACKWARD)  # said of commands that went out all the same

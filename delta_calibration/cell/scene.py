@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.cell.fitting import Fitted
-from delta_calibration.description.tree import BLACK, BLUE, GREEN, GREY, VERMILLION, Colour
+from delta_calibration.description.tree import BLACK, BLUE, GREEN, GREY, VERMILION, Colour
 from delta_calibration.plans import HIGH, LINE_HALF, LOW, PLANE, joints_toward, tool_points
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
@@ -126,7 +126,7 @@ def errors(seen: Errors, scale: float) -> list[Drawing]:
     """
     reached = [("error calibrated", seen.modelled, BLUE, _MIDDLE)]
     if seen.measured is not None:
-        reached.append(("error measured", seen.measured, VERMILLION, _WIDE))
+        reached.append(("error measured", seen.measured, VERMILION, _WIDE))
     every = np.hstack([seen.meant, *(points for _, points, _, _ in reached)])
     rows = np.flatnonzero(np.isfinite(every).all(axis=1))
     rows = rows[:: -(-len(rows) // MOST) or 1]

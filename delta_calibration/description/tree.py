@@ -24,7 +24,7 @@ X, Y, Z = np.eye(3)
 GREY, BLACK = (0.6, 0.6, 0.6), (0.15, 0.15, 0.15)
 ORANGE, BLUE = (0.90, 0.62, 0.0), (0.0, 0.45, 0.70)
 SKY, GREEN = (0.34, 0.71, 0.91), (0.0, 0.62, 0.45)
-VERMILLION, PURPLE = (0.84, 0.37, 0.0), (0.80, 0.47, 0.65)
+VERMILION, PURPLE = (0.84, 0.37, 0.0), (0.80, 0.47, 0.65)
 Colour = tuple[float, float, float]
 
 
