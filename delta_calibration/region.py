@@ -52,6 +52,12 @@ class Region:
         """The hull's faces, (f, 4): n . p + d is negative inside [m]."""
         return self._planes
 
+    @property
+    def faces(self) -> Array:
+        """Triangles of the hull, (f, 3 corners, 3) [m]."""
+        hull = ConvexHull(self.vertices, qhull_options="QJ Pp")
+        return np.asarray(self.vertices[hull.simplices])
+
     def outside(self, points: Array) -> Array:
         """How far outside each point lies, (...,) [m]; negative inside.
 

@@ -33,6 +33,7 @@ LAYERS = [
     "region",
     "identification",
     "calibration",
+    "description",
     "diagnosis",
     "iso9283",
     "plans",

@@ -28,6 +28,7 @@ NODES = {
     "simulated_tracker",
     "measurement_plan",
     "grid_positioner",
+    "robot_description",
     "session_recorder",
     "session_player",
 }
@@ -143,6 +144,8 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
     assert (share / "hook" / "ament_prefix_path.sh").is_file()
     assert (share / "package.xml").is_file()
     assert (share / "config" / CONFIG.name).read_bytes() == CONFIG.read_bytes()
+    assert (share / "launch" / "cell.launch.py").is_file()
+    assert {"cell.rviz", "cell.foxglove.json"} <= {f.name for f in (share / "config").iterdir()}
 
     setup = tmp_path / "install" / "setup.sh"
     script = f'. "{setup}" && printenv AMENT_PREFIX_PATH && printenv PYTHONPATH'

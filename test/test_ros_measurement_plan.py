@@ -21,7 +21,7 @@ from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import joint_state, stamp_to_ns
 from delta_calibration.ros.measurement_plan import MeasurementPlan, Motion
-from delta_calibration.ros.qos import COMMAND, DIAGNOSTICS, MEASURED, STREAM_OUT
+from delta_calibration.ros.qos import COMMAND, DIAGNOSTICS, MEASURED, STATUS, STREAM_OUT
 from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
@@ -54,6 +54,13 @@ class Listener:
         node.create_subscription(JointState, "joint_command", self._on_command, COMMAND)
         node.create_subscription(
             DiagnosticArray, "/diagnostics", lambda m: self.said.extend(m.status), DIAGNOSTICS
+        )
+        self.progress: list[DiagnosticStatus] = []
+        node.create_subscription(
+            DiagnosticArray,
+            "/measurement_plan/progress",
+            lambda m: self.progress.extend(m.status),
+            STATUS,
         )
         if measured:
             self._publish(node, "joint_states", HERE, MEASURED)
@@ -102,6 +109,13 @@ def test_every_command_comes_at_its_time_from_where_the_machine_stands(
     mine = [s for s in listener.said if s.name == "/measurement_plan"]
     assert any(s.message.startswith("at ") and s.message.endswith(" of 6") for s in mine)
     assert mine[-1].message == "done"
+    *going, last = listener.progress[1:]  # idle until somebody listened
+    assert {status.name for status in going} == {"/measurement_plan/plan"}
+    done = [float({v.key: v.value for v in status.values}["done [%]"]) for status in going]
+    assert len(done) > 3
+    assert done == sorted(done)
+    assert 0.0 <= done[0] < done[-1] <= 100.0
+    assert (last.name, last.message) == ("/measurement_plan", "idle")
 
 
 def test_where_upstream_sees_the_machine_comes_first(

@@ -17,7 +17,7 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cell.capture import Capture
 from delta_calibration.cell.command_path import PASS_THROUGH, CommandPath, Sent
-from delta_calibration.cell.fitting import Fitted, fit
+from delta_calibration.cell.fitting import COMPENSATOR, Fitted, Step, fit, silent
 from delta_calibration.cell.health import Health, Level, Watch
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
@@ -155,12 +155,15 @@ class Desk:
         return f"captured {counts}{notes}"
 
     def prepare_fit(
-        self, way: Callable[[Session, Robot, str, int], Fitted] = fit
+        self,
+        way: Callable[[Session, Robot, str, int, Step], Fitted] = fit,
+        step: Step = silent,
     ) -> Callable[[], tuple[Fitted, JointCompensator]]:
         """The work of a fit to what is held now; may be done on another thread.
 
         Args:
             way: `fit`, or `diagnosed` to extend the model as well.
+            step: is told of each step of the work as it begins.
 
         Raises:
             DataError: nothing was captured.
@@ -170,7 +173,8 @@ class Desk:
         session = self.capture.session(SOURCE)
 
         def work() -> tuple[Fitted, JointCompensator]:
-            fitted = way(session, self.robot, self._model, self.settings.seed)
+            fitted = way(session, self.robot, self._model, self.settings.seed, step)
+            step(COMPENSATOR)
             return fitted, self._compensator(fitted.calibration)
 
         return work
@@ -239,6 +243,17 @@ class Desk:
         self.path.enable(on)
         ramp = f"over {self.path.ramp_s:g} s"
         return f"compensation comes on {ramp}" if on else f"compensation goes off {ramp}"
+
+    def captured(self, now_s: float) -> tuple[str, dict[str, object]]:
+        """How far a capture has come: a sentence, and figures."""
+        held, limit = self.capture.held, self.settings.capture_limit
+        figures: dict[str, object] = {
+            "elapsed [s]": f"{now_s - self._capture_since_s:.1f}",
+            **{f"{stream} messages": n for stream, n in self.capture.counts.items()},
+            "of the limit [%]": f"{100 * held / limit:.1f}",
+            "lost messages": self.capture.lost,
+        }
+        return f"{held} messages held", figures
 
     def health(self, now_s: float, tracker_timeout_s: float) -> Health:
         """How the cell is doing."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +13,19 @@ from delta_calibration.calibration_file import (
     save_calibration,
     save_extended,
 )
-from delta_calibration.diagnosis import Diagnosis, diagnose
+from delta_calibration.diagnosis import STEPS, Diagnosis, diagnose
 from delta_calibration.identification import Identification, identify
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, Session, collect, survey
+
+POSES, GEOMETRY, COMPENSATOR = "still moments", "geometry", "compensator"
+FIT_STEPS = (POSES, GEOMETRY, COMPENSATOR)
+DIAGNOSIS_STEPS = (POSES, *STEPS, COMPENSATOR)
+Step = Callable[[str], None]
+
+
+def silent(step: str) -> None:
+    """Nobody asks how far it is."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +62,9 @@ class Fitted:
         )
 
 
-def fit(session: Session, robot: Robot, model: str | None, seed: int) -> Fitted:
+def fit(
+    session: Session, robot: Robot, model: str | None, seed: int, step: Step = silent
+) -> Fitted:
     """Find the still moments of a session and identify the robot from them.
 
     Args:
@@ -60,16 +72,21 @@ def fit(session: Session, robot: Robot, model: str | None, seed: int) -> Fitted:
         robot: drawing, priors, tracker.
         model: name of a mechanism; the robot file's own where not given.
         seed: of the division into held-out parts.
+        step: is told of each of `FIT_STEPS` as it begins, but for the last.
 
     Raises:
         CalibrationError: the session does not hold the answer; says why.
     """
+    step(POSES)
     poses = collect(session, robot.joints.names)
+    step(GEOMETRY)
     found = identify(poses, robot, model, seed)
     return Fitted(found, poses, from_identification(found, robot, poses))
 
 
-def diagnosed(session: Session, robot: Robot, model: str | None, seed: int) -> Fitted:
+def diagnosed(
+    session: Session, robot: Robot, model: str | None, seed: int, step: Step = silent
+) -> Fitted:
     """Identify the robot and extend its model by what a session shows to be missing.
 
     Args:
@@ -77,11 +94,13 @@ def diagnosed(session: Session, robot: Robot, model: str | None, seed: int) -> F
         robot: drawing, priors, tracker.
         model: name of a mechanism; the robot file's own where not given.
         seed: of bootstraps.
+        step: is told of each of `DIAGNOSIS_STEPS` as it begins, but for the last.
 
     Raises:
         CalibrationError: the session does not hold the answer; says why.
     """
+    step(POSES)
     seen = survey(session, robot.joints.names, robot.commanded.joint_size)
-    found = diagnose(seen, robot, model, seed=seed)
+    found = diagnose(seen, robot, model, seed=seed, step=step)
     calibration = from_diagnosis(found, robot, seen.poses)
     return Fitted(found.identification, seen.poses, calibration, found)

@@ -15,7 +15,7 @@ from delta_calibration.errors import CalibrationError
 
 VERBS = (
     "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
-    "info", "demo", "completion",
+    "info", "urdf", "demo", "completion",
 )  # fmt: skip
 _INTERRUPTED = 130
 

@@ -197,6 +197,16 @@ def _gap(s: Array, leg: Array) -> Array:
     return np.asarray(gap.reshape(len(s), 2 * LEGS))
 
 
+def alike(spheres: RotaryDelta, g: Array) -> tuple[SixRodDelta, Array]:
+    """Six rods in pairs that do not differ, that stand where three spheres do.  (24,) -> (60,)."""
+    model = SixRodDelta(spheres.dimensions, spheres.tolerances)
+    leg, known = legs(model.parameters.nominal.copy()), legs(g)
+    leg[:, BASE] = known[:, :3] + leg[:, PLATFORM]
+    leg[:, TILT_X : ROD + 1] = known[:, 3:]
+    leg[:, [ELBOW_X, ELBOW_Z]] = -leg[:, [TILT_X, TILT_Z]]  # the pairs stay parallel
+    return model, leg.reshape(-1)
+
+
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(np.sum(a * b, axis=-1))
 

@@ -10,8 +10,12 @@ from delta_calibration.plans.named import make_plan
 from delta_calibration.plans.plan_file import read_plan, write_plan
 from delta_calibration.plans.points import (
     CUBE,
+    HIGH,
     LINE_HALF,
+    LOW,
     PLANE,
+    RADIUS,
+    joints_toward,
     nominal_joints,
     require_borne,
     tool_frames,
@@ -27,15 +31,19 @@ from delta_calibration.plans.target_file import (
 
 __all__ = [
     "CUBE",
+    "HIGH",
     "LINE_HALF",
+    "LOW",
     "PLACE",
     "PLANE",
+    "RADIUS",
     "TURN",
     "Leg",
     "MotionPath",
     "Plan",
     "Targets",
     "commanded_columns",
+    "joints_toward",
     "legs",
     "make_plan",
     "nominal_joints",

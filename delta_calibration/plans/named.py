@@ -27,7 +27,7 @@ def make_plan(
     count: int | None = None,
     dwell: float = 1.0,
     both_sides: bool = True,
-    radius: float = 0.45,
+    radius: float = points.RADIUS,
     payload: float = 0.0,
     seed: int = 0,
 ) -> Plan:

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
+RADIUS = 0.45  # [m] of the paper's disc; what else is covered goes to the ends of the line
+LOW, HIGH = -0.15, 0.10  # [m] about the plane, between which poses are spread
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
 
 
@@ -34,9 +36,8 @@ def nominal_joints(robot: Robot, targets: Array, turns: Array | None = None) -> 
         ReachError: the first point out of reach or beyond a joint's limit, or at which the
             platform's own weight is not borne.
     """
-    model = robot.commanded
-    joint = _joints(robot, targets, turns)
-    model.require_reach(joint, targets, "point", "m")
+    joint = joints_toward(robot, targets, turns)
+    robot.commanded.require_reach(joint, targets, "point", "m")
     require_limits(robot, joint, "point")
     require_borne(robot, joint, "point")
     return joint
@@ -63,8 +64,8 @@ def require_borne(robot: Robot, joint: Array, what: str, payload: Array | None =
         model.require_borne(x, nominal, weight_known(robot, model, at, x), what)
 
 
-def _joints(robot: Robot, targets: Array, turns: Array | None) -> Array:
-    """The same; NaN rows out of reach."""
+def joints_toward(robot: Robot, targets: Array, turns: Array | None = None) -> Array:
+    """The same, limits or not; NaN rows out of reach."""
     model = robot.commanded
     turns = np.zeros_like(targets) if turns is None else turns
     task = model.task(targets, turns)
@@ -128,7 +129,7 @@ def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gene
     # Shifted as a whole, so that the seed decides and every version of scipy draws the same.
     draws = np.mod(qmc.Halton(3, scramble=False).random(10 * wanted) + rng.random(3), 1.0)
     r, angle = widest * np.sqrt(draws[:, 0]), 2 * np.pi * draws[:, 1]
-    height = PLANE - 0.15 + 0.25 * draws[:, 2]
+    height = PLANE + LOW + (HIGH - LOW) * draws[:, 2]
     points = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)
     points = np.concatenate([ring, points[usable(robot, points)]])
     if len(points) < wanted:
@@ -157,7 +158,7 @@ def _rim(robot: Robot, widest: float) -> Array:
 def usable(robot: Robot, points: Array, turns: Array | None = None) -> NDArray[np.bool_]:
     """Points, and turns there, within reach and limits, well away from singularities, (n,)."""
     model = robot.commanded
-    nominal, joint = model.parameters.nominal, _joints(robot, points, turns)
+    nominal, joint = model.parameters.nominal, joints_toward(robot, points, turns)
     room = 2 * APPROACH * model.joint_size  # the way into a stop must be within the limits too
     inside = (joint > robot.joints.lower + room) & (joint < robot.joints.upper - room)
     good = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false

@@ -16,8 +16,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from delta_calibration.cell.command_path import Sent
 from delta_calibration.cell.desk import Desk
-from delta_calibration.cell.fitting import Fitted, diagnosed, fit
+from delta_calibration.cell.fitting import DIAGNOSIS_STEPS, FIT_STEPS, Fitted, diagnosed, fit
 from delta_calibration.cell.health import Health, Level
+from delta_calibration.cell.task import Task
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
@@ -26,7 +27,9 @@ from delta_calibration.ros.conversions import JointReader, JointWriter, stamp_to
 from delta_calibration.ros.diagnostics import Diagnostics, status
 from delta_calibration.ros.jobs import Finish, Jobs, Work
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
+from delta_calibration.ros.markers import Markers
 from delta_calibration.ros.parameters import ParameterTable, warn_of_unknown
+from delta_calibration.ros.progress import Doing, Progress
 from delta_calibration.ros.qos import CONTROLLER, INPUTS, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import run
 
@@ -39,6 +42,7 @@ LEVELS = {
     Level.WARN: DiagnosticStatus.WARN,
     Level.ERROR: DiagnosticStatus.ERROR,
 }
+WAYS = (("fit", fit, FIT_STEPS), ("diagnose", diagnosed, DIAGNOSIS_STEPS))
 
 
 class CalibrationNode(SafeLifecycleNode):
@@ -64,6 +68,10 @@ class CalibrationNode(SafeLifecycleNode):
         self._jobs = Jobs(self, self._tell_of)
         self._serve()
         self._diagnostics = Diagnostics(self, self._report)
+        self._task: Task | None = None  # the fit or diagnosis that was begun last
+        self._progress = Progress(self, self._doing)
+        scale = partial(self._settings.number, "error_scale")
+        self._markers = Markers(self, lambda: self._desk, scale)
 
     def _serve(self) -> None:
         orders: dict[str, Callable[[Desk], str]] = {
@@ -73,8 +81,8 @@ class CalibrationNode(SafeLifecycleNode):
         for name, order in orders.items():
             self.create_service(Trigger, f"~/{name}", partial(self._obey, order))
         self.create_service(SetBool, "~/enable", self._on_enable)
-        for name, way in (("fit", fit), ("diagnose", diagnosed)):
-            self._jobs.serve(name, "fit", partial(self._prepare_fit, way))
+        for name, way, steps in WAYS:
+            self._jobs.serve(name, "fit", partial(self._prepare_fit, name, way, steps))
         self._jobs.serve("save", "save", self._prepare_save)
         self._jobs.serve("reload", "reload", self._prepare_reload)
 
@@ -106,6 +114,7 @@ class CalibrationNode(SafeLifecycleNode):
         self._command_reader, self._states_reader = JointReader(names), JointReader(names)
         self._command_writer, self._states_writer = JointWriter(names), JointWriter(names)
         self._desk = desk
+        self._diagnostics.hardware = desk.robot.name
         self._listen()
         self.get_logger().info(f"configured for {desk.robot.name}")
         if desk.left_out:
@@ -180,6 +189,7 @@ class CalibrationNode(SafeLifecycleNode):
         self._send(message, sent)
         if not already:
             desk.capture.add_command(stamp_ns, q)
+        self._markers.trail.see(q, desk.path)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
         if desk.path.trouble is not None:
             desk.watch.trouble("joint_command", desk.path.trouble, now_s)
@@ -261,9 +271,10 @@ class CalibrationNode(SafeLifecycleNode):
             raise DataError(f"the node is {self.state}; configure it first")
         return self._desk
 
-    def _prepare_fit(self, way: Callable[..., Fitted]) -> Work:
-        desk = self._require_desk()
-        work = desk.prepare_fit(way)
+    def _prepare_fit(self, name: str, way: Callable[..., Fitted], steps: Sequence[str]) -> Work:
+        desk, task = self._require_desk(), Task(name, steps, time.monotonic())
+        work = desk.prepare_fit(way, task.begin)
+        self._task = task
         return lambda: partial(desk.take, *work())
 
     def _prepare_save(self) -> Work:
@@ -310,7 +321,8 @@ class CalibrationNode(SafeLifecycleNode):
         level, name = LEVELS[health.level], self.get_fully_qualified_name()
         if self._told != (level, health.message):
             self._told = level, health.message
-            self._status.publish(status(level, name, health.message, health.values))
+            hardware = self._diagnostics.hardware
+            self._status.publish(status(level, name, health.message, health.values, hardware))
         return level, health.message, health.values
 
     def _follow(self, blocks: range) -> Iterator[int]:
@@ -320,6 +332,16 @@ class CalibrationNode(SafeLifecycleNode):
                 f"table of corrections: {100 * block // len(blocks)} %", throttle_duration_sec=1.0
             )
             yield block
+
+    def _doing(self) -> Doing:
+        """What goes on beside the command path, for `~/progress`."""
+        desk, task = self._desk, self._task
+        doing: dict[str, tuple[str, Mapping[str, object]]] = {}
+        if desk is not None and desk.capture.running:
+            doing["capture"] = desk.captured(time.monotonic())
+        if task is not None and "fit" in self._jobs.running:
+            doing[task.name] = task.sentence(), task.values(time.monotonic())
+        return doing
 
     def _health(self) -> Health:
         if self._desk is None and self._refused:

@@ -65,6 +65,12 @@ SPECS = (
         range=(100, 100_000_000),
     ),
     Spec("seed", 0, "of held-out parts and of the swarm; from configure on", (0, 2**31 - 1)),
+    Spec(
+        "error_scale",
+        100.0,
+        "factor by which ~/markers draws errors longer than they are",
+        range=(0.0, 1e5),
+    ),
     Spec("output", "", "calibration file that ~/save writes"),
     Spec(
         "command_controller",

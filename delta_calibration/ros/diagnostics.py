@@ -15,11 +15,17 @@ PERIOD_S = 1.0
 
 
 def status(
-    level: bytes, name: str, message: str, values: Mapping[str, object] | None = None
+    level: bytes,
+    name: str,
+    message: str,
+    values: Mapping[str, object] | None = None,
+    hardware: str = "",
 ) -> DiagnosticStatus:
     """One status; `level` is one of DiagnosticStatus.OK, WARN, ERROR, STALE."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in (values or {}).items()]
-    return DiagnosticStatus(level=level, name=name, message=message, values=pairs)
+    return DiagnosticStatus(
+        level=level, name=name, message=message, values=pairs, hardware_id=hardware
+    )
 
 
 class Diagnostics:
@@ -28,13 +34,18 @@ class Diagnostics:
     Args:
         node: node that is reported on; its name comes before the status's.
         report: gives level, message and values now.
+        hardware: what is reported on, such as the robot's name; may be set later.
     """
 
     def __init__(
-        self, node: Node, report: Callable[[], tuple[bytes, str, Mapping[str, object]]]
+        self,
+        node: Node,
+        report: Callable[[], tuple[bytes, str, Mapping[str, object]]],
+        hardware: str = "",
     ) -> None:
         self._node = node
         self._report = report
+        self.hardware = hardware
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", DIAGNOSTICS)
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD_S, self.publish, clock=clock)
@@ -44,5 +55,6 @@ class Diagnostics:
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         level, text, values = self._report()
-        message.status = [status(level, self._node.get_fully_qualified_name(), text, values)]
+        name = self._node.get_fully_qualified_name()
+        message.status = [status(level, name, text, values, self.hardware)]
         self._publisher.publish(message)

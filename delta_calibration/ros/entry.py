@@ -61,3 +61,8 @@ def measurement_plan() -> int:
 def grid_positioner() -> int:
     """Drive points right by the tracker alone."""
     return run_node("grid_positioner")
+
+
+def robot_description() -> int:
+    """Show the robot: URDF, and the states of all its joints."""
+    return run_node("robot_description")

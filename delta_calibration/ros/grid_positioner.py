@@ -134,7 +134,7 @@ class GridPositioner(BaseNode):
         self._listen(JointState, "joint_states", self._on_states)
         self._listen(PoseStamped, "tracker/pose", self._on_pose)
         self._listen(PointStamped, "tracker/point", lambda m: self._on_reading(tracker_point(m)))
-        self._diagnostics = Diagnostics(self, self._report)
+        self._diagnostics = Diagnostics(self, self._report, self._robot.name)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         period = 1.0 / self._settings.number("rate")
         self._ticker = self.create_timer(period, self._tick, clock=steady)

@@ -33,6 +33,7 @@ from delta_calibration.ros.parameters import (
     Spec,
     warn_of_unknown,
 )
+from delta_calibration.ros.progress import Doing, Progress
 from delta_calibration.ros.qos import MEASURED, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
 
@@ -118,7 +119,8 @@ class MeasurementPlan(BaseNode):
         self._created = time.monotonic()
         self._found: float | None = None  # when somebody was seen to listen
         self._begun = 0.0
-        self._diagnostics = Diagnostics(self, self._report)
+        self._diagnostics = Diagnostics(self, self._report, self._robot.name)
+        self._progress = Progress(self, self._doing)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ticker = self.create_timer(1.0 / self._hz, self._tick, clock=steady)
 
@@ -126,6 +128,7 @@ class MeasurementPlan(BaseNode):
         """Give the last command the time to arrive; say how far it came."""
         self._commands.wait_for_all_acked(Duration(seconds=FAREWELL_S))
         self._diagnostics.publish()
+        self._progress.publish()
 
     def _read_plan(self) -> Plan:
         settings = self._settings
@@ -219,6 +222,14 @@ class MeasurementPlan(BaseNode):
         if begins and motion.leg[k] % tenth == 0:
             self.get_logger().info(f"{motion.leg[k] + 1} of {motion.leg_count}")
 
+    def _doing(self) -> Doing:
+        """The plan, for `~/progress`."""
+        motion = self._motion
+        if motion is None or self._next == len(motion):
+            return {}
+        _, said, values = self._report()
+        return {"plan": (said, {**values, "done [%]": f"{100 * self._next / len(motion):.0f}"})}
+
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         motion = self._motion
         values: dict[str, object] = {"plan": self._plan.name}
@@ -226,7 +237,7 @@ class MeasurementPlan(BaseNode):
             return DiagnosticStatus.OK, "waiting for somebody to listen", values
         current = int(motion.leg[max(self._next - 1, 0)]) + 1
         values["stop"], values["stops"] = current, motion.leg_count
-        values["seconds left"] = f"{(len(motion) - self._next) / self._hz:.1f}"
+        values["left [s]"] = f"{(len(motion) - self._next) / self._hz:.1f}"
         if not self._commands.get_subscription_count():
             return DiagnosticStatus.ERROR, "nobody listens any more", values
         if self._next == len(motion):

@@ -100,7 +100,7 @@ class SimulatedTracker(BaseNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / settings.number("rate"), self._measure, clock=steady)
         self.create_timer(TEMPERATURE_PERIOD_S, self._say_temperatures, clock=steady)
-        self._diagnostics = Diagnostics(self, self._report)
+        self._diagnostics = Diagnostics(self, self._report, robot.name)
         state = "warming up from 20 deg C" if machine.warms else "at 20 deg C"
         self.get_logger().info(f"machine {seed} of {robot.name}, {state}")
 

@@ -1,0 +1,43 @@
+"""How far a piece of work has come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+
+class Task:
+    """Work in steps of which nobody knows how long each takes.
+
+    `begin` may be called from another thread than the rest.
+
+    Args:
+        name: what it is, in a word.
+        steps: in the order in which they begin.
+        now_s: steady time.
+    """
+
+    def __init__(self, name: str, steps: Sequence[str], now_s: float) -> None:
+        self.name, self._steps, self._since_s = name, tuple(steps), now_s
+        self._step = self._steps[0]
+
+    def begin(self, step: str) -> None:
+        """The next step begins; the ones before it are done."""
+        self._step = step
+
+    def sentence(self) -> str:
+        """Such as `geometry, step 2 of 3`."""
+        return f"{self._step}, step {self._number} of {len(self._steps)}"
+
+    def values(self, now_s: float) -> Mapping[str, object]:
+        """The same in figures."""
+        return {
+            "step": self._step,
+            "steps done": self._number - 1,
+            "steps": len(self._steps),
+            "done [%]": f"{100 * (self._number - 1) / len(self._steps):.0f}",
+            "elapsed [s]": f"{now_s - self._since_s:.1f}",
+        }
+
+    @property
+    def _number(self) -> int:
+        return self._steps.index(self._step) + 1

@@ -1,0 +1,43 @@
+"""`delta-cal urdf`: a robot as URDF, for RViz, Foxglove and robot_state_publisher."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.options import require_folder, robot_option
+from delta_calibration.description import describe, urdf
+from delta_calibration.errors import InputError
+from delta_calibration.robot import load_robot
+
+
+@click.command("urdf", short_help="the robot as URDF, for RViz and Foxglove")
+@robot_option
+@click.option(
+    "--calibration", type=click.Path(path_type=Path), default=None,
+    help="The robot as identified, with the tracker's frame, in place of the drawing.",
+)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=None, help="File to write; else printed."
+)
+def command(robot_file: str, calibration: Path | None, out: Path | None) -> None:
+    """Print the robot as URDF.
+
+    Closed chains are trees there: the platform hangs on the first strut, and the values of the
+    passive joints, which the node `robot_description` publishes, bring the others' ends to it.
+    Shapes are for the eye: no masses, no collision.
+    """
+    robot = load_robot(robot_file)
+    known = None if calibration is None else load_calibration(calibration, robot)
+    text = urdf(describe(robot, known).tree)
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    require_folder(out)
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written: {error.strerror or error}") from error
+    click.echo(f"written: {out}")

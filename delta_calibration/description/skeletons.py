@@ -1,0 +1,93 @@
+"""The trees of the mechanisms, each from the mechanism's parameters as fitted or as drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.description.deltas import linear_delta, rotary_delta
+from delta_calibration.description.parts import Parts
+from delta_calibration.description.serial import serial_arm
+from delta_calibration.description.skeleton import Skeleton, on_strut
+from delta_calibration.description.struts import cable_robot, five_axis
+from delta_calibration.description.tree import (
+    BASE,
+    FIXED,
+    GREY,
+    TOOL,
+    TRACKER,
+    Cylinder,
+    Joint,
+    Link,
+    Tree,
+)
+from delta_calibration.geometry import Frame
+from delta_calibration.mechanisms import Mechanism, RotaryDelta
+from delta_calibration.mechanisms.six_rod_delta import alike
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+PARTS: dict[str, Callable[[Robot, Mechanism, Array], Parts]] = {
+    "six_rod_delta": rotary_delta,
+    "linear_delta": linear_delta,
+    "cable_robot": cable_robot,
+    "five_axis": five_axis,
+    "serial_arm": serial_arm,
+}
+_TIP = 0.004  # [m] radius of what leads from the platform to the tool
+
+
+def describe(robot: Robot, calibration: Calibration | None = None) -> Skeleton:
+    """The robot as its file draws it, or as it was identified; what effects do is not shown.
+
+    With a calibration the tracker's frame is a link as well, fixed to the base.
+    """
+    if calibration is None:
+        mechanism = robot.detailed
+        geometry = mechanism.parameters.nominal
+    else:
+        mechanism, geometry = calibration.chain.mechanism, calibration.geometry
+    if isinstance(mechanism, RotaryDelta):
+        mechanism, geometry = alike(mechanism, geometry)
+    parts = PARTS[mechanism.name](robot, mechanism, geometry)
+    more = _beyond(robot, calibration)
+    return assembled(robot, mechanism, geometry, parts, more)
+
+
+def assembled(
+    robot: Robot, mechanism: Mechanism, geometry: Array, parts: Parts, more: Parts
+) -> Skeleton:
+    """The whole tree; the ball joint under the platform is at zero with the motors at home."""
+    limbs = [strut.limb for strut in parts.struts]
+    links = (Link(BASE, parts.base), *parts.links, *chain.from_iterable(part for part, _ in limbs))
+    joints = (*parts.joints, *chain.from_iterable(part for _, part in limbs))
+    names = robot.joints.names
+
+    def skeleton(wrist: Array) -> Skeleton:
+        held, on = on_strut(parts.struts[0], wrist) if parts.struts else ((), ())
+        every = (*links, *held, Link(TOOL, parts.platform), *parts.behind_links, *more.links)
+        tree = Tree(robot.name, every, (*joints, *on, *parts.behind_joints, *more.joints))
+        return Skeleton(mechanism, geometry, tree, names, parts.struts, wrist, parts.follow)
+
+    free = skeleton(np.eye(3))
+    if not parts.struts:
+        return free
+    frames = free.tree.frames(free.values(mechanism.home[None]))
+    return skeleton(frames[parts.struts[0].tip[0]][0][0].T @ frames[TOOL][0][0])
+
+
+def _beyond(robot: Robot, calibration: Calibration | None) -> Parts:
+    """The tool's centre point where it is not the platform's; the tracker where it is known."""
+    links, joints = [], []
+    if robot.tool_offset.any():
+        links.append(Link("tcp", (Cylinder(-robot.tool_offset, np.zeros(3), _TIP, GREY),)))
+        joints.append(Joint("tcp", FIXED, TOOL, "tcp", Frame(np.eye(3), robot.tool_offset)))
+    if calibration is not None:
+        links.append(Link(TRACKER))
+        joints.append(Joint(TRACKER, FIXED, BASE, TRACKER, calibration.frame.inverse()))
+    return Parts(links=tuple(links), joints=tuple(joints))

@@ -1,0 +1,110 @@
+"""Links and joints as a tree, as URDF has them, and where the links are at given joint values.
+
+A joint's frame stands at `origin` in its parent; the child's frame is that, turned about `axis` or
+shifted along it by the joint's value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.geometry import Frame, rotations
+
+Array = NDArray[np.float64]
+
+BASE, TOOL, TRACKER = "base_link", "tool0", "tracker"  # frames of the contract
+FIXED, REVOLUTE, CONTINUOUS, PRISMATIC = "fixed", "revolute", "continuous", "prismatic"
+X, Y, Z = np.eye(3)
+
+# Okabe and Ito's colours, told apart by colour-blind eyes as well; red, green, blue of 1.
+GREY, BLACK = (0.6, 0.6, 0.6), (0.15, 0.15, 0.15)
+ORANGE, BLUE = (0.90, 0.62, 0.0), (0.0, 0.45, 0.70)
+SKY, GREEN = (0.34, 0.71, 0.91), (0.0, 0.62, 0.45)
+VERMILION, PURPLE = (0.84, 0.37, 0.0), (0.80, 0.47, 0.65)
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A round part of a link, between two points in the link's frame."""
+
+    start: Array  # (3,) [m]
+    end: Array  # (3,) [m]
+    radius: float  # [m]
+    colour: Colour = GREY
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body, by what is seen of it."""
+
+    name: str
+    shapes: tuple[Cylinder, ...] = ()
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What leads from one link to the next.
+
+    `lower` and `upper` [rad or m] and `speed` [rad/s or m/s] are asked for where it is revolute or
+    prismatic.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Frame = field(default_factory=Frame.identity)
+    axis: Array = field(default_factory=lambda: Z)  # (3,) of length 1, in the joint's frame
+    lower: float = 0.0
+    upper: float = 0.0
+    speed: float = 0.0
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A robot; every joint stands behind the one that leads to its parent."""
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Names of the joints that have a value."""
+        return tuple(joint.name for joint in self.joints if joint.kind != FIXED)
+
+    def frames(self, values: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
+        """Rotation (n, 3, 3) and place (n, 3) [m] of the links that can be told, in the base.
+
+        Args:
+            values: of joints, each (n,) [rad or m]; what hangs behind others is left out.
+        """
+        n = len(next(iter(values.values())))
+        found = {BASE: (np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)))}
+        for joint in self.joints:
+            if joint.parent in found and (joint.kind == FIXED or joint.name in values):
+                value = values[joint.name] if joint.kind != FIXED else np.zeros(n)
+                found[joint.child] = _moved(joint, value, *found[joint.parent])
+        return found
+
+
+def _moved(joint: Joint, value: Array, rotation: Array, place: Array) -> tuple[Array, Array]:
+    place = place + rotation @ joint.origin.translation
+    rotation = rotation @ joint.origin.rotation
+    motion = value[:, None] * joint.axis
+    if joint.kind == PRISMATIC:
+        return rotation, place + (rotation @ motion[..., None])[..., 0]
+    return rotation @ rotations.exp(motion), place
+
+
+def toward(direction: Array) -> Array:
+    """The smallest rotation that turns z into a direction, (3,) -> (3, 3)."""
+    axis = np.cross(Z, direction)
+    sine = float(np.linalg.norm(axis))
+    angle = np.arctan2(sine, direction[2])
+    return rotations.exp(angle * (axis / sine if sine > 0.0 else X))
