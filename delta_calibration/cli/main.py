@@ -14,8 +14,9 @@ from delta_calibration.cli.overview import write_verbs
 from delta_calibration.errors import CalibrationError
 
 VERBS = (
+    "completion",
     "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
-    "info", "demo", "completion",
+    "info", "demo",
 )  # fmt: skip
 _INTERRUPTED = 130
 
