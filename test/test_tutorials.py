@@ -79,6 +79,8 @@ def test_a_page_is_held_to_its_word(tmp_path: Path) -> None:
     [
         ("a 1.234 b", "a 1.2... b", True),
         ("a\nb\nc\nd", "a\n...\nd", True),
+        ("a\nd", "...\na\n...\nd\n...", True),
+        ("a\nd", "...\nb\n...\nd\n...", False),
         ("a 1.334 b", "a 1.2... b", False),
         ("a\nb", "a", False),
         ("a.c", "abc", False),
