@@ -105,9 +105,10 @@ def command(
     _write(out, robot.joints.names, found)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
+    unit, factor = robot.joints.shown
     click.echo(
         f"written: {out} ({len(points)} commands by {compensator.by}, largest correction "
-        f"{np.degrees(np.abs(found.correction).max()):.3f} degrees; error by the model at most "
+        f"{factor * np.abs(found.correction).max():.3f} {unit}; error by the model at most "
         f"{found.model_error.max() * 1e3:.2e} mm, {found.evaluations.mean():.0f} evaluations each)"
     )
 
