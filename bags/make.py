@@ -6,13 +6,19 @@ makes them elsewhere.
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import shutil
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from delta_calibration import __version__
 from delta_calibration.cli.main import run
+from delta_calibration.recording import read_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
 
 HERE = Path(__file__).parent
 # name: arguments of `delta-cal simulate`, and what the session is for
@@ -36,6 +42,7 @@ BAGS = {
         "another mechanism, joints that slide",
     ),
 }
+SPREADSHEET = "srbd_plain.csv"  # the stops of srbd_plain as people keep them
 TABLE = "<!-- table: bags/make.py -->"
 
 
@@ -45,6 +52,20 @@ def make(name: str, folder: Path) -> Path:
     shutil.rmtree(path, ignore_errors=True)
     if run(["simulate", *BAGS[name][0].split(), "--out", str(path)]) != 0:
         raise SystemExit(f"bags/make.py: {name} could not be made")
+    return path
+
+
+def spreadsheet(folder: Path) -> Path:
+    """Write the stops of srbd_plain as a table: degrees, millimetres, minutes."""
+    robot = load_robot("srbd")
+    poses = collect(read_session(folder / "srbd_plain"), robot.joints.names)
+    path = folder / SPREADSHEET
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["minute", "A1", "A2", "A3", "X", "Y", "Z"])
+        for time, command, point in zip(poses.time, poses.command, poses.point, strict=True):
+            values = [f"{v:.6f}" for v in (time / 60, *np.degrees(command))]
+            rows.writerow([*values, *(f"{v:.4f}" for v in 1e3 * point)])
     return path
 
 
@@ -61,7 +82,8 @@ def table(folder: Path) -> str:
         path = folder / name
         size = sum(file.stat().st_size for file in path.iterdir()) / 1000
         rows.append(f"| `{name}` | {what} | `{arguments}` | {size:.0f} | `{sha256(path)}` |")
-    return "\n".join([*rows, "", f"Made by version {__version__}."])
+    told = f"`{SPREADSHEET}`: the stops of `srbd_plain` as a spreadsheet has them, deg and mm."
+    return "\n".join([*rows, "", told, "", f"Made by version {__version__}."])
 
 
 def main(arguments: list[str]) -> None:
@@ -70,6 +92,7 @@ def main(arguments: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in BAGS:
         make(name, folder)
+    spreadsheet(folder)
     page = HERE / "README.md"
     head = page.read_text(encoding="utf-8").partition(TABLE)[0]
     if folder == HERE:

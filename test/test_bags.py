@@ -13,7 +13,7 @@ from delta_calibration.recording import read_session
 
 FOLDER = Path(__file__).parents[1] / "bags"
 sys.path.insert(0, str(FOLDER))
-from make import BAGS, make, sha256, table  # noqa: E402
+from make import BAGS, SPREADSHEET, make, sha256, spreadsheet, table  # noqa: E402
 
 MOST_BYTES = 1_000_000
 TOGETHER_BYTES = 3_000_000
@@ -42,6 +42,15 @@ def require_same(one: Path, other: Path) -> None:
 @pytest.mark.parametrize("name", BAGS)
 def test_a_remade_session_has_the_same_values(name: str, tmp_path: Path) -> None:
     require_same(FOLDER / name, make(name, tmp_path))
+
+
+def test_a_remade_spreadsheet_has_the_same_values(tmp_path: Path) -> None:
+    (tmp_path / "srbd_plain").symlink_to(FOLDER / "srbd_plain")
+    made, kept = (
+        np.loadtxt(path, delimiter=",", skiprows=1)
+        for path in (spreadsheet(tmp_path), FOLDER / SPREADSHEET)
+    )
+    np.testing.assert_allclose(made, kept, rtol=0, atol=2e-4)
 
 
 def test_another_session_is_told_apart() -> None:

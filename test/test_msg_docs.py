@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from configparser import ConfigParser
 from importlib import import_module
 from pathlib import Path
 
@@ -74,6 +75,14 @@ def field_differences(kind: str, text: str) -> list[str]:
 
 def fields_of(message: type) -> list[str]:
     return list(message.get_fields_and_field_types())
+
+
+def test_every_node_is_asked(every: set[End]) -> None:
+    setup = ConfigParser()
+    setup.read(FOLDER.parent / "setup.cfg")
+    scripts = setup["options.entry_points"]["console_scripts"].split("\n")
+    executables = {line.partition("=")[0].strip() for line in scripts if line}
+    assert {end.node for end in every} == executables - {"delta-cal"}
 
 
 def test_each_topic_and_service_has_its_page(every: set[End]) -> None:

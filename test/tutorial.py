@@ -66,7 +66,9 @@ def matches(printed: str, expected: str) -> bool:
     """Whether what was printed is what was published; `...` is anything, also several lines."""
     if not expected:
         return True  # a page need not show what a command says
-    parts = [re.escape(part) for part in _tidy(expected).split("...")]
+    # a line of dots is any number of lines, none as well
+    lines = re.sub(r"^\.\.\.\n|\n\.\.\.$", "...", _tidy(expected), flags=re.MULTILINE)
+    parts = [re.escape(part) for part in lines.split("...")]
     return re.fullmatch(".*".join(parts), _tidy(printed), re.DOTALL) is not None
 
 

@@ -14,8 +14,9 @@ from delta_calibration.cli.overview import write_verbs
 from delta_calibration.errors import CalibrationError
 
 VERBS = (
+    "completion",
     "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
-    "info", "urdf", "demo", "completion",
+    "info", "urdf", "demo",
 )  # fmt: skip
 _INTERRUPTED = 130
 
@@ -59,7 +60,7 @@ def group() -> None:
       delta-cal simulate --robot srbd --plan identify --seed 1 --out session
       delta-cal fit session --robot srbd --out calibration.yaml
 
-    `delta-cal VERB --help` says the rest. Work over a second shows a bar with the time left.
+    `delta-cal VERB --help` says the rest. Long work shows a bar with the time left.
     Exit codes: 0 done; 1 the data cannot answer; 2 wrong use or bad input.
     """
 

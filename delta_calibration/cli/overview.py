@@ -12,8 +12,11 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
         "plan": "--robot srbd --identify --out poses.csv",
         "simulate": "--robot srbd --effect backlash:strength=1 --out session",
         "import": "table.csv --mapping mapping.yaml --robot srbd --out session",
+    },
+    "Look": {
         "info": "session",
         "replay": "session --rate 10",
+        "urdf": "--robot srbd --out srbd.urdf",
     },
     "Find out": {
         "fit": "session --robot srbd --out calibration.yaml",
