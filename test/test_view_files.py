@@ -48,12 +48,12 @@ def published_fixture(bench: Bench) -> dict[str, str]:
     start = [Parameter("autostart", value=True)]
     node = bench.add(CalibrationNode(context=bench.context, parameter_overrides=start))
     node.start()
-    others = (kind(context=bench.context) for kind in (SimulatedTracker, RobotDescription))
-    nodes = [node, *map(bench.add, others)]
+    for kind in (SimulatedTracker, RobotDescription):
+        bench.add(kind(context=bench.context))
 
     def told() -> dict[str, str]:
-        named = (n.get_publisher_names_and_types_by_node(n.get_name(), "/") for n in nodes)
-        return {topic: types[0] for each in named for topic, types in each}
+        named = node.get_topic_names_and_types()
+        return {topic: types[0] for topic, types in named if node.count_publishers(topic)}
 
     last = {"/joint_command_compensated", "/cell/payload", "/robot_description"}
     assert bench.until(lambda: last <= set(told()))
