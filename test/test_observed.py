@@ -46,7 +46,7 @@ def conditions(joint):
     )  # fmt: skip
 
 
-def hung(build_up, rng, n=60, seen=12):
+def hung(build_up, rng, n=60, seen=12, said=NOISE):
     """Closures of a machine off its drawing; drums turned until their spirals let out enough."""
     d = CABLES.dimensions
     anchors = d.anchors + rng.normal(0, 20e-3, (4, 3))
@@ -61,14 +61,15 @@ def hung(build_up, rng, n=60, seen=12):
     at = conditions(joint)
     first, last = np.arange(seen), np.arange(seen, n)
     return [
-        Measured(ClosureAtPose(joint[first], x[first], 4, NOISE), at.take(first)),
-        Measured(ClosureAlone(joint[last], 1, NOISE), at.take(last)),
+        Measured(ClosureAtPose(joint[first], x[first], 4, said), at.take(first)),
+        Measured(ClosureAlone(joint[last], 1, said), at.take(last)),
     ]
 
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_hidden_build_up_is_named_from_closures(stated):
-    measured = hung(BUILD_UP, np.random.default_rng(3))
+    said = NOISE if stated else 10 * NOISE  # not known: its size is of no matter
+    measured = hung(BUILD_UP, np.random.default_rng(3), said=said)
     found = diagnose_observations(measured, HUNG, CABLES, stated=stated)
     finding = found.verdict.findings[0]
     assert finding.cause == "drum_build_up"
@@ -86,7 +87,7 @@ def test_hidden_build_up_is_named_from_closures(stated):
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_found_where_nothing_is(seed):
     found = diagnose_observations(
-        hung(0.0, np.random.default_rng(seed)), HUNG, CABLES, stated=False
+        hung(0.0, np.random.default_rng(seed), said=10 * NOISE), HUNG, CABLES, stated=False
     )
     assert not found.verdict.findings
     assert not found.verdict.unknown_structure.found
