@@ -131,6 +131,21 @@ def test_a_place_is_held_out_whole():
     assert result.full.held_out_max == pytest.approx(2e-4 * np.sqrt(2), rel=0.2)
 
 
+def test_progress_follows_the_held_out_parts():
+    _, poses, _ = found(1)
+    taken = []
+
+    def follow(parts):
+        for part in parts:
+            taken.append(part)
+            yield part
+
+    result = identify(poses, ROBOT, "rotary_delta", follow=follow)
+    assert taken == sorted(set(taken))
+    assert len(taken) >= 3
+    assert result.full == identify(poses, ROBOT, "rotary_delta").full
+
+
 # What cannot be
 
 

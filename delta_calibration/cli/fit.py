@@ -12,6 +12,7 @@ from delta_calibration.cli.options import (
     SESSION,
     duration,
     model_option,
+    progress,
     require_folder,
     robot_option,
     seed_option,
@@ -57,7 +58,9 @@ def command(
         require_folder(out)
     robot = load_robot(robot_file)
     poses = collect(read_session(session, Topics.from_options(topics)), robot.joints.names)
-    found = identify(poses, robot, model, seed)
+    found = identify(
+        poses, robot, model, seed, lambda parts: progress(parts, len(parts), "held-out part")
+    )
     click.echo(describe_poses(poses))
     click.echo(describe(found, verbose))
     if out is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, require_poses
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
 _FOLDS = 5
@@ -83,7 +85,11 @@ def chain_of(robot: Robot, model: str | None = None) -> Chain:
 
 
 def identify(
-    poses: Poses, robot: Robot, model: str | None = None, seed: int = 0
+    poses: Poses,
+    robot: Robot,
+    model: str | None = None,
+    seed: int = 0,
+    follow: Callable[[Index], Iterable[np.int64]] = iter,
 ) -> Identification:
     """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
 
@@ -92,6 +98,7 @@ def identify(
         robot: drawing, priors, tracker.
         model: name of a mechanism; the robot file's own where not given.
         seed: of the division into held-out parts.
+        follow: gives back the held-out parts as they are taken, so that progress can be shown.
 
     Raises:
         DataError: too few different poses, poses out of the nominal robot's reach, or residuals
@@ -122,8 +129,8 @@ def identify(
         noise=noise,
         observability=observability,
         correlations=strong_correlations(covariance, chain.parameters.names),
-        frame_only=_residuals(registered, folds),
-        full=_residuals(full, folds),
+        frame_only=_residuals(registered, folds, iter),
+        full=_residuals(full, folds, follow),
         frame_only_theta=registered.theta,
         weight=full.weight,
         chi_square=chi_square,
@@ -164,17 +171,19 @@ def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]
     return chain.mechanism.parameters.nominal, chain.offset, chain.split(theta)[2]
 
 
-def _folds(poses: Poses, rng: np.random.Generator) -> NDArray[np.int64]:
+def _folds(poses: Poses, rng: np.random.Generator) -> Index:
     """Which part each pose is held out with, (n,): all poses of a place together."""
     places = np.unique(poses.place)
     part = rng.permutation(len(places)) % min(_FOLDS, len(places))
     return np.asarray(part[np.searchsorted(places, poses.place)])
 
 
-def _residuals(solution: Solution, folds: NDArray[np.int64]) -> Residuals:
+def _residuals(
+    solution: Solution, folds: Index, follow: Callable[[Index], Iterable[np.int64]]
+) -> Residuals:
     problem = solution.problem
     missed = np.zeros_like(problem.y)
-    for part in np.unique(folds):
+    for part in follow(np.unique(folds)):
         held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
         fitted = solve(problem.take(seen), solution.z, settled=_GOOD_ENOUGH)
         at = problem.at.take(held)
