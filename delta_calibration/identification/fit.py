@@ -25,6 +25,7 @@ from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, require_poses
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
 _FOLDS = 5
@@ -217,7 +218,7 @@ def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]
     return chain.mechanism.parameters.nominal, chain.offset, chain.split(theta)[2]
 
 
-def _folds(poses: Poses, rng: np.random.Generator) -> NDArray[np.int64]:
+def _folds(poses: Poses, rng: np.random.Generator) -> Index:
     """Which part each pose is held out with, (n,): all poses of a place together."""
     places = np.unique(poses.place)
     part = rng.permutation(len(places)) % min(_FOLDS, len(places))
