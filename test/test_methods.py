@@ -229,6 +229,14 @@ def test_in_turn_says_where_it_does_not_come_to_rest():
     np.testing.assert_allclose(rest.best, np.linalg.solve(line.factor, line.target), rtol=1e-5)
 
 
+def test_a_machine_that_cannot_be_assembled_is_no_result():
+    problem = problem_of("linear_delta")
+    row = problem.chain.parameters.row("arm_1")
+    z = -300.0 * (np.arange(len(problem.theta0)) == row)
+    with pytest.raises(DataError, match=r"cannot be reached by the machine that was found: .* m;"):
+        solution_at(problem, z)
+
+
 # Names and options
 
 

@@ -184,7 +184,7 @@ def solution_at(problem: Problem, z: Array) -> Solution:
         DataError: the model with these unknowns cannot reach a pose.
     """
     own = _state(problem, z, _Loss(), None)
-    _require_reach(problem, own, "the machine that was found")
+    _require_reach(problem, own, "the machine that was found", "a longer search may find another")
     bend = _bend(own.residual)
     now = _state(problem, z, _Loss(bend, _GROSS * bend), own.pose)
     return _solution(problem, replace(now, evaluations=2))
@@ -216,7 +216,9 @@ def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) 
     """
     z = np.zeros(int(problem.free.sum())) if start is None else start
     now = _state(problem, z, loss, None)
-    _require_reach(problem, now, "the nominal robot")
+    _require_reach(
+        problem, now, "the nominal robot", "another robot, or joints of another zero?"
+    )
     every = np.ones(len(z), dtype=bool)
     rest = ~problem.offset_rows()
     now = _settle(problem, now, rest, loss, settled)
@@ -285,7 +287,7 @@ def _state(
     return _State(z, theta, pose, residual, weight, cost, evaluations + 1)
 
 
-def _require_reach(problem: Problem, now: _State, whose: str) -> None:
+def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None:
     """Refuse a state that leaves a pose without a prediction."""
     if np.isfinite(now.cost):
         return
@@ -293,7 +295,7 @@ def _require_reach(problem: Problem, now: _State, whose: str) -> None:
     joints = ", ".join(f"{v:.4f}" for v in problem.at.joint[bad])
     raise DataError(
         f"pose {bad + 1} of {len(problem.at)} cannot be reached by {whose}: joints "
-        f"{joints} rad; another robot, or joints of another zero?"
+        f"{joints} {problem.chain.mechanism.joint_unit}; {hint}"
     )
 
 
