@@ -10,6 +10,9 @@ VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 LOG := $(VENV)/install.log
+# The tables of docs/performance.md, in its order; searches of the swarm that `make study` counts failures of.
+BENCHMARKS ?= run compensation table table_choices diagnosis node_rate
+FAILURES ?= 200000
 
 # .venv brings its own ROS. One sourced in this shell, or the library path that the wheels of another
 # environment left behind, must not be mixed into it.
@@ -56,13 +59,15 @@ lint: install ## ruff, mypy --strict on the package, codespell
 	@$(PY) -m mypy
 	@$(VENV)/bin/codespell
 
-study: install ## put the diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
+study: install ## put swarm and diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
+	@$(PY) benchmarks/compensation.py --failures $(FAILURES)
 	@PYTHONPATH=test:benchmarks $(PY) -m study $(STUDY_ARGS)
 
-bench: install ## time kernels, fits, bags, the node at 1 kHz; the swarm beside others (EXTRAS=bench,... for all)
-	@$(PY) benchmarks/run.py
-	@$(PY) benchmarks/compensation.py
-	@$(PY) benchmarks/node_rate.py
+bench: install ## time kernels, fits, bags, tables, the node at 1 kHz; swarms of others (EXTRAS=bench,... for all)
+	@mkdir -p out
+	@set -o pipefail; for part in $(BENCHMARKS); do \
+	    printf '\n`python benchmarks/%s.py`\n\n' $$part; $(PY) benchmarks/$$part.py || exit 1; \
+	done | tee out/bench.md
 
 soak: install ## run the node for 10 minutes at 1 kHz under faults (SOAK_ARGS="--seconds 60")
 	@$(PY) benchmarks/soak.py $(SOAK_ARGS)
