@@ -10,6 +10,9 @@ VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 LOG := $(VENV)/install.log
+# The tables of docs/performance.md, in its order; searches of the swarm that `make study` counts failures of.
+BENCHMARKS ?= run compensation table table_choices diagnosis node_rate
+FAILURES ?= 200000
 
 # .venv brings its own ROS. One sourced in this shell, or the library path that the wheels of another
 # environment left behind, must not be mixed into it.
@@ -60,13 +63,15 @@ docs: install ## build the API reference, a page a module (out/docs); what is mi
 	@$(PY) docs/make_api.py out/docs
 	@echo "written: out/docs/index.html"
 
-study: install ## put the diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
+study: install ## put swarm and diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
+	@$(PY) benchmarks/compensation.py --failures $(FAILURES)
 	@PYTHONPATH=test:benchmarks $(PY) -m study $(STUDY_ARGS)
 
-bench: install ## time kernels, fits, bags, the node at 1 kHz; the swarm beside others (EXTRAS=bench,... for all)
-	@$(PY) benchmarks/run.py
-	@$(PY) benchmarks/compensation.py
-	@$(PY) benchmarks/node_rate.py
+bench: install ## time kernels, fits, bags, tables, the node at 1 kHz; swarms of others (EXTRAS=bench,... for all)
+	@mkdir -p out
+	@set -o pipefail; for part in $(BENCHMARKS); do \
+	    printf '\n`python benchmarks/%s.py`\n\n' $$part; $(PY) benchmarks/$$part.py || exit 1; \
+	done | tee out/bench.md
 
 methods: install ## fit every robot by every method, the table into docs/methods.md (METHODS_ARGS="--machines 5")
 	@$(PY) benchmarks/methods.py $(METHODS_ARGS)

@@ -174,8 +174,9 @@ def latencies(cell: Processes, seconds: float, turn: float) -> None:
     plan = [(way, turn, 1000.0) for _ in range(turns) for way in WAYS]
     blocks = measured(cell, plan, "latency")
     took = {way: np.concatenate(blocks[k :: len(WAYS)]) for k, way in enumerate(WAYS)}
-    print(f"{'1 kHz':14} {'messages':>9} {'lost':>6} {'median [ms]':>12} {'p99 [ms]':>9}", end=" ")
-    print(f"{'times pass-through: median':>27} {'p99':>6} {'added: median':>14} {'p99':>6}")
+    head = "1 kHz, messages, lost, median [ms], p99 [ms], times pass-through: median, p99"
+    columns = [*head.split(", "), "what it adds: median", "p99"]
+    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     figures = {}
     for way, all_ in took.items():
         known = all_[~np.isnan(all_)]
@@ -185,14 +186,15 @@ def latencies(cell: Processes, seconds: float, turn: float) -> None:
         base, direct = figures["pass-through"], figures["direct"]
         ratio, added = figures[way] / base, (figures[way] - direct) / (base - direct)
         print(
-            f"{way:14} {len(known):9d} {np.isinf(known).sum():6d} {figures[way][0]:12.3f} "
-            f"{figures[way][1]:9.3f} {ratio[0]:27.2f} {ratio[1]:6.2f} "
-            f"{added[0]:14.2f} {added[1]:6.2f}"
+            f"| {way} | {len(known)} | {np.isinf(known).sum()} | {figures[way][0]:.3f} "
+            f"| {figures[way][1]:.3f} | {ratio[0]:.2f} | {ratio[1]:.2f} "
+            f"| {added[0]:.2f} | {added[1]:.2f} |"
         )
 
 
 def rates(cell: Processes) -> None:
     """The highest rate of the list, up to which nothing was lost."""
+    print()
     ways = WAYS[1:]
     plan = [(way, RATE_S, float(rate)) for rate in RATES for way in ways]
     blocks = measured(cell, plan, "rate")
@@ -207,7 +209,7 @@ def rates(cell: Processes) -> None:
                 why = f"the commander itself did not keep up with {rate}"
                 break
             free = rate
-        print(f"{way:14} nothing lost up to {free} messages a second; {why}")
+        print(f"{way}: nothing lost up to {free} messages a second; {why}.")
 
 
 def bench(seconds: float, turn: float) -> int:
@@ -227,7 +229,7 @@ def bench(seconds: float, turn: float) -> int:
         cell.call("/calibration_node/enable", "true")
         latencies(cell, seconds, turn)
         rates(cell)
-    print(f"load averages: {', '.join(f'{load:.1f}' for load in os.getloadavg())}")
+    print(f"Load averages: {', '.join(f'{load:.1f}' for load in os.getloadavg())}")
     return 0
 
 

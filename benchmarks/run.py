@@ -112,9 +112,9 @@ def session_work() -> list[tuple[str, float, str]]:
 def main() -> int:
     """Print and write the table."""
     rows = kinematics() + session_work()
-    width = max(len(name) for name, _, _ in rows)
+    print("| what | | |\n|---|---|---|")
     for name, value, unit in rows:
-        print(f"{name.ljust(width)}  {value:10.4g} {unit}")
+        print(f"| {name} | {value:.4g} | {unit} |")
     out = Path("out")
     out.mkdir(exist_ok=True)
     record = {

@@ -47,15 +47,15 @@ def disc(n: int, seed: int) -> np.ndarray:
 
 
 def machine(robot: Robot, model: str, seed: int) -> Calibration:
-    """A machine as its tolerances allow, known as it is, over the disc."""
+    """A machine as its tolerances allow, known as it is, over the disc and its rim."""
     mechanism = robot.model(model)
     parameters = mechanism.parameters
     drawn = parameters.prior * np.random.default_rng(seed).standard_normal(len(parameters))
     chain = Chain(mechanism, np.zeros(3), 0.05)
     theta = chain.join(parameters.nominal + drawn, np.zeros(3), Frame.identity())
     lower, upper = robot.joints.lower, robot.joints.upper
-    turn = np.linspace(0, 2 * np.pi, 180, endpoint=False)
-    rim = np.stack([RADIUS * np.cos(turn), RADIUS * np.sin(turn), np.full(180, PLANE)], axis=1)
+    turn, radius = np.linspace(0, 2 * np.pi, 180, endpoint=False), RADIUS / np.cos(np.pi / 180)
+    rim = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(180, PLANE)], axis=1)
     region = Region.of(rim)
     return Calibration(robot, chain, theta, region, lower, upper, 1e-5, "bench", "0" * 64)
 
