@@ -9,7 +9,7 @@ import pytest
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
-from delta_calibration.compensation.compensator import JointCompensator, Verdict
+from delta_calibration.compensation import JointCompensator, Verdict
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, align
 from delta_calibration.identification import identify

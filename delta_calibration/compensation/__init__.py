@@ -1,8 +1,9 @@
 """From the model of a machine as it is to the joint command that puts it right."""
 
+from delta_calibration.compensation.answer import Compensated, Verdict
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
-from delta_calibration.compensation.compensator import Compensated, JointCompensator, Verdict
+from delta_calibration.compensation.compensator import JointCompensator
 from delta_calibration.compensation.machine import (
     METHODS,
     SOLVERS,

@@ -7,9 +7,7 @@ it is guarded: a command that fails a guard gets no correction, and the reason.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +15,9 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.aim import Aim
 from delta_calibration.compensation.alone import Alone
+from delta_calibration.compensation.answer import Compensated, Verdict
 from delta_calibration.compensation.backward import Backward
-from delta_calibration.compensation.base import REACHED, Correction, Flags
+from delta_calibration.compensation.base import REACHED, Correction, Flags, distance
 from delta_calibration.compensation.compiled import CompiledGeometry
 from delta_calibration.compensation.machine import TABLE, Machine, require_method
 from delta_calibration.compensation.table import Stamp, Table
@@ -32,23 +31,6 @@ Array = NDArray[np.float64]
 _PLACES = 10_000  # of the region at which a table is tried, beside the middles of its cells
 _WIDE = 10.0  # times the bound of a correction: at nodes beyond the region it may be larger
 _ON_FACE = 1e-9  # [m] a point this near a face of the region is on it
-
-
-class Verdict(Enum):
-    """What became of a command; the value is the reason in words."""
-
-    CORRECTED = "corrected"
-    NOT_FINITE = "a joint angle is not a finite number"
-    JOINT_LIMIT = "beyond a joint's limit, as commanded or as corrected"
-    OUT_OF_REACH = "no pose of the nominal robot"
-    OUTSIDE_REGION = "outside the calibrated region"
-    SINGULAR = "near a singularity"
-    SLACK = "a cable would hang slack"
-    OUTSIDE_TABLE = "outside the table of corrections"
-    NOT_REACHED = "no correction within the bound reaches the target"
-    MISSING_CONDITION = "a condition that the model needs is not known"
-
-
 _ALONE = tuple(  # by the codes of command_kernel.py
     (verdict,)
     for verdict in (
@@ -61,43 +43,6 @@ _ALONE = tuple(  # by the codes of command_kernel.py
         Verdict.NOT_REACHED,
     )
 )
-
-
-@dataclass(frozen=True)
-class Compensated:
-    """Corrected commands, and what became of each."""
-
-    joint: Array  # (n, m) [rad] what to send: q + dq, or q where there is no correction
-    correction: Array  # (n, m) [rad]
-    # (n,) [m] distance to the target *by the model*; infinite without correction
-    model_error: Array
-    evaluations: NDArray[np.int64]  # (n,) of the model
-    verdicts: tuple[Verdict, ...]  # (n,)
-    missing: str = ""  # what was not known, in words
-    # (n,) of the whole correction that `correction` is: 1 in the calibrated region, less and less
-    # beyond it. None where corrections end at an edge instead
-    share: Array | None = None
-    # (n,) [rad] turn that is left to the target, as `model_error`; None where the joints command
-    # no turn
-    model_turn: Array | None = None
-
-    def blended(self, row: int) -> bool:
-        """Whether a command got a part of its correction only."""
-        return self.share is not None and 0.0 < float(self.share[row]) < 1.0
-
-    @classmethod
-    def joined(cls, parts: Sequence[Compensated]) -> Compensated:
-        """Commands one after the other, in one."""
-        return cls(
-            joint=np.concatenate([part.joint for part in parts]),
-            correction=np.concatenate([part.correction for part in parts]),
-            model_error=np.concatenate([part.model_error for part in parts]),
-            evaluations=np.concatenate([part.evaluations for part in parts]),
-            verdicts=tuple(verdict for part in parts for verdict in part.verdicts),
-            missing=next((part.missing for part in parts if part.missing), ""),
-            share=_joined([part.share for part in parts]),
-            model_turn=_joined([part.model_turn for part in parts]),
-        )
 
 
 class JointCompensator:
@@ -250,18 +195,19 @@ class JointCompensator:
             found = self._backward.correct(at.take(usable), target[usable])
         whole = found.spread(usable)
         bounded = (np.abs(whole.dq) <= self.robot.limits.correction).all(axis=1)
-        reached = whole.converged & bounded
         share = self._share(outside)
         dq = share[:, None] * whole.dq
+        reached, turn = whole.converged & bounded, None
+        if self._by_pose:
+            gap = self._backward.points(at, known + dq) - target
+            left, turn = self._aim.parted(gap)
+            reached &= (distance(gap) <= np.maximum(whole.error, REACHED)) | (share < 1.0)
+        else:
+            left = whole.error + self._left(known, whole.dq, 1.0 - share)
         good = reached & self._within(q + dq)
         correction = np.where(good[:, None], dq, 0.0)
         for row in np.flatnonzero(usable & ~good).tolist():
             verdicts[row] = Verdict.JOINT_LIMIT if reached[row] else Verdict.NOT_REACHED
-        left, turn = whole.error + self._left(known, whole.dq, 1.0 - share), None
-        if self._by_pose:
-            left, turned = self._aim.parted(self._backward.points(at, known + dq) - target)
-            good &= np.isfinite(left)
-            turn = np.where(good, turned, np.inf) if self._aim.turns else None
         return Compensated(
             q + correction,
             correction,
@@ -270,7 +216,7 @@ class JointCompensator:
             tuple(verdicts),
             missing,
             share,
-            turn,
+            np.where(good, turn, np.inf) if turn is not None and self._aim.turns else None,
         )
 
     def _meant(self, q: Array) -> Array:
@@ -414,11 +360,6 @@ class JointCompensator:
         """Commands within the joints' limits, (n,)."""
         joints = self.robot.joints
         return np.asarray(((q >= joints.lower) & (q <= joints.upper)).all(axis=1))
-
-
-def _joined(parts: Sequence[Array | None]) -> Array | None:
-    there = [part for part in parts if part is not None]
-    return np.concatenate(there) if len(there) == len(parts) else None
 
 
 def _finite(rows: Array) -> Flags:
