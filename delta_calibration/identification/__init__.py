@@ -1,6 +1,7 @@
 """From measured poses to what the machine really is."""
 
 from delta_calibration.identification.alternating import JointFit, alternate, together
+from delta_calibration.identification.closing import Closing
 from delta_calibration.identification.fit import (
     Identification,
     Residuals,
@@ -8,6 +9,7 @@ from delta_calibration.identification.fit import (
     identify,
     prepare,
 )
+from delta_calibration.identification.image import PointInImage
 from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
 from delta_calibration.identification.mixed import MixedFit, fit_observations
 from delta_calibration.identification.noise import Noise, whitening
@@ -57,6 +59,7 @@ from delta_calibration.identification.swarm import (
 __all__ = [
     "Apso",
     "Box",
+    "Closing",
     "DistanceBetween",
     "Found",
     "HeightAtContact",
@@ -69,6 +72,7 @@ __all__ = [
     "Noise",
     "Observability",
     "Observation",
+    "PointInImage",
     "PointMeasured",
     "PoseMeasured",
     "PoseResidual",
