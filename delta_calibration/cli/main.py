@@ -14,8 +14,9 @@ from delta_calibration.errors import CalibrationError
 
 VERBS = (
     "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
-    "info", "demo",
+    "import", "info", "demo",
 )  # fmt: skip
+_MODULES = {"import": "import_table"}  # where a verb is no name in Python
 _INTERRUPTED = 130
 
 # The matrices here are small: threads of the linear algebra library cost more than they bring.
@@ -34,7 +35,8 @@ class Verbs(click.Group):
         """The verb of that name."""
         if cmd_name not in VERBS:
             return None
-        module = importlib.import_module(f"delta_calibration.cli.{cmd_name}")
+        name = _MODULES.get(cmd_name, cmd_name)
+        module = importlib.import_module(f"delta_calibration.cli.{name}")
         command = module.command
         return command if isinstance(command, click.Command) else None
 
@@ -47,7 +49,7 @@ def group() -> None:
     A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds
     what the machine really is, `compensate` the joint commands that put the tool where it was
     meant to be, `iso9283` says how accurate the cell is. `simulate` makes sessions of a machine
-    that is not built as drawn; `demo` shows it all on a live simulated cell.
+    that is not built as drawn, `import` of a table; `demo` shows it all on a live simulated cell.
 
     Exit codes: 0 done; 1 the data cannot answer; 2 wrong use or bad input.
     """

@@ -82,7 +82,7 @@ def read_points(path: Path) -> Array:
 
 @dataclass(frozen=True)
 class Row:
-    """A line of a CSV file of tool points."""
+    """A line of a CSV file."""
 
     file: Path
     line: int
@@ -114,22 +114,27 @@ class Row:
         return InputError(f"{self.file}: line {self.line}: {column}: {text!r} {problem}")
 
 
-def read_rows(path: Path) -> list[Row]:
-    """The lines of a CSV file that has columns x_mm, y_mm, z_mm at least.
+def read_rows(
+    path: Path, columns: Sequence[str] = COLUMNS, delimiter: str = ","
+) -> list[Row]:
+    """The lines of a CSV file that has some columns at least.
 
     Raises:
-        InputError: no such file, a column missing, a line too long, or no line.
+        InputError: no such file, a column missing or there twice, a line too long, or no line.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
+            reader = csv.DictReader(file, delimiter=delimiter, skipinitialspace=True)
             found = reader.fieldnames or []
-            missing = [name for name in COLUMNS if name not in found]
+            missing = [name for name in columns if name not in found]
             if missing:
                 raise InputError(
                     f"{path}: column {', '.join(missing)} missing; expected "
-                    f"{', '.join(COLUMNS)}, found {', '.join(found) or 'nothing'}"
+                    f"{', '.join(columns)}, found {', '.join(found) or 'nothing'}"
                 )
+            twice = [name for name in columns if found.count(name) > 1]
+            if twice:
+                raise InputError(f"{path}: column {', '.join(twice)} is there twice")
             rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
