@@ -1,4 +1,4 @@
-"""What `delta-cal import` refuses: by line, column, value and, where it is one, the likely unit."""
+"""What `delta-cal import` refuses: by line, column, value and, where it is one, likely unit."""
 
 from __future__ import annotations
 

@@ -8,7 +8,14 @@ dwell.
 from delta_calibration.plans.motion import Leg, MotionPath, Plan, legs
 from delta_calibration.plans.named import make_plan
 from delta_calibration.plans.plan_file import read_plan, write_plan
-from delta_calibration.plans.points import CUBE, LINE_HALF, PLANE, nominal_joints, read_points
+from delta_calibration.plans.points import (
+    CUBE,
+    LINE_HALF,
+    PLANE,
+    nominal_joints,
+    read_points,
+    tool_points,
+)
 
 __all__ = [
     "CUBE",
@@ -22,5 +29,6 @@ __all__ = [
     "nominal_joints",
     "read_plan",
     "read_points",
+    "tool_points",
     "write_plan",
 ]
