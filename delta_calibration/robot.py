@@ -98,6 +98,8 @@ class Tracker:
     # (3,) [m] in the platform's frame
     reflector_offset: Array = quantity("mm", least=-2000.0, most=2000.0, shape=(3,))
     reflector_offset_prior: float = quantity("mm", above=0.0, most=1000.0)
+    # standard deviation of a reading's turn about each axis; without it turns take no part
+    turn: float | None = quantity("urad", above=0.0, most=1e5, default=None)
 
     def sigmas(self, distance: Array) -> tuple[Array, Array]:
         """Standard deviations of one reading along and across the beam, each (n,) [m]."""

@@ -61,17 +61,9 @@ class Machine:
         return self.mechanism.point_by_pose(x, offset) @ self._poses_by_geometry(joint, x)
 
     def turns_by_geometry(self, joint: Array) -> Array:
-        """Small turn of the platform, in axes of the base, (n, 3, p) [rad].
-
-        2 dphi = sum_k r_k x dr_k over the columns of the platform's rotation.
-        """
+        """Small turn of the platform, in axes of the base, (n, 3, p) [rad]."""
         x = self.poses(joint)
-        rotation, still = self.mechanism.rotation(x), self.mechanism.point_by_pose(x, np.zeros(3))
-        turn = np.zeros_like(still)
-        for k, axis in enumerate(np.eye(3)):
-            moved = self.mechanism.point_by_pose(x, axis) - still
-            turn += rotations.skew(rotation[:, :, k]) @ moved / 2
-        return turn @ self._poses_by_geometry(joint, x)
+        return self.mechanism.turn_by_pose(x) @ self._poses_by_geometry(joint, x)
 
     def _poses_by_geometry(self, joint: Array, x: Array) -> Array:
         return self.mechanism.identification_jacobian(joint, x, self.geometry)
