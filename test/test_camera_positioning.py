@@ -10,7 +10,7 @@ import pytest
 from camera_positioning import PRINTED, drive
 from delta_calibration.cell.camera_frame import CameraFrame
 from delta_calibration.cell.positioning import Positioning, frame_joints
-from delta_calibration.errors import ConfigError, DataError, ReachError
+from delta_calibration.errors import ConfigError, DataError, InputError, ReachError
 from delta_calibration.geometry import Frame
 from delta_calibration.plans import tool_points
 from delta_calibration.robot import load_robot
@@ -81,6 +81,9 @@ def test_what_a_camera_cannot_do_is_refused() -> None:
     joint = frame_joints(SCARA, 4)
     with pytest.raises(DataError, match="3 stops; 4 lay a camera's frame"):
         CameraFrame.on(SCARA, SIGHT, joint[:3], np.zeros((3, 2)))
+    delta = load_robot("srbd")
+    with pytest.raises(InputError, match="robot srbd: its joints command 3 .* one image shows 2"):
+        Positioning(delta, np.array([[0.0, 0.0, -0.75]]), lattice(delta), 2, 5, 12, SIGHT)
     with pytest.raises(DataError, match="needs stops off one line"):
         CameraFrame.on(SCARA, SIGHT, np.tile(joint[0], (5, 1)), np.full((5, 2), 700.0))
     with pytest.raises(ConfigError, match="robot ur10: no camera in its file"):

@@ -11,8 +11,16 @@ from scipy.spatial.transform import Rotation
 from delta_calibration.chain import Chain
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import rotations
-from delta_calibration.identification import chain_of, identify
-from delta_calibration.identification.turns import MOUNT_NAMES, Turns
+from delta_calibration.identification import (
+    chain_of,
+    identify,
+    method_named,
+    most_evaluations,
+    prepare,
+    whitening,
+)
+from delta_calibration.identification import solve as solve_problem
+from delta_calibration.identification.turns import MOUNT_NAMES, Turns, pose_covariance
 from delta_calibration.mechanisms.base import solve
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
@@ -105,6 +113,28 @@ def test_the_tilt_of_the_platform_is_found(cell, found, without):
     assert tilt_missed(found.theta) < 60e-6
     assert tilt_missed(found.theta) < 0.2 * tilt_missed(without.theta)
     assert tilt_missed(found.theta) < 0.1 * tilt_missed(nominal)
+
+
+@pytest.mark.parametrize(
+    ("method", "lag"),
+    [(method_named("alternating"), 30.0), (method_named("stepwise_qpso", 12, 30), 0.5)],
+    ids=["alternating", "stepwise_qpso"],
+)
+def test_the_methods_of_the_papers_take_the_turns_as_well(cell, found, method, lag):
+    """They come to where least squares do, in as many evaluations as are told beforehand."""
+    poses, chain = cell[2], chain_of(PROBED)
+    start, noise, problem = prepare(poses, PROBED, chain)
+    x = chain.pose(poses.conditions, start)
+    slope = chain.split(start)[2].rotation @ chain.point_by_joints(poses.conditions, x, start)
+    whiten = whitening(pose_covariance(poses, PROBED, chain, noise, start, slope))
+    told = []
+    problem = problem.turned(Turns.of(poses, PROBED, chain), whiten, x)
+    fit = method.fit(problem, np.random.default_rng(0), told.append)
+    least = solve_problem(problem)
+    assert least.theta[: len(start)] == pytest.approx(found.theta, abs=1e-12)
+    assert fit.solution.cost < least.cost + lag  # in turn, what only priors set lags behind
+    assert np.sqrt(np.mean((fit.solution.residual - least.residual) ** 2)) < 0.1  # of the noise
+    assert 6 * sum(told) == most_evaluations(method, PROBED)  # with five parts held out
 
 
 def test_what_is_left_of_the_turns_is_their_noise(cell, found):

@@ -108,7 +108,7 @@ class Positioning:
 
     Raises:
         InputError: too few repeats, readings or stops, or a robot of which more is commanded than
-            a place of the tool, or by more joints than it takes.
+            a place of the tool, or of its image, or by more joints than it takes.
         ReachError: a target out of reach.
     """
 
@@ -128,6 +128,11 @@ class Positioning:
             _require_least("frame_stops", frame, FEWEST_FRAME_STOPS)
         self._model = robot.commanded
         _require_places(self._model, robot.name)
+        if camera is not None and self._model.task_size > 2:
+            raise InputError(
+                f"robot {robot.name}: its joints command {self._model.task_size} coordinates of a "
+                "place; one image shows 2"
+            )
         self._axes = self._model.task_size  # of a place, that the joints command
         self._robot, self._targets, self._settings = robot, targets, settings
         self._repeats, self._readings, self._given = repeats, readings, frame

@@ -235,7 +235,7 @@ def robust_weights(residual: Array) -> Array:
 
 
 def spread_of(residual: Array) -> float:
-    """Robust standard deviation of whitened residuals (n, 3), but not under the noise's own, 1."""
+    """Robust standard deviation of whitened residuals (n, d), but not under the noise's own, 1."""
     return _bend(residual) / _HUBER
 
 
