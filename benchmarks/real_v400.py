@@ -102,7 +102,7 @@ def threefold_share(mesh: Mesh, error: Array, fold: int = 3) -> float:
 
 
 def to_and_fro(mesh: Mesh, error: Array, sign: Array | None = None) -> float:
-    """Share of the squares that goes with the rows' parity: they are probed to and fro.
+    """Share of the squares that goes with the rows' parity: they are probed back and forth.
 
     Args:
         mesh: where.

@@ -82,7 +82,7 @@ def test_what_a_camera_cannot_do_is_refused() -> None:
     with pytest.raises(DataError, match="3 stops; 4 lay a camera's frame"):
         CameraFrame.on(SCARA, SIGHT, joint[:3], np.zeros((3, 2)))
     delta = load_robot("srbd")
-    with pytest.raises(InputError, match="robot srbd: its joints command 3 .* one image shows 2"):
+    with pytest.raises(InputError, match=r"robot srbd: its joints command 3 .* one image shows 2"):
         Positioning(delta, np.array([[0.0, 0.0, -0.75]]), lattice(delta), 2, 5, 12, SIGHT)
     with pytest.raises(DataError, match="needs stops off one line"):
         CameraFrame.on(SCARA, SIGHT, np.tile(joint[0], (5, 1)), np.full((5, 2), 700.0))

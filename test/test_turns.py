@@ -54,7 +54,9 @@ def without(cell):
     return identify(cell[2], SRBD)
 
 
-@pytest.mark.parametrize("mechanism", ["srbd-six_rod_delta", "ur10-serial_arm", "cdpr8-cable_robot"])
+@pytest.mark.parametrize(
+    "mechanism", ["srbd-six_rod_delta", "ur10-serial_arm", "cdpr8-cable_robot"]
+)
 def test_slopes_by_complex_step(mechanism):
     """The pose by one step of Newton's from where it is, which is exact to first order."""
     model, rng = MODELS[mechanism], np.random.default_rng(1)

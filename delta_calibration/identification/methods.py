@@ -1,9 +1,9 @@
 """The methods that a session can be fitted by, by their names: each solves the same problem.
 
 Whitened residuals of positions, and of turns where they take part, by all that is unknown, priors
-as rows, a robust loss: `problem.py`. Least squares asks the chain itself. The others are those of the papers
-and search the error model about the drawing (`error_model.py`), then about what was found, so that
-the squares of the errors are taken in and the loss fits what is left.
+as rows, a robust loss: `problem.py`. Least squares asks the chain itself. The others are those of
+the papers and search the error model about the drawing (`error_model.py`), then about what was
+found, so that the squares of the errors are taken in and the loss fits what is left.
 """
 
 from __future__ import annotations
