@@ -101,7 +101,7 @@ def threefold_share(mesh: Mesh, error: Array, fold: int = 3) -> float:
     return float(1 - np.sum(left**2) / np.sum(error**2))
 
 
-def by_row(mesh: Mesh, error: Array, sign: Array | None = None) -> float:
+def to_and_fro(mesh: Mesh, error: Array, sign: Array | None = None) -> float:
     """Share of the squares that goes with the rows' parity: they are probed back and forth.
 
     Args:
@@ -121,7 +121,7 @@ def by_chance(mesh: Mesh, error: Array, draws: int = 500) -> float:
     rng = np.random.default_rng(1)
     rows = len(np.unique(np.round(mesh.place[:, 1], 6)))
     signs = rng.choice([-1.0, 1.0], (draws, rows))
-    return float(np.quantile([by_row(mesh, error, sign) for sign in signs], 0.99))
+    return float(np.quantile([to_and_fro(mesh, error, sign) for sign in signs], 0.99))
 
 
 def rms(values: Array) -> float:
@@ -171,7 +171,7 @@ def report(root: Path) -> None:
     lobes = [f"{threefold_share(meshes[0], stays, fold):.0%}" for fold in (2, 3, 4, 6)]
     print(f"  one shape of 2, 3, 4, 6 lobes: {', '.join(lobes)}")
     for name, error in (("first", one), ("second", two), ("what changes", changes)):
-        share, chance = by_row(meshes[0], error), by_chance(meshes[0], error)
+        share, chance = to_and_fro(meshes[0], error), by_chance(meshes[0], error)
         print(f"  {name}: {share:.0%} goes with the rows' parity", end=", ")
         print(f"by chance {chance:.0%} once in a hundred; {rms(error) * share**0.5 * 1e3:.4f} mm")
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.documents import Document, Schema, content_hash, read_document
 from delta_calibration.errors import ConfigError
+from delta_calibration.geometry import Camera
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.sections import (
     angle,
@@ -97,11 +98,29 @@ class Tracker:
     # (3,) [m] in the platform's frame
     reflector_offset: Array = quantity("mm", least=-2000.0, most=2000.0, shape=(3,))
     reflector_offset_prior: float = quantity("mm", above=0.0, most=1000.0)
+    # standard deviation of a reading's turn about each axis; without it turns take no part
+    turn: float | None = quantity("urad", above=0.0, most=1e5, default=None)
 
     def sigmas(self, distance: Array) -> tuple[Array, Array]:
         """Standard deviations of one reading along and across the beam, each (n,) [m]."""
         along = np.full_like(distance, self.radial)
         return along, self.transverse + self.transverse_per_metre * distance
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A camera that looks down on the workspace: a pinhole, and how well it finds the tool."""
+
+    focal: Array = quantity("px", above=0.0, shape=(2,))
+    centre: Array = quantity("px", least=0.0, shape=(2,))  # where its axis meets the image
+    # standard deviation of each coordinate of the mark in one image
+    noise: float = quantity("px", above=0.0, most=100.0)
+    place: Array = place(shape=(3,))  # [m] about where it hangs, in the base
+
+    @property
+    def camera(self) -> Camera:
+        """The pinhole."""
+        return Camera(self.focal, self.centre)
 
 
 @dataclass(frozen=True)
@@ -155,6 +174,7 @@ class Robot:
     tracker: Tracker
     limits: Limits
     workspace: Workspace | None = None  # None: that of the Delta paper
+    camera: Sight | None = None  # None: there is none
 
     def model(self, mechanism: str | None = None) -> Mechanism:
         """The mechanism with this robot's drawing and tolerances; by default the file's own.
@@ -207,6 +227,7 @@ def load_robot(path_or_name: str | Path) -> Robot:
             tracker=built(Tracker, data["tracker"]),
             limits=built(_LIMITS[kind.joint_unit], data["limits"]),
             workspace=built(Workspace, data["workspace"]) if "workspace" in data else None,
+            camera=built(Sight, data["camera"]) if "camera" in data else None,
         )
     except ConfigError as error:
         raise ConfigError(f"{path}: geometry: {error}") from error
@@ -257,7 +278,7 @@ def _schema(data: Document) -> Schema:
         "type": "object",
         "additionalProperties": kind is None,
         "required": list(parts),
-        "properties": {**parts, "workspace": schema_of(Workspace)},
+        "properties": {**parts, "workspace": schema_of(Workspace), "camera": schema_of(Sight)},
     }
 
 

@@ -29,6 +29,7 @@ SI = {
     "n": 1.0,
     "percent": 1e-2,
     "turns_per_m": 2 * np.pi,
+    "px": 1.0,
     "": 1.0,
 }
 

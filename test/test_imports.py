@@ -20,6 +20,7 @@ LAYERS = [
     "errors",
     "processes",
     "documents",
+    "tables",
     "parameters",
     "sections",
     "registry",

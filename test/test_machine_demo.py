@@ -16,27 +16,11 @@ from delta_calibration.errors import InputError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.simulation import draw_machine, standing
-from delta_calibration.simulation.camera import Camera, homography, on_plane
-
-
-def test_marks_say_what_a_tilted_camera_sees() -> None:
-    rng = np.random.default_rng(5)
-    camera = Camera.over(np.array([0.3, 0.5, 0.0]), 1.5, 9000.0, rng)
-    marks = np.array([0.3, 0.5, 0.0]) + 0.05 * np.array(
-        [[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0], [0.2, 0.4, 0]]
-    )
-    seen = camera.picture(marks)
-    plane = homography(seen[:4], marks[:4, :2])
-    np.testing.assert_allclose(on_plane(plane, seen), marks[:, :2], atol=1e-9)
-    # over the plane the picture is another: what stands 10 mm higher looks 0.1 mm and more aside
-    high = camera.picture(marks + np.array([0.0, 0.0, 0.01]))
-    assert np.linalg.norm(on_plane(plane, high) - marks[:, :2], axis=1).min() > 1e-4
-    found = camera.find(np.repeat(marks[:1], 400, axis=0), rng)
-    assert found.std(axis=0) == pytest.approx(camera.noise, rel=0.15)
 
 
 def test_a_scara_is_driven_right_by_a_camera(capsys) -> None:
-    figures = positioned_by_camera(draw_machine(load_robot("scara"), 7), 7)
+    robot = load_robot("scara")
+    figures = positioned_by_camera(draw_machine(robot, 7), robot.camera, 7)
     before, after = figures["before"], figures["after"]
     assert after["mean_mm"] < 0.15 * before["mean_mm"]
     assert after["max_mm"] < 0.1  # a unit of 0.01 degree is up to 0.17 mm at 1 m

@@ -84,7 +84,7 @@ def test_what_stays_has_the_towers_symmetry_and_a_part_of_what_does_not_the_prob
     lobes = {n: real_v400.threefold_share(meshes[0], stays, n) for n in (2, 3, 4, 6)}
     assert lobes[3] > 0.75
     assert max(share for n, share in lobes.items() if n != 3) < 0.05
-    share = real_v400.by_row(meshes[0], changes)
+    share = real_v400.to_and_fro(meshes[0], changes)
     assert share > 0.2 > 0.15 > real_v400.by_chance(meshes[0], changes)
 
 

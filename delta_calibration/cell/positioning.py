@@ -1,7 +1,7 @@
-"""Points driven right by the tracker alone: stop after stop, target after target.
+"""Points driven right by the tracker or a camera alone: stop after stop, target after target.
 
-First the tracker's frame, unless a calibration brings it; then for each target the grid search,
-as often as wanted, and a stop with the mean correction, which took no part in finding it.
+First the tracker's frame, or the camera's place, unless it is given; then for each target the grid
+search, as often as wanted, and a stop with the mean correction, which took no part in finding it.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
+from delta_calibration.cell.camera_frame import CameraFrame
 from delta_calibration.compensation.grid_search import GridResult, GridSearch, Stop, averaged
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame, align
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans import make_plan, nominal_joints, tool_points
-from delta_calibration.robot import Robot
+from delta_calibration.robot import Robot, Sight
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ class TrackerFrame:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was found for one target; errors are distances from it by the tracker."""
+    """What was found for one target; errors are distances from it as measured."""
 
     target: Array  # (3,) [m] in the base
     command: Array  # (m,) [rad] nominal
@@ -90,19 +91,24 @@ class Outcome:
 
 
 class Positioning:
-    """Drive to `step`, `tell` the tracker's mean reading there, until `done`.
+    """Drive to `step`, `tell` the mean reading there, until `done`.
+
+    Readings are the tracker's, (3,) [m] in its own frame, or the camera's, (2,) [px]. By a camera
+    a place is taken to be at the target's height, and the errors are those in that plane.
 
     Args:
         robot: decides nominal joints, limits and what noise to expect.
         targets: (n, 3) [m] tool points in the base.
         settings: of the lattice; a noise of 0 is taken from the robot file for each target.
         repeats: searches for each target, 2 or more.
-        readings: tracker readings averaged at a stop.
-        frame: how the tracker stands: a calibration, or so many stops to find out.
+        readings: averaged at a stop.
+        frame: how the tracker stands, a calibration; where the camera hangs; or so many stops to
+            find out.
+        camera: what measures, in the tracker's place.
 
     Raises:
         InputError: too few repeats, readings or stops, or a robot of which more is commanded than
-            a place of the tool, or by more joints than it takes.
+            a place of the tool, or of its image, or by more joints than it takes.
         ReachError: a target out of reach.
     """
 
@@ -113,7 +119,8 @@ class Positioning:
         settings: GridSettings,
         repeats: int,
         readings: int,
-        frame: Calibration | int,
+        frame: Calibration | CameraFrame | int,
+        camera: Sight | None = None,
     ) -> None:
         _require_least("repeats", repeats, 2)
         _require_least("readings", readings, 1)
@@ -121,11 +128,19 @@ class Positioning:
             _require_least("frame_stops", frame, FEWEST_FRAME_STOPS)
         self._model = robot.commanded
         _require_places(self._model, robot.name)
+        if camera is not None and self._model.task_size > 2:
+            raise InputError(
+                f"robot {robot.name}: its joints command {self._model.task_size} coordinates of a "
+                "place; one image shows 2"
+            )
         self._axes = self._model.task_size  # of a place, that the joints command
         self._robot, self._targets, self._settings = robot, targets, settings
         self._repeats, self._readings, self._given = repeats, readings, frame
+        self._camera = camera
         self._commands = nominal_joints(robot, targets)
-        self.frame: TrackerFrame | None = None
+        self.frame: TrackerFrame | CameraFrame | None = None
+        if isinstance(frame, CameraFrame):
+            self.frame = frame
         self.outcomes: list[Outcome] = []
         self.doing = ""  # what the next step is for
         self._way = self._run()
@@ -148,7 +163,7 @@ class Positioning:
         return len(self.outcomes) == len(self._targets)
 
     def tell(self, reading: Array) -> None:
-        """Take the tracker's mean reading at `step`, (3,) [m] in its own frame.
+        """Take the mean reading at `step`.
 
         Raises:
             DataError: it is not finite, and the step still waits for one that is; or the readings
@@ -171,9 +186,13 @@ class Positioning:
         joints = frame_joints(self._robot, stops)
         readings = []
         for number, joint in enumerate(joints, start=1):
-            self.doing = f"tracker frame, stop {number} of {stops}"
+            device = "tracker" if self._camera is None else "camera"
+            self.doing = f"{device} frame, stop {number} of {stops}"
             readings.append((yield joint))
-        self.frame = TrackerFrame.on(tool_points(self._robot, joints), np.array(readings))
+        if self._camera is None:
+            self.frame = TrackerFrame.on(tool_points(self._robot, joints), np.array(readings))
+        else:
+            self.frame = CameraFrame.on(self._robot, self._camera, joints, np.array(readings))
 
     def _right(self, number: int) -> Generator[Array, Array, None]:
         """Search for one target as often as wanted, and look what the mean comes to."""
@@ -188,13 +207,13 @@ class Positioning:
                     f"{self._repeats}, move {search.moves + 1}"
                 )
                 joint = search.step
-                search.tell(self._in_base((yield joint), joint))
+                search.tell(self._in_base((yield joint), joint, target))
             found.append(search.result)
             edges = search.result.edges
         mean = averaged(found, settings.unit)
         self.doing = f"target {number + 1} of {len(self._targets)}, corrected"
         joint = command + mean.dq
-        after = self._in_base((yield joint), joint)
+        after = self._in_base((yield joint), joint, target)
         ends = [result.stop for result in found if result.stop is not Stop.FINEST]
         self.outcomes.append(
             Outcome(
@@ -221,16 +240,21 @@ class Positioning:
         return settings, slope * settings.unit
 
     def _noise(self, target: Array, slope: Array) -> float:
-        """Standard uncertainty of a coordinate at one stop: joints come to rest, tracker reads."""
+        """Standard uncertainty of a coordinate at one stop: joints come to rest, it is read."""
+        rest = self._robot.joints.repeatability**2 * float(np.sum(slope**2))
+        if isinstance(self.frame, CameraFrame):
+            read = 2.0 * self.frame.noise(target) ** 2 / self._readings
+            return float(np.sqrt((read + rest) / 2.0))
         distance = np.array([np.linalg.norm(self._placed.apply(target))])
         along, across = (float(s[0]) for s in self._robot.tracker.sigmas(distance))
         read = (along**2 + 2.0 * across**2) / self._readings
-        rest = self._robot.joints.repeatability**2 * float(np.sum(slope**2))
         return float(np.sqrt((read + rest) / 3.0))
 
-    def _in_base(self, reading: Array, joint: Array) -> Array:
+    def _in_base(self, reading: Array, joint: Array, target: Array) -> Array:
         """Where the tool is in the base, what the joints command of it, (axes,) [m]."""
-        if isinstance(self._given, Calibration):
+        if isinstance(self.frame, CameraFrame):
+            point = self.frame.in_plane(reading, float(target[2]))
+        elif isinstance(self._given, Calibration):
             point = self._given.tool_points(reading[None], joint[None])[0]
         else:
             point = self._placed.inverse().apply(reading)

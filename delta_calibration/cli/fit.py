@@ -119,6 +119,7 @@ def describe(found: Identification, verbose: bool) -> str:
         f"noise floor {noise.floor * 1e6:.2f} um RMS in 3-D ({origin}); joints come to rest "
         f"within {noise.repeatability * 1e6:.1f} urad; tracker {noise.radial_scale:.2f} x its "
         f"stated noise along the beam, {noise.transverse_scale:.2f} x across",
+        *_turned(found),
         f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, "
         "tracker frame and reflector offset within",
         f"method {found.effort.method}: {found.effort.evaluations} machines tried",
@@ -133,6 +134,14 @@ def describe(found: Identification, verbose: bool) -> str:
         *_correlated(found, verbose),
     ]
     return "\n".join(lines)
+
+
+def _turned(found: Identification) -> list[str]:
+    """Whether orientations took part."""
+    if found.turn_missed is None:
+        return []
+    left = found.turn_missed * 1e6
+    return [f"turns of the probe took part; of them {left:.1f} urad RMS are left"]
 
 
 def _residuals(found: Identification) -> str:

@@ -72,9 +72,11 @@ def machine_demo(
     """Both acts; prints, writes into `out`, and returns the figures."""
     trial = _moments(robot, seed + 1)
     summary: dict[str, object] = {"first_act": _first_act(robot, out, seed, method, trial, say)}
-    if robot.commanded.task_size == 2:
+    if robot.camera is not None:
         say("positioning by a camera, without a model")
-        summary["camera"] = positioned_by_camera(draw_machine(robot, seed), seed)
+        summary["camera"] = positioned_by_camera(
+            draw_machine(robot, seed), robot.camera, seed
+        )
     summary["second_act"] = _second_act(robot, out, seed, method, trial, say)
     summary["provenance"] = {
         "package_version": __version__,

@@ -16,8 +16,9 @@ from delta_calibration.errors import CalibrationError
 VERBS = (
     "completion",
     "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "iso9283", "replay",
-    "info", "urdf", "demo",
+    "import", "info", "urdf", "demo",
 )  # fmt: skip
+_MODULES = {"import": "import_table"}  # where a verb is no name in Python
 _INTERRUPTED = 130
 
 # The matrices here are small: threads of the linear algebra library cost more than they bring.
@@ -36,7 +37,8 @@ class Verbs(click.Group):
         """The verb of that name."""
         if cmd_name not in VERBS:
             return None
-        module = importlib.import_module(f"delta_calibration.cli.{cmd_name}")
+        name = _MODULES.get(cmd_name, cmd_name)
+        module = importlib.import_module(f"delta_calibration.cli.{name}")
         command = module.command
         return command if isinstance(command, click.Command) else None
 
@@ -53,7 +55,7 @@ def group() -> None:
     A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds
     what the machine really is, `compensate` the joint commands that put the tool where it was
     meant to be, `iso9283` says how accurate the cell is. `simulate` makes sessions of a machine
-    that is not built as drawn; `demo` shows it all on a live simulated cell.
+    that is not built as drawn, `import` of a table; `demo` shows it all on a live simulated cell.
 
     \b
     A first look, in a folder of your own:

@@ -1,5 +1,6 @@
-"""Rotations, rigid frames and their alignment."""
+"""Rotations, rigid frames and their alignment, a camera's image."""
 
+from delta_calibration.geometry.camera import Camera
 from delta_calibration.geometry.frames import Frame, align
 
-__all__ = ["Frame", "align"]
+__all__ = ["Camera", "Frame", "align"]

@@ -6,6 +6,7 @@ from delta_calibration.identification.alternating import (
     in_turn,
     together,
 )
+from delta_calibration.identification.closing import Closing
 from delta_calibration.identification.error_model import box_of, error_model
 from delta_calibration.identification.fit import (
     Effort,
@@ -16,6 +17,7 @@ from delta_calibration.identification.fit import (
     most_evaluations,
     prepare,
 )
+from delta_calibration.identification.image import PointInImage
 from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
 from delta_calibration.identification.methods import (
     METHODS,
@@ -76,6 +78,7 @@ __all__ = [
     "ORDERS",
     "Apso",
     "Box",
+    "Closing",
     "DistanceBetween",
     "Effort",
     "Fit",
@@ -91,6 +94,7 @@ __all__ = [
     "Noise",
     "Observability",
     "Observation",
+    "PointInImage",
     "PointMeasured",
     "PoseMeasured",
     "PoseResidual",

@@ -33,7 +33,6 @@ class ClosureAtPose(Observation):
     """
 
     kind: ClassVar[str] = "closure"
-    uses_frame: ClassVar[bool] = False
 
     joint: Array  # (n, m) [rad, m]
     pose: Array  # (n, k) [m, rad]
@@ -73,7 +72,6 @@ class ClosureAlone(Observation):
     """Joints at poses that nobody measured."""
 
     kind: ClassVar[str] = "closure alone"
-    uses_frame: ClassVar[bool] = False
 
     joint: Array  # (n, m) [rad, m]
     redundancy: int  # r - k

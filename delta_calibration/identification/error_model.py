@@ -1,7 +1,8 @@
 """The error model of a session, and where a search may look in it.
 
-Paper 004's (6), of everything that a session leaves unknown: geometry, reflector offset and
-tracker frame, in units z of what one expects of them, with the priors as rows,
+Paper 004's (6), of everything that a session leaves unknown: geometry, reflector offset, tracker
+frame and, where turns take part, how the probe is mounted, in units z of what one expects of
+them, with the priors as rows,
 
     |e - J d|^2 = sum_i w_i |W_i (y_i - chain(q_i, theta)) - J_i d|^2 / s^2 + sum_prior z_k^2,
 

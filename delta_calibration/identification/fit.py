@@ -19,6 +19,7 @@ from delta_calibration.identification.observability import (
     strong_correlations,
 )
 from delta_calibration.identification.problem import Problem, Solution, build_problem, solve
+from delta_calibration.identification.turns import MOUNT_NAMES, Turns, pose_covariance
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
@@ -74,6 +75,8 @@ class Identification:
     region_joints: tuple[Array, Array]  # lowest and highest joint angles measured, (m,) [rad]
     seed: int
     effort: Effort
+    # RMS of the turn that is left [rad], about three axes; None: turns took no part
+    turn_missed: float | None = None
 
     @property
     def parameters(self) -> ParameterSet:
@@ -99,7 +102,8 @@ def chain_of(robot: Robot, model: str | None = None) -> Chain:
 
 def most_evaluations(method: Method, robot: Robot, model: str | None = None) -> int:
     """What `identify` tells its watch of at most, with the fits that hold parts out."""
-    return (1 + _FOLDS) * method.most(chain_of(robot, model).base_size)
+    mount = 0 if robot.tracker.turn is None else len(MOUNT_NAMES)  # where turns take part
+    return (1 + _FOLDS) * method.most(chain_of(robot, model).base_size + mount)
 
 
 def identify(
@@ -111,6 +115,9 @@ def identify(
     watch: Watch = lambda _: None,
 ) -> Identification:
     """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
+
+    To positions; to turns as well where the session has them, the robot's file says how sure they
+    are and the model's platform turns. What is held out is judged by positions.
 
     Args:
         poses: what was measured.
@@ -128,8 +135,9 @@ def identify(
     require_poses(poses, _FEWEST)
     chain = chain_of(robot, model)
     start, noise, problem = prepare(poses, robot, chain)
-    frame_free = np.zeros(len(start), dtype=bool)
-    frame_free[chain.base_size - 6 : chain.base_size] = True
+    problem = _with_turns(problem, poses, robot, noise)
+    frame_free = np.zeros(len(problem.theta0), dtype=bool)
+    frame_free[chain.base_size - 6 :] = True  # and the probe's mount, where turns take part
     registered = solve(problem.only(frame_free), robust=False)
     probe_free = frame_free.copy()  # where the reflector is put is no part of the robot either
     probe_free[chain.geometry_size : chain.geometry_size + 3] = True
@@ -139,31 +147,52 @@ def identify(
     full = fit.solution
     folds = _folds(poses, np.random.default_rng(seed))
     covariance, chi_square = _covariance(full)
-    drawing = chain.join(*_nominal_but_frame(chain, full.theta))
-    at = poses.conditions
+    drawing = full.theta.copy()
+    drawing[: len(start)] = chain.join(*_nominal_but_frame(chain, full.theta))
     observability = observe(
-        problem.whiten @ chain.jacobian(at, chain.pose(at, drawing), drawing),
+        problem.whiten @ problem.jacobian(drawing, chain.pose(poses.conditions, drawing)),
         np.diag(problem.basis),
-        chain.parameters.names,
+        problem.names,
     )
     nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
     return Identification(
         chain=chain,
-        theta=full.theta,
+        theta=full.theta[: len(start)],
         covariance=covariance,
         noise=noise,
         observability=observability,
         correlations=strong_correlations(covariance, chain.parameters.names),
         frame_only=_residuals(registered, folds, _LEAST_SQUARES, rng, watch),
         full=_residuals(full, folds, method, rng, watch),
-        frame_only_theta=registered.theta,
+        frame_only_theta=registered.theta[: len(start)],
         weight=full.weight,
         chi_square=chi_square,
         region=Region.of(chain.mechanism.position(nominal)),
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
         effort=Effort(method.name, fit.evaluations, method.settings),
+        turn_missed=_turn_missed(full),
     )
+
+
+def _with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:
+    """The problem, with turns where they take part."""
+    chain, start = problem.chain, problem.theta0
+    turns = Turns.of(poses, robot, chain)
+    if turns is None:
+        return problem
+    x = chain.pose(problem.at, start)
+    slope = chain.split(start)[2].rotation @ chain.point_by_joints(problem.at, x, start)
+    covariance = pose_covariance(poses, robot, chain, noise, start, slope)
+    return problem.turned(turns, whitening(covariance), x)
+
+
+def _turn_missed(full: Solution) -> float | None:
+    problem = full.problem
+    if problem.turns is None:
+        return None
+    missed = problem.turns.missed(problem.chain, full.pose, full.theta)
+    return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
 
 
 def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Problem]:
@@ -241,7 +270,7 @@ def _residuals(
         x = problem.chain.pose(at, fitted.theta)
         problem.chain.mechanism.require_reach(x, at.joint, "held-out command", "rad")
         missed[held] = problem.y[held] - problem.chain.reading(at, x, fitted.theta)
-    whitened = (problem.whiten @ missed[..., None])[..., 0]
+    whitened = (problem.whiten[:, :3, :3] @ missed[..., None])[..., 0]  # Cholesky's: of its own
     distance = np.linalg.norm(missed, axis=1)
     return Residuals(
         in_sample=float(np.sqrt(np.mean(distances(solution) ** 2))),
@@ -252,7 +281,7 @@ def _residuals(
 
 
 def _covariance(solution: Solution) -> tuple[Array, float]:
-    """Covariance of theta given data and priors, (P, P), and chi square per degree of freedom.
+    """Covariance of the chain's theta by data and priors, (P, P), and chi square per freedom.
 
     Where the residuals are larger than the noise explains, by a factor s in chi square, the noise
     is taken to be so much larger: A^-1 (s I + P) A^-1, A = I + P, I of the data and P of the
@@ -266,10 +295,13 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
     inverse = np.linalg.inv(information + prior)
     # parameters that the data, not the priors, decide
     used = float(np.trace(inverse @ information))
-    degrees = max(3 * np.count_nonzero(solution.weight) - used, 1.0)
+    numbers = solution.residual.shape[1]
+    degrees = max(numbers * np.count_nonzero(solution.weight) - used, 1.0)
     chi_square = float(np.sum((solution.weight[:, None] * solution.residual) ** 2) / degrees)
     spread = inverse @ (max(1.0, chi_square) * information + prior) @ inverse
-    return problem.basis @ spread @ problem.basis.T, chi_square
+    size = len(problem.chain.parameters)
+    basis = problem.basis[:size]
+    return basis @ spread @ basis.T, chi_square
 
 
 def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> None:

@@ -1,9 +1,9 @@
 """The methods that a session can be fitted by, by their names: each solves the same problem.
 
-Whitened residuals of the chain by geometry, reflector offset and tracker frame, priors as rows, a
-robust loss: `problem.py`. Least squares asks the chain itself. The others are those of the papers
-and search the error model about the drawing (`error_model.py`), then about what was found, so that
-the squares of the errors are taken in and the loss fits what is left.
+Whitened residuals of positions, and of turns where they take part, by all that is unknown, priors
+as rows, a robust loss: `problem.py`. Least squares asks the chain itself. The others are those of
+the papers and search the error model about the drawing (`error_model.py`), then about what was
+found, so that the squares of the errors are taken in and the loss fits what is left.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class InRounds(Method):
 class Alternating(InRounds):
     """Paper 002: geometry and the device's frame in turn, until both stand still.
 
-    With the frame goes the reflector's offset, which is the device's as well.
+    With the frame goes where the reflector, or how the probe, is put: the device's as well.
     """
 
     name: str = "alternating"

@@ -3,7 +3,8 @@
     minimise  sum_kinds |missed / sigma|^2 + sum_prior ((g - g_0) / prior)^2
 
 over the geometry and, if any kind depends on it, the frame of the device. The unknowns are scaled
-by what is expected of them, so that a step is of the order of one.
+by what is expected of them, so that a step is of the order of one. What neither observations nor
+priors set is named and has no standard error; it stays near where it was drawn.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _STEP = 1e-3  # typical size of an unknown without prior [m, rad]
+_NONE = 1e-8  # singular values under this share of the largest are none
+_PART = 1e-6  # of an unknown in a combination that does not show
 _SPARE = 1e-6  # degrees of freedom under which nothing is left to judge the noise by
 FRAME_NAMES = tuple(f"device_{kind}_{axis}" for kind in ("turn", "place") for axis in "xyz")
 
@@ -42,17 +45,19 @@ class MixedFit:
     covariance: Array  # (F, F) by noise and priors
     prior: Array  # (F,) inf where there is none or none was used
     observability: Observability  # of the observations alone
-    missed: tuple[Array, ...]  # of each observation, (n, d) [m, rad]
+    missed: tuple[Array, ...]  # of each observation, (n, d) [m, rad, px]
+    unset: tuple[str, ...]  # unknowns with a part that neither observations nor priors set
     told: float
     chi_square: float  # per degree of freedom, of the stated noise; inf where none is left
 
     @property
     def std(self) -> Array:
-        """Standard errors, (F,)."""
-        return np.sqrt(np.diag(self.covariance))
+        """Standard errors, (F,); infinite for what is not set."""
+        unset = np.isin(self.names, self.unset)
+        return np.where(unset, np.inf, np.sqrt(np.diag(self.covariance)))
 
     def rms(self, observation: int, numbers: slice = slice(None)) -> float:
-        """Root mean square of the distance missed by an observation [m, rad]."""
+        """Root mean square of the distance missed by an observation [m, rad, px]."""
         missed = self.missed[observation][:, numbers]
         return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
 
@@ -74,9 +79,10 @@ def fit_observations(
         priors: whether what is expected of the parts takes part.
 
     Raises:
-        InputError: no observation, or no frame where one is needed.
+        InputError: no observation, no frame where one is needed, or two devices at unknown
+            places.
         DataError: fewer numbers than unknowns without priors, joints out of the nominal machine's
-            reach, or no rest.
+            reach, points that its camera cannot see, or no rest.
     """
     problem = _problem(mechanism, observations, frame, free, priors)
     found = least_squares(problem.rows, np.zeros(problem.size), problem.slopes, xtol=1e-12)
@@ -86,7 +92,7 @@ def fit_observations(
     white = problem.slopes(found.x)
     data = white[: len(white) - problem.size]
     names = tuple(np.array(mechanism.parameters.names + FRAME_NAMES)[problem.free].tolist())
-    spread = np.linalg.pinv(white.T @ white, hermitian=True)
+    spread, loose = _spread(white)
     told = float(np.trace(spread @ data.T @ data))
     squares, degrees = np.sum(problem.rows(found.x)[: len(data)] ** 2), len(data) - told
     return MixedFit(
@@ -96,9 +102,21 @@ def fit_observations(
         prior=problem.prior,
         observability=observe(data[:, None] / problem.scale, problem.scale, names),
         missed=tuple(o.missed(machine) for o in observations),
+        unset=tuple(name for name, yes in zip(names, loose, strict=True) if yes),
         told=told,
         chi_square=float(squares / degrees) if degrees > _SPARE else np.inf,
     )
+
+
+def _spread(white: Array) -> tuple[Array, Mask]:
+    """Covariance (F, F) by whitened slopes, and which unknowns have a part that does not show."""
+    size = np.linalg.norm(white, axis=0)
+    size[size == 0.0] = 1.0
+    _, values, across = np.linalg.svd(white / size, full_matrices=False)
+    shows = values > _NONE * values[0]
+    half = across[shows] / values[shows, None]
+    loose = 1.0 - np.sum(across[shows] ** 2, axis=0) > _PART
+    return half.T @ half / np.outer(size, size), loose
 
 
 @dataclass(frozen=True)
@@ -141,11 +159,16 @@ def _problem(
     free: Mask | None,
     priors: bool,
 ) -> _Problem:
-    placed = any(o.uses_frame for o in observations)
+    devices = sorted({o.device for o in observations if o.device})
+    placed = bool(devices)
     if not observations:
         raise InputError("observations: none is not allowed; one or more")
     if placed and frame is None:
-        raise InputError("frame: none is not allowed with positions or poses; where to start from")
+        raise InputError(f"frame: none is not allowed with a {devices[0]}; where to start from")
+    if len(devices) > 1:
+        raise InputError(
+            f"{' and '.join(devices)} at unknown places are not allowed; one of them at most"
+        )
     parameters = mechanism.parameters
     chosen = np.ones(len(parameters), dtype=bool) if free is None else free
     every = np.append(chosen, np.full(FRAME_SIZE, placed))
@@ -160,4 +183,15 @@ def _problem(
         for joint in o.joints():
             what = f"{o.kind}: joints"
             mechanism.require_reach(start.poses(joint), joint, what, "rad, m")
+        _require_seen(o, start)
     return _Problem(start, tuple(observations), every, prior, scale)
+
+
+def _require_seen(observation: Observation, start: Machine) -> None:
+    """Refuse what cannot be predicted where the search starts: a point behind its camera."""
+    bad = np.flatnonzero(~np.isfinite(observation.missed(start)).all(axis=1))
+    if bad.size:
+        raise DataError(
+            f"{observation.kind}: number {bad[0] + 1} cannot be seen from where the "
+            f"{observation.device or 'device'} is said to stand: behind it"
+        )

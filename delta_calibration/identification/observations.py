@@ -3,7 +3,8 @@
 Unknowns, in this order: the geometry g (p,), and where the machine's base stands in the frame of
 the device that measures, F = `T_device_base`, as turn and place (6,). A kind that needs no device
 (a probe that touches the bed, a caliper) has columns of zeros there. Measured less predicted, in
-metres and radians; any mechanism takes part by its poses and its Jacobians.
+metres, radians or pixels; any mechanism takes part by its poses and its Jacobians. Cameras are in
+`image.py`, the closure of a redundant mechanism is in `closing.py`.
 """
 
 from __future__ import annotations
@@ -41,23 +42,28 @@ class Machine:
         x = self.poses(joint)
         return self.mechanism.position(x) + self.mechanism.rotation(x) @ offset
 
+    def seen_by_unknowns(self, joint: Array, offset: Array) -> Array:
+        """Derivative of a platform's point in the device, by all unknowns, (n, 3, p + 6)."""
+        point = self.points(joint, offset)
+        turn = np.broadcast_to(rotations.log(self.frame.rotation), point.shape)
+        return np.concatenate(
+            [
+                self.frame.rotation @ self.points_by_geometry(joint, offset),
+                rotations.exp_times_derivative(turn, point),
+                np.broadcast_to(np.eye(3), (len(point), 3, 3)),
+            ],
+            axis=-1,
+        )
+
     def points_by_geometry(self, joint: Array, offset: Array) -> Array:
         """Their derivative, (n, 3, p)."""
         x = self.poses(joint)
         return self.mechanism.point_by_pose(x, offset) @ self._poses_by_geometry(joint, x)
 
     def turns_by_geometry(self, joint: Array) -> Array:
-        """Small turn of the platform, in axes of the base, (n, 3, p) [rad].
-
-        2 dphi = sum_k r_k x dr_k over the columns of the platform's rotation.
-        """
+        """Small turn of the platform, in axes of the base, (n, 3, p) [rad]."""
         x = self.poses(joint)
-        rotation, still = self.mechanism.rotation(x), self.mechanism.point_by_pose(x, np.zeros(3))
-        turn = np.zeros_like(still)
-        for k, axis in enumerate(np.eye(3)):
-            moved = self.mechanism.point_by_pose(x, axis) - still
-            turn += rotations.skew(rotation[:, :, k]) @ moved / 2
-        return turn @ self._poses_by_geometry(joint, x)
+        return self.mechanism.turn_by_pose(x) @ self._poses_by_geometry(joint, x)
 
     def _poses_by_geometry(self, joint: Array, x: Array) -> Array:
         return self.mechanism.identification_jacobian(joint, x, self.geometry)
@@ -67,18 +73,22 @@ class Observation(ABC):
     """Base of all kinds: n measurements of d numbers each."""
 
     kind: ClassVar[str]
-    uses_frame: ClassVar[bool]  # whether it depends on where the device stands
 
     joint: Array  # (n, m)
 
     @property
+    def device(self) -> str:
+        """What measures, where it matters how that stands before the base; else nothing."""
+        return ""
+
+    @property
     @abstractmethod
     def sigma(self) -> Array:
-        """Standard deviation of each of the d numbers, (d,) [m, rad]."""
+        """Standard deviation of each of the d numbers, (d,) [m, rad, px]."""
 
     @abstractmethod
     def missed(self, machine: Machine) -> Array:
-        """Measured less predicted, (n, d) [m, rad]; NaN rows out of reach."""
+        """Measured less predicted, (n, d) [m, rad, px]; NaN rows out of reach."""
 
     @abstractmethod
     def slopes(self, machine: Machine) -> Array:
@@ -94,7 +104,6 @@ class PointMeasured(Observation):
     """A reflector's position by a tracker."""
 
     kind: ClassVar[str] = "position"
-    uses_frame: ClassVar[bool] = True
 
     joint: Array
     point: Array  # (n, 3) [m] in the device's frame
@@ -103,7 +112,12 @@ class PointMeasured(Observation):
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not fit together."""
-        _require(self, point=(len(self.joint), 3), offset=(3,))
+        require_shapes(self, point=(len(self.joint), 3), offset=(3,))
+
+    @property
+    def device(self) -> str:
+        """A tracker."""
+        return "tracker"
 
     @property
     def sigma(self) -> Array:
@@ -116,16 +130,7 @@ class PointMeasured(Observation):
 
     def slopes(self, machine: Machine) -> Array:
         """(n, 3, p + 6)."""
-        point = machine.points(self.joint, self.offset)
-        turn = np.broadcast_to(rotations.log(machine.frame.rotation), point.shape)
-        return np.concatenate(
-            [
-                machine.frame.rotation @ machine.points_by_geometry(self.joint, self.offset),
-                rotations.exp_times_derivative(turn, point),
-                np.broadcast_to(np.eye(3), (len(point), 3, 3)),
-            ],
-            axis=-1,
-        )
+        return machine.seen_by_unknowns(self.joint, self.offset)
 
 
 @dataclass(frozen=True)
@@ -140,7 +145,7 @@ class PoseMeasured(PointMeasured):
     def __post_init__(self) -> None:
         """Refuse arrays that do not fit together."""
         super().__post_init__()
-        _require(self, rotation=(len(self.joint), 3, 3))
+        require_shapes(self, rotation=(len(self.joint), 3, 3))
 
     @property
     def sigma(self) -> Array:
@@ -177,7 +182,6 @@ class HeightAtContact(Observation):
     """
 
     kind: ClassVar[str] = "height"
-    uses_frame: ClassVar[bool] = False
 
     joint: Array
     height: Array  # (n,) [m]
@@ -185,7 +189,7 @@ class HeightAtContact(Observation):
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not fit together."""
-        _require(self, height=(len(self.joint),))
+        require_shapes(self, height=(len(self.joint),))
 
     @property
     def sigma(self) -> Array:
@@ -199,7 +203,7 @@ class HeightAtContact(Observation):
     def slopes(self, machine: Machine) -> Array:
         """(n, 1, p + 6)."""
         slope = machine.points_by_geometry(self.joint, np.zeros(3))[:, 2:]
-        return _without_frame(slope)
+        return without_frame(slope)
 
 
 @dataclass(frozen=True)
@@ -207,7 +211,6 @@ class DistanceBetween(Observation):
     """Distance of two places of the platform's centre, by a caliper or a scale bar."""
 
     kind: ClassVar[str] = "distance"
-    uses_frame: ClassVar[bool] = False
 
     joint: Array  # (n, m) at the one place
     other: Array  # (n, m) at the other
@@ -216,7 +219,7 @@ class DistanceBetween(Observation):
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not fit together."""
-        _require(self, other=self.joint.shape, distance=(len(self.joint),))
+        require_shapes(self, other=self.joint.shape, distance=(len(self.joint),))
 
     @property
     def sigma(self) -> Array:
@@ -234,7 +237,7 @@ class DistanceBetween(Observation):
         along = between / np.linalg.norm(between, axis=1)[:, None]
         moved = machine.points_by_geometry(self.other, np.zeros(3))
         moved = moved - machine.points_by_geometry(self.joint, np.zeros(3))
-        return _without_frame(along[:, None, :] @ moved)
+        return without_frame(along[:, None, :] @ moved)
 
     def joints(self) -> tuple[Array, ...]:
         """Both places'."""
@@ -245,12 +248,12 @@ class DistanceBetween(Observation):
         return machine.points(self.other, zero) - machine.points(self.joint, zero)
 
 
-def _without_frame(slope: Array) -> Array:
+def without_frame(slope: Array) -> Array:
     """Columns of zeros for the device's frame.  (n, d, p) -> (n, d, p + 6)."""
     return np.concatenate([slope, np.zeros((*slope.shape[:2], FRAME_SIZE))], axis=-1)
 
 
-def _require(observation: Observation, **shapes: tuple[int, ...]) -> None:
+def require_shapes(observation: Observation, **shapes: tuple[int, ...]) -> None:
     """Refuse arrays of another shape, and numbers that are none.
 
     Raises:

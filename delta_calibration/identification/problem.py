@@ -10,6 +10,9 @@ along that valley.
 
 s is 1 where the noise explains the residuals, and the residuals' own (robust) spread where they
 are larger: what a model leaves out must not bend its parameters beyond what parts can be.
+
+y_i are positions, d = 3; where turns take part they follow, d = 6, and how the probe is mounted is
+three more unknowns behind those of the chain.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.errors import DataError
+from delta_calibration.identification.turns import MOUNT_NAMES, Turns
 from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
@@ -37,7 +41,8 @@ _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations
 _GROSS = 3.0  # times as far a pose is an error of another kind and does not count
 _ROUNDS = 12  # of the loss made to fit the residuals
 _SHRUNK = 0.9  # a bend of the loss that falls by less has settled
-_CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+# medians of the norm of so many standard normal numbers
+_CHI_MEDIAN = {3: 1.538172, 6: 2.312598}
 
 
 @dataclass(frozen=True)
@@ -47,24 +52,47 @@ class Problem:
     chain: Chain
     at: Conditions  # of the n poses
     y: Array  # (n, 3) [m] in the tracker's frame
-    whiten: Array  # (n, 3, 3) [1/m]
+    whiten: Array  # (n, d, d) [1/m, 1/rad]
     theta0: Array  # (P,) prior mean and start
     basis: Array  # (P, P), S
     has_prior: Mask  # (P,)
     free: Mask  # (P,) what is fitted; the rest keeps its theta0
+    turns: Turns | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of theta, (P,)."""
+        return self.chain.parameters.names + (() if self.turns is None else MOUNT_NAMES)
+
+    def turned(self, turns: Turns, whiten: Array, x: Array) -> Problem:
+        """With measured turns beside the positions.
+
+        Args:
+            turns: of the n poses.
+            whiten: of both together, (n, 6, 6).
+            x: poses at the start, (n, k).
+        """
+        start = np.append(self.theta0, turns.mount(self.chain, x, self.theta0))
+        size = len(start)
+        basis = np.diag(np.full(size, _FRAME_STEP))
+        basis[: size - 3, : size - 3] = self.basis
+        unknown = np.zeros(3, dtype=bool)
+        return Problem(
+            self.chain, self.at, self.y, whiten, start, basis,
+            np.append(self.has_prior, unknown), np.append(self.free, ~unknown), turns,
+        )  # fmt: skip
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """The same problem on some of the poses."""
         return Problem(
             self.chain, self.at.take(rows), self.y[rows], self.whiten[rows],
             self.theta0, self.basis, self.has_prior, self.free,
+            None if self.turns is None else self.turns.take(rows),
         )  # fmt: skip
 
     def only(self, free: Mask) -> Problem:
         """The same problem with other parameters free."""
-        return Problem(
-            self.chain, self.at, self.y, self.whiten, self.theta0, self.basis, self.has_prior, free
-        )
+        return replace(self, free=free)
 
     def theta(self, z: Array) -> Array:
         """Parameters of the scaled free unknowns."""
@@ -75,13 +103,23 @@ class Problem:
         return np.asarray(np.linalg.solve(self.basis, theta - self.theta0)[self.free])
 
     def residual(self, theta: Array, x: Array) -> Array:
-        """Whitened measured less predicted, (n, 3)."""
+        """Whitened measured less predicted, (n, d)."""
         missed = self.y - self.chain.reading(self.at, x, theta)
+        if self.turns is not None:
+            missed = np.concatenate([missed, self.turns.missed(self.chain, x, theta)], axis=1)
         return (self.whiten @ missed[..., None])[..., 0]
 
     def slope(self, theta: Array, x: Array) -> Array:
-        """d(whitened prediction)/dz, (n, 3, F)."""
-        return self.whiten @ (self.chain.jacobian(self.at, x, theta) @ self.basis[:, self.free])
+        """d(whitened prediction)/dz, (n, d, F)."""
+        return self.whiten @ (self.jacobian(theta, x) @ self.basis[:, self.free])
+
+    def jacobian(self, theta: Array, x: Array) -> Array:
+        """d(prediction)/d(theta), (n, d, P)."""
+        positions = self.chain.jacobian(self.at, x, theta)
+        if self.turns is None:
+            return positions
+        padded = np.pad(positions, ((0, 0), (0, 0), (0, len(theta) - positions.shape[-1])))
+        return np.concatenate([padded, self.turns.slopes(self.chain, self.at, x, theta)], axis=1)
 
     def offset_rows(self) -> Mask:
         """Which of the free unknowns are the reflector's offset, (F,)."""
@@ -98,7 +136,7 @@ class Solution:
     theta: Array  # (P,)
     z: Array  # (F,)
     pose: Array  # (n, k) of the platform at theta
-    residual: Array  # (n, 3) whitened
+    residual: Array  # (n, d) whitened
     weight: Array  # (n,) of each pose under the robust loss, 1 where fully believed
     cost: float
     evaluations: int  # how often all poses were predicted
@@ -191,20 +229,20 @@ def solution_at(problem: Problem, z: Array) -> Solution:
 
 
 def robust_weights(residual: Array) -> Array:
-    """Weight of each pose by its whitened residual (n, 3): 1, less beyond 4 sigma, 0 beyond 12."""
+    """Weight of each pose by its whitened residual (n, d): 1, less beyond 4 sigma, 0 beyond 12."""
     bend = _bend(residual)
     return _Loss(bend, _GROSS * bend)(np.linalg.norm(residual, axis=1))[1]
 
 
 def spread_of(residual: Array) -> float:
-    """Robust standard deviation of whitened residuals (n, 3), but not under the noise's own, 1."""
+    """Robust standard deviation of whitened residuals (n, d), but not under the noise's own, 1."""
     return _bend(residual) / _HUBER
 
 
 def _bend(residual: Array) -> float:
     """Whitened distance from which poses count linearly."""
-    typical = float(np.median(np.linalg.norm(residual, axis=1))) / _CHI3_MEDIAN
-    return _HUBER * max(1.0, typical)
+    typical = float(np.median(np.linalg.norm(residual, axis=1)))
+    return _HUBER * max(1.0, typical / _CHI_MEDIAN[residual.shape[1]])
 
 
 def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) -> Solution:

@@ -238,6 +238,18 @@ class Mechanism(ABC):
         """
         del x, g, load, what
 
+    def turn_by_pose(self, x: Array) -> Array:
+        """Small turn of the platform, in axes of the base, by the pose, (n, 3, k).
+
+        2 dphi = sum_k r_k x dr_k over the columns of the platform's rotation.
+        """
+        rotation, still = self.rotation(x), self.point_by_pose(x, np.zeros(3))
+        turn = np.zeros_like(still)
+        for k, axis in enumerate(np.eye(3)):
+            moved = self.point_by_pose(x, axis) - still
+            turn += rotations.skew(rotation[:, :, k]) @ moved / 2
+        return turn
+
     def require_reach(self, solution: Array, wanted: Array, what: str, unit: str) -> None:
         """Refuse a batch that holds a row out of reach; `what` and `unit` say what was wanted.
 

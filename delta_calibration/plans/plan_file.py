@@ -26,12 +26,12 @@ from delta_calibration.plans.points import tool_frames
 from delta_calibration.plans.target_file import (
     PLACE,
     TURN,
-    Row,
     commanded_columns,
     read_rows,
     targets_of,
 )
 from delta_calibration.robot import Robot
+from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
 

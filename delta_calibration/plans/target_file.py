@@ -11,8 +11,7 @@ x of a machine that moves in a plane); one that is there has to say what the res
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from delta_calibration.errors import InputError
 from delta_calibration.plans.points import nominal_joints, tool_frames
 from delta_calibration.robot import Robot
+from delta_calibration.tables import Row, read_table
 
 Array = NDArray[np.float64]
 
@@ -39,35 +39,6 @@ class Targets:
     point: Array  # (n, 3) [m]
     turn: Array  # (n, 3) [rad]
     joint: Array  # (n, m) [rad or m]
-
-
-@dataclass(frozen=True)
-class Row:
-    """A line of a CSV file of targets."""
-
-    file: Path
-    line: int
-    text: Mapping[str, str | None]  # by the names of the columns; None where the line is short
-
-    def number(self, column: str) -> float:
-        """The finite number in a column.
-
-        Raises:
-            InputError: another text.
-        """
-        text = self.text[column] or ""
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
-            raise self.wrong(column, "is not a finite number")
-        return value
-
-    def wrong(self, column: str, problem: str) -> InputError:
-        """What is wrong with the value in a column."""
-        text = self.text[column] or ""
-        return InputError(f"{self.file}: line {self.line}: {column}: {text!r} {problem}")
 
 
 def commanded_columns(robot: Robot) -> tuple[str, ...]:
@@ -90,20 +61,13 @@ def read_rows(path: Path, robot: Robot) -> list[Row]:
     """The lines of a CSV file that has a column for each coordinate of a place that is commanded.
 
     Raises:
-        InputError: no such file, a column missing or of another unit, a line too long, or no line.
+        InputError: no such file, a column missing, there twice or of another unit, a line too
+            long, or no line.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            found = reader.fieldnames or []
-            _require_columns(path, found, robot)
-            rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    if not rows:
-        raise InputError(f"{path}: no points in it")
+    wanted = commanded_columns(robot)
+    places = [name for name in wanted if name in PLACE]
+    rows = read_table(path, places, [name for name in wanted if name in TURN])
+    _require_units(path, tuple(rows[0].text))
     return rows
 
 
@@ -136,31 +100,10 @@ def _said(row: Row, name: str) -> float:
     return row.number(name) if name in row.text else np.nan
 
 
-def _require_columns(path: Path, found: Sequence[str], robot: Robot) -> None:
-    """Refuse a file without a place, or with one in another unit."""
-    wanted = commanded_columns(robot)
-    missing = [name for name in wanted if name in PLACE and name not in found]
-    if missing:
-        raise InputError(
-            f"{path}: column {', '.join(missing)} missing; expected {', '.join(wanted)}, found "
-            f"{', '.join(found) or 'nothing'}"
-        )
+def _require_units(path: Path, found: Sequence[str]) -> None:
+    """Refuse a column of a place or a turn in another unit."""
     of_stem = {name.rpartition("_")[0]: name for name in _EVERY}
     for name in found:
         meant = of_stem.get(name.rpartition("_")[0], of_stem.get(name, name))
         if meant != name:
             raise InputError(f"{path}: column {name}: not a known unit; allowed: {meant}")
-
-
-def _of_one_length(
-    path: Path, reader: csv.DictReader[str], columns: Sequence[str]
-) -> Iterator[dict[str, str]]:
-    """The rows, none longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
-    for row in reader:
-        surplus: Sequence[str] = row.pop(None, ())
-        if surplus:
-            raise InputError(
-                f"{path}: line {reader.line_num}: {len(columns) + len(surplus)} values, but "
-                f"{len(columns)} columns; decimals take a point, not a comma"
-            )
-        yield row

@@ -5,6 +5,7 @@ drawing and, hidden in it, whatever effects are wanted: the same chain and the s
 are fitted afterwards, with numbers nobody tells them.
 """
 
+from delta_calibration.simulation.camera import CameraOver, other_elbow
 from delta_calibration.simulation.climate import AMBIENT, PARTS, WARM_UP, Climate
 from delta_calibration.simulation.following import Following
 from delta_calibration.simulation.hidden import hideable_causes
@@ -16,12 +17,14 @@ __all__ = [
     "AMBIENT",
     "PARTS",
     "WARM_UP",
+    "CameraOver",
     "Climate",
     "Following",
     "Machine",
     "draw_machine",
     "effect_options",
     "hideable_causes",
+    "other_elbow",
     "simulate_session",
     "standing",
 ]

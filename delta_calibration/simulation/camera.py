@@ -1,64 +1,69 @@
-"""A camera over the plane that a machine works in: where the tool is in its picture.
-
-    u = f (R (p - c))_xy / (R (p - c))_z      [px]
-
-with c the camera's place and R its turn, straight down but for a tilt that nobody knows. What the
-picture says of the plane follows from marks at known places by the homography between them.
-"""
+"""A camera over a machine as it really is."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.geometry import rotations
+from delta_calibration.errors import ConfigError, ReachError
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.simulation.machine import Machine, standing
 
 Array = NDArray[np.float64]
 
-_DOWN = np.diag([1.0, -1.0, -1.0])
+_HUNG = 20e-3  # [m] that it hangs beside where the robot's file says
+_TILT = 0.03  # [rad] that it looks beside straight down
 
 
 @dataclass(frozen=True)
-class Camera:
-    """A pinhole camera; its lens draws straight lines straight."""
+class CameraOver:
+    """A camera that hangs still over a machine and sees a mark at its tool."""
 
-    place: Array  # (3,) [m] in the base
-    rotation: Array  # (3, 3) from the base to the camera's axes
-    focal: float  # [px]
-    noise: float = 0.05  # [px] of a coordinate of a mark found in the picture
+    machine: Machine
+    frame: Frame  # T_camera_base, the truth
 
     @classmethod
-    def over(
-        cls, middle: Array, height: float, focal: float, rng: np.random.Generator
-    ) -> Camera:
-        """One over a place (3,) [m], tilted by about a degree."""
-        tilt = rotations.exp(np.append(0.02 * rng.standard_normal(2), rng.uniform(-0.1, 0.1)))
-        return cls(middle + np.array([0.0, 0.0, height]), tilt @ _DOWN, focal)
+    def hung(cls, machine: Machine, seed: int) -> CameraOver:
+        """Where the robot's file says, as well as people hang cameras, turned anyhow.
 
-    def picture(self, points: Array) -> Array:
-        """Where points (n, 3) [m] are in the picture, (n, 2) [px]."""
-        seen = (points - self.place) @ self.rotation.T
-        return np.asarray(self.focal * seen[:, :2] / seen[:, 2:])
+        Raises:
+            ConfigError: the robot has no camera.
+        """
+        sight = machine.robot.camera
+        if sight is None:
+            raise ConfigError(f"robot {machine.robot.name}: no camera in its file")
+        rng = np.random.default_rng([seed, 2])
+        tilt = rotations.exp(np.append(_TILT * rng.standard_normal(2), 0.0))
+        turn = rotations.about_z(rng.uniform(0, 2 * np.pi)) @ np.diag([1.0, -1.0, -1.0])
+        rotation = tilt @ turn
+        place = sight.place + _HUNG * rng.standard_normal(3)
+        return cls(machine, Frame(rotation, -rotation @ place))
 
-    def find(self, points: Array, rng: np.random.Generator) -> Array:
-        """The same as it is found in the picture, (n, 2) [px]."""
-        return self.picture(points) + self.noise * rng.standard_normal((len(points), 2))
+    def look(self, joint: Array, count: int, rng: np.random.Generator) -> Array:
+        """Images of the tool once joints (m,) have come to rest there, (count, 2) [px].
+
+        They rest beside their command by as much as they repeat to.
+
+        Raises:
+            ReachError: joints that the machine cannot take, or a tool behind the camera.
+        """
+        sight = self.machine.robot.camera
+        at = standing((joint + self.machine.rest_error(rng))[None])
+        point = self.frame.apply(self.machine.tool_points(at))
+        pixel = np.full((1, 2), np.nan) if sight is None else sight.camera.image(point)
+        if sight is None or not np.isfinite(pixel).all():
+            raise ReachError(f"joints {joint}: the tool cannot be seen there")
+        return np.asarray(pixel + sight.noise * rng.standard_normal((count, 2)))
 
 
-def homography(pixels: Array, plane: Array) -> Array:
-    """H (3, 3) with H (u, v, 1) ~ (x, y, 1) of marks (n, 2) [px] at (n, 2) [m], n of 4 or more.
+def other_elbow(machine: Machine) -> Machine:
+    """The same machine with the elbow of its drawing's home bent the other way.
 
-    By the smallest singular vector of the equations x (h_3 u) = h_1 u, y (h_3 u) = h_2 u.
+    Of the postures that reach a place, an arm's controller takes that of its home.
     """
-    u = np.column_stack([pixels, np.ones(len(pixels))])
-    none = np.zeros_like(u)
-    rows = [np.hstack([u, none, -plane[:, :1] * u]), np.hstack([none, u, -plane[:, 1:] * u])]
-    return np.asarray(np.linalg.svd(np.concatenate(rows))[2][-1].reshape(3, 3))
-
-
-def on_plane(h: Array, pixels: Array) -> Array:
-    """Places (n, 2) [m] of pixels (n, 2) by the homography."""
-    seen = np.column_stack([pixels, np.ones(len(pixels))]) @ h.T
-    return np.asarray(seen[:, :2] / seen[:, 2:])
+    dimensions = machine.robot.dimensions
+    home = dimensions.home * np.where(np.arange(len(dimensions.home)) == 1, -1.0, 1.0)
+    robot = replace(machine.robot, dimensions=replace(dimensions, home=home))
+    return replace(machine, robot=robot)

@@ -70,6 +70,19 @@ class Machine:
         radial = np.sum(noise * beam, axis=1, keepdims=True) * beam
         return np.asarray(true + along * radial + across * (noise - radial))
 
+    def turns(self, at: Conditions, rng: np.random.Generator) -> Array | None:
+        """How the tracker says the platform is turned, (n, 4) x y z w, with its noise.
+
+        None of a tracker that measures points, or whose turns are of unknown worth.
+        """
+        tracker = self.robot.tracker
+        if tracker.measures != "pose" or tracker.turn is None:
+            return None
+        x, (_, _, frame) = self.chain.pose(at, self.theta), self.chain.split(self.theta)
+        beside = rotations.exp(tracker.turn * rng.standard_normal((len(at), 3)))
+        turned = beside @ frame.rotation @ self.chain.mechanism.rotation(x)
+        return rotations.to_quaternion(turned)
+
     def rest_error(self, rng: np.random.Generator) -> Array:
         """How far from the command the joints come to rest after a move, (m,) [rad]."""
         return self.robot.joints.repeatability * rng.standard_normal(len(self.robot.joints.names))

@@ -65,6 +65,7 @@ def simulate_session(
     climate = Climate(warming or machine.warms)
     ways, at = _motion(plan, machine, rate, period, climate)
     encoders, points = [], []
+    turns: list[Array] = []
     end = 0
     for way in follow(iter(ways)):
         begin, end = end, end + len(way.time)
@@ -72,13 +73,18 @@ def simulate_session(
         actual = replace(here, joint=way.joint + machine.rest_error(rng))
         encoders.append(machine.encoders(way.joint, rng))
         points.append(_readings(machine, actual, rng, plan))
+        turned = machine.turns(actual, rng)
+        if turned is not None:
+            turns.append(turned)
     stamp_ns = _stamps(at.time)
     names = machine.robot.joints.names
     return Session(
         source=source,
         command=JointStream(stamp_ns, names, at.joint),
         states=JointStream(stamp_ns, names, np.concatenate(encoders)),
-        tracker=TrackerStream(stamp_ns, np.concatenate(points), None),
+        tracker=TrackerStream(
+            stamp_ns, np.concatenate(points), np.concatenate(turns) if turns else None
+        ),
         temperature=_temperatures(climate, float(at.time[-1])),
         payload=_payloads(at),
     )

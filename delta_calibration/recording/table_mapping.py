@@ -1,0 +1,200 @@
+"""What the columns of somebody's table are: a mapping file, with a unit for each of them.
+
+A joint is (scale * number + offset) times its unit, everything else number times unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from delta_calibration.documents import load_schema, read_document
+from delta_calibration.errors import ConfigError
+from delta_calibration.robot import Robot
+
+ANGLES = {"urad": 1e-6, "mrad": 1e-3, "rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi}
+LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 25.4e-3}
+MASSES = {"g": 1e-3, "kg": 1.0}
+TIMES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+KELVIN = {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (5 / 9, -160 / 9)}  # to deg C
+_STEPS = "microsteps"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers and what it takes to make SI of them."""
+
+    name: str
+    unit: str
+    factor: float  # SI of one unit
+    scale: float = 1.0
+    offset: float = 0.0  # in the unit
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Columns of a measured rotation."""
+
+    columns: tuple[Column, ...]
+    form: str
+    axes: str  # of roll, pitch, yaw; small letters: about fixed axes
+
+
+@dataclass(frozen=True)
+class TableMapping:
+    """A mapping file, its joints in the robot's order."""
+
+    source: str
+    stream: bool  # rows are samples of a motion, not stops
+    delimiter: str
+    skip_missing: bool
+    repeated: str  # refuse, skip, keep
+    time: Column | None
+    time_format: str
+    commands: tuple[Column, ...]  # (m,)
+    encoders: tuple[Column, ...]  # (m,) or none
+    position: tuple[Column, ...]  # (3,)
+    turn: Turn | None
+    same_command: str
+    payload: Column | None
+    temperature: tuple[tuple[str, Column], ...]  # part
+    direction: tuple[str, ...]  # one for all joints, or (m,)
+    moving: str
+    at_rest: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All columns that are read."""
+        turns = self.turn.columns if self.turn else ()
+        some = (self.time, self.payload, *(c for _, c in self.temperature))
+        numbers = (*self.commands, *self.encoders, *self.position, *turns, *some)
+        texts = (self.same_command, *self.direction, self.moving)
+        return tuple(dict.fromkeys([c.name for c in numbers if c] + [t for t in texts if t]))
+
+
+def read_mapping(path: Path, robot: Robot) -> TableMapping:
+    """The mapping of a file.
+
+    Raises:
+        ConfigError: no such file, an entry that is missing, unknown or not allowed, joints other
+            than the robot's, or units of another kind than its joints have.
+    """
+    data = read_document(path, lambda _: load_schema("mapping"))
+    time, moving = data.get("time"), data.get("moving", {})
+    mapping = TableMapping(
+        source=str(path),
+        stream=data["rows"] == "stream",
+        delimiter=data.get("delimiter", ","),
+        skip_missing=data.get("missing") == "skip",
+        repeated=data.get("repeated", "refuse"),
+        time=time and Column(time["column"], time["unit"], TIMES.get(time["unit"], 1.0)),
+        time_format=(time or {}).get("format", ""),
+        commands=_joints(data["commands"], robot, f"{path}: commands"),
+        encoders=_joints(data.get("encoders", ()), robot, f"{path}: encoders"),
+        position=_alike(data["position"], LENGTHS),
+        turn=_turn(data.get("rotation"), f"{path}: rotation"),
+        same_command=data.get("same_command", ""),
+        payload=_one(data.get("payload"), MASSES),
+        temperature=tuple(
+            (t["part"], Column(t["column"], t["unit"], 1.0)) for t in data.get("temperature", ())
+        ),
+        direction=tuple(data.get("direction", ())),
+        moving=moving.get("column", ""),
+        at_rest=tuple(moving.get("at_rest", ())),
+    )
+    _require_whole(mapping, len(robot.joints.names))
+    return mapping
+
+
+def _require_whole(mapping: TableMapping, joints: int) -> None:
+    """Refuse entries that do not go together."""
+    path, time = mapping.source, mapping.time
+    if time is not None and (time.unit == "format") != bool(mapping.time_format):
+        raise ConfigError(
+            f"{path}: time: unit {time.unit!r} with format {mapping.time_format!r} is not "
+            "allowed; a format, such as '%Y-%m-%d %H:%M:%S', goes with unit format and only there"
+        )
+    if mapping.stream and time is None:
+        raise ConfigError(f"{path}: missing key time: rows of a stream have one")
+    if mapping.stream and (mapping.moving or mapping.direction):
+        raise ConfigError(
+            f"{path}: moving and direction are not allowed with rows: stream; both are found from "
+            "the joints there"
+        )
+    if len(mapping.direction) not in (0, 1, joints):
+        raise ConfigError(
+            f"{path}: direction: {len(mapping.direction)} values found, 1 or {joints} are expected"
+        )
+
+
+def _joints(
+    entries: Sequence[Mapping[str, Any]], robot: Robot, where: str
+) -> tuple[Column, ...]:
+    """One column a joint, in the robot's order; none where there are no entries."""
+    names = robot.joints.names
+    found = [entry["joint"] for entry in entries]
+    if entries and sorted(found) != sorted(names):
+        raise ConfigError(
+            f"{where}: joints {', '.join(found)} are not allowed; each of {', '.join(names)} once"
+        )
+    turning = robot.joints.unit == "rad"
+    by_name = {entry["joint"]: _joint(entry, turning, where) for entry in entries}
+    return tuple(by_name[name] for name in names if entries)
+
+
+def _joint(entry: Mapping[str, Any], turning: bool, where: str) -> Column:
+    units, step = (ANGLES, "step_deg") if turning else (LENGTHS, "step_mm")
+    unit, where = entry["unit"], f"{where}: {entry['joint']}"
+    steps = [key for key in ("step_deg", "step_mm") if key in entry]
+    if steps != ([step] if unit == _STEPS else []):
+        raise ConfigError(
+            f"{where}: unit {unit} with {', '.join(steps) or 'no step'} is not allowed; "
+            f"{step} goes with {_STEPS} of this joint, and only with them"
+        )
+    if unit != _STEPS and unit not in units:
+        kind = "turns" if turning else "slides"
+        raise ConfigError(
+            f"{where}: unit {unit!r} is not allowed; the joint {kind}: "
+            f"{', '.join((*units, _STEPS))}"
+        )
+    factor = units[unit] if unit != _STEPS else units["deg" if turning else "mm"] * entry[step]
+    return Column(
+        entry["column"], unit, factor, entry.get("scale", 1.0), entry.get("offset", 0.0)
+    )
+
+
+def _turn(entry: Mapping[str, Any] | None, where: str) -> Turn | None:
+    if entry is None:
+        return None
+    form, columns = entry["form"], entry["columns"]
+    quaternion, angles = form.startswith("quaternion"), form == "rpy"
+    if len(columns) != 3 + quaternion:
+        raise ConfigError(
+            f"{where}.columns: {len(columns)} values found, {3 + quaternion} are expected"
+        )
+    for key, needed in (("unit", not quaternion), ("axes", angles)):
+        if (key in entry) != needed:
+            raise ConfigError(
+                f"{where}: {'missing' if needed else 'unknown'} key {key} with form {form}"
+            )
+    unit = entry.get("unit", "")
+    return Turn(
+        tuple(Column(name, unit, ANGLES.get(unit, 1.0)) for name in columns),
+        form,
+        entry.get("axes", ""),
+    )
+
+
+def _alike(entry: Mapping[str, Any], units: Mapping[str, float]) -> tuple[Column, ...]:
+    unit = entry["unit"]
+    return tuple(Column(name, unit, units[unit]) for name in entry["columns"])
+
+
+def _one(entry: Mapping[str, Any] | None, units: Mapping[str, float]) -> Column | None:
+    if entry is None:
+        return None
+    return Column(entry["column"], entry["unit"], units[entry["unit"]])

@@ -1,0 +1,273 @@
+"""The numbers of a table, in SI, with the line that each came from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from delta_calibration.errors import InputError
+from delta_calibration.recording.table_mapping import KELVIN, Column, TableMapping, Turn
+from delta_calibration.tables import Row, read_table
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_STOP = 10.0  # [s] from row to row where a table of stops has no time
+_PAUSE = 1.1  # [s] stops nearer than this would not be told from a stream
+_LATEST = float(2**31)  # [s] a ROS stamp ends there
+_NOT_UNIT = 1e-2  # of a quaternion's length that rounding does not explain
+
+
+@dataclass(frozen=True)
+class TableNumbers:
+    """What a table says; n rows of m joints."""
+
+    file: Path
+    rows: tuple[Row, ...]
+    time: Array  # (n,) [s], rising
+    command: Array  # (n, m) [rad, m]
+    encoder: Array | None  # (n, m)
+    position: Array  # (n, 3) [m]; NaN in rows that move
+    quaternion: Array | None  # (n, 4) x y z w; NaN in rows that move
+    payload: Array | None  # (n,) [kg]
+    temperature: Array  # (n, parts) [deg C]
+    direction: Array | None  # (n, m) -1, 0, 1
+    moves: Mask  # (n,)
+    notes: tuple[str, ...]
+
+    def wrong(self, row: int, column: str, problem: str) -> InputError:
+        """What is wrong with the value of a row (from 0) in a column."""
+        return self.rows[row].wrong(column, problem)
+
+
+def read_numbers(path: Path, mapping: TableMapping) -> TableNumbers:
+    """The rows of a table that are used.
+
+    Raises:
+        InputError: no such file, a column missing, a cell that is empty or no finite number,
+            times that do not rise, a row there twice, an impossible rotation or mark; names file,
+            line and column.
+    """
+    rows = read_table(path, mapping.names, delimiter=mapping.delimiter)
+    notes = []
+    if mapping.skip_missing:
+        whole = [row for row in rows if all(_filled(row, name) for name in mapping.names)]
+        if len(whole) < len(rows):
+            notes.append(f"{len(rows) - len(whole)} of {len(rows)} rows have gaps: left out")
+        rows = whole
+        if not rows:
+            raise InputError(f"{path}: every row has gaps in {', '.join(mapping.names)}")
+    rows, left_out = _once(rows, mapping)
+    if left_out:
+        notes.append(f"{left_out} rows repeat the one before to the last digit: left out")
+    moves = np.array([_moves(row, mapping) for row in rows])
+    if moves.any():
+        notes.append(f"{np.count_nonzero(moves)} rows in motion: their measurements are left out")
+    still = [row for row, moving in zip(rows, moves, strict=True) if not moving]
+    position = np.full((len(rows), 3), np.nan)
+    position[~moves] = _columns(still, mapping.position).reshape(-1, 3)
+    quaternion = None
+    if mapping.turn is not None:
+        quaternion = np.full((len(rows), 4), np.nan)
+        quaternion[~moves] = _quaternions(still, mapping.turn)
+    numbers = TableNumbers(
+        file=path,
+        rows=tuple(rows),
+        time=_times(rows, mapping),
+        command=_columns(rows, mapping.commands),
+        encoder=_columns(rows, mapping.encoders) if mapping.encoders else None,
+        position=position,
+        quaternion=quaternion,
+        payload=None if mapping.payload is None else _payload(rows, mapping.payload),
+        temperature=_celsius(rows, mapping),
+        direction=_directions(rows, mapping) if mapping.direction else None,
+        moves=moves,
+        notes=tuple(notes),
+    )
+    if mapping.same_command:
+        _require_same(numbers, mapping)
+    return numbers
+
+
+def _filled(row: Row, name: str) -> bool:
+    return (row.text[name] or "").strip().lower() not in ("", "nan", "na", "n/a", "null", "none")
+
+
+def _number(row: Row, name: str) -> float:
+    if not _filled(row, name):
+        raise row.wrong(name, "is missing; `missing: skip` in the mapping leaves such rows out")
+    return row.number(name)
+
+
+def _columns(rows: Sequence[Row], columns: Sequence[Column]) -> Array:
+    """(n, columns) in SI."""
+    raw = np.array([[_number(row, c.name) for c in columns] for row in rows])
+    scale, offset, factor = (
+        np.array([getattr(c, name) for c in columns]) for name in ("scale", "offset", "factor")
+    )
+    return np.asarray((scale * raw + offset) * factor)
+
+
+def _once(rows: Sequence[Row], mapping: TableMapping) -> tuple[list[Row], int]:
+    """The rows without those that repeat the one before, as the mapping has it."""
+    if mapping.repeated == "keep":
+        return list(rows), 0
+    kept: list[Row] = []
+    for row in rows:
+        if kept and all(row.text[name] == kept[-1].text[name] for name in mapping.names):
+            if mapping.repeated == "refuse":
+                first = mapping.position[0].name
+                raise row.wrong(
+                    first,
+                    f"and all else in it repeats line {kept[-1].line} to the last digit; "
+                    "`repeated: skip` in the mapping leaves it out, `keep` believes it",
+                )
+            continue
+        kept.append(row)
+    return kept, len(rows) - len(kept)
+
+
+def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
+    """(n,) [s]; by the rows' order where a table of stops has none."""
+    column = mapping.time
+    if column is None:
+        return np.asarray(_STOP * np.arange(1, len(rows) + 1), dtype=np.float64)
+    if column.unit == "format":
+        time = np.array([_moment(row, column.name, mapping.time_format) for row in rows])
+    else:
+        time = _columns(rows, [column])[:, 0]
+    outside = np.flatnonzero(~((time >= 0) & (time < _LATEST)))
+    if outside.size:
+        raise rows[outside[0]].wrong(
+            column.name,
+            f"is {time[outside[0]]:.6g} s; 0 to {_LATEST:.0f} s are allowed: another unit?",
+        )
+    late = np.flatnonzero(np.diff(time) <= 0)
+    if late.size:
+        row, before = rows[late[0] + 1], rows[late[0]]
+        how = "is the same as" if time[late[0] + 1] == time[late[0]] else "is before that of"
+        raise row.wrong(
+            column.name,
+            f"{how} line {before.line}, {(before.text[column.name] or '')!r}; rows have to be in "
+            "the order of time",
+        )
+    close = np.flatnonzero(np.diff(time) < _PAUSE)
+    if not mapping.stream and close.size:
+        row, gap = rows[close[0] + 1], float(np.diff(time)[close[0]])
+        raise row.wrong(
+            column.name,
+            f"is {gap:.3g} s after line {rows[close[0]].line}; stops are {_PAUSE:g} s apart or "
+            "more: another unit, or `rows: stream`? Without time, rows are stops in their order",
+        )
+    return time
+
+
+def _moment(row: Row, name: str, form: str) -> float:
+    try:
+        moment = datetime.strptime((row.text[name] or "").strip(), form)
+    except ValueError:
+        raise row.wrong(name, f"is not of the form {form!r}") from None
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=timezone.utc)
+    return moment.timestamp()
+
+
+def _moves(row: Row, mapping: TableMapping) -> bool:
+    return bool(mapping.moving) and (row.text[mapping.moving] or "").strip() not in mapping.at_rest
+
+
+def _quaternions(rows: Sequence[Row], turn: Turn) -> Array:
+    """(n, 4) x y z w of length one."""
+    if not rows:
+        return np.zeros((0, 4))
+    values = _columns(rows, turn.columns)
+    names = [column.name for column in turn.columns]
+    if turn.form.startswith("quaternion"):
+        off = np.abs(np.linalg.norm(values, axis=1) - 1.0)
+        bad = np.flatnonzero(off > _NOT_UNIT)
+        if bad.size:
+            raise rows[bad[0]].wrong(
+                names[0],
+                f"and {', '.join(names[1:])} make a quaternion of length "
+                f"{np.linalg.norm(values[bad[0]]):.4g}; 1 is needed",
+            )
+        ordered = values if turn.form.endswith("xyzw") else np.roll(values, -1, axis=1)
+        return np.asarray(Rotation.from_quat(ordered).as_quat())
+    beyond = np.argwhere(np.abs(values) > 2 * np.pi)
+    if len(beyond):
+        row, column = beyond[0].tolist()
+        other = "deg" if turn.columns[0].unit != "deg" else "another unit"
+        raise rows[row].wrong(
+            names[column],
+            f"{turn.columns[0].unit} is more than a turn; likely {other}",
+        )
+    rotation = (
+        Rotation.from_rotvec(values)
+        if turn.form == "rotation_vector"
+        else Rotation.from_euler(turn.axes, _in_order(values, turn.axes))
+    )
+    return np.asarray(rotation.as_quat())
+
+
+def _in_order(values: Array, axes: str) -> Array:
+    """Roll, pitch, yaw (about x, y, z) in the order in which the axes are turned about."""
+    return values[:, ["xyz".index(axis) for axis in axes.lower()]]
+
+
+def _payload(rows: Sequence[Row], column: Column) -> Array:
+    mass = _columns(rows, [column])[:, 0]
+    bad = np.flatnonzero(mass < 0)
+    if bad.size:
+        raise rows[bad[0]].wrong(column.name, "is negative; a mass is not")
+    return mass
+
+
+def _celsius(rows: Sequence[Row], mapping: TableMapping) -> Array:
+    """(n, parts) [deg C]."""
+    columns = [column for _, column in mapping.temperature]
+    if not columns:
+        return np.zeros((len(rows), 0))
+    factor, shift = np.array([KELVIN[column.unit] for column in columns]).T
+    celsius = _columns(rows, columns) * factor + shift
+    bad = np.argwhere((celsius < -60.0) | (celsius > 200.0))
+    if len(bad):
+        row, column = bad[0].tolist()
+        raise rows[row].wrong(
+            columns[column].name,
+            f"{columns[column].unit} is {celsius[row, column]:.0f} deg C; -60 to 200 are allowed: "
+            "likely another of degC, degF, K",
+        )
+    return np.asarray(celsius)
+
+
+def _directions(rows: Sequence[Row], mapping: TableMapping) -> Array:
+    """(n, m) -1, 0, 1: the way that each joint came."""
+    sides = np.array([[_number(row, name) for name in mapping.direction] for row in rows])
+    bad = np.argwhere(~np.isin(sides, (-1.0, 0.0, 1.0)))
+    if len(bad):
+        row, column = bad[0].tolist()
+        raise rows[row].wrong(mapping.direction[column], "is not allowed; allowed: -1, 0, 1")
+    return np.broadcast_to(sides, (len(rows), len(mapping.commands)))
+
+
+def _require_same(numbers: TableNumbers, mapping: TableMapping) -> None:
+    """Refuse rows that are said to repeat a command and have another."""
+    first: dict[str, int] = {}
+    for row, line in enumerate(numbers.rows):
+        label = (line.text[mapping.same_command] or "").strip()
+        like = first.setdefault(label, row)
+        joint = int(np.abs(numbers.command[row] - numbers.command[like]).argmax())
+        if abs(numbers.command[row] - numbers.command[like])[joint] > 1e-9:
+            name = mapping.commands[joint].name
+            raise numbers.wrong(
+                row,
+                name,
+                f"differs from {(numbers.rows[like].text[name] or '')!r} in line "
+                f"{numbers.rows[like].line}, which has the same {mapping.same_command} {label!r}",
+            )

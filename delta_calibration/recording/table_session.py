@@ -1,0 +1,77 @@
+"""Anyone's table as a session: its rows become the streams that a cell would have recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.plans.motion import APPROACH
+from delta_calibration.recording.table_mapping import TableMapping
+from delta_calibration.recording.table_numbers import TableNumbers, read_numbers
+from delta_calibration.recording.table_units import require_units
+from delta_calibration.robot import Robot
+from delta_calibration.samples.streams import (
+    JointStream,
+    PayloadStream,
+    Session,
+    TemperatureStream,
+    TrackerStream,
+)
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_LEAD_NS = 1_000_000_000  # before the first row, in which the way into it begins
+
+
+def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session:
+    """The session that a table says.
+
+    Each row is a command and what was measured there. Rows in motion are commands only. Where a
+    row says from which side its joints came, a command short of it is put before it.
+
+    Raises:
+        InputError: the table does not have the mapping's form, or numbers that the robot cannot
+            have; names file, line, column and value.
+    """
+    numbers = read_numbers(path, mapping)
+    require_units(numbers, mapping, robot)
+    names, at = robot.joints.names, np.round(numbers.time * 1e9).astype(np.int64)
+    if numbers.direction is not None and at[0] < _LEAD_NS:  # no stamp is before zero
+        at = at + _LEAD_NS
+    rest = ~numbers.moves
+    turn = numbers.quaternion
+    return Session(
+        source=str(path),
+        command=_commands(numbers, at, robot),
+        states=None if numbers.encoder is None else JointStream(at, names, numbers.encoder),
+        tracker=TrackerStream(
+            at[rest], numbers.position[rest], None if turn is None else turn[rest]
+        ),
+        temperature=tuple(
+            TemperatureStream(part, at, numbers.temperature[:, k])
+            for k, (part, _) in enumerate(mapping.temperature)
+        ),
+        payload=None if numbers.payload is None else _payloads(numbers.payload, at),
+        notes=numbers.notes,
+    )
+
+
+def _commands(numbers: TableNumbers, at: Stamps, robot: Robot) -> JointStream:
+    """Each row's command; before it, where a side is given, one short of it by that side."""
+    names, command = robot.joints.names, numbers.command
+    if numbers.direction is None:
+        return JointStream(at, names, command)
+    before = np.concatenate([at[:1] - _LEAD_NS, at[:-1]])
+    short = command - numbers.direction * APPROACH * robot.commanded.joint_size
+    stamps = np.concatenate([(before + at) // 2, at])
+    order = np.argsort(stamps, kind="stable")
+    return JointStream(stamps[order], names, np.concatenate([short, command])[order])
+
+
+def _payloads(mass: Array, at: Stamps) -> PayloadStream:
+    """A message where the payload changes; its centre is the platform's."""
+    change = np.flatnonzero(np.diff(mass, prepend=np.nan) != 0)
+    return PayloadStream(at[change], mass[change], np.zeros((len(change), 3)))

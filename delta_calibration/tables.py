@@ -1,0 +1,101 @@
+"""CSV tables of a user: their lines, and what is wrong with one by its place in the file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from delta_calibration.errors import InputError
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of a CSV file."""
+
+    file: Path
+    line: int
+    text: Mapping[str, str | None]  # by the names of the columns; None where the line is short
+
+    def number(self, column: str) -> float:
+        """The finite number in a column.
+
+        Raises:
+            InputError: another text.
+        """
+        text = self.text[column] or ""
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise self.wrong(column, "is not a finite number")
+        return value
+
+    def wrong(self, column: str, problem: str) -> InputError:
+        """What is wrong with the value in a column."""
+        text = self.text[column] or ""
+        return InputError(f"{self.file}: line {self.line}: {column}: {text!r} {problem}")
+
+
+def read_table(
+    path: Path,
+    columns: Sequence[str],
+    optional: Sequence[str] = (),
+    delimiter: str = ",",
+) -> list[Row]:
+    """The lines of a CSV file.
+
+    Args:
+        path: the file.
+        columns: that it has to have.
+        optional: that it may have.
+        delimiter: between two values.
+
+    Raises:
+        InputError: no such file, a column missing or there twice, a line too long, or no line.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, delimiter=delimiter, skipinitialspace=True)
+            found = reader.fieldnames or []
+            _require_columns(path, found, columns, optional)
+            rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    if not rows:
+        raise InputError(f"{path}: no points in it")
+    return rows
+
+
+def _require_columns(
+    path: Path, found: Sequence[str], columns: Sequence[str], optional: Sequence[str]
+) -> None:
+    missing = [name for name in columns if name not in found]
+    if missing:
+        raise InputError(
+            f"{path}: column {', '.join(missing)} missing; expected "
+            f"{', '.join((*columns, *optional))}, found {', '.join(found) or 'nothing'}"
+        )
+    twice = [name for name in (*columns, *optional) if found.count(name) > 1]
+    if twice:
+        raise InputError(f"{path}: column {', '.join(twice)} is there twice")
+
+
+def _of_one_length(
+    path: Path, reader: csv.DictReader[str], columns: Sequence[str]
+) -> Iterator[dict[str, str]]:
+    """The rows, none longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
+    for row in reader:
+        surplus: Sequence[str] = row.pop(None, ())
+        if surplus:
+            raise InputError(
+                f"{path}: line {reader.line_num}: {len(columns) + len(surplus)} values, but "
+                f"{len(columns)} columns; decimals take a point, not a comma"
+            )
+        yield row

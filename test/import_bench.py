@@ -1,0 +1,66 @@
+"""Tables and mappings that the tests of `delta-cal import` are made of."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from delta_calibration.cli.main import run
+from delta_calibration.plans import make_plan
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, simulate_session
+
+SRBD = load_robot("srbd")
+JOINTS = ("q1", "q2", "q3")
+
+
+def measured():
+    """A session, and what stands still in it."""
+    machine = draw_machine(SRBD, 5)
+    plan = make_plan("identify", SRBD, count=24, seed=5)
+    session = simulate_session(machine, plan, 5, rate=10.0)
+    return session, collect(session, SRBD.joints.names)
+
+
+def mapping_of(**changes):
+    """Of stops in degrees and millimetres."""
+    mapping = {
+        "schema": 1,
+        "rows": "stops",
+        "commands": [
+            {"joint": joint, "column": column, "unit": "deg"}
+            for joint, column in zip(SRBD.joints.names, JOINTS, strict=True)
+        ],
+        "position": {"columns": ["x", "y", "z"], "unit": "mm"},
+    }
+    return {key: value for key, value in {**mapping, **changes}.items() if value is not None}
+
+
+def stops(poses):
+    """Head and rows of the poses, in degrees and millimetres."""
+    joint, point = np.degrees(poses.joint), 1e3 * poses.point
+    return [*JOINTS, "x", "y", "z"], [[*map(repr, r)] for r in np.hstack([joint, point]).tolist()]
+
+
+def imported(folder, head, rows, mapping, robot="srbd", code=0):
+    """Write table and mapping, run the verb; where the session is."""
+    number = len(list(folder.iterdir()))
+    table, yaml, out = (folder / f"{number}{end}" for end in (".csv", ".yaml", "_session"))
+    with table.open("w", newline="") as file:
+        csv.writer(file, delimiter=mapping.get("delimiter", ",")).writerows([head, *rows])
+    YAML(typ="safe").dump(mapping, yaml)
+    verb = ["import", str(table), "--mapping", str(yaml), "--robot", robot, "--out", str(out)]
+    assert run(verb) == code
+    return out
+
+
+def refused(capsys, folder, head, rows, mapping, robot="srbd"):
+    """The one line that the verb answers with, without the file's name."""
+    out = imported(folder, head, rows, mapping, robot, code=2)
+    assert not out.exists()
+    text = capsys.readouterr().err.strip()
+    assert "Traceback" not in text
+    return text.splitlines()[-1]

@@ -1,0 +1,183 @@
+"""Turns of a probe in the main fit: slopes, what they add, when they take part."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from delta_calibration.chain import Chain
+from delta_calibration.errors import DataError
+from delta_calibration.geometry import rotations
+from delta_calibration.identification import (
+    chain_of,
+    identify,
+    method_named,
+    most_evaluations,
+    prepare,
+    whitening,
+)
+from delta_calibration.identification import solve as solve_problem
+from delta_calibration.identification.turns import MOUNT_NAMES, Turns, pose_covariance
+from delta_calibration.mechanisms.base import solve
+from delta_calibration.plans import make_plan
+from delta_calibration.recording import read_session, write_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import at_rest, collect
+from delta_calibration.simulation import draw_machine, simulate_session
+from machines import MODELS, complex_step, places
+
+SRBD = load_robot("srbd")
+TURN = 20e-6  # [rad]
+PROBED = replace(SRBD, tracker=replace(SRBD.tracker, measures="pose", turn=TURN))
+
+
+@pytest.fixture(scope="module")
+def cell():
+    """A machine before a probe of six freedoms, and what was measured of it."""
+    machine = draw_machine(PROBED, 4)
+    plan = make_plan("identify", PROBED, count=60, seed=4)
+    session = simulate_session(machine, plan, 4, rate=20.0)
+    return machine, session, collect(session, PROBED.joints.names)
+
+
+@pytest.fixture(scope="module")
+def found(cell):
+    return identify(cell[2], PROBED)
+
+
+@pytest.fixture(scope="module")
+def without(cell):
+    """The same by the positions alone."""
+    return identify(cell[2], SRBD)
+
+
+@pytest.mark.parametrize(
+    "mechanism", ["srbd-six_rod_delta", "ur10-serial_arm", "cdpr8-cable_robot"]
+)
+def test_slopes_by_complex_step(mechanism):
+    """The pose by one step of Newton's from where it is, which is exact to first order."""
+    model, rng = MODELS[mechanism], np.random.default_rng(1)
+    q, x = places(model, model.parameters.nominal, rng, 4)
+    chain = Chain(model, np.zeros(3), 1e-3)
+    frame = np.array([0.4, -0.3, 1.2, 1.0, 2.0, 3.0])
+    mount = np.array([0.2, 0.5, -0.1])
+    theta = np.concatenate([model.parameters.nominal, np.zeros(3), frame, mount])
+    p, at = len(model.parameters), at_rest(q)
+
+    def turned(t):
+        left = model.closure(q, x, t[:p])[..., None]
+        moved = x - solve(model.closure_by_pose(q, x, theta[:p]), left)[..., 0]
+        tracker, mount = rotations.exp(t[p + 3 : p + 6]), rotations.exp(t[-3:])
+        return tracker @ rotations.exp(moved[:, 3:6]) @ mount
+
+    still = turned(theta)
+    by_theta = complex_step(turned, theta)
+    spin = np.einsum("nijp,nkj->nikp", by_theta, still)  # dR R^T, a cross product
+    expected = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    found = Turns(still).slopes(chain, at, x, theta)
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+    np.testing.assert_allclose(Turns(still).missed(chain, x, theta), 0.0, atol=1e-12)
+
+
+def test_turns_set_three_more_combinations(found, without):
+    """33 of the six rods' show in positions, 36 in poses: those that only tilt the platform.
+
+    How the probe is mounted does the same as the platform's joints turned all together.
+    """
+    assert without.observability.rank == 33
+    assert without.turn_missed is None
+    assert found.observability.rank == 36
+    assert found.observability.columns == without.observability.columns + 3
+    assert [r.parameter for r in found.observability.redundancies][-3:] == list(MOUNT_NAMES)
+    assert found.chi_square == pytest.approx(1.0, abs=0.25)
+    assert len(found.theta) == len(without.theta) == len(found.covariance)
+
+
+def test_the_tilt_of_the_platform_is_found(cell, found, without):
+    """On poses that were not fitted: how the platform is turned, less how the probe is mounted."""
+    machine, _, poses = cell
+    rng = np.random.default_rng(2)
+    joint = poses.joint[rng.permutation(len(poses))[:30]] + 0.05 * rng.standard_normal((30, 3))
+    at = at_rest(joint)
+
+    def tilt_missed(theta):
+        seen = [
+            chain.split(t)[2].rotation @ chain.mechanism.rotation(chain.pose(at, t))
+            for chain, t in ((machine.chain, machine.theta), (found.chain, theta))
+        ]
+        between = Rotation.from_matrix(np.swapaxes(seen[1], 1, 2) @ seen[0])
+        return (between * between.mean().inv()).magnitude().mean()
+
+    nominal = found.frame_only_theta
+    assert tilt_missed(found.theta) < 60e-6
+    assert tilt_missed(found.theta) < 0.2 * tilt_missed(without.theta)
+    assert tilt_missed(found.theta) < 0.1 * tilt_missed(nominal)
+
+
+@pytest.mark.parametrize(
+    ("method", "lag"),
+    [(method_named("alternating"), 30.0), (method_named("stepwise_qpso", 12, 30), 0.5)],
+    ids=["alternating", "stepwise_qpso"],
+)
+def test_the_methods_of_the_papers_take_the_turns_as_well(cell, found, method, lag):
+    """They come to where least squares do, in as many evaluations as are told beforehand."""
+    poses, chain = cell[2], chain_of(PROBED)
+    start, noise, problem = prepare(poses, PROBED, chain)
+    x = chain.pose(poses.conditions, start)
+    slope = chain.split(start)[2].rotation @ chain.point_by_joints(poses.conditions, x, start)
+    whiten = whitening(pose_covariance(poses, PROBED, chain, noise, start, slope))
+    told = []
+    problem = problem.turned(Turns.of(poses, PROBED, chain), whiten, x)
+    fit = method.fit(problem, np.random.default_rng(0), told.append)
+    least = solve_problem(problem)
+    assert least.theta[: len(start)] == pytest.approx(found.theta, abs=1e-12)
+    assert fit.solution.cost < least.cost + lag  # in turn, what only priors set lags behind
+    assert np.sqrt(np.mean((fit.solution.residual - least.residual) ** 2)) < 0.1  # of the noise
+    assert 6 * sum(told) == most_evaluations(method, PROBED)  # with five parts held out
+
+
+def test_what_is_left_of_the_turns_is_their_noise(cell, found):
+    """Averaged over the readings of a stop; joints that rest beside their command turn it too."""
+    machine, _, poses = cell
+    x, theta = machine.chain.pose(poses.conditions, machine.theta), machine.theta
+    slope = machine.chain.mechanism.turn_by_pose(x) @ machine.chain.mechanism.velocity_jacobian(
+        poses.joint, x, theta[: machine.chain.geometry_size]
+    )
+    rest = SRBD.joints.repeatability**2 * np.sum(slope**2) / len(poses)
+    expected = np.sqrt(3 * TURN**2 / poses.count.mean() + rest)
+    assert 0.6 * expected < found.turn_missed < 1.1 * expected
+
+
+def test_how_the_probe_is_mounted_does_not_matter(cell, found):
+    _, _, poses = cell
+    mounted = Rotation.from_quat(poses.quaternion) * Rotation.from_rotvec([0.7, -1.1, 2.0])
+    other = identify(replace(poses, quaternion=mounted.as_quat()), PROBED)
+    off = (other.theta - found.theta) / found.std
+    assert np.abs(off).max() < 0.05
+
+
+def test_a_session_keeps_its_turns(cell, tmp_path):
+    _, session, _ = cell
+    write_session(tmp_path / "session", session)
+    back = read_session(tmp_path / "session")
+    np.testing.assert_allclose(back.tracker.quaternion, session.tracker.quaternion, atol=1e-15)
+
+
+def test_when_turns_take_no_part(cell):
+    """Not told how sure they are, a reflector, no turns, or a model whose platform stays level."""
+    _, _, poses = cell
+    chain = chain_of(PROBED)
+    assert Turns.of(poses, PROBED, chain) is not None
+    untold = replace(PROBED, tracker=replace(PROBED.tracker, turn=None))
+    reflector = replace(PROBED, tracker=replace(PROBED.tracker, measures="position"))
+    for robot in (untold, reflector):
+        assert Turns.of(poses, robot, chain) is None
+    assert Turns.of(replace(poses, quaternion=None), PROBED, chain) is None
+    assert Turns.of(poses, PROBED, chain_of(PROBED, "rotary_delta")) is None
+    broken = poses.quaternion.copy()
+    broken[2] = 0.0
+    with pytest.raises(DataError, match=r"pose 3: quaternion \[0. 0. 0. 0.\] is no rotation"):
+        Turns.of(replace(poses, quaternion=broken), PROBED, chain)
