@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from delta_calibration.ros.calibration_node import CalibrationNode
 from delta_calibration.ros.grid_positioner import GridPositioner
 from delta_calibration.ros.measurement_plan import MeasurementPlan
+from delta_calibration.ros.robot_description import RobotDescription
 from delta_calibration.ros.session_player import SessionPlayer
 from delta_calibration.ros.session_recorder import SessionRecorder
 from delta_calibration.ros.simulated_tracker import SimulatedTracker
@@ -51,6 +52,7 @@ def every_node(bench: Bench, folder: Path) -> dict[str, Node]:
         },
         SimulatedTracker: {},
         MeasurementPlan: {},
+        RobotDescription: {},
         GridPositioner: {"points": str(points)},
         SessionRecorder: {"output": str(folder / "recorded")},
         SessionPlayer: {"session": str(BAGS / "srbd_plain")},

@@ -29,7 +29,7 @@ def test_a_tutorial_does_what_it_says(path: Path, tmp_path: Path) -> None:
 
 def test_there_is_one_for_each_purpose() -> None:
     index = (FOLDER / "README.md").read_text(encoding="utf-8")
-    assert len(PAGES) >= 5
+    assert len(PAGES) >= 6
     assert all(f"({path.name})" in index for path in FOLDER.glob("[a-z]*.md"))
 
 
