@@ -217,7 +217,7 @@ def test_what_cannot_be_diagnosed_is_refused():
         Observed.of(DELTA.commanded, [Measured(far, at_rest(far.joint))])
     with pytest.raises(InputError, match="redundancy 0 is not allowed"):
         ClosureAlone(joint, 0, 1e-3)
-    with pytest.raises(InputError, match=r"closure: pose \(2, 3\) for 3 sets of joints"):
+    with pytest.raises(InputError, match=r"closure: pose \(2, 3\) is not allowed; \(3, 3\)"):
         ClosureAtPose(joint, np.zeros((2, 3)), 4, 1e-3)
 
 

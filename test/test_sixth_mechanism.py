@@ -101,7 +101,7 @@ def robot_file(tmp_path_factory):
     data["joints"] |= {"lower_mm": [0.0] * 3, "upper_mm": [1200.0] * 3}
     YAML().dump(data, path)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(MECHANISMS, Tripod.name, Tripod)
+        patch.setitem(MECHANISMS._own, Tripod.name, Tripod)
         patch.setitem(every_robot.HIDDEN, str(path), ("slider_pitch", "identify"))
         yield str(path)
 

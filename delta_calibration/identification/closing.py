@@ -8,7 +8,8 @@ those of a machine that closes, q', and encoders' noise. The nearest such q' is
 
 and, with L L^T = N^T f_q f_q^T N and A = L^-1 N^T f_q, whose rows are orthonormal, all of q - q'
 lies in them: e = A (q - q'), as many numbers as there are to spare, of the encoders' own standard
-deviation, and de/dg = L^-1 N^T f_g. Cables have it (m > n), and encoders on passive joints.
+deviation, and de/dg = L^-1 N^T f_g. Cables have it (m > n), and encoders on passive joints. Where
+the noise is one of the closures, in their own unit, see `closures.py`.
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ anybody looked or not:
 
 N is an orthonormal basis of what no pose changes, so that no misfit is lost: |N^T f| = |f| at x*.
 It is the one nearest to a fixed basis, cosines over the closures, so that it turns smoothly with
-the pose and neighbours can be compared. The noise is one of the closures, in their own unit.
+the pose and neighbours can be compared. The noise is one of the closures, in their own unit; where
+it is one of encoders see `closing.py`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
-from delta_calibration.identification.observations import FRAME_SIZE, Machine, Observation
+from delta_calibration.identification.observations import (
+    Machine,
+    Observation,
+    require_shapes,
+    without_frame,
+)
 
 Array = NDArray[np.float64]
 
@@ -45,10 +51,7 @@ class ClosureAtPose(Observation):
         Raises:
             InputError: names what does not.
         """
-        _require(self)
-        if len(self.pose) != len(self.joint) or not np.isfinite(self.pose).all():
-            shown = f"{self.pose.shape} for {len(self.joint)} sets of joints"
-            raise InputError(f"closure: pose {shown} is not allowed; one each, finite")
+        require_shapes(self, pose=(len(self.joint), self.pose.shape[-1]))
 
     @property
     def sigma(self) -> Array:
@@ -62,7 +65,7 @@ class ClosureAtPose(Observation):
     def slopes(self, machine: Machine) -> Array:
         """(n, r, p + 6)."""
         geometry = machine.geometry
-        return _unplaced(
+        return without_frame(
             machine.mechanism.closure_by_geometry(self.joint, self.pose, geometry)
         )
 
@@ -83,7 +86,7 @@ class ClosureAlone(Observation):
         Raises:
             InputError: names what does not.
         """
-        _require(self)
+        require_shapes(self)
         if self.redundancy < 1:
             raise InputError(
                 f"closure alone: redundancy {self.redundancy} is not allowed; 1 or more"
@@ -104,7 +107,7 @@ class ClosureAlone(Observation):
         """(n, r - k, p + 6); to first order in what is missed."""
         x = machine.poses(self.joint)
         slope = machine.mechanism.closure_by_geometry(self.joint, x, machine.geometry)
-        return _unplaced(self._kept(machine, x) @ slope)
+        return without_frame(self._kept(machine, x) @ slope)
 
     def _kept(self, machine: Machine, x: Array) -> Array:
         """N^T, (n, r - k, r)."""
@@ -126,16 +129,3 @@ def spared(by_pose: Array) -> Array:
     fixed = np.cos(at[:, None] * np.arange(rows - size))
     u, _, vh = np.linalg.svd(fixed.T @ free)
     return np.asarray(u @ vh @ np.swapaxes(free, 1, 2))
-
-
-def _unplaced(slope: Array) -> Array:
-    """Columns of zeros for a device's frame.  (n, d, p) -> (n, d, p + 6)."""
-    return np.concatenate([slope, np.zeros((*slope.shape[:2], FRAME_SIZE))], axis=-1)
-
-
-def _require(observation: ClosureAtPose | ClosureAlone) -> None:
-    kind, joint = observation.kind, observation.joint
-    if joint.ndim != 2 or not np.isfinite(joint).all():
-        raise InputError(f"{kind}: joint {joint.shape} is not allowed; (n, m), finite")
-    if not observation.noise > 0:
-        raise InputError(f"{kind}: noise {observation.noise} is not allowed; over 0")
