@@ -170,6 +170,12 @@ def test_without_encoders_the_command_is_taken_and_said():
     assert collect(made, NAMES).direction[1].tolist() == [1, -1, -1]
 
 
+@pytest.mark.parametrize(("rate", "said"), [(20.0, False), (10.0, True)])
+def test_commands_too_far_apart_to_show_a_turn_are_said(rate, said):
+    notes = match(session(*stops(GOALS, rate=rate)), NAMES).notes
+    assert any("commands 0.1 s apart" in note for note in notes) is said
+
+
 def test_repeated_stamps_and_frozen_runs_are_counted():
     rng = np.random.default_rng(2)
     time, q = stops(GOALS)

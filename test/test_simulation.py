@@ -16,7 +16,9 @@ from scipy.stats import chi2, kstest
 from delta_calibration.effects import EFFECTS
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import legs, make_plan, nominal_joints
+from delta_calibration.plans.motion import APPROACH
 from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
 from delta_calibration.simulation import (
     draw_machine,
     hideable_causes,
@@ -263,6 +265,16 @@ def test_streams_share_stamps_that_rise_by_the_rate():
     np.testing.assert_array_equal(stamps, session.states.stamp_ns)
     np.testing.assert_allclose(np.diff(stamps), 20e6, atol=2)
     assert session.command.names == session.states.names == ROBOT.joints.names
+
+
+@pytest.mark.parametrize("rate", [4.0, 10.0])
+def test_slow_readings_still_know_which_way_each_joint_came(rate):
+    plan = replace(make_plan("rich", ROBOT, count=6, dwell=1.5, seed=2), paths=())
+    session = simulate_session(draw_machine(ROBOT, 6), plan, 9, rate=rate)
+    poses = collect(session, ROBOT.joints.names)
+    wanted = np.broadcast_to(plan.direction[:, None], poses.direction.shape)
+    np.testing.assert_array_equal(poses.direction, wanted)
+    assert poses.travel.min() > 0.9 * APPROACH
 
 
 def test_a_period_keeps_stops_apart_and_the_wait_is_not_recorded():

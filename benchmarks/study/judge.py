@@ -11,7 +11,8 @@ import numpy as np
 from blind import Trial, hide
 from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
-from delta_calibration.diagnosis.model import Model, beside, fit
+from delta_calibration.diagnosis.fitted import beside
+from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.rivals import equivalents, scaled
 from delta_calibration.diagnosis.search import as_score
 from delta_calibration.effects import catalogue, effect_named

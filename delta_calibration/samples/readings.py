@@ -18,6 +18,7 @@ _SHORT_GAP = 0.25  # [s] joints this close before and after a reading may be int
 _NEAR = 0.05  # [s] a single joint message this close to a reading belongs to it
 _FROZEN = 3  # as many equal readings in a row are no measurement any more
 _HELD = 1e-6  # [rad] joints that are equal to this on both sides of a gap were held
+_OFTEN = 0.06  # [s] commands closer than this show where joints turn round on the way to a stop
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,9 @@ class Readings:
     time: Array  # (n,) [s] since start_ns, strictly increasing
     joint: Array  # (n, m) [rad] by the encoders; by the command where there are no encoders
     command: Array  # (n, m) [rad]; the encoders' if none were recorded, NaN where none is near
+    # (n, m) [rad] that each joint was commanded to go, to and fro, since the first: readings are
+    # slower than commands, and a move on the spot lies between two of them
+    gone: Array
     point: Array  # (n, 3) [m] in the tracker's frame
     quaternion: Array | None  # (n, 4)
     rejected: Rejected
@@ -52,8 +56,8 @@ class Readings:
         """Some of the readings, counts and notes unchanged."""
         quaternion = None if self.quaternion is None else self.quaternion[keep]
         return Readings(
-            self.start_ns, self.time[keep], self.joint[keep], self.command[keep], self.point[keep],
-            quaternion, self.rejected, self.notes,
+            self.start_ns, self.time[keep], self.joint[keep], self.command[keep], self.gone[keep],
+            self.point[keep], quaternion, self.rejected, self.notes,
         )  # fmt: skip
 
 
@@ -83,25 +87,28 @@ def match(session: Session, joint_names: Sequence[str]) -> Readings:
     frozen = _frozen(tracker.position[kept])
     kept, stamps = kept[~frozen], stamps[~frozen]
     joint, known = _at(_ordered(states, joint_names, session.source), stamps)
-    command = joint
+    command, gone = joint, np.abs(np.diff(joint, axis=0, prepend=joint[:1])).cumsum(axis=0)
     if session.command is not None:
-        commanded, also = _at(_ordered(session.command, joint_names, session.source), stamps)
+        stream = _ordered(session.command, joint_names, session.source)
+        commanded, also = _at(stream, stamps)
         command = np.where(also[:, None], commanded, np.nan)
+        gone, _ = _at(_distance(stream), stamps)
+        notes += _seldom(stream)
     if not known.any():
         raise DataError(
             f"{session.source}: no tracker reading has joint angles near it in time: "
             f"joints {_span(states.stamp_ns)}, tracker {_span(tracker.stamp_ns)}"
         )
     rejected = Rejected(repeated, int(frozen.sum()), int((~known).sum()))
-    return _readings(tracker, kept, stamps, joint, command, rejected, notes).take(known)
+    parts = joint, command, gone
+    return _readings(tracker, kept, stamps, parts, rejected, notes).take(known)
 
 
 def _readings(
     tracker: TrackerStream,
     kept: NDArray[np.intp],
     stamps: NDArray[np.int64],
-    joint: Array,
-    command: Array,
+    joints: tuple[Array, Array, Array],
     rejected: Rejected,
     notes: list[str],
 ) -> Readings:
@@ -109,8 +116,24 @@ def _readings(
     quaternion = None if tracker.quaternion is None else tracker.quaternion[kept]
     time = np.asarray((stamps - start) * 1e-9, dtype=np.float64)
     return Readings(
-        start, time, joint, command, tracker.position[kept], quaternion, rejected, tuple(notes)
+        start, time, *joints, tracker.position[kept], quaternion, rejected, tuple(notes)
     )
+
+
+def _distance(command: JointStream) -> JointStream:
+    """How far each joint has gone in all, in the place of where it is."""
+    stamps, rows, _ = _in_order(command.stamp_ns)
+    position = command.position[rows]
+    gone = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
+    return JointStream(stamps, command.names, gone)
+
+
+def _seldom(command: JointStream) -> list[str]:
+    """A note where turns of the joints can lie between two commands."""
+    step = float(np.median(np.diff(command.stamp_ns))) * 1e-9 if len(command.stamp_ns) > 1 else 0.0
+    if step <= _OFTEN:
+        return []
+    return [f"commands {step:.2g} s apart: joints that turn round between two are not seen to"]
 
 
 def _ordered(stream: JointStream, names: Sequence[str], source: str) -> JointStream:

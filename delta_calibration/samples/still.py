@@ -73,7 +73,7 @@ def find_still(readings: Readings) -> tuple[StillMoments, Readings]:
 def _moments(readings: Readings) -> NDArray[np.intp]:
     """Number of the held interval that each reading lies in, (n,), counted from 0."""
     joint, time = readings.joint, readings.time
-    steps, commanded = (np.abs(np.diff(v, axis=0)) for v in (joint, readings.command))
+    steps, commanded = np.abs(np.diff(joint, axis=0)), np.diff(readings.gone, axis=0)
     hold = _hold(steps, _HOLD)
     moved = (steps > hold) | (commanded > _hold(commanded, _COMMANDED))
     cut = np.r_[True, moved.any(axis=1) | (np.diff(time) > _BREAK)]

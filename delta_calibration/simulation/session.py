@@ -51,7 +51,8 @@ def simulate_session(
         machine: what is measured.
         plan: where to.
         seed: of the noise.
-        rate: of all streams [1/s].
+        rate: of readings and joint states [1/s]; commands, that a turn shows in, come 20 a second
+            at least.
         period: at least this long from stop to stop [s]; what is waited is not recorded.
         source: the session's name.
         follow: is handed the legs and hands them on; for a progress bar.
@@ -63,7 +64,7 @@ def simulate_session(
     """
     rng = np.random.default_rng([seed, 1])
     climate = Climate(warming or machine.warms)
-    ways, at = _motion(plan, machine, rate, period, climate)
+    ways, at, command = _motion(plan, machine, rate, period, climate)
     encoders, points = [], []
     turns: list[Array] = []
     end = 0
@@ -80,7 +81,7 @@ def simulate_session(
     names = machine.robot.joints.names
     return Session(
         source=source,
-        command=JointStream(stamp_ns, names, at.joint),
+        command=command,
         states=JointStream(stamp_ns, names, np.concatenate(encoders)),
         tracker=TrackerStream(
             stamp_ns, np.concatenate(points), np.concatenate(turns) if turns else None
@@ -92,19 +93,20 @@ def simulate_session(
 
 def _motion(
     plan: Plan, machine: Machine, rate: float, period: float, climate: Climate
-) -> tuple[Sequence[Leg], Conditions]:
-    """The legs of a plan at `rate`, and the conditions of all their samples in a row."""
+) -> tuple[Sequence[Leg], Conditions, JointStream]:
+    """The legs of a plan at `rate`, the conditions of all their samples, and the commands."""
     each = max(1, int(np.ceil(_FINE / rate)))
     fine = list(legs(plan, machine.robot, rate * each))
     ways = [_thinned(leg, each) for leg in fine]
     begin = np.cumsum([0.0, *(max(float(way.time[-1]) + 1 / rate, period) for way in ways)])
     time = np.concatenate([b + leg.time for b, leg in zip(begin[:-1], fine, strict=True)])
-    motion = motion_of(time, np.concatenate([leg.joint for leg in fine]))
+    joint = np.concatenate([leg.joint for leg in fine])
+    motion = motion_of(time, joint)
     payload = np.concatenate([np.full(len(way.time), way.payload) for way in ways])
     kept = np.concatenate([np.arange(len(leg.time)) % each == 0 for leg in fine])
     n = len(payload)
     moving = ~np.concatenate([way.resting for way in ways])[:, None]  # a move ends softly
-    return ways, Conditions(
+    conditions = Conditions(
         joint=np.concatenate([way.joint for way in ways]),
         time=time[kept],
         velocity=motion.velocity[kept] * moving,
@@ -118,6 +120,7 @@ def _motion(
         reading=np.full((n, 3), np.nan),
         reading_velocity=np.zeros((n, 3)),
     )
+    return ways, conditions, JointStream(_stamps(time), machine.robot.joints.names, joint)
 
 
 def _thinned(leg: Leg, each: int) -> Leg:
