@@ -103,7 +103,7 @@ class Cell:
     def answer(self, message: JointState) -> JointState | None:
         before = len(self.sent)
         self.command.publish(message)
-        self.bench.until(lambda: len(self.sent) > before, 0.4)
+        self.bench.until(lambda: len(self.sent) > before, 1.5)
         assert len(self.sent) <= before + 1
         return self.sent[-1] if len(self.sent) > before else None
 

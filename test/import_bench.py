@@ -21,7 +21,7 @@ def measured():
     """A session, and what stands still in it."""
     machine = draw_machine(SRBD, 5)
     plan = make_plan("identify", SRBD, count=24, seed=5)
-    session = simulate_session(machine, plan, 5, rate=10.0)
+    session = simulate_session(machine, plan, 5)
     return session, collect(session, SRBD.joints.names)
 
 

@@ -81,7 +81,8 @@ def test_stops_give_the_same_calibration_by_the_verbs(cell):
     found = load_calibration(made, SRBD)
     at = collect(read_session(out), SRBD.joints.names).conditions
     predicted = [whole.chain.predict(at, theta) for theta in (whole.theta, found.theta)]
-    assert np.linalg.norm(predicted[0] - predicted[1], axis=1).max() < 10e-6
+    apart = np.linalg.norm(predicted[0] - predicted[1], axis=1)
+    assert apart.max() < 2 * whole.noise.floor  # a mean stands for its readings: other weights
 
 
 def test_every_column_a_table_may_have(cell, capsys):

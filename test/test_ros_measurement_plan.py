@@ -112,7 +112,7 @@ def test_every_command_comes_at_its_time_from_where_the_machine_stands(
     *going, last = listener.progress[1:]  # idle until somebody listened
     assert {status.name for status in going} == {"/measurement_plan/plan"}
     done = [float({v.key: v.value for v in status.values}["done [%]"]) for status in going]
-    assert len(done) > 3
+    assert len(done) >= 2
     assert done == sorted(done)
     assert 0.0 <= done[0] < done[-1] <= 100.0
     assert (last.name, last.message) == ("/measurement_plan", "idle")
