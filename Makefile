@@ -48,8 +48,8 @@ $(STAMP): setup.cfg setup.py pyproject.toml
 	    || { grep -v '^WARNING' $(LOG) | tail -n 20 >&2; exit 1; }
 	@touch $@
 
-demo: install ## run a simulated cell: measure, fit, compensate (out/demo; DEMO_ARGS="--robot cdpr8")
-	@$(VENV)/bin/delta-cal demo --out out/demo $(DEMO_ARGS)
+demo: install ## run a simulated cell: measure, fit, compensate (out/demo*; DEMO_ARGS="--robot cdpr8")
+	@$(VENV)/bin/delta-cal demo $(DEMO_ARGS)
 
 test: install ## run the tests on two workers, real ROS nodes on loopback
 	@$(PY) -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)

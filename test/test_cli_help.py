@@ -10,8 +10,10 @@ from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 
 from delta_calibration.cli.main import VERBS, group, run
+from delta_calibration.cli.options import robots
 from delta_calibration.cli.overview import PURPOSES
 
 ROOT = Path(__file__).parents[1]
@@ -76,3 +78,16 @@ def test_verbs_options_robots_and_causes_are_completed() -> None:
     cables = completed("delta-cal", "simulate", "--robot", "cdpr8", "--effect", "")
     assert "cable_sag" in cables
     assert "ball_joint_clearance" not in cables
+
+
+@pytest.mark.parametrize(("begun", "kind"), [("s", "plain"), ("", "plain"), ("./my", "file")])
+def test_robots_are_names_or_files_never_both(begun: str, kind: str) -> None:
+    """The shell's script drops all names where a file is among them."""
+    context = click.Context(click.Command("fit"))
+    assert {item.type for item in robots(context, click.Option(["--robot"]), begun)} == {kind}
+
+
+def test_paragraphs_that_are_laid_out_stay_so() -> None:
+    text = CliRunner().invoke(group, ["--help"]).output
+    assert "\\b" not in text
+    assert "\n    delta-cal fit session --robot srbd --out calibration.yaml\n" in text

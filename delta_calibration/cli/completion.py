@@ -13,14 +13,14 @@ _PROGRAM, _VARIABLE = "delta-cal", "_DELTA_CAL_COMPLETE"
 @click.command("completion", short_help="let the shell complete verbs, options and names")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def command(shell: str) -> None:
-    r"""Print a script that makes SHELL complete delta-cal by the Tab key.
+    """Print a script that makes SHELL complete delta-cal by the Tab key.
 
     \b
     bash, in ~/.bashrc:                   eval "$(delta-cal completion bash)"
     zsh, in ~/.zshrc, after compinit:     eval "$(delta-cal completion zsh)"
     fish, once:
       delta-cal completion fish > ~/.config/fish/completions/delta-cal.fish
-    """
+    """  # noqa: D301 - to click \b is the control character
     kind = get_completion_class(shell)
     if kind is None:
         raise InputError(f"this version of click has no completion for {shell}")

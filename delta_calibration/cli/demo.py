@@ -49,15 +49,16 @@ _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 @click.command("demo", short_help="a live simulated cell, from measurement to compensation")
 @click.option("--robot", "robot_file", default="srbd", show_default=True, metavar="FILE|NAME")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True
-)
+    "--out", type=click.Path(path_type=Path), default=None,
+    help="Folder for what is left.  [default: out/demo; of another robot out/demo_ROBOT]",
+)  # fmt: skip
 @click.option(
     "--seed", type=click.IntRange(min=0), default=7, show_default=True, help="Of the machine."
 )
 @click.option(
     "--method", type=click.Choice(["newton", "apso"]), default="newton", show_default=True
 )
-def command(robot_file: str, out: Path, seed: int, method: str) -> None:
+def command(robot_file: str, out: Path | None, seed: int, method: str) -> None:
     """Take a simulated cell through a calibration.
 
     A robot of the Delta paper's kind (srbd): its nodes are started as processes on this machine.
@@ -72,10 +73,11 @@ def command(robot_file: str, out: Path, seed: int, method: str) -> None:
     trial taken before and after; then the same with a cause of its own hidden in it. A SCARA's
     points are also driven right by what a simulated camera sees, without a model.
     """
-    if load_robot(robot_file).workspace is not None:
-        _without_nodes(load_robot(robot_file), out, seed, method)
+    robot = load_robot(robot_file)
+    if robot.workspace is not None:
+        _without_nodes(robot, out or Path(f"out/demo_{robot.name}"), seed, method)
     else:
-        _with_nodes(robot_file, out, seed, method)
+        _with_nodes(robot_file, out or Path("out/demo"), seed, method)
 
 
 def _without_nodes(robot: Robot, out: Path, seed: int, method: str) -> None:

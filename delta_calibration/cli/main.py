@@ -50,7 +50,7 @@ class Verbs(click.Group):
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="delta-cal")
 def group() -> None:
-    r"""Calibrate a parallel robot from measured data.
+    """Calibrate a parallel robot from measured data.
 
     A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds
     what the machine really is, `compensate` the joint commands that put the tool where it was
@@ -64,7 +64,7 @@ def group() -> None:
 
     `delta-cal VERB --help` says the rest. Long work shows a bar with the time left.
     Exit codes: 0 done; 1 the data cannot answer; 2 wrong use or bad input.
-    """
+    """  # noqa: D301 - to click \b is the control character
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -24,7 +24,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def robots(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """What `--robot` may go on with: a name, or a file."""
     names = [CompletionItem(name) for name in known_robots() if name.startswith(begun)]
-    return [*names, CompletionItem(begun, type="file")]
+    return names or [CompletionItem(begun, type="file")]  # a file would drop the names
 
 
 SESSION = click.argument("session", type=click.Path(path_type=Path))

@@ -30,7 +30,11 @@ from delta_calibration.recording import inspect_session
     help="Begin so many seconds in.",
 )
 def command(session: Path, rate: float, loop: bool, start: float) -> None:
-    """Play SESSION by the node `session_player`; needs ROS. Ctrl-C ends it."""
+    """Play SESSION by the node `session_player`; needs ROS. Ctrl-C ends it.
+
+    It plays the commands, too: never where drives or a running cell listen. Set ROS_DOMAIN_ID to
+    a number of its own first.
+    """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError(
             "replay needs ROS 2 (rclpy), which this Python does not have; see the README"
