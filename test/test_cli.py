@@ -224,8 +224,9 @@ def test_bag_of_another_robot(tmp_path, capsys):
     assert "axis_a, axis_b, axis_c" in line
     assert "another robot" in line
     write_session(tmp_path / "shape", session_of(("joint_1", "joint_2", "joint_3")), {})
-    line = line_of_error(capsys, ["fit", str(tmp_path / "shape"), "--robot", ROBOT], 1)
-    assert "another robot" in line
+    for verb in ("fit", "diagnose"):
+        line = line_of_error(capsys, [verb, str(tmp_path / "shape"), "--robot", ROBOT], 1)
+        assert "another robot" in line
 
 
 def test_calibration_of_another_robot(cell, tmp_path, capsys):

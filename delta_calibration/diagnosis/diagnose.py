@@ -27,7 +27,13 @@ from delta_calibration.diagnosis.search import Found
 from delta_calibration.diagnosis.verdict import SessionFacts, Verdict
 from delta_calibration.effects import Effect, Stage, catalogue
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import Identification, chain_of, prepare, solve
+from delta_calibration.identification import (
+    Identification,
+    chain_of,
+    prepare,
+    require_this_robot,
+    solve,
+)
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey, require_poses
@@ -139,6 +145,7 @@ def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
     """
     require_poses(survey.poses, _FEWEST)
     _, noise, problem = prepare(survey.poses, robot, chain_of(robot, model))
+    require_this_robot(problem, survey.poses, robot)
     solution = solve(problem)
     return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
 

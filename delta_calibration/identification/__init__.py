@@ -16,6 +16,7 @@ from delta_calibration.identification.fit import (
     identify,
     most_evaluations,
     prepare,
+    require_this_robot,
 )
 from delta_calibration.identification.image import PointInImage
 from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
@@ -123,6 +124,7 @@ __all__ = [
     "most_evaluations",
     "observe",
     "prepare",
+    "require_this_robot",
     "robust_weights",
     "solution_at",
     "solve",

@@ -139,9 +139,7 @@ def identify(
     frame_free = np.zeros(len(problem.theta0), dtype=bool)
     frame_free[chain.base_size - 6 :] = True  # and the probe's mount, where turns take part
     registered = solve(problem.only(frame_free), robust=False)
-    probe_free = frame_free.copy()  # where the reflector is put is no part of the robot either
-    probe_free[chain.geometry_size : chain.geometry_size + 3] = True
-    _refuse_another_robot(solve(problem.only(probe_free), robust=False), poses, robot)
+    require_this_robot(problem, poses, robot)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch)
     full = fit.solution
@@ -304,13 +302,23 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
     return basis @ spread @ basis.T, chi_square
 
 
-def _refuse_another_robot(solution: Solution, poses: Poses, robot: Robot) -> None:
+def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     """Refuse residuals many times what parts within their tolerances can do.
 
-    By the median, as one reading of another reflector is not another robot.
+    By the median, as one reading of another reflector is not another robot. Where the reflector is
+    put and how the tracker stands is no part of the robot.
+
+    Args:
+        problem: with everything free, its chain without effects.
+        poses: what was measured.
+        robot: drawing and tolerances.
+
+    Raises:
+        DataError: another robot, or other units.
     """
-    problem = solution.problem
-    geometry = slice(0, problem.chain.geometry_size)
+    size = problem.chain.geometry_size
+    solution = solve(problem.only(np.arange(len(problem.theta0)) >= size), robust=False)
+    geometry = slice(0, size)
     slope = problem.chain.jacobian(problem.at, solution.pose, solution.theta)[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.sqrt(np.sum(spread**2) / len(spread)))
