@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from delta_calibration.calibration_file import from_identification
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
+from delta_calibration.errors import SingularityError
 from delta_calibration.geometry.frames import align
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
@@ -66,6 +68,15 @@ def test_plans_reach_what_they_say(name: str) -> None:
         off = tool_points(robot, made.joint) - made.target
         assert np.abs(off).max() < 1e-9
         assert all(robot.joints.beyond(joint) == "" for joint in made.joint)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_singular_drawing_gives_no_calibration() -> None:
+    """Two towers in one place: some covariances of this fit would be no numbers."""
+    robot, seen = measured("linear_delta", "", "identify", 30, 1)
+    sizes = replace(robot.dimensions, angles=np.radians([90.0, 330.0, 90.0]))
+    with pytest.raises(SingularityError, match="no bounds: is the drawing singular"):
+        identify(seen.poses, replace(robot, dimensions=sizes))
 
 
 @pytest.mark.parametrize("name", known_robots())

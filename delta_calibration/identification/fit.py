@@ -145,6 +145,12 @@ def identify(
     full = fit.solution
     folds = _folds(poses, np.random.default_rng(seed))
     covariance, chi_square = _covariance(full)
+    variance = np.diag(covariance)
+    if not ((variance >= 0.0) & (variance < np.inf)).all():
+        raise SingularityError(
+            f"{poses.source}: what it leaves uncertain of robot {robot.name!r} has no bounds: is "
+            "the drawing singular where it was measured?"
+        )
     drawing = full.theta.copy()
     drawing[: len(start)] = chain.join(*_nominal_but_frame(chain, full.theta))
     observability = observe(
