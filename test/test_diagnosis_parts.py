@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f_oneway, kstest, multivariate_normal
 
+from blind.session import hide
 from delta_calibration.diagnosis import audit, calibrated, confirm, rivals, scores, unseen
 from delta_calibration.diagnosis.candidates import columns_of, subsets
 from delta_calibration.diagnosis.scores import Weighed
@@ -68,6 +69,24 @@ def named_by(evidence, signal, *others):
 
 def with_residual(evidence, residual):
     return replace(evidence, residual=np.asarray(residual).reshape(-1, 3))
+
+
+# Noise
+
+
+def test_what_a_cause_found_does_between_repeats_is_no_noise() -> None:
+    """Noise of a compliant machine and of the same without it; what finds nothing leaves it."""
+    soft, stiff = (
+        calibrated(survey(hide(causes, 41, "still").session, ROBOT.joints.names), ROBOT)
+        for causes in ({"joint_compliance": 2.0, "backlash": 1.0}, {})
+    )
+    causes = [candidate(soft.evidence, cause) for cause in ("joint_compliance", "backlash")]
+    quiet = soft.quieter(soft.fitted(tuple(causes)))
+    assert soft.floor > 1.3 * stiff.floor
+    assert quiet.floor == pytest.approx(stiff.floor, rel=0.02)
+    assert soft.quieter(soft) is soft
+    found = stiff.fitted((candidate(stiff.evidence, "joint_compliance"),))
+    assert stiff.quieter(found) is stiff
 
 
 # Evidence

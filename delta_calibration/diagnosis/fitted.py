@@ -66,6 +66,10 @@ class Fitted(ABC):
         """The model with these members instead."""
 
     @abstractmethod
+    def quieter(self, found: Fitted) -> Fitted:
+        """Itself with less noise, where what was found explains some of what was taken for it."""
+
+    @abstractmethod
     def rested(self) -> Fitted:
         """The same with everything where all that was measured has it."""
 

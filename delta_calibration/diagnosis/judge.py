@@ -80,6 +80,9 @@ def judged(
     """
     step(STEPS[1])
     sought = find(start, effects, rng)
+    quiet = start.quieter(sought.model)
+    if quiet is not start:
+        start, sought = quiet, find(quiet, effects, rng, sought.model.members)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, rng)
     members = found.model.members

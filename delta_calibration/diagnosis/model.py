@@ -12,13 +12,14 @@ from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
 from delta_calibration.diagnosis.fitted import Fitted
-from delta_calibration.identification import Problem, robust_weights, solve
+from delta_calibration.identification import Problem, prepare, robust_weights, solve
 from delta_calibration.samples import Survey
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _ROUNDS = 4
+_QUIETER = 0.8  # of the noise before, from which a smaller one is worth another search
 _FAIR = 0.1  # of the information
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
@@ -88,6 +89,35 @@ class Model(Fitted):
     def fitted(self, members: tuple[Candidate, ...]) -> Model:
         """The model with these members instead."""
         return fit(self, members)
+
+    def quieter(self, found: Fitted) -> Model:
+        """Itself with the noise that repeats have without what the causes found do to them.
+
+        A strong cause does more between two visits of a place than goes off with what is smooth
+        (`noise.py`); counted as noise, it would hide weaker ones and widen every interval.
+        """
+        assert isinstance(found, Model)
+        moved = found.moved_by_causes()
+        if not moved.any():
+            return self
+        poses, robot = self.survey.poses, self.cell.robot
+        _, noise, problem = prepare(poses, robot, self.problem.chain, moved)
+        if noise.floor > _QUIETER * self.floor:
+            return self
+        solution = solve(problem)
+        return Model(self.survey, problem, Cell(robot, noise, solution.weight), solution.theta)
+
+    def moved_by_causes(self) -> Array:
+        """How far the named effects move each pose's reading, (n, 3) [m]."""
+        chain, without = self.extended.chain, self.theta.copy()
+        begin = chain.base_size
+        for member in self.members:
+            size = 0 if member.effect is None else len(member.effect.parameters)
+            if not member.unexplained:
+                without[begin : begin + size] = 0.0
+            begin += size
+        at = self.extended.at
+        return np.asarray(chain.predict(at, self.theta) - chain.predict(at, without))
 
     def rested(self) -> Model:
         """The model at rest on poses and paths together."""

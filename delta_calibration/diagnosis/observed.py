@@ -183,6 +183,10 @@ class Observed(Fitted):
                 return now
         raise DataError(f"the fit still moves after {_ROUNDS} steps")
 
+    def quieter(self, found: Fitted) -> Observed:
+        """Itself: noise is stated, or what the fit leaves."""
+        return self
+
     def rested(self) -> Observed:
         """Itself: all was measured at rest."""
         return self

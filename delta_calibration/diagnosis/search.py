@@ -171,18 +171,29 @@ class Found:
         return tuple({**every, **{score.candidate.key: score for score in self.short}}.values())
 
 
-def find(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Found:
+def find(
+    model: Fitted,
+    effects: Sequence[Effect],
+    rng: np.random.Generator,
+    begin: tuple[Candidate, ...] = (),
+) -> Found:
     """Search until nothing significant is left.
 
     Args:
         model: the calibrated machine, without members.
         effects: the catalogue.
         rng: of the bootstrap.
+        begin: members to begin with, which the search may exchange and drop.
     """
     degrees = model.noise_degrees
     first = here = scan(model.beside, effects, degrees, rng)
     short: dict[str, Score] = {}
     seen: set[tuple[str, ...]] = {()}
+    if begin:
+        short.update({score.candidate.key: score for score in _shortlist(here)})
+        model = model.fitted(begin)
+        here = scan(model.beside, effects, degrees, rng, model.members)
+        seen.add(tuple(sorted(m.key for m in model.members)))
     while True:
         short.update({score.candidate.key: score for score in _shortlist(here)})
         members = _next_members(model, here, tuple(short.values()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,8 +199,17 @@ def _turn_missed(full: Solution) -> float | None:
     return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
 
 
-def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Problem]:
+def prepare(
+    poses: Poses, robot: Robot, chain: Chain, explained: Array | float = 0.0
+) -> tuple[Array, Noise, Problem]:
     """Nominal chain in the best frame, the noise, and the whitened problem with all free.
+
+    Args:
+        poses: what was measured.
+        robot: drawing, tracker, repeatability.
+        chain: of the drawing.
+        explained: what known causes do to each pose and is no noise between its repeats, (n, 3)
+            [m] in the tracker's frame.
 
     Raises:
         DataError: a pose that the nominal robot cannot take or does not hold, or poses on one
@@ -216,7 +225,8 @@ def prepare(poses: Poses, robot: Robot, chain: Chain) -> tuple[Array, Noise, Pro
         raise DataError(f"{poses.source}: {error}") from error
     start = chain.join(nominal, chain.offset, frame)
     slope = frame.rotation @ chain.point_by_joints(poses.conditions, x, start)
-    noise = estimate_noise(poses, slope, robot)
+    unexplained = replace(poses, point=poses.point - explained)
+    noise = estimate_noise(unexplained, slope, robot)
     whiten = whitening(noise.covariance(poses, slope, robot.tracker))
     return start, noise, build_problem(chain, poses.conditions, poses.point, whiten, start)
 
