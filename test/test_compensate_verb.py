@@ -95,7 +95,35 @@ def test_payload_and_temperature_are_asked_for_and_taken_part(cell, capsys):
 def test_a_temperature_that_is_none_is_refused(cell, capsys, text):
     assert run(arguments(cell, "all", "--temperature", text)) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert f"--temperature {text}: PART=DEGREES is expected, such as arm=27.5" in said
+    assert "'--temperature': " in said
+    formed = text in ("arm=warm", "arm=nan")
+    assert ("PART=DEGREES is expected, such as arm=27.5" in said) != formed
+
+
+def test_a_temperature_of_a_part_that_there_is_not_is_refused(cell, capsys):
+    """It was left out in silence, and a growth taken for none."""
+    warm = ["--payload", "0", "--temperature", "arm=30"]
+    assert run(arguments(cell, "all", *warm, "--temperature", "wing=30")) == 2
+    said = capsys.readouterr().err
+    assert "robot srbd has no part 'wing' that grows; there are: arm, base, forearm" in said
+    assert run(arguments(cell, "all", *warm, "--temperature", "arm=31")) == 2
+    assert "--temperature arm=31: arm is given before as 30" in capsys.readouterr().err
+
+
+def test_a_temperature_that_nothing_goes_by_is_said(cell, capsys):
+    assert run(arguments(cell, "all", "--payload", "0", "--temperature", "arm=30")) == 0
+    assert "changes nothing" not in capsys.readouterr().err
+    assert run(arguments(cell, "plain", "--temperature", "base=30")) == 0
+    said = "no growth of base in the calibration: --temperature base=30 changes nothing"
+    assert said in capsys.readouterr().err
+
+
+def test_columns_of_a_plan_are_said_to_be_left_out(cell, capsys):
+    (cell / "plan.csv").write_text("x_mm,y_mm,z_mm,direction,payload_kg\n0,0,-711,1,2\n")
+    order = [str(cell / "plan.csv") if "targets" in a else a for a in arguments(cell, "plain")]
+    assert run(order) == 0
+    said = capsys.readouterr().err
+    assert "plan.csv: not used: direction, payload_kg (of a plan)" in said
 
 
 def test_a_payload_below_nothing_is_refused(cell, capsys):
