@@ -34,7 +34,7 @@ class Quantity(click.FloatRange):
         return super().convert(number, param, ctx)
 
 
-class OfPart(click.ParamType):  # type: ignore[type-arg] - generic in some versions only
+class OfPart(click.ParamType):  # type: ignore[type-arg]
     """`PART=NUMBER`: a quantity of a named part."""
 
     name = "part"
