@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from delta_calibration.calibration_file import save_calibration
+from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan, nominal_joints
@@ -124,6 +124,33 @@ def test_columns_of_a_plan_are_said_to_be_left_out(cell, capsys):
     assert run(order) == 0
     said = capsys.readouterr().err
     assert "plan.csv: not used: direction, payload_kg (of a plan)" in said
+
+
+def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
+    """Half way through the margin half a correction is left out, and was left out unsaid."""
+    made, margin = load_calibration(cell / "plain.yaml", ROBOT), ROBOT.limits.region_margin
+    way = np.linspace(0.0, 0.8, 20001)[:, None] * [1.0, 0.0, 0.0] + [0.0, 0.0, -0.75]
+    beyond = made.region.outside(way)
+    inside, half, late = (way[np.argmin(np.abs(beyond - k * margin))] for k in (-1.0, 0.5, 0.9))
+    rows = "".join(f"{x},{y},{z}\n" for x, y, z in 1e3 * np.array([inside, half, *[late] * 11]))
+    (cell / "margin.csv").write_text("x_mm,y_mm,z_mm\n" + rows)
+    order = [str(cell / "margin.csv") if "targets" in a else a for a in arguments(cell, "plain")]
+    assert run(order) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert "margin.csv: 12 of 13 points lie in the margin beyond the calibrated region" in said[0]
+    with (cell / "plain.csv").open() as file:
+        left = [float(row["error_mm"]) for row in csv.DictReader(file)]
+    assert said[1] == f"  point 2: 50 % of its correction, {left[1]:.3f} mm left by the model"
+    assert said[2] == f"  point 3: 10 % of its correction, {left[2]:.3f} mm left by the model"
+    assert said[-1] == f"  and 2 more: error_mm in {cell / 'plain.csv'}"
+    # what is left is what the error is without a correction, in proportion
+    joint = nominal_joints(ROBOT, np.array([half, late]))
+    there = made.chain.point(made.chain.mechanism.forward(joint, made.geometry), ROBOT.tool_offset)
+    whole = 1e3 * np.linalg.norm(there - [half, late], axis=1)
+    np.testing.assert_allclose(left[1:3], whole * [0.5, 0.9], rtol=0.02)
+    assert left[1] > 0.05
+    commands(cell, "plain")  # inside all of it nothing is said
+    assert "margin" not in capsys.readouterr().err
 
 
 def test_a_payload_below_nothing_is_refused(cell, capsys):

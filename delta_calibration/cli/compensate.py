@@ -39,6 +39,7 @@ from delta_calibration.samples import Conditions, at_rest, motion_of
 
 Array = NDArray[np.float64]
 
+_NAMED = 10  # points told one by one
 _BATCH = 64  # commands searched side by side
 
 
@@ -100,7 +101,9 @@ def command(
 
     Writes a column a joint, by its name: joints that turn in rad, joints that slide in mm, and _mm
     behind the name. Then error_mm and, where the joints turn the platform, error_mrad: how far the
-    tool stays from the target *by the identified model*; not what a tracker would measure.
+    tool stays from the target *by the identified model*; not what a tracker would measure. In the
+    margin beyond the calibrated region (the robot file's limits.region_margin_mm) corrections are
+    blended out: which points got how much of theirs, and what is left, is said on stderr.
     """
     require_folder(out)
     robot = load_robot(robot_file)
@@ -126,6 +129,7 @@ def command(
     _refuse_unknown(found, calibration_file)
     _refuse_uncorrected(found, targets)
     _write(out, robot.joints, found)
+    _tell_of_blended(found, targets, out)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
     unit, factor = robot.joints.shown
@@ -213,6 +217,28 @@ def _refuse_uncorrected(found: Compensated, targets: Path) -> None:
             f"{targets}: point {bad[0] + 1} cannot be corrected: {reason}{more}; "
             "nothing was written"
         )
+
+
+def _tell_of_blended(found: Compensated, targets: Path, out: Path) -> None:
+    """Which points got a part of their correction only, and how far off they stay."""
+    share = np.ones(len(found.joint)) if found.share is None else found.share
+    blended = np.flatnonzero(share < 1.0)
+    if not blended.size:
+        return
+    click.echo(
+        f"{targets}: {blended.size} of {len(share)} points lie in the margin beyond the "
+        "calibrated region, where corrections are blended out:",
+        err=True,
+    )
+    for row in blended[:_NAMED]:
+        turn = "" if found.model_turn is None else f" and {found.model_turn[row] * 1e3:.3f} mrad"
+        click.echo(
+            f"  point {row + 1}: {100 * share[row]:.0f} % of its correction, "
+            f"{found.model_error[row] * 1e3:.3f} mm{turn} left by the model",
+            err=True,
+        )
+    if blended.size > _NAMED:
+        click.echo(f"  and {blended.size - _NAMED} more: error_mm in {out}", err=True)
 
 
 def _write(path: Path, joints: Joints, found: Compensated) -> None:
