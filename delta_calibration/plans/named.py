@@ -90,7 +90,7 @@ def _places(
 
 def _iso9283_paths(robot: Robot, cycles: int, payload: float) -> tuple[MotionPath, ...]:
     """The standard's line and large circle, each so many times."""
-    cube = points.CUBE if robot.workspace is None else workspace.cube(robot.workspace)
+    cube = workspace.cube_of(robot)
     ways = {"line": cube.line(stations=_FINE), "circle": cube.circle(stations=_FINE)}
     joints = {
         name: points.nominal_joints(robot, way, payload=payload) for name, way in ways.items()

@@ -11,7 +11,7 @@ from scipy.stats import qmc
 from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import Cube
 from delta_calibration.plans.motion import MotionPath
-from delta_calibration.plans.points import nominal_joints, require_limits, usable
+from delta_calibration.plans.points import CUBE, nominal_joints, require_limits, usable
 from delta_calibration.robot import Robot, Workspace
 
 Array = NDArray[np.float64]
@@ -70,6 +70,15 @@ def drawn(box: Workspace, count: int, rng: np.random.Generator) -> Iterator[tupl
     for _ in range(_DRAWS):
         share = np.mod(draws.random(count) + shift, 1.0) - 0.5
         yield box.centre + share[:, :3] * box.size, 2 * share[:, 3:] * box.turn
+
+
+def cube_of(robot: Robot) -> Cube:
+    """The cube of ISO 9283 of a robot's cycles: in its workspace, or that of the Delta paper's.
+
+    Raises:
+        InputError: a workspace without volume.
+    """
+    return CUBE if robot.workspace is None else cube(robot.workspace)
 
 
 def cube(box: Workspace) -> Cube:
