@@ -87,6 +87,12 @@ def test_without_a_workspace_poses_are_put_together_as_at_home(name: str) -> Non
         assert np.abs(y - x).max() < 0.01  # of the steps
 
 
+def test_joints_that_cannot_move_alone_need_a_workspace() -> None:
+    robot = replace(load_robot("cdpr8"), workspace=None)
+    with pytest.raises(InputError, match=r"cdpr8.yaml: poses to choose from are drawn in its `wor"):
+        candidates(robot, 10, None, np.random.default_rng(1))
+
+
 def test_a_turn_of_another_assembly_mode_is_out_of_reach(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

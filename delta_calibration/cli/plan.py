@@ -92,7 +92,12 @@ def command(
 
     The CSV has a line a stop: the tool point (x_mm, y_mm, z_mm), the side that the joints come
     from (direction: 1 or -1) and the load (payload_kg); lines with a path and its duration_s are
-    driven through without a stop.
+    driven through without a stop, with the load of the last stop. A column `note` is for people;
+    others are refused.
+
+    --identify and --separate choose among poses in the robot file's `workspace`, turned by no more
+    than it allows; where the file states none, among all that the joints can take, the machine put
+    together as at home. Cables stay taut with the loads of the plan.
     """
     if [name is not None, identify, separate is not None].count(True) != 1:
         raise InputError("give one of --name, --identify and --separate")

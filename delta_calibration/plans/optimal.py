@@ -182,8 +182,15 @@ def candidates(
         follow: is handed the steps and hands them on; for a progress bar.
 
     Raises:
-        InputError: too small a radius, or too heavy a payload.
+        InputError: too small a radius, too heavy a payload, or no workspace where no joint moves
+            alone.
     """
+    model = robot.commanded
+    if robot.workspace is None and model.joints > model.task_size:
+        raise InputError(
+            f"{robot.source}: poses to choose from are drawn in its `workspace`, and there is "
+            f"none: no joint of a {model.name} moves alone"
+        )
     spread = _in_joints if robot.workspace is None else _in_workspace
     found: list[Array] = []
     for _, (points, turns) in zip(follow(range(_DRAWS)), spread(robot, count, rng), strict=False):
