@@ -13,6 +13,7 @@ from delta_calibration.errors import DataError
 from delta_calibration.geometry import align
 from delta_calibration.iso9283 import (
     Conditions,
+    Cube,
     distance_accuracy,
     distance_repeatability,
     path_accuracy,
@@ -20,7 +21,7 @@ from delta_calibration.iso9283 import (
     position_accuracy,
     position_repeatability,
 )
-from delta_calibration.plans import CUBE, tool_points
+from delta_calibration.plans import cube_of, tool_points
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, Readings
 
@@ -55,6 +56,8 @@ class IsoReport:
 class _Attained:
     """Measured tool points in the base, beside the nominal ones."""
 
+    robot: str  # its name
+    cube: Cube  # whose poses and paths were meant
     meant: Array  # (n, 3) [m]
     reached: Array  # (n, 3) [m]
 
@@ -72,57 +75,69 @@ def evaluate(
     themselves, which flatters AP; AD and RD do not depend on it.
 
     Raises:
-        DataError: a pose of the cube was not reached, or not as often as the conditions ask.
-        InputError: what the criteria themselves refuse.
+        DataError: a pose of the cube was not reached, or not as often as the conditions ask; or
+            commands out of the robot's reach.
+        InputError: a workspace that holds no cube, or what the criteria themselves refuse.
     """
-    meant = partial(tool_points, robot)
+    meant, named = partial(tool_points, robot), (robot.name, cube_of(robot))
     stops = meant(poses.command)
+    _require_this_robot(stops, poses, robot)
     if calibration is None:
         frame = align(stops, poses.point).inverse()
-        attained = _Attained(stops, frame.apply(poses.point))
-        moving = _Attained(meant(readings.command), frame.apply(readings.point))
+        attained = _Attained(*named, stops, frame.apply(poses.point))
+        moving = _Attained(*named, meant(readings.command), frame.apply(readings.point))
         said = "best rigid frame over the same stops (flatters AP; AD and RD are free of it)"
     else:
-        attained = _Attained(stops, calibration.tool_points(poses.point, poses.joint))
-        moving = _Attained(
-            meant(readings.command), calibration.tool_points(readings.point, readings.joint)
-        )
+        attained = _Attained(*named, stops, calibration.tool_points(poses.point, poses.joint))
+        seen = calibration.tool_points(readings.point, readings.joint)
+        moving = _Attained(*named, meant(readings.command), seen)
         said = f"calibration of session {calibration.source!r}"
     cycles = _cycles(attained, conditions)
-    values = [*_positions(cycles, conditions), *_distances(cycles, conditions)]
+    p = attained.cube.poses()
+    values = [*_positions(cycles, p, conditions), *_distances(cycles, p, conditions)]
     paths, left_out = _paths(moving, readings.time, conditions)
     return IsoReport(conditions, said, tuple(values + paths), tuple(left_out))
+
+
+def _require_this_robot(stops: Array, poses: Poses, robot: Robot) -> None:
+    """Refuse commands at which the drawing has no pose."""
+    bad = np.flatnonzero(~np.isfinite(stops).all(axis=1))
+    if bad.size:
+        joint = ", ".join(f"{v:.6g}" for v in poses.command[bad[0]])
+        raise DataError(
+            f"{poses.source}: pose {bad[0] + 1} ({joint} {robot.joints.unit}) is out of reach of "
+            f"robot {robot.name!r}: a session of another robot, or joints of another zero?"
+        )
 
 
 def _cycles(attained: _Attained, conditions: Conditions) -> list[Array]:
     """Attained positions of P1 to P5 in the order of time, five of (n, 3)."""
     found = []
     needed = max(conditions.position_cycles, conditions.distance_cycles)
-    for number, pose in enumerate(CUBE.poses(), start=1):
+    for number, pose in enumerate(attained.cube.poses(), start=1):
         rows = np.flatnonzero(np.linalg.norm(attained.meant - pose, axis=1) < _SAME)
         if len(rows) < needed:
             place = ", ".join(f"{v * 1e3:.0f}" for v in pose)
             raise DataError(
-                f"P{number} of the cube ({place} mm) was reached {len(rows)} times; "
-                f"{conditions.name} asks for {needed}"
+                f"P{number} of the cube of robot {attained.robot} ({place} mm) was reached "
+                f"{len(rows)} times; {conditions.name} asks for {needed}"
             )
         found.append(attained.reached[rows])
     return found
 
 
-def _positions(cycles: list[Array], conditions: Conditions) -> list[IsoValue]:
+def _positions(cycles: list[Array], poses: Array, conditions: Conditions) -> list[IsoValue]:
     n = conditions.position_cycles
     values = []
-    for number, (reached, pose) in enumerate(zip(cycles, CUBE.poses(), strict=True), start=1):
+    for number, (reached, pose) in enumerate(zip(cycles, poses, strict=True), start=1):
         ap = position_accuracy(reached[:n], pose, conditions)
         rp = position_repeatability(reached[:n], conditions)
         values += [IsoValue(c.symbol, f"P{number}", float(c.value), n) for c in (ap, rp)]
     return values
 
 
-def _distances(cycles: list[Array], conditions: Conditions) -> list[IsoValue]:
+def _distances(cycles: list[Array], poses: Array, conditions: Conditions) -> list[IsoValue]:
     n = conditions.distance_cycles
-    poses = CUBE.poses()
     first, second = cycles[1][:n], cycles[3][:n]
     ad = distance_accuracy(first, second, poses[[1, 3]], conditions)
     rd = distance_repeatability(first, second, conditions)
@@ -134,7 +149,7 @@ def _paths(
 ) -> tuple[list[IsoValue], list[str]]:
     """AT and RT of each path that was run often enough; of the others, why they are not there."""
     values, left_out, n = [], [], conditions.path_cycles
-    for name, way_of in (("line", CUBE.line), ("circle", CUBE.circle)):
+    for name, way_of in (("line", moving.cube.line), ("circle", moving.cube.circle)):
         runs = [moving.reached[run] for run in _runs(moving.meant, time, way_of())]
         if len(runs) < n:
             left_out.append(

@@ -11,6 +11,8 @@ import numpy as np
 
 from delta_calibration.errors import InputError
 
+_HUGE = 1e30  # in no unit is anything of a cell so large; what is would overflow when squared
+
 
 @dataclass(frozen=True)
 class Row:
@@ -20,11 +22,11 @@ class Row:
     line: int
     text: Mapping[str, str | None]  # by the names of the columns; None where the line is short
 
-    def number(self, column: str) -> float:
-        """The finite number in a column.
+    def number(self, column: str, least: float = -_HUGE, most: float = _HUGE) -> float:
+        """The finite number in a column, between bounds.
 
         Raises:
-            InputError: another text.
+            InputError: another text, or a number that is not allowed.
         """
         text = self.text[column] or ""
         try:
@@ -33,6 +35,8 @@ class Row:
             value = np.nan
         if not np.isfinite(value):
             raise self.wrong(column, "is not a finite number")
+        if not least <= value <= most:
+            raise self.wrong(column, f"is not allowed; allowed: {least:g} to {most:g}")
         return value
 
     def wrong(self, column: str, problem: str) -> InputError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -13,7 +14,7 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification import chain_of
-from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
+from delta_calibration.iso9283 import DELTA_PAPER, STANDARD, Conditions
 from delta_calibration.plans import CUBE, legs, make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
@@ -135,7 +136,8 @@ def test_a_frame_from_the_same_stops_flatters_ap_but_not_the_distances(thirty):
 
 
 def test_too_few_cycles_are_refused_by_pose_and_number():
-    with pytest.raises(DataError, match=r"P1 of the cube \(0, 0, -800 mm\) was reached 6 times"):
+    said = r"P1 of the cube of robot srbd \(0, 0, -800 mm\) was reached 6 times"
+    with pytest.raises(DataError, match=said):
         report(cycles(6), STANDARD, None)
 
 
@@ -243,3 +245,36 @@ def test_at_of_a_simulated_session_is_the_machines_own_deviation(simulated):
         square = off - np.sum(off * unit, axis=1, keepdims=True) * unit
         largest = np.linalg.norm(square, axis=1).max()
         assert value["AT", name] == pytest.approx(largest, abs=8 * UM)
+
+
+FEW = Conditions("a few cycles", position_cycles=3, distance_cycles=3, path_cycles=2)
+
+
+@pytest.mark.parametrize("name", ["linear_delta", "cdpr8", "ur10"])
+def test_every_robot_is_judged_by_the_cube_that_its_plan_drives(name):
+    """By the machine's true places; cycles of all robots were looked for in the Delta's cube."""
+    robot = load_robot(name)
+    machine, plan = draw_machine(robot, 5), make_plan("iso9283", robot, count=6, dwell=0.4)
+    session = simulate_session(machine, plan, 5)
+    names = robot.joints.names
+    report = evaluate(collect(session, names), match(session, names), robot, FEW, None)
+    found = {(value.symbol, value.where): value.value for value in report.values}
+    assert report.left_out == ()
+    # where the machine truly stands in P1 to P5, told by the plan's own order: P5 down to P1
+    chain, theta = machine.chain, machine.theta
+    at = at_rest(plan.joint[:5])
+    there = chain.reading(at, chain.pose(at, theta), theta)
+    true = np.linalg.norm(there[3] - there[1]) - np.linalg.norm(plan.target[3] - plan.target[1])
+    assert found["AD", "P2-P4"] == pytest.approx(true, abs=found["RD", "P2-P4"])
+    assert 0.0 < found["RD", "P2-P4"] < 2e-4
+
+
+def test_cycles_of_another_robot_are_refused():
+    robot, other = load_robot("linear_delta"), load_robot("ur10")
+    cycle = make_plan("iso9283", other, count=3, dwell=0.4)
+    session = simulate_session(draw_machine(other, 5), replace(cycle, paths=()), 5)
+    renamed = replace(robot, joints=replace(robot.joints, names=other.joints.names[:3]))
+    poses, readings = (f(session, renamed.joints.names) for f in (collect, match))
+    said = r"pose 1 \(.* m\) is out of reach of robot 'linear_delta': a session of another robot"
+    with pytest.raises(DataError, match=said):
+        evaluate(poses, readings, renamed, FEW, None)

@@ -54,6 +54,34 @@ def file(fitted: Desk, tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.parametrize(
+    ("name", "usual", "unit"),
+    [("srbd", 5.0, "rad"), ("five_axis", 1.5, "m"), ("linear_delta", 1.5, "m"),
+     ("cdpr8", 300.0, "rad"), ("ur10", 5.0, "rad")],
+)  # fmt: skip
+def test_the_rate_of_corrections_is_of_the_joints_own_unit(
+    name: str, usual: float, unit: str
+) -> None:
+    """5 m/s of a slider would hold back nothing, 5 rad/s of a drum what is sound."""
+    desk = Desk(Settings(name))
+    assert desk.path.ramp.rate == pytest.approx(usual)
+    desk.set_options("pass_through", 1.0, 0.25, 0.0)
+    assert desk.path.ramp.rate == 0.25
+    desk.set_options("pass_through", 1.0, 0.0, 0.0)
+    assert desk.path.ramp.rate == pytest.approx(usual)
+    with pytest.raises(InputError, match=rf"max_correction_rate is -1.0 {unit}/s; it has"):
+        desk.set_options("pass_through", 1.0, -1.0, 0.0)
+    assert f"correction [{unit}]" in desk.health(0.0, TIMEOUT_S).values
+    # a correction that moves the platform as far takes as long, whatever moves it
+    model = desk.robot.commanded
+    slope = model.velocity_jacobian(
+        model.home[None], model.forward(model.home[None], model.parameters.nominal),
+        model.parameters.nominal,
+    )[0, :3]  # fmt: skip
+    fastest = np.linalg.norm(slope, axis=0).max() * usual  # [m/s]
+    assert 0.5 < fastest < 10.0
+
+
 def test_a_fit_says_its_result_and_is_loaded_but_not_enabled(session: Session) -> None:
     desk = Desk(Settings("srbd", model=FAST))
     with pytest.raises(DataError, match="no calibration"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from delta_calibration.calibration_file import save_calibration
+from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan, nominal_joints
@@ -95,7 +95,62 @@ def test_payload_and_temperature_are_asked_for_and_taken_part(cell, capsys):
 def test_a_temperature_that_is_none_is_refused(cell, capsys, text):
     assert run(arguments(cell, "all", "--temperature", text)) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert f"--temperature {text}: PART=DEGREES is expected, such as arm=27.5" in said
+    assert "'--temperature': " in said
+    formed = text in ("arm=warm", "arm=nan")
+    assert ("PART=DEGREES is expected, such as arm=27.5" in said) != formed
+
+
+def test_a_temperature_of_a_part_that_there_is_not_is_refused(cell, capsys):
+    """It was left out in silence, and a growth taken for none."""
+    warm = ["--payload", "0", "--temperature", "arm=30"]
+    assert run(arguments(cell, "all", *warm, "--temperature", "wing=30")) == 2
+    said = capsys.readouterr().err
+    assert "robot srbd has no part 'wing' that grows; there are: arm, base, forearm" in said
+    assert run(arguments(cell, "all", *warm, "--temperature", "arm=31")) == 2
+    assert "--temperature arm=31: arm is given before as 30" in capsys.readouterr().err
+
+
+def test_a_temperature_that_nothing_goes_by_is_said(cell, capsys):
+    assert run(arguments(cell, "all", "--payload", "0", "--temperature", "arm=30")) == 0
+    assert "changes nothing" not in capsys.readouterr().err
+    assert run(arguments(cell, "plain", "--temperature", "base=30")) == 0
+    said = "no growth of base in the calibration: --temperature base=30 changes nothing"
+    assert said in capsys.readouterr().err
+
+
+def test_columns_of_a_plan_are_said_to_be_left_out(cell, capsys):
+    (cell / "plan.csv").write_text("x_mm,y_mm,z_mm,direction,payload_kg\n0,0,-711,1,2\n")
+    order = [str(cell / "plan.csv") if "targets" in a else a for a in arguments(cell, "plain")]
+    assert run(order) == 0
+    said = capsys.readouterr().err
+    assert "plan.csv: not used: direction, payload_kg (of a plan)" in said
+
+
+def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
+    """Half way through the margin half a correction is left out, and was left out unsaid."""
+    made, margin = load_calibration(cell / "plain.yaml", ROBOT), ROBOT.limits.region_margin
+    way = np.linspace(0.0, 0.8, 20001)[:, None] * [1.0, 0.0, 0.0] + [0.0, 0.0, -0.75]
+    beyond = made.region.outside(way)
+    inside, half, late = (way[np.argmin(np.abs(beyond - k * margin))] for k in (-1.0, 0.5, 0.9))
+    rows = "".join(f"{x},{y},{z}\n" for x, y, z in 1e3 * np.array([inside, half, *[late] * 11]))
+    (cell / "margin.csv").write_text("x_mm,y_mm,z_mm\n" + rows)
+    order = [str(cell / "margin.csv") if "targets" in a else a for a in arguments(cell, "plain")]
+    assert run(order) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert "margin.csv: 12 of 13 points lie in the margin beyond the calibrated region" in said[0]
+    with (cell / "plain.csv").open() as file:
+        left = [float(row["error_mm"]) for row in csv.DictReader(file)]
+    assert said[1] == f"  point 2: 50 % of its correction, {left[1]:.3f} mm left by the model"
+    assert said[2] == f"  point 3: 10 % of its correction, {left[2]:.3f} mm left by the model"
+    assert said[-1] == f"  and 2 more: error_mm in {cell / 'plain.csv'}"
+    # what is left is what the error is without a correction, in proportion
+    joint = nominal_joints(ROBOT, np.array([half, late]))
+    there = made.chain.point(made.chain.mechanism.forward(joint, made.geometry), ROBOT.tool_offset)
+    whole = 1e3 * np.linalg.norm(there - [half, late], axis=1)
+    np.testing.assert_allclose(left[1:3], whole * [0.5, 0.9], rtol=0.02)
+    assert left[1] > 0.05
+    commands(cell, "plain")  # inside all of it nothing is said
+    assert "margin" not in capsys.readouterr().err
 
 
 def test_a_payload_below_nothing_is_refused(cell, capsys):

@@ -84,7 +84,7 @@ PATH = f"{HEAD},direction,payload_kg,path,duration_s\n0,0,-711,1,0,,\n"
     [
         (f"{HEAD},direction\n0,0,-711,0\n", "line 2: direction: '0' is not allowed; allowed: 1, "),
         (f"{HEAD},direction\n0,0,-711,\n", "line 2: direction: '' is not a finite number"),
-        (f"{HEAD},payload_kg\n0,0,-711,-2\n", "line 2: payload_kg: '-2' is negative"),
+        (f"{HEAD},payload_kg\n0,0,-711,-2\n", "line 2: payload_kg: '-2' is not allowed"),
         (f"{HEAD},path\n0,0,-711,way\n", "line 2: path: 'way' is not preceded by a stop"),
         (PATH + "1,0,-711,,,way,2\n2,0,-711,1,0,,\n", "line 4: path: '' is empty after a path"),
         (PATH + "1,0,-711,,,way,2\n", "line 3: path: 'way' has one point only"),
@@ -202,7 +202,7 @@ def test_the_verb_says_what_the_poses_are_worth(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "14 poses of 2000, each from both sides: log det of the information" in said
     assert "rank 33 of 69 parameters, O1 " in said
-    assert "no limits of the ball joints" in said
+    assert "poses keep to the joints' limits, the assembly mode of home and a condition of" in said
     assert "written: " in said
 
 

@@ -73,10 +73,11 @@ class CommandPath:
     Args:
         on_failure: `pass_through` or `hold`.
         ramp_s: time over which a correction comes and goes [s].
-        rate: fastest change of a joint's correction [rad/s]. A play is corrected by a step where
-            the motion turns round; the drives shall not be asked for it at once.
+        rate: fastest change of a joint's correction [rad/s or m/s]. A play is corrected by a step
+            where the motion turns round; the drives shall not be asked for it at once.
         timeout_s: age [s] beyond which a command is not sent any more; 0 for none.
-        speed: fastest motion of a joint on its way back from a hold [rad/s].
+        speed: fastest motion of a joint on its way back from a hold [rad/s or m/s].
+        unit: of the joints, for what is told.
     """
 
     def __init__(
@@ -86,8 +87,9 @@ class CommandPath:
         rate: float = np.inf,
         timeout_s: float = 0.0,
         speed: float = np.inf,
+        unit: str = "rad",
     ) -> None:
-        self.ramp = Ramp(ramp_s, rate)
+        self.ramp, self._unit = Ramp(ramp_s, rate), unit
         self.set_options(on_failure, ramp_s, rate, timeout_s)
         self._speed = speed
         self.counts: Counter[str] = Counter()
@@ -123,7 +125,7 @@ class CommandPath:
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} is {value}; it has to be finite and not negative")
         if not rate > 0.0:
-            raise InputError(f"max_correction_rate is {rate} rad/s; it has to be above 0")
+            raise InputError(f"max_correction_rate is {rate} {self._unit}/s; it has to be above 0")
         self.on_failure, self.timeout_s = on_failure, timeout_s
         self.ramp.seconds, self.ramp.rate = ramp_s, rate
 

@@ -29,6 +29,7 @@ from delta_calibration.samples import Session
 Array = NDArray[np.float64]
 
 SOURCE = "captured"
+RATE = 5.0  # [rad/s] usual fastest change of a correction of a Delta's joint
 NAMED = 3  # troubles told at once
 
 
@@ -42,7 +43,8 @@ class Settings:
     table: str = ""  # file of a table of corrections, for method table; empty: it is made
     on_failure: str = PASS_THROUGH
     ramp_s: float = 1.0  # [s]
-    rate: float = 5.0  # [rad/s] fastest change of a correction
+    # fastest change of a joint's correction, in its own unit [rad/s or m/s]; 0 for the usual one
+    rate: float = 0.0
     command_timeout_s: float = 0.0  # [s]; 0 for none
     temperature_timeout_s: float = TEMPERATURE_TIMEOUT_S
     payload_timeout_s: float = 0.0  # [s]; 0 for none
@@ -71,9 +73,10 @@ class Desk:
         self.path = CommandPath(
             settings.on_failure,
             settings.ramp_s,
-            settings.rate,
+            self._rate(settings.rate),
             settings.command_timeout_s,
             self.robot.joints.speed,
+            self.robot.joints.unit,
         )
         self.trajectories = TrajectoryPath(self.path)
         self.around = Surroundings(
@@ -88,6 +91,14 @@ class Desk:
         self._capture_since_s = 0.0
         if settings.calibration:
             self.reload(settings.calibration, settings.table)
+
+    def set_options(self, on_failure: str, ramp_s: float, rate: float, timeout_s: float) -> None:
+        """Change options of the command path; see `CommandPath.set_options` and `Settings`."""
+        self.path.set_options(on_failure, ramp_s, self._rate(rate), timeout_s)
+
+    def _rate(self, asked: float) -> float:
+        """Fastest change of a correction [rad/s or m/s]; by default as of a Delta's platform."""
+        return RATE * self.robot.commanded.joint_size if asked == 0.0 else asked
 
     def send(
         self, q: Array, stamp_ns: int, now_s: float, already: bool, age_s: float = 0.0
@@ -290,7 +301,7 @@ class Desk:
             if calibration is None
             else ", ".join(effect.cause for effect, _ in calibration.live),
             "effects left out": self.left_out,
-            "correction [rad]": f"{self.path.applied:.3e}",
+            f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
             "command took longer than its period": self.watch.late,
             **{f"captured {stream}": n for stream, n in self.capture.counts.items()},

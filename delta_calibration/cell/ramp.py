@@ -25,7 +25,7 @@ class Ramp:
     Attributes:
         applied: the last one, (m,) [rad]; 0 before the first.
         seconds: length of ramps from the next one on [s].
-        rate: fastest change of a joint's correction [rad/s].
+        rate: fastest change of a joint's correction [rad/s or m/s].
         limited: how often the rate held a correction back.
     """
 

@@ -11,6 +11,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.options import (
     progress,
@@ -18,6 +19,7 @@ from delta_calibration.cli.options import (
     robot_option,
     seed_option,
 )
+from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.cli.tables import TableOptions, table_options
 from delta_calibration.compensation import (
     METHODS,
@@ -28,13 +30,16 @@ from delta_calibration.compensation import (
     methods_for,
     require_method,
 )
+from delta_calibration.effects.catalogue import catalogue
+from delta_calibration.effects.thermal_growth import ThermalGrowth
 from delta_calibration.errors import DataError, InputError, ReachError
-from delta_calibration.plans import read_targets, require_borne
+from delta_calibration.plans import read_targets
 from delta_calibration.robot import Joints, Robot, load_robot
 from delta_calibration.samples import Conditions, at_rest, motion_of
 
 Array = NDArray[np.float64]
 
+_NAMED = 10  # points told one by one
 _BATCH = 64  # commands searched side by side
 
 
@@ -52,11 +57,12 @@ _BATCH = 64  # commands searched side by side
 @click.argument("targets", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
 @click.option(
-    "--payload", type=click.FloatRange(min=0.0), default=None, metavar="KG",
+    "--payload", type=MASS, default=None, metavar="KG",
     help="What the platform will carry at its centre; for a calibration with loads in it.",
 )  # fmt: skip
 @click.option(
     "--temperature", "temperatures", multiple=True, metavar="PART=DEGREES",
+    type=OfPart(CELSIUS, "arm=27.5"),
     help="How warm a part will be; for a calibration with growth in it. As often as needed.",
 )  # fmt: skip
 @table_options
@@ -68,7 +74,7 @@ def command(
     targets: Path,
     out: Path,
     payload: float | None,
-    temperatures: tuple[str, ...],
+    temperatures: tuple[tuple[str, float], ...],
     table_file: Path | None,
     table_by: str | None,
     table_bound_um: float | None,
@@ -95,7 +101,9 @@ def command(
 
     Writes a column a joint, by its name: joints that turn in rad, joints that slide in mm, and _mm
     behind the name. Then error_mm and, where the joints turn the platform, error_mrad: how far the
-    tool stays from the target *by the identified model*; not what a tracker would measure.
+    tool stays from the target *by the identified model*; not what a tracker would measure. In the
+    margin beyond the calibrated region (the robot file's limits.region_margin_mm) corrections are
+    blended out: which points got how much of theirs, and what is left, is said on stderr.
     """
     require_folder(out)
     robot = load_robot(robot_file)
@@ -104,12 +112,13 @@ def command(
     options = TableOptions(table_file, table_by, table_bound_um)
     options.require_method(method)
     calibration = load_calibration(calibration_file, robot)
+    warm = _by_part(temperatures, calibration)
     nominal = _nominal(robot, targets, payload)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
         compensator = JointCompensator(calibration, method, seed, compiled=len(nominal) > _BATCH)
-    at = _conditions(nominal, payload, _by_part(temperatures))
+    at = _conditions(nominal, payload, warm)
     parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
     found = Compensated.joined(
         [
@@ -120,6 +129,7 @@ def command(
     _refuse_unknown(found, calibration_file)
     _refuse_uncorrected(found, targets)
     _write(out, robot.joints, found)
+    _tell_of_blended(found, targets, out)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
     unit, factor = robot.joints.shown
@@ -135,26 +145,48 @@ def command(
 def _nominal(robot: Robot, file: Path, payload: float | None) -> Array:
     """Joints that the drawing takes for the targets, (n, m) [rad or m]."""
     try:
-        joint = read_targets(file, robot).joint
-        require_borne(robot, joint, "point", np.full(len(joint), payload or 0.0))
+        targets = read_targets(file, robot, payload or 0.0)
     except ReachError as error:
         raise ReachError(f"{file}: {error}") from error
-    return joint
+    if targets.unused:
+        click.echo(f"{file}: not used: {', '.join(targets.unused)} (of a plan)", err=True)
+    return targets.joint
 
 
-def _by_part(given: Sequence[str]) -> dict[str, float]:
-    """Temperatures [deg C] by part."""
-    by_part = {}
-    for text in given:
-        part, _, number = text.partition("=")
-        try:
-            celsius = float(number)
-        except ValueError:
-            celsius = np.nan
-        if not part or not np.isfinite(celsius):
-            raise InputError(f"--temperature {text}: PART=DEGREES is expected, such as arm=27.5")
+def _by_part(
+    given: Sequence[tuple[str, float]], calibration: Calibration
+) -> dict[str, float]:
+    """Temperatures [deg C] by part, of parts that the robot has or the calibration goes by.
+
+    Raises:
+        InputError: another part, or one twice.
+    """
+    asked, known = _sensors(calibration)
+    by_part: dict[str, float] = {}
+    for part, celsius in given:
+        if part not in known:
+            parts = ", ".join(known) or "none"
+            raise InputError(
+                f"--temperature {part}={celsius:g}: robot {calibration.robot.name} has no part "
+                f"{part!r} that grows; there are: {parts}"
+            )
+        if part in by_part:
+            raise InputError(
+                f"--temperature {part}={celsius:g}: {part} is given before as {by_part[part]:g}"
+            )
+        if part not in asked:
+            click.echo(f"no growth of {part} in the calibration: --temperature {part}="
+                       f"{celsius:g} changes nothing", err=True)  # fmt: skip
         by_part[part] = celsius
     return by_part
+
+
+def _sensors(calibration: Calibration) -> tuple[set[str], list[str]]:
+    """Parts whose temperature the calibration goes by, and with them all that can grow."""
+    asked = {str(effect.settings.get("sensor", "")) for effect, _ in calibration.live} - {""}
+    effects = catalogue(calibration.robot, calibration.chain.mechanism)
+    growing = {effect.part for effect in effects if isinstance(effect, ThermalGrowth)}
+    return asked, sorted(asked | growing)
 
 
 def _conditions(joint: Array, payload: float | None, warm: dict[str, float]) -> Conditions:
@@ -185,6 +217,28 @@ def _refuse_uncorrected(found: Compensated, targets: Path) -> None:
             f"{targets}: point {bad[0] + 1} cannot be corrected: {reason}{more}; "
             "nothing was written"
         )
+
+
+def _tell_of_blended(found: Compensated, targets: Path, out: Path) -> None:
+    """Which points got a part of their correction only, and how far off they stay."""
+    share = np.ones(len(found.joint)) if found.share is None else found.share
+    blended = np.flatnonzero(share < 1.0)
+    if not blended.size:
+        return
+    click.echo(
+        f"{targets}: {blended.size} of {len(share)} points lie in the margin beyond the "
+        "calibrated region, where corrections are blended out:",
+        err=True,
+    )
+    for row in blended[:_NAMED]:
+        turn = "" if found.model_turn is None else f" and {found.model_turn[row] * 1e3:.3f} mrad"
+        click.echo(
+            f"  point {row + 1}: {100 * share[row]:.0f} % of its correction, "
+            f"{found.model_error[row] * 1e3:.3f} mm{turn} left by the model",
+            err=True,
+        )
+    if blended.size > _NAMED:
+        click.echo(f"  and {blended.size - _NAMED} more: error_mm in {out}", err=True)
 
 
 def _write(path: Path, joints: Joints, found: Compensated) -> None:

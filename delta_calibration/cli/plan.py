@@ -20,6 +20,7 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
 )
+from delta_calibration.cli.quantity import Quantity
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.contrast import ALIKE
 from delta_calibration.diagnosis.evidence import Evidence
@@ -63,11 +64,11 @@ _POSES, _STOPS = 40, 20  # of --identify and of --separate, where --count is not
     "--separate (20).",
 )  # fmt: skip
 @click.option(
-    "--payload-kg", type=click.FloatRange(min=0, min_open=True), default=2.0, show_default=True,
+    "--payload-kg", type=Quantity(0, 100_000, above=True), default=2.0, show_default=True,
     help="That can be put on the platform, for rich and --separate.",
 )  # fmt: skip
 @click.option(
-    "--radius-mm", type=click.FloatRange(min=0, min_open=True), default=None,
+    "--radius-mm", type=Quantity(0, 1_000_000, above=True), default=None,
     help="Keep the tool within this distance of the axis.",
 )  # fmt: skip
 @seed_option
@@ -91,7 +92,12 @@ def command(
 
     The CSV has a line a stop: the tool point (x_mm, y_mm, z_mm), the side that the joints come
     from (direction: 1 or -1) and the load (payload_kg); lines with a path and its duration_s are
-    driven through without a stop.
+    driven through without a stop, with the load of the last stop. A column `note` is for people;
+    others are refused.
+
+    --identify and --separate choose among poses in the robot file's `workspace`, turned by no more
+    than it allows; where the file states none, among all that the joints can take, the machine put
+    together as at home. Cables stay taut with the loads of the plan.
     """
     if [name is not None, identify, separate is not None].count(True) != 1:
         raise InputError("give one of --name, --identify and --separate")
@@ -138,10 +144,17 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
             f"the information {best.log_det:.1f}, of as many random ones "
             f"{best.random_log_det:.1f}; those would have to be {best.worth:.1f} times as many",
             f"rank {seen.rank} of {seen.columns} parameters, O1 {seen.indices['O1']:.4g}",
-            "the robot's file states no limits of the ball joints: poses keep to a condition of "
-            f"{robot.limits.condition / 2:g}, half of its limits.condition",
+            f"{_kept_to(robot)} and a condition of {robot.limits.condition / 2:g}, half of the "
+            "file's limits.condition, as it states none of the ball joints",
         ]
     )
+
+
+def _kept_to(robot: Robot) -> str:
+    """Where the poses were chosen from."""
+    if robot.workspace is None:
+        return "poses keep to the joints' limits, the assembly mode of home"
+    return "poses keep to the file's workspace and the turns allowed there, the joints' limits"
 
 
 def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | None) -> str:

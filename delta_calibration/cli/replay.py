@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from delta_calibration.cli.options import SESSION
+from delta_calibration.cli.quantity import Quantity
 from delta_calibration.errors import InputError
 from delta_calibration.processes import child_environment
 from delta_calibration.recording import inspect_session
@@ -18,17 +19,14 @@ from delta_calibration.recording import inspect_session
 @click.command("replay", short_help="play a session onto its topics, with /clock")
 @SESSION
 @click.option(
-    "--rate", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
+    "--rate", type=Quantity(1e-3, 10_000), default=1.0, show_default=True,
     help="Times as fast as it was recorded.",
 )  # fmt: skip
 @click.option("--loop", is_flag=True, help="Begin again at the end.")
 @click.option(
-    "--start",
-    type=click.FloatRange(min=0),
-    default=0.0,
-    show_default=True,
+    "--start", type=Quantity(0, 1_000_000_000), default=0.0, show_default=True,
     help="Begin so many seconds in.",
-)
+)  # fmt: skip
 def command(session: Path, rate: float, loop: bool, start: float) -> None:
     """Play SESSION by the node `session_player`; needs ROS. Ctrl-C ends it.
 

@@ -9,6 +9,7 @@ import click
 
 from delta_calibration import __version__
 from delta_calibration.cli.options import duration, progress, robot_option, seed_option
+from delta_calibration.cli.quantity import Quantity
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import load_robot
@@ -72,11 +73,11 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
     "--count", type=click.IntRange(min=1), default=None, help="Of points; cycles for iso9283."
 )
 @click.option(
-    "--scatter", type=click.FloatRange(min=0), default=1.0, show_default=True,
+    "--scatter", type=Quantity(0, 1000), default=1.0, show_default=True,
     help="Size of the manufacturing errors; 1 is a real machine's.",
 )  # fmt: skip
 @click.option(
-    "--rate", type=click.FloatRange(min=1, max=1000), default=20.0, show_default=True, help="[1/s]"
+    "--rate", type=Quantity(1, 1000), default=20.0, show_default=True, help="[1/s]"
 )
 @seed_option
 @click.option(

@@ -11,6 +11,7 @@ import click
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.cli.options import progress, require_folder
+from delta_calibration.cli.quantity import Quantity
 from delta_calibration.compensation import (
     SOLVERS,
     TABLE,
@@ -101,8 +102,7 @@ def table_options(function: Function) -> Function:
             help="What finds the corrections of a table that is made.  [default: newton]",
         ),
         click.option(
-            "--table-bound-um", default=None, metavar="UM",
-            type=click.FloatRange(min=0.0, max=1.0, min_open=True),
+            "--table-bound-um", default=None, metavar="UM", type=Quantity(0, 1, above=True),
             help="Error that a table may have between its nodes.  [default: 1]",
         ),
     )  # fmt: skip

@@ -131,7 +131,7 @@ class CableRobot(Mechanism):
 
         t = t_p + (f_x^T)^+ (-dU/dx - f_x^T t_p), by virtual work; negative where a cable would
         have to push. Another distribution may be kept by a force control: this one is the
-        shortest way from the same pull in all.
+        shortest way from the same pull in all. NaN where there is no pose.
 
         Args:
             x: poses, (n, k).
@@ -139,9 +139,10 @@ class CableRobot(Mechanism):
             load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
         """
         structure = np.swapaxes(self._lengths_by_pose(x, g), 1, 2)
+        inverse = np.linalg.pinv(np.nan_to_num(structure))  # where it is NaN `missed` is, too
         wished = np.full((len(x), self.joints, 1), self.dimensions.pretension)
         missed = -load[..., None] - structure @ wished
-        return np.asarray((wished + np.linalg.pinv(structure) @ missed)[..., 0])
+        return np.asarray((wished + inverse @ missed)[..., 0])
 
     def require_taut(self, tension: Array, lowest: float = 0.0, what: str = "pose") -> None:
         """Refuse poses at which a cable hangs loose; `what` names a pose.

@@ -138,18 +138,21 @@ class SerialArm(Mechanism):
         """Joints in the posture of `guess`, or near home, (n, m) [rad]; NaN rows out of reach.
 
         Steps damped by the squared miss (Sugihara): they stay short far off and near a
-        singularity, and become Newton's at the end.
+        singularity, and become Newton's at the end. Rows that are there take no more of them.
         """
         q = self.start_joints(task, g) if guess is None else np.array(guess, dtype=float)
+        left = np.arange(len(q))
         for _ in range(_STEPS):
-            miss, slope = self._task_miss(q, task, g)
+            if not left.size:
+                break
+            own = g if g.ndim == 1 else g[left]
+            miss, slope = self._task_miss(q[left], task[left], own)
             across = np.swapaxes(slope, 1, 2)
             damping = np.sum(miss**2, axis=1)[:, None, None] * np.eye(self.task_size)
             tiny = np.finfo(float).eps * np.eye(self.task_size)
             step = across @ np.linalg.solve(slope @ across + damping + tiny, miss[..., None])
-            q = q + step[..., 0]
-            if np.max(np.nan_to_num(np.abs(miss)), initial=0.0) < _TOLERANCE:
-                break
+            q[left] += step[..., 0]
+            left = left[np.abs(miss).max(axis=1) >= _TOLERANCE]  # NaN is not: it never will be
         good = np.abs(self._task_miss(q, task, g)[0]).max(axis=1) < _TOLERANCE
         return np.where(good[:, None], q, np.nan)
 

@@ -28,6 +28,7 @@ from delta_calibration.plans.target_file import (
     commanded_columns,
     read_targets,
 )
+from delta_calibration.plans.workspace import cube_of
 
 __all__ = [
     "CUBE",
@@ -43,6 +44,7 @@ __all__ = [
     "Plan",
     "Targets",
     "commanded_columns",
+    "cube_of",
     "joints_toward",
     "legs",
     "make_plan",

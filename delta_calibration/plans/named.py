@@ -47,7 +47,8 @@ def make_plan(
 
     Raises:
         InputError: no such plan or file, a file of another form, or a count below 1.
-        ReachError: a point out of the robot's reach or joint limits.
+        ReachError: a point out of the robot's reach or joint limits, or at which what is on the
+            platform is not borne.
     """
     if count is not None and count < 1:
         raise InputError(f"count is {count}; it has to be at least 1")
@@ -66,14 +67,14 @@ def make_plan(
             )
         rng = np.random.default_rng(seed)
         targets, turns = _places(name_or_csv, robot, count, radius, rng)
-        joint = points.nominal_joints(robot, targets, turns)
+        joint = points.nominal_joints(robot, targets, turns, payload)
         if robot.workspace is not None:  # not all of a point is a choice of every mechanism
             targets = points.tool_points(robot, joint)
     except ReachError as error:
         raise ReachError(f"plan {name_or_csv}: {error}") from error
     direction = np.tile(sides, len(targets))
     targets, joint = (np.repeat(each, len(sides), axis=0) for each in (targets, joint))
-    paths = _iso9283_paths(robot, max(cycles // 3, 1)) if cycles else ()
+    paths = _iso9283_paths(robot, max(cycles // 3, 1), payload) if cycles else ()
     mass = np.full(len(targets), payload)
     return Plan(name_or_csv, targets, joint, direction, mass, dwell, paths)
 
@@ -87,11 +88,13 @@ def _places(
     return _POINTS[name](robot, count, radius, rng), None
 
 
-def _iso9283_paths(robot: Robot, cycles: int) -> tuple[MotionPath, ...]:
+def _iso9283_paths(robot: Robot, cycles: int, payload: float) -> tuple[MotionPath, ...]:
     """The standard's line and large circle, each so many times."""
-    cube = points.CUBE if robot.workspace is None else workspace.cube(robot.workspace)
+    cube = workspace.cube_of(robot)
     ways = {"line": cube.line(stations=_FINE), "circle": cube.circle(stations=_FINE)}
-    joints = {name: points.nominal_joints(robot, way) for name, way in ways.items()}
+    joints = {
+        name: points.nominal_joints(robot, way, payload=payload) for name, way in ways.items()
+    }
     lengths = {
         name: float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         for name, way in ways.items()
@@ -118,6 +121,7 @@ def _rich(
     stops = np.concatenate(blocks)
     mass = np.repeat([0.0, payload, 0.0, payload], [len(block) for block in blocks])
     row, joint = stops[:, 0], points.nominal_joints(robot, places, turns)
+    points.require_borne(robot, joint, "point", payload)
     if robot.workspace is not None:
         places = points.tool_points(robot, joint)
     return Plan(
@@ -127,14 +131,18 @@ def _rich(
         stops[:, 1].astype(float),
         mass,
         dwell,
-        motion_paths(robot),
+        motion_paths(robot, payload),
     )
 
 
-def motion_paths(robot: Robot) -> tuple[MotionPath, ...]:
-    """A slow sweep of each joint, and a circle at three speeds both ways round."""
+def motion_paths(robot: Robot, payload: float = 0.0) -> tuple[MotionPath, ...]:
+    """A slow sweep of each joint, and a circle at three speeds both ways round.
+
+    Raises:
+        ReachError: one of them leads out of reach, or where the payload [kg] is not borne.
+    """
     if robot.workspace is not None:
-        return workspace.paths(robot, robot.workspace)
+        return workspace.paths(robot, robot.workspace, payload)
     home = points.nominal_joints(robot, np.array([[0.0, 0.0, points.PLANE - 0.05]]))[0]
     sweep = np.concatenate([np.linspace(-0.25, 0.35, 200), np.linspace(0.35, -0.25, 200)])
     paths = [

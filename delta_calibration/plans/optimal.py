@@ -12,7 +12,7 @@ stop adds log det(1 + A_i M^-1 A_i'), a 3 x 3 determinant.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +32,10 @@ from delta_calibration.identification import (
     whitening,
 )
 from delta_calibration.identification.observability import observe
+from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans.motion import APPROACH, Plan
-from delta_calibration.plans.points import tool_points, usable
+from delta_calibration.plans.points import joints_toward, tool_frames, tool_points, usable
+from delta_calibration.plans.workspace import drawn
 from delta_calibration.robot import Robot
 from delta_calibration.samples import at_rest
 
@@ -45,6 +47,8 @@ _READINGS = 20  # averaged at a stop
 _ON_PATH = 4  # averaged on a path
 _WEAK = 1e-6  # precision of what has no prior: the frame, to a metre
 _CANDIDATES = 2000
+_ON_THE_WAY = 10  # steps from home to a pose
+_SAME = 1e-6  # [m, rad] by which poses may differ
 _DRAWS = 20  # of as many candidates as are needed
 _PASSES = 8  # of exchanges
 _GAIN = 1e-6  # of an exchange worth making
@@ -154,35 +158,88 @@ class _FiledNoise:
         return whitening(covariance)
 
 
-def candidates(robot: Robot, count: int, radius: float | None, rng: np.random.Generator) -> Array:
-    """Joint angles spread over all that the robot can take, (count, m) [rad].
+def candidates(
+    robot: Robot,
+    count: int,
+    radius: float | None,
+    rng: np.random.Generator,
+    payloads: Sequence[float] = (0.0,),
+    follow: Callable[[range], Iterable[int]] = iter,
+) -> Array:
+    """Joints spread over all poses that the robot is made for, (count, m) [rad or m].
 
-    Within the limits of the joints, with room for the way into a stop, and where the drawing is
-    well conditioned: that also bounds how far its ball joints are turned.
+    Those of the file's workspace and the turns allowed there; where it states none, all that the
+    joints can take and, put together as at home, come to. Within the limits of the joints, with
+    room for the way into a stop, and where the drawing is well conditioned: that also bounds how
+    far ball joints are turned. Cables are taut with each of the payloads.
 
     Args:
         robot: limits and drawing.
         count: of poses.
         radius: of the tool from the axis [m]; None for no limit.
         rng: decides which ones.
+        payloads: that will be on the platform [kg].
+        follow: is handed the steps and hands them on; for a progress bar.
 
     Raises:
-        InputError: too small a radius.
+        InputError: too small a radius, too heavy a payload, or no workspace where no joint moves
+            alone.
     """
-    lower = robot.joints.lower + 2 * APPROACH
-    upper = robot.joints.upper - 2 * APPROACH
-    draws = qmc.Halton(len(lower), scramble=False).random(_DRAWS * count)
-    joint = lower + (upper - lower) * np.mod(draws + rng.random(len(lower)), 1.0)
-    place = tool_points(robot, joint)
-    good = usable(robot, place)
-    if radius is not None:
-        good &= np.hypot(place[:, 0], place[:, 1]) <= radius
-    if good.sum() < count:
+    model = robot.commanded
+    if robot.workspace is None and model.joints > model.task_size:
         raise InputError(
-            f"only {int(good.sum())} of {count} poses to choose from lie within the limits; "
-            "choose a larger radius or fewer stops"
+            f"{robot.source}: poses to choose from are drawn in its `workspace`, and there is "
+            f"none: no joint of a {model.name} moves alone"
         )
-    return np.asarray(joint[good][:count])
+    spread = _in_joints if robot.workspace is None else _in_workspace
+    found: list[Array] = []
+    for _, (points, turns) in zip(follow(range(_DRAWS)), spread(robot, count, rng), strict=False):
+        good = usable(robot, points, turns, payloads)
+        if radius is not None:
+            good &= np.hypot(points[:, 0], points[:, 1]) <= radius
+        found.append(joints_toward(robot, points[good], turns[good]))
+        if sum(map(len, found)) >= count:
+            return np.concatenate(found)[:count]
+    heavy = f" with {max(payloads):g} kg" if any(payloads) else ""
+    raise InputError(
+        f"only {sum(map(len, found))} of {count} poses to choose from lie within the limits"
+        f"{heavy}; choose a larger radius, less payload or fewer stops"
+    )
+
+
+def _in_workspace(
+    robot: Robot, count: int, rng: np.random.Generator
+) -> Iterator[tuple[Array, Array]]:
+    """Tool points and turns all over the workspace, 2 (count, 3) [m, rad] at a time."""
+    if robot.workspace is not None:
+        yield from drawn(robot.workspace, count, rng)
+
+
+def _in_joints(
+    robot: Robot, count: int, rng: np.random.Generator
+) -> Iterator[tuple[Array, Array]]:
+    """The same of joints all over their ranges, in the assembly mode of home."""
+    room = 2 * APPROACH * robot.commanded.joint_size
+    lower, upper = robot.joints.lower + room, robot.joints.upper - room
+    draws, shift = qmc.Halton(len(lower), scramble=False), rng.random(len(lower))
+    for _ in range(_DRAWS):
+        share = np.mod(draws.random(count) + shift, 1.0)
+        joint = lower + (upper - lower) * share
+        yield tool_frames(robot, joint[_in_mode(robot.commanded, joint)])
+
+
+def _in_mode(model: Mechanism, joint: Array) -> NDArray[np.bool_]:
+    """Whether the way from home, straight in the joints (n, m), ends at their pose, (n,).
+
+    Followed by continuity: from a start of its own the direct problem may end in another assembly
+    mode, or a turn more.
+    """
+    nominal, home = model.parameters.nominal, model.home
+    x = np.tile(model.forward(home[None], nominal), (len(joint), 1))
+    for share in np.linspace(0.0, 1.0, _ON_THE_WAY + 1)[1:]:
+        x = model.forward(home + share * (joint - home), nominal, x)
+    gap = np.abs(x - model.forward(joint, nominal)).max(axis=1)
+    return np.asarray(gap < _SAME)  # NaN compares false
 
 
 @dataclass(frozen=True)
@@ -225,7 +282,7 @@ def optimal_plan(
     """
     rng = np.random.default_rng(seed)
     foresight = foresight_of(robot)
-    joint = candidates(robot, max(_CANDIDATES, 2 * count), radius, rng)
+    joint = candidates(robot, max(_CANDIDATES, 2 * count), radius, rng, follow=follow)
     samples = Samples(at_rest(joint), np.full(len(joint), AT_REST))
     rows = foresight.evidence(samples, foresight.pose(samples)).nuisance
     start = np.diag(foresight.precision)

@@ -95,11 +95,11 @@ def part(
         start = stands_in.times(0.0)
     else:
         start = stands_in = pair.products(measured)
-    joint = candidates(robot, max(_CANDIDATES, count), radius, rng)
+    joint = candidates(robot, max(_CANDIDATES, count), radius, rng, (0.0, payload), follow)
     joint = joint[np.isfinite(foresight.pose(bench.plain(joint))).all(axis=1)]
     levels = bench.levels(question.columns, joint[:_PROBES], payload)
     joint = joint[: max(_CANDIDATES // len(levels), _FEWEST, count)]
-    paths, added = _paths_worth(robot, question, bench, joint[:_PROBES], stands_in)
+    paths, added = _paths_worth(robot, question, bench, joint[:_PROBES], stands_in, payload)
     start = start + added
     joint, levels = np.repeat(joint, len(levels), axis=0), levels * len(joint)
     samples = bench.stops(joint, levels)
@@ -201,13 +201,18 @@ class _Question:
 
 
 def _paths_worth(
-    robot: Robot, question: _Question, bench: Bench, joint: Array, start: Products
+    robot: Robot,
+    question: _Question,
+    bench: Bench,
+    joint: Array,
+    start: Products,
+    payload: float,
 ) -> tuple[tuple[MotionPath, ...], Products]:
     """The paths worth driving beside what there is, best first, and what they tell."""
     added = start.times(0.0)
     if not bench.moves(question.columns, joint):
         return (), added
-    paths = motion_paths(robot)
+    paths = motion_paths(robot, payload)
     told = [question.products(bench.motion(path)) for path in paths]
     chosen: list[int] = []
     for _ in paths:

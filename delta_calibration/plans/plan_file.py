@@ -24,6 +24,10 @@ from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans.motion import MotionPath, Plan
 from delta_calibration.plans.points import tool_frames
 from delta_calibration.plans.target_file import (
+    DIRECTION,
+    DURATION,
+    PATH,
+    PAYLOAD,
     PLACE,
     TURN,
     commanded_columns,
@@ -35,7 +39,8 @@ from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
 
-DIRECTION, PAYLOAD, PATH, DURATION = "direction", "payload_kg", "path", "duration_s"
+_HEAVIEST = 1e5  # [kg]
+_LONGEST = 1e6  # [s] of a path
 
 
 def read_plan(path: Path, robot: Robot, dwell: float, sides: Sequence[float], mass: float) -> Plan:
@@ -66,15 +71,16 @@ def read_plan(path: Path, robot: Robot, dwell: float, sides: Sequence[float], ma
     else:
         each = list(sides) * count
     again = max(len(sides), 1)
-    targets = targets_of(stops, robot)
+    payload = np.array([_payload(row, mass) for row in stops])
+    targets = targets_of(stops, robot, payload)
     return Plan(
         name=path.stem,
         target=np.repeat(targets.point, again, axis=0),
         joint=np.repeat(targets.joint, again, axis=0),
         direction=np.array(each),
-        payload=np.repeat([_payload(row, mass) for row in stops], again),
+        payload=np.repeat(payload, again),
         dwell=dwell,
-        paths=tuple(_paths(rows[count:], robot)),
+        paths=tuple(_paths(rows[count:], robot, float(payload[-1]))),
     )
 
 
@@ -141,31 +147,33 @@ def _direction(row: Row) -> float:
 def _payload(row: Row, otherwise: float) -> float:
     if PAYLOAD not in row.text:
         return otherwise
-    mass = row.number(PAYLOAD)
-    if mass < 0:
-        raise row.wrong(PAYLOAD, "is negative")
-    return mass
+    return row.number(PAYLOAD, 0.0, _HEAVIEST)
 
 
-def _paths(rows: Sequence[Row], robot: Robot) -> Iterator[MotionPath]:
+def _paths(rows: Sequence[Row], robot: Robot, payload: float) -> Iterator[MotionPath]:
+    """Paths in their order; what was on the platform at the last stop is on it still [kg]."""
     for name, group in groupby(rows, key=lambda row: row.text[PATH]):
         way = list(group)
         if DURATION not in way[0].text:
             raise InputError(
                 f"{way[0].file}: column {DURATION} missing; a path needs it beside its points"
             )
-        duration = way[0].number(DURATION)
+        duration = way[0].number(DURATION, most=_LONGEST)
         if duration <= 0:
             raise way[0].wrong(DURATION, "is not positive")
         if len(way) < 2:
             raise way[0].wrong(PATH, "has one point only; a path needs two or more")
         for row in way:
+            if row.text.get(PAYLOAD) and _payload(row, payload) != payload:
+                raise row.wrong(
+                    PAYLOAD, f"differs from the {payload:g} of the last stop, which stays on it"
+                )
             if row.number(DURATION) != duration:
                 raise row.wrong(
                     DURATION, f"differs from the {duration:g} that the path began with"
                 )
         try:
-            joint = targets_of(way, robot).joint
+            joint = targets_of(way, robot, payload).joint
         except ReachError as error:
             raise ReachError(f"path {name}: {error}") from error
         yield MotionPath(str(name), joint, duration)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.stats import qmc
 from delta_calibration.effects.loads import weight_known
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.iso9283 import Cube
+from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans.motion import APPROACH
 from delta_calibration.robot import Robot
 from delta_calibration.samples import at_rest
@@ -21,58 +23,98 @@ LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
 RADIUS = 0.45  # [m] of the paper's disc; what else is covered goes to the ends of the line
 LOW, HIGH = -0.15, 0.10  # [m] about the plane, between which poses are spread
+_SAME = 1e-6  # [m, 1] that a pose may differ from what was commanded
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
 
 
-def nominal_joints(robot: Robot, targets: Array, turns: Array | None = None) -> Array:
+def nominal_joints(
+    robot: Robot, targets: Array, turns: Array | None = None, payload: Array | float = 0.0
+) -> Array:
     """Joints that the drawing takes for the tool points, (n, m) [rad or m].
 
     Args:
         robot: whose drawing.
         targets: tool points, (n, 3) [m].
         turns: of the platform, where it can be turned, (n, 3) [rad]; none where not given.
+        payload: on the platform, one for all or (n,) [kg].
 
     Raises:
-        ReachError: the first point out of reach or beyond a joint's limit, or at which the
-            platform's own weight is not borne.
+        ReachError: the first point out of reach or beyond a joint's limit, or at which what is on
+            the platform is not borne.
     """
     joint = joints_toward(robot, targets, turns)
-    robot.commanded.require_reach(joint, targets, "point", "m")
+    wanted, unit = targets, "m"
+    if turns is not None and turns.any():
+        wanted, unit = np.concatenate([targets, np.degrees(turns)], axis=1), "m and degrees"
+    robot.commanded.require_reach(joint, wanted, "point", unit)
     require_limits(robot, joint, "point")
-    require_borne(robot, joint, "point")
+    require_borne(robot, joint, "point", payload)
     return joint
 
 
-def require_borne(robot: Robot, joint: Array, what: str, payload: Array | None = None) -> None:
+def require_borne(
+    robot: Robot, joint: Array, what: str, payload: Array | float = 0.0
+) -> None:
     """Refuse joints (n, m) at which limbs that only pull do not bear what is on the platform.
 
     Args:
         robot: whose drawing and masses.
         joint: within reach.
         what: what a row is called.
-        payload: (n,) [kg] at the platform's centre; none where not given.
+        payload: at the platform's centre, one for all or (n,) [kg].
 
     Raises:
         ReachError: names the first such row and what gives way.
     """
     model = robot.commanded
     if model.pulls:
-        at, nominal = at_rest(joint), model.parameters.nominal
-        if payload is not None:
-            at = replace(at, payload=payload)
-        x = model.forward(joint, nominal)
-        model.require_borne(x, nominal, weight_known(robot, model, at, x), what)
+        x, load = _loaded(robot, joint, payload)
+        model.require_borne(x, model.parameters.nominal, load, what)
+
+
+def borne(robot: Robot, joint: Array, payload: Array | float = 0.0) -> NDArray[np.bool_]:
+    """Whether what is on the platform is borne at joints (n, m), as above, (n,)."""
+    model = robot.commanded
+    if not model.pulls:
+        return np.ones(len(joint), dtype=np.bool_)
+    x, load = _loaded(robot, joint, payload)
+    return model.borne(x, model.parameters.nominal, load)
+
+
+def _loaded(robot: Robot, joint: Array, payload: Array | float) -> tuple[Array, Array]:
+    """Poses (n, k) and what weighs on the platform there, dU/dx (n, k) [N, N m]."""
+    model = robot.commanded
+    x = model.forward(joint, model.parameters.nominal)
+    at = replace(at_rest(joint), payload=np.broadcast_to(payload, len(joint)).astype(float))
+    return x, weight_known(robot, model, at, x)
 
 
 def joints_toward(robot: Robot, targets: Array, turns: Array | None = None) -> Array:
-    """The same, limits or not; NaN rows out of reach."""
+    """The same, limits or not; NaN rows out of reach.
+
+    Joints at which the platform, put together as at home, stands elsewhere than it is meant to are
+    no answer: the pose is one of another assembly mode.
+    """
     model = robot.commanded
     turns = np.zeros_like(targets) if turns is None else turns
     task = model.task(targets, turns)
     turned = task.shape[1] == model.pose_size  # else the platform does not turn
     offset = model.rotation(task) @ robot.tool_offset if turned else robot.tool_offset
     task = model.task(targets - offset, turns)
-    return model.inverse(task, model.parameters.nominal)
+    joint = model.inverse(task, model.parameters.nominal)
+    found = np.isfinite(joint).all(axis=1)
+    x = model.forward(joint[found], model.parameters.nominal)
+    joint[found] = np.where(_meets(model, x, task[found])[:, None], joint[found], np.nan)
+    return joint
+
+
+def _meets(model: Mechanism, x: Array, task: Array) -> NDArray[np.bool_]:
+    """Whether poses (n, k) are those commanded, (n, task_size); of turns those that look alike."""
+    gap = x[:, : model.task_size] - task
+    if model.task_size == model.pose_size:
+        turned = (model.rotation(x) - model.rotation(task)).reshape(len(x), 9)
+        gap = np.concatenate([model.position(x) - model.position(task), turned], axis=1)
+    return np.asarray(np.abs(gap).max(axis=1, initial=0.0) < _SAME)  # NaN compares false
 
 
 def tool_points(robot: Robot, joint: Array) -> Array:
@@ -155,8 +197,13 @@ def _rim(robot: Robot, widest: float) -> Array:
     return np.array(rim).reshape(-1, 3)
 
 
-def usable(robot: Robot, points: Array, turns: Array | None = None) -> NDArray[np.bool_]:
-    """Points, and turns there, within reach and limits, well away from singularities, (n,)."""
+def usable(
+    robot: Robot, points: Array, turns: Array | None = None, payloads: Sequence[float] = (0.0,)
+) -> NDArray[np.bool_]:
+    """Points, and turns there, within reach and limits, well away from singularities, (n,).
+
+    Whichever of the payloads [kg] is on the platform, it is borne.
+    """
     model = robot.commanded
     nominal, joint = model.parameters.nominal, joints_toward(robot, points, turns)
     room = 2 * APPROACH * model.joint_size  # the way into a stop must be within the limits too
@@ -164,4 +211,6 @@ def usable(robot: Robot, points: Array, turns: Array | None = None) -> NDArray[n
     good = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
     x = model.forward(joint[good], nominal)
     good[good] = model.condition(joint[good], x, nominal) < robot.limits.condition / 2
+    for payload in payloads:
+        good[good] = borne(robot, joint[good], payload)
     return good

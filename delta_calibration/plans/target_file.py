@@ -6,13 +6,15 @@
 A turn is what the mechanism's `task` takes it for: a rotation vector, of an arm from how it holds
 its tool at home; of a five-axis machine the angles A and B. A turn that is not given is none.
 Coordinates of the place that the joints do not command need no column (z of an arm of two joints,
-x of a machine that moves in a plane); one that is there has to say what the rest comes to.
+x of a machine that moves in a plane); one that is there has to say what the rest comes to. A
+plan (plan_file.py) is a file of targets too: what only a plan needs is told, not used. A column
+`note` is for people. Any other is refused, as it may well say what would then be left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +29,12 @@ Array = NDArray[np.float64]
 
 PLACE = ("x_mm", "y_mm", "z_mm")
 TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
+DIRECTION, PAYLOAD, PATH, DURATION = "direction", "payload_kg", "path", "duration_s"
 _EVERY = (*PLACE, *TURN)
+_OF_A_PLAN = (DIRECTION, PAYLOAD, PATH, DURATION)
+_NOTE = "note"  # for people
 _UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)  # SI of one
+_MOST = np.array([1e6] * 3 + [3600.0] * 3)  # [mm], [deg]: a kilometre, ten turns
 _SAME = 1e-6  # [m, rad] by which a coordinate may differ from what follows from the others
 
 
@@ -39,6 +45,7 @@ class Targets:
     point: Array  # (n, 3) [m]
     turn: Array  # (n, 3) [rad]
     joint: Array  # (n, m) [rad or m]
+    unused: tuple[str, ...] = ()  # columns of a plan, which say nothing of a target
 
 
 def commanded_columns(robot: Robot) -> tuple[str, ...]:
@@ -46,41 +53,44 @@ def commanded_columns(robot: Robot) -> tuple[str, ...]:
     return tuple(_EVERY[k] for k in robot.commanded.freedoms)
 
 
-def read_targets(path: Path, robot: Robot) -> Targets:
-    """Targets of a CSV file.
+def read_targets(path: Path, robot: Robot, payload: float = 0.0) -> Targets:
+    """Targets of a CSV file, with so much on the platform [kg].
 
     Raises:
-        InputError: no such file, a column missing or of another unit, a value that is no finite
-            number or cannot be chosen, or no row.
-        ReachError: a target out of the robot's reach or joint limits.
+        InputError: no such file, a column missing, unknown or of another unit, a value that is no
+            finite number or cannot be chosen, or no row.
+        ReachError: a target out of the robot's reach or joint limits, or whose load is not borne.
     """
-    return targets_of(read_rows(path, robot), robot)
+    rows = read_rows(path, robot)
+    unused = tuple(name for name in _OF_A_PLAN if name in rows[0].text)
+    return replace(targets_of(rows, robot, payload), unused=unused)
 
 
 def read_rows(path: Path, robot: Robot) -> list[Row]:
     """The lines of a CSV file that has a column for each coordinate of a place that is commanded.
 
     Raises:
-        InputError: no such file, a column missing, there twice or of another unit, a line too
-            long, or no line.
+        InputError: no such file, a column missing, there twice, unknown or of another unit, a line
+            too long, or no line.
     """
     wanted = commanded_columns(robot)
     places = [name for name in wanted if name in PLACE]
     rows = read_table(path, places, [name for name in wanted if name in TURN])
-    _require_units(path, tuple(rows[0].text))
+    _require_known(path, tuple(rows[0].text))
     return rows
 
 
-def targets_of(rows: Sequence[Row], robot: Robot) -> Targets:
-    """What lines say, and the joints for it.
+def targets_of(rows: Sequence[Row], robot: Robot, payload: Array | float = 0.0) -> Targets:
+    """What lines say, and the joints for it; `payload` is on the platform, (n,) or for all [kg].
 
     Raises:
         InputError: a value that is no finite number, or that cannot be chosen.
-        ReachError: a target out of the robot's reach or joint limits.
+        ReachError: a target out of the robot's reach or joint limits, or whose load is not borne.
     """
-    said = np.array([[_said(row, name) for name in _EVERY] for row in rows]) * _UNITS
+    bounds = dict(zip(_EVERY, _MOST.tolist(), strict=True))
+    said = np.array([[_said(row, *each) for each in bounds.items()] for row in rows]) * _UNITS
     wanted = np.nan_to_num(said)
-    joint = nominal_joints(robot, wanted[:, :3], wanted[:, 3:])
+    joint = nominal_joints(robot, wanted[:, :3], wanted[:, 3:], payload)
     come_to = np.concatenate(tool_frames(robot, joint), axis=1)
     follows = [k for k in range(len(_EVERY)) if k not in robot.commanded.freedoms]
     for k in follows:
@@ -96,14 +106,19 @@ def targets_of(rows: Sequence[Row], robot: Robot) -> Targets:
     return Targets(wanted[:, :3], wanted[:, 3:], joint)
 
 
-def _said(row: Row, name: str) -> float:
-    return row.number(name) if name in row.text else np.nan
+def _said(row: Row, name: str, most: float) -> float:
+    return row.number(name, -most, most) if name in row.text else np.nan
 
 
-def _require_units(path: Path, found: Sequence[str]) -> None:
-    """Refuse a column of a place or a turn in another unit."""
-    of_stem = {name.rpartition("_")[0]: name for name in _EVERY}
+def _require_known(path: Path, found: Sequence[str]) -> None:
+    """Refuse a column of another unit, or of another name."""
+    allowed = (*_EVERY, *_OF_A_PLAN, _NOTE)
+    of_stem = {name.rpartition("_")[0]: name for name in allowed if "_" in name}
     for name in found:
         meant = of_stem.get(name.rpartition("_")[0], of_stem.get(name, name))
         if meant != name:
             raise InputError(f"{path}: column {name}: not a known unit; allowed: {meant}")
+        if name not in allowed:
+            raise InputError(
+                f"{path}: column {name or repr(name)} is not known; allowed: {', '.join(allowed)}"
+            )

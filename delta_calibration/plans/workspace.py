@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
@@ -9,7 +11,7 @@ from scipy.stats import qmc
 from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import Cube
 from delta_calibration.plans.motion import MotionPath
-from delta_calibration.plans.points import nominal_joints, require_limits, usable
+from delta_calibration.plans.points import CUBE, nominal_joints, require_limits, usable
 from delta_calibration.robot import Robot, Workspace
 
 Array = NDArray[np.float64]
@@ -49,16 +51,34 @@ def spread(
     Raises:
         InputError: too much of the box is out of reach.
     """
-    draws = qmc.Halton(6, scramble=False).random(_DRAWS * count)
-    share = np.mod(draws + rng.random(6), 1.0) - 0.5
-    points, turns = box.centre + share[:, :3] * box.size, 2 * share[:, 3:] * box.turn
-    good = usable(robot, points, turns)
-    if good.sum() < count:
-        raise InputError(
-            f"only {int(good.sum())} of {count} points could be placed in the workspace of "
-            f"{robot.source}; a smaller one, or other limits?"
-        )
-    return points[good][:count], turns[good][:count]
+    found: list[tuple[Array, Array]] = []
+    for points, turns in drawn(box, count, rng):
+        good = usable(robot, points, turns)
+        found.append((points[good], turns[good]))
+        if sum(len(points) for points, _ in found) >= count:
+            every, turned = (np.concatenate(each)[:count] for each in zip(*found, strict=True))
+            return every, turned
+    raise InputError(
+        f"only {sum(len(points) for points, _ in found)} of {count} points could be placed in the "
+        f"workspace of {robot.source}; a smaller one, or other limits?"
+    )
+
+
+def drawn(box: Workspace, count: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
+    """Places evenly over the box and the turns that it allows, 2 (count, 3) at a time."""
+    draws, shift = qmc.Halton(6, scramble=False), rng.random(6)
+    for _ in range(_DRAWS):
+        share = np.mod(draws.random(count) + shift, 1.0) - 0.5
+        yield box.centre + share[:, :3] * box.size, 2 * share[:, 3:] * box.turn
+
+
+def cube_of(robot: Robot) -> Cube:
+    """The cube of ISO 9283 of a robot's cycles: in its workspace, or that of the Delta paper's.
+
+    Raises:
+        InputError: a workspace without volume.
+    """
+    return CUBE if robot.workspace is None else cube(robot.workspace)
 
 
 def cube(box: Workspace) -> Cube:
@@ -74,7 +94,7 @@ def cube(box: Workspace) -> Cube:
     return Cube((x, y, z), edge)
 
 
-def paths(robot: Robot, box: Workspace) -> tuple[MotionPath, ...]:
+def paths(robot: Robot, box: Workspace, payload: float) -> tuple[MotionPath, ...]:
     """A slow sweep of each joint that can move alone; a circle at three speeds both ways."""
     model = robot.commanded
     home = nominal_joints(robot, box.centre[None])[0]
@@ -86,7 +106,7 @@ def paths(robot: Robot, box: Workspace) -> tuple[MotionPath, ...]:
             joint = home + sweep * np.eye(len(home))[k]
             require_limits(robot, joint, f"sweep_{name}: sample")
             found.append(MotionPath(f"sweep_{name}", joint, _SWEEP_S))
-    around = nominal_joints(robot, _circle(box))
+    around = nominal_joints(robot, _circle(box), payload=payload)
     for duration in _ROUNDS_S:
         found.append(MotionPath(f"circle_{duration:g}_s", around, duration))
         found.append(MotionPath(f"circle_{duration:g}_s_back", around[::-1], duration))

@@ -28,9 +28,10 @@ SPECS = (
     Spec("ramp_s", 1.0, "time [s] over which corrections come and go", range=(0.0, 60.0)),
     Spec(
         "max_correction_rate",
-        5.0,
-        "fastest change [rad/s] of a joint's correction",
-        range=(1e-4, 100.0),
+        0.0,
+        "fastest change of a joint's correction in its own unit, [rad/s] or where joints slide "
+        "[m/s]; 0: 5 rad/s of a Delta, of another robot what moves its platform as fast",
+        range=(0.0, 1e5),
     ),
     Spec(
         "command_timeout_s",

@@ -12,6 +12,7 @@ from delta_calibration.errors import InputError
 Array = NDArray[np.float64]
 Options = Mapping[str, str]
 
+_MOST = 1e9  # no setting of an effect is larger in SI
 VALUE, STRENGTH, LOCATION = "value", "strength", "location"
 
 
@@ -67,9 +68,14 @@ def number(cause: str, key: str, options: Options, unit: str) -> float:
         value = float(options[key])
     except ValueError:
         value = np.nan
+    said = f" (SI: {unit})" if unit else ""
     if not np.isfinite(value):
-        said = f" (SI: {unit})" if unit else ""
         raise InputError(f"effect {cause}: {key} {options[key]!r} is not a finite number{said}")
+    if abs(value) > _MOST:
+        raise InputError(
+            f"effect {cause}: {key} {options[key]} is not allowed; "
+            f"allowed: {-_MOST:g} to {_MOST:g}{said}"
+        )
     return value
 
 

@@ -1,0 +1,64 @@
+"""Numbers on the command line: finite ones, between two bounds."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+
+class Quantity(click.FloatRange):
+    """A number between two finite bounds.
+
+    The one type of every option that is a number with a unit: a comparison with `nan` is false, so
+    that a range alone lets it pass, and what is finite but absurd would overflow when squared.
+    """
+
+    name = "number"
+
+    def __init__(self, least: float, most: float, *, above: bool = False) -> None:
+        """From the bounds; `above` leaves out the lower one."""
+        super().__init__(min=least, max=most, min_open=above)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number.
+
+        Raises:
+            click.BadParameter: no number, not finite, or out of range; says what is allowed.
+        """
+        number = float(click.FLOAT.convert(value, param, ctx))
+        if not math.isfinite(number):
+            allowed = self._describe_range()
+            self.fail(f"{value} is not a finite number; allowed: {allowed}", param, ctx)
+        return super().convert(number, param, ctx)
+
+
+class OfPart(click.ParamType):  # type: ignore[type-arg]
+    """`PART=NUMBER`: a quantity of a named part."""
+
+    name = "part"
+
+    def __init__(self, quantity: Quantity, example: str) -> None:
+        """From what the number is, and an example for who gets the form wrong."""
+        self._quantity, self._example = quantity, example
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, float]:
+        """Part and number.
+
+        Raises:
+            click.BadParameter: of another form, or a number that is not allowed.
+        """
+        if isinstance(value, tuple):
+            return value
+        part, _, text = str(value).partition("=")
+        if not part or not text:
+            form = str(param.metavar) if isinstance(param, click.Option) else "PART=NUMBER"
+            self.fail(f"{value}: {form} is expected, such as {self._example}", param, ctx)
+        return part, float(self._quantity.convert(text, param, ctx))
+
+
+MASS = Quantity(0, 100_000)  # [kg]
+CELSIUS = Quantity(-273.15, 10_000)  # [deg C]
