@@ -207,9 +207,9 @@ def _fit_figures(found: Identification, calibration: Calibration) -> dict[str, o
     return {
         "model": calibration.chain.mechanism.name,
         "rank": found.observability.rank,
-        "noise_floor_mm": found.noise.floor * 1e3,
-        "frame_only_held_out_mm": found.frame_only.held_out * 1e3,
-        "held_out_mm": found.full.held_out * 1e3,
+        "noise_of_a_pose_mm": found.noise.floor * 1e3,
+        "error_left_before_mm": found.frame_only.held_out * 1e3,
+        "error_left_calibrated_mm": found.full.held_out * 1e3,
     }
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from delta_calibration.wording import capital, listed, mm, spoken, sure
+
 SCHEMA = 1
 
 
@@ -55,11 +57,15 @@ class Finding:
     gain_high: float
     signal: float  # lambda
 
+    def called(self) -> str:
+        """Cause and place, as words."""
+        where = f" at {spoken(self.location)}" if self.location else ""
+        return f"{spoken(self.cause)}{where}"
+
     def label(self) -> str:
-        """Cause, place, and what the session cannot tell it from."""
-        where = f" at {self.location}" if self.location else ""
-        others = f" (or {', '.join(self.equivalents)})" if self.equivalents else ""
-        return f"{self.cause}{where}{others}"
+        """Cause and place, how sure that is, and what the session cannot tell it from."""
+        others = "".join(f" or {spoken(name)}" for name in self.equivalents)
+        return f"{self.called()}{others} ({sure(self.confidence)} sure)"
 
 
 @dataclass(frozen=True)
@@ -99,21 +105,30 @@ class Verdict:
         """As the JSON of the contract; `verdict.schema.json` holds its form."""
         return {"schema": SCHEMA, **_plain(asdict(self))}
 
+    def models(self) -> tuple[tuple[str, Held], ...]:
+        """What the machine is held against, by the names that all outputs use."""
+        known = [("before", self.baseline), ("calibrated", self.calibrated)]
+        if self.extended.model != self.calibrated.model:
+            known.append(("extended", self.extended))
+        return tuple(known)
+
     def sentence(self) -> str:
-        """What an engineer reads first."""
+        """What an engineer reads first: what it is, how sure, and the errors of the models."""
+        told = [
+            f"{mm(model.held_out_rms_mm)} mm {name}"
+            for name, model in self.models()
+            if model.held_out_rms_mm is not None
+        ]
+        errors = f": held-out error {', '.join(told)}" if told else ""
+        return f"{capital(self._what())}{errors}."
+
+    def _what(self) -> str:
         if self.findings:
-            first = self.findings[0]
-            return (
-                f"{', then '.join(finding.label() for finding in self.findings)} "
-                f"({first.confidence:.0%} sure): held-out error "
-                f"{first.rms_before_mm:.4f} -> {first.rms_after_mm:.4f} mm"
-            )
+            return listed(finding.label() for finding in self.findings)
         if self.unknown_structure.found:
-            return (
-                "something that no known cause explains; it moves with "
-                f"{self.unknown_structure.moves_with}"
-            )
-        return "the calibrated geometry explains the data"
+            moves = spoken(self.unknown_structure.moves_with or "nothing that was recorded")
+            return f"something that no known cause explains is left; it moves with {moves}"
+        return "the calibrated geometry explains the data, and nothing else is found"
 
 
 def _plain(value: Any) -> Any:

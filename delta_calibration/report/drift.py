@@ -26,14 +26,9 @@ from delta_calibration.report.drawing import (
     Points,
     course,
 )
-from delta_calibration.report.words import (
-    NO_VALUE,
-    figures,
-    listed,
-    mm,
-    spoken,
-)
+from delta_calibration.report.glossary import glossary_section
 from delta_calibration.robot import Robot
+from delta_calibration.wording import NO_VALUE, figures, listed, mm, spoken
 
 Array = NDArray[np.float64]
 
@@ -51,7 +46,7 @@ class CalibrationRecord:
     start: str  # of the session, ISO 8601
     calibration: Calibration
     std: Array  # (p,) of the geometry
-    held_out: float  # [m]
+    error_left: float  # [m]
 
 
 def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
@@ -68,7 +63,7 @@ def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
         str(data["provenance"]["session_start"]),
         calibration,
         np.array([entry["std"] for entry in data["parameters"][:size]], dtype=float),
-        float(data["residuals"]["full"]["held_out_rms_mm"]) / MM,
+        float(data["residuals"]["full"]["error_left_rms_mm"]) / MM,
     )
 
 
@@ -115,6 +110,7 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
                 (_calibration_table(records, shifts),),
                 (_shift_figure(names, shifts, records), _parameter_figure(records, order)),
             ),
+            glossary_section(),
         ),
         data={
             "calibrations": [
@@ -173,7 +169,7 @@ def _calibration_table(
         (
             record.name,
             record.start,
-            mm(MM * record.held_out),
+            mm(MM * record.error_left),
             mm(MM * rms),
             mm(MM * most),
             listed(spoken(e.cause) for e in record.calibration.chain.effects) or NO_VALUE,
@@ -182,7 +178,7 @@ def _calibration_table(
         for record, (rms, most) in zip(records, shifts, strict=True)
     )
     head = (
-        "calibration", "session", "held out RMS [mm]", "from the first, RMS [mm]",
+        "calibration", "session", "error left, RMS [mm]", "from the first, RMS [mm]",
         "largest [mm]", "effects", "SHA-256",
     )  # fmt: skip
     return Table("calibrations", "Calibrations, oldest first", head, rows, words=(0, 1, 5, 6))
@@ -195,12 +191,12 @@ def _shift_figure(
 ) -> Figure:
     place = np.arange(len(names), dtype=float)
     rms, most = (MM * np.array(each) for each in zip(*shifts, strict=True))
-    held = MM * np.array([record.held_out for record in records])
+    left = MM * np.array([record.error_left for record in records])
     return Figure(
         "shift",
         "Distance from the first",
-        "Root mean square and largest distance over the common region, beside what each "
-        "calibration leaves on poses it has not seen: a shift below that is none.",
+        "Root mean square and largest distance over the common region, beside the error "
+        "left of each calibration: a shift below that is none.",
         (
             Panel(
                 "",
@@ -209,7 +205,7 @@ def _shift_figure(
                 (
                     *course("RMS", place, rms, CALIBRATED, "solid", "circle"),
                     *course("largest", place, most, BEFORE, "dash", "diamond"),
-                    *course("held out", place, held, PAPER, "dot", "square"),
+                    *course("error left", place, left, PAPER, "dot", "square"),
                 ),
             ),
         ),
