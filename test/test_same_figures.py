@@ -1,0 +1,259 @@
+"""One name, one figure: what is shown in several places is the same in all of them."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cell.capture import Capture
+from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.fitting import Fitted, diagnosed, fit
+from delta_calibration.cli.diagnose import describe
+from delta_calibration.cli.fit import describe as describe_fit
+from delta_calibration.cli.main import run
+from delta_calibration.diagnosis import Diagnosis
+from delta_calibration.geometry import align
+from delta_calibration.identification import DIAGNOSIS, doubt, identify
+from delta_calibration.recording import read_session
+from delta_calibration.report import Provenance, report_of
+from delta_calibration.report.drift import drift_of_calibrations, read_calibration
+from delta_calibration.report.glossary import TERMS
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import Session, collect
+from delta_calibration.wording import mm, sure
+
+ROOT = Path(__file__).parents[1]
+ROBOT = load_robot("srbd")
+SESSIONS = ("srbd_plain", "srbd_backlash")
+OLD = re.compile(r"noise floor|held[- ]out RMS|frame only|\b100(\.0)? ?% sure", re.IGNORECASE)
+
+
+@lru_cache
+def session(name: str) -> Session:
+    return read_session(ROOT / "bags" / name)
+
+
+@lru_cache
+def by_node(name: str) -> Fitted:
+    """What the node's `~/diagnose` does with a session."""
+    return diagnosed(session(name), ROBOT, None, 0)
+
+
+@lru_cache
+def fitted(name: str) -> Fitted:
+    """What its `~/fit` does."""
+    return fit(session(name), ROBOT, None, 0)
+
+
+def diagnosis(name: str) -> Diagnosis:
+    found = by_node(name).diagnosis
+    assert found is not None
+    return found
+
+
+def report(name: str):
+    said = Provenance(name, "0" * 64, 0, ROBOT.name, "srbd.yaml", ROBOT.hash, 0)
+    return report_of(diagnosis(name), ROBOT, said)
+
+
+def numbers(text: str) -> set[str]:
+    return set(re.findall(r"\d+\.\d{4}\b", text))
+
+
+# --- the held-out error of a diagnosis
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_one_sentence_on_console_node_and_page(name, tmp_path, capsys):
+    file = tmp_path / "verdict.json"
+    path = str(ROOT / "bags" / name)
+    assert run(["diagnose", path, "--robot", "srbd", "--json", str(file)]) == 0
+    printed, verdict = capsys.readouterr().out, diagnosis(name).verdict
+    sentence = verdict.sentence()
+    assert f"verdict: {sentence}\n" in printed
+    assert sentence.removesuffix(".") in by_node(name).sentence()
+    assert report(name).sentence == sentence
+    assert json.loads(file.read_text()) == verdict.as_dict()
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_the_models_have_the_same_errors_everywhere(name):
+    verdict, page = diagnosis(name).verdict, report(name)
+    told = {label: mm(model.held_out_rms_mm) for label, model in verdict.models()}
+    assert numbers(verdict.sentence()) == set(told.values())
+    console = describe(verdict)
+    for label, value in told.items():
+        assert re.search(rf"^{label}: .* {value}$", console, re.MULTILINE)
+    shown = {key.name: key.value for key in page.key_figures}
+    assert shown == {**told, "noise of a pose": mm(verdict.noise_mm)}
+    table = next(t for t in page.tables() if t.name == "error_workspace")
+    in_table = {row[0].partition(":")[0]: row[1] for row in table.rows}
+    assert told.items() <= in_table.items()
+
+
+def test_one_cause_alone_is_what_the_extended_model_has_more():
+    """Without it is the calibrated model, with it the extended one: no third pair of figures."""
+    verdict = diagnosis("srbd_backlash").verdict
+    (finding,) = verdict.findings
+    assert finding.rms_before_mm == verdict.calibrated.held_out_rms_mm
+    assert finding.rms_after_mm == verdict.extended.held_out_rms_mm
+    models = {mm(model.held_out_rms_mm) for _, model in verdict.models()}
+    assert numbers(describe(verdict)) <= {*models, mm(verdict.noise_mm)}
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_before_is_the_drawing_and_no_reflector_that_flew_away(name):
+    """By a rigid alignment of each four sectors, which knows no reflector, priors or weights."""
+    held, poses = diagnosis(name).held, by_node(name).poses
+    mechanism = ROBOT.model()
+    drawn = mechanism.position(mechanism.forward(poses.joint, mechanism.parameters.nominal))
+    missed, sector = np.zeros(len(poses)), held.sectors[: len(poses)]
+    for number in np.unique(sector):
+        own = sector == number
+        frame = align(drawn[~own], poses.point[~own])
+        missed[own] = np.linalg.norm(frame.apply(drawn[own]) - poses.point[own], axis=1)
+    expected = 1e3 * np.sqrt(np.mean(missed**2))
+    assert diagnosis(name).verdict.baseline.held_out_rms_mm == pytest.approx(expected, rel=0.12)
+
+
+# --- the error left of a fit
+
+
+def test_a_fit_leaves_the_same_on_console_node_file_and_comparison(tmp_path, capsys):
+    name = "srbd_plain"
+    file = tmp_path / "calibration.yaml"
+    path = str(ROOT / "bags" / name)
+    assert run(["fit", path, "--robot", "srbd", "--out", str(file)]) == 0
+    printed, found = capsys.readouterr().out, fitted(name).found
+    before, left = mm(1e3 * found.frame_only.held_out), mm(1e3 * found.full.held_out)
+    assert re.search(rf"^calibrated: geometry \+ frame +\S+ +{left} ", printed, re.MULTILINE)
+    assert re.search(rf"^before: nominal \+ frame +\S+ +{before} ", printed, re.MULTILINE)
+    sentence = fitted(name).sentence()
+    assert f"error left {before} mm before, {left} mm calibrated" in sentence
+    noise = f"noise of a pose {mm(1e3 * found.noise.floor)} mm"
+    assert noise in printed
+    assert noise in sentence
+    data = yaml.safe_load(file.read_text())
+    assert mm(data["residuals"]["full"]["error_left_rms_mm"]) == left
+    records = [read_calibration(file, ROBOT), read_calibration(file, ROBOT)]
+    table = next(t for t in drift_of_calibrations(records).tables() if t.name == "calibrations")
+    assert table.rows[0][table.head.index("error left, RMS [mm]")] == left
+
+
+def test_an_extended_calibration_tells_the_error_left_as_a_fit_does():
+    """The same poses in the same parts; one is linear about the fit, the other solves anew."""
+    ours, other = by_node("srbd_plain").found, fitted("srbd_plain").found
+    for of in ("frame_only", "full"):
+        a, b = getattr(ours, of), getattr(other, of)
+        for figure in ("in_sample", "held_out", "held_out_max", "held_out_whitened"):
+            assert getattr(a, figure) == pytest.approx(getattr(b, figure), rel=0.05), (of, figure)
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_fit_and_diagnosis_have_one_noise(name):
+    floor = fitted(name).found.noise.floor
+    assert diagnosis(name).verdict.noise_mm == pytest.approx(1e3 * floor, rel=1e-12)
+    assert by_node(name).found.noise.floor == floor
+
+
+# --- the same data
+
+
+def test_a_node_sees_the_poses_that_a_reader_of_its_recording_sees():
+    """Message by message into a capture, and read from the bag: equal poses to the last digit."""
+    read, capture = session("srbd_plain"), Capture(ROBOT.joints.names, 100_000)
+    assert read.tracker is not None
+    capture.start()
+    for stream, add in ((read.command, capture.add_command), (read.states, capture.add_states)):
+        assert stream is not None
+        order = [stream.names.index(joint) for joint in ROBOT.joints.names]
+        for stamp, position in zip(stream.stamp_ns, stream.position, strict=True):
+            add(int(stamp), position[order])
+    for stamp, position in zip(read.tracker.stamp_ns, read.tracker.position, strict=True):
+        capture.add_tracker(int(stamp), position)
+    names = ROBOT.joints.names
+    ours, theirs = collect(capture.session("captured"), names), collect(read, names)
+    assert len(ours) == len(theirs) == 48
+    for of in ("time", "joint", "command", "point", "direction", "place"):
+        np.testing.assert_array_equal(getattr(ours, of), getattr(theirs, of))
+
+
+# --- a fit that leaves too much says so
+
+
+def test_a_fit_to_enough_places_has_no_doubt():
+    assert doubt(fitted("srbd_plain").found) == ""
+    assert "warning" not in describe_fit(fitted("srbd_plain").found, False)
+
+
+def test_a_model_that_lacks_something_is_to_be_diagnosed(tmp_path):
+    found = fitted("srbd_backlash").found
+    said = f"{found.full.held_out / found.noise.floor:.1f} times the noise of a pose"
+    for where in (doubt(found), describe_fit(found, False), fitted("srbd_backlash").sentence()):
+        assert said in where
+        assert "diagnose it" in where
+    assert by_node("srbd_backlash").found.effort.method == DIAGNOSIS
+    assert doubt(by_node("srbd_backlash").found) == ""
+
+
+def test_few_places_are_told_from_a_wrong_model():
+    poses = collect(session("srbd_plain"), ROBOT.joints.names)
+    few = identify(poses.take(np.flatnonzero(np.isin(poses.place, range(12)))), ROBOT)
+    assert few.full.held_out > 2 * few.noise.floor
+    assert "measure more places" in doubt(few)
+    assert "diagnose" not in doubt(few)
+
+
+def test_the_node_warns_while_such_a_fit_is_in_force(tmp_path):
+    desk = Desk(Settings(robot="srbd"))
+    desk.take(fitted("srbd_backlash"), desk._compensator(fitted("srbd_backlash").calibration))
+    health = desk.health(0.0, 1.0)
+    assert health.level.name == "WARN"
+    assert "times the noise of a pose" in health.message
+    file = tmp_path / "other.yaml"
+    save_calibration(file, fitted("srbd_plain").found, ROBOT, fitted("srbd_plain").poses)
+    desk.reload(str(file))
+    assert "times the noise" not in desk.health(0.0, 1.0).message
+
+
+# --- words
+
+
+@pytest.mark.parametrize(
+    ("confidence", "shown"),
+    [(1.0, "> 99.9 %"), (0.99951, "> 99.9 %"), (0.998, "99.8 %"), (0.97, "97 %"), (0.5, "50 %")],
+)
+def test_nothing_is_certain(confidence, shown):
+    assert sure(confidence) == shown
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_no_output_has_a_word_of_its_own(name):
+    outputs = (
+        describe(diagnosis(name).verdict),
+        describe_fit(fitted(name).found, True),
+        fitted(name).sentence(),
+        by_node(name).sentence(),
+        report(name).sentence,
+        *(statement.answer for statement in report(name).statements),
+        *(" ".join((t.title, *t.head, t.caption)) for t in report(name).tables()),
+    )
+    for text in outputs:
+        assert not OLD.search(text), text
+
+
+def test_the_glossary_of_the_page_is_that_of_the_documents():
+    text = " ".join((ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").split())
+    for word, meaning in TERMS:
+        assert f"## {word[0].upper()}{word[1:]} {meaning}" in text, word
+    assert "glossary.md" in (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    assert "docs/glossary.md" in (ROOT / "README.md").read_text(encoding="utf-8")
+    table = next(t for t in report("srbd_plain").tables() if t.name == "glossary")
+    assert table.rows == TERMS
