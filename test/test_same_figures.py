@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -106,6 +107,15 @@ def test_one_cause_alone_is_what_the_extended_model_has_more():
     assert finding.rms_after_mm == verdict.extended.held_out_rms_mm
     models = {mm(model.held_out_rms_mm) for _, model in verdict.models()}
     assert numbers(describe(verdict)) <= {*models, mm(verdict.noise_mm)}
+
+
+def test_a_cause_that_shows_in_motion_says_so():
+    """Else its errors would stand beside those of the poses under the same name."""
+    verdict = diagnosis("srbd_backlash").verdict
+    moving = replace(verdict.findings[0], in_motion=True)
+    assert "held-out error in motion" in describe(replace(verdict, findings=(moving,)))
+    assert "in motion" not in verdict.findings[0].errors()
+    assert "in_motion" not in verdict.as_dict()["findings"][0]
 
 
 @pytest.mark.parametrize("name", SESSIONS)

@@ -144,8 +144,7 @@ def _finding(finding: Finding) -> list[str]:
     )
     lines = [
         f"{finding.cause}{where} ({finding.kind}): {values}",
-        f"  {sure(finding.confidence)} sure; held-out error {mm(finding.rms_before_mm)} mm "
-        f"without it, {mm(finding.rms_after_mm)} mm with it: gain {finding.gain:.2f} "
+        f"  {sure(finding.confidence)} sure; {finding.errors()}: gain {finding.gain:.2f} "
         f"({finding.gain_low:.2f} to {finding.gain_high:.2f}); p {_chance(finding.p_value)}, "
         f"signal lambda = {finding.signal:.0f}",
     ]

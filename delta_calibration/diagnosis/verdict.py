@@ -56,11 +56,20 @@ class Finding:
     gain_low: float  # of its 95 % interval
     gain_high: float
     signal: float  # lambda
+    in_motion: bool = False  # the errors are of readings on paths; not part of the JSON
 
     def called(self) -> str:
         """Cause and place, as words."""
         where = f" at {spoken(self.location)}" if self.location else ""
         return f"{spoken(self.cause)}{where}"
+
+    def errors(self) -> str:
+        """What is left without and with the cause, of poses or of what it shows in."""
+        of = " in motion" if self.in_motion else ""
+        return (
+            f"held-out error{of} {mm(self.rms_before_mm)} mm without it, "
+            f"{mm(self.rms_after_mm)} mm with it"
+        )
 
     def label(self) -> str:
         """Cause and place, how sure that is, and what the session cannot tell it from."""
@@ -103,7 +112,10 @@ class Verdict:
 
     def as_dict(self) -> dict[str, Any]:
         """As the JSON of the contract; `verdict.schema.json` holds its form."""
-        return {"schema": SCHEMA, **_plain(asdict(self))}
+        plain = _plain(asdict(self))
+        for finding in plain["findings"]:
+            del finding["in_motion"]
+        return {"schema": SCHEMA, **plain}
 
     def models(self) -> tuple[tuple[str, Held], ...]:
         """What the machine is held against, by the names that all outputs use."""

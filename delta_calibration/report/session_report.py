@@ -119,7 +119,8 @@ def _finding(finding: Finding) -> tuple[str, ...]:
         sure(finding.confidence),
         chance(finding.p_value),
         figures(finding.signal),
-        f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}",
+        f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}"
+        + (", in motion" if finding.in_motion else ""),
         f"{finding.gain:.2f} ({finding.gain_low:.2f} to {finding.gain_high:.2f})",
         same + part or NO_VALUE,
     )

@@ -90,8 +90,7 @@ def _gains(verdict: Verdict) -> str:
         before, after = verdict.baseline.held_out_rms_mm, verdict.calibrated.held_out_rms_mm
         return f"Calibration: held-out error {mm(before)} mm before, {mm(after)} mm calibrated."
     parts = [
-        f"{f.called()}: held-out error {mm(f.rms_before_mm)} mm without it, "
-        f"{mm(f.rms_after_mm)} mm with it, {_share(f)}."
+        f"{f.called()}: {f.errors()}, {_share(f)}."
         for f in verdict.findings
     ]
     if _mapped(verdict):
