@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from datetime import datetime, timezone
 from math import floor, log10
 
 from delta_calibration.effects.unexplained import UNEXPLAINED
+from delta_calibration.samples import SIMULATED_NS
 
 NO_VALUE = "–"
 _LEAST_P = 1e-300
 _PLAIN = 1e-3, 1e7  # numbers between are written out
+_DATED_NS = 946_684_800_000_000_000  # [ns] the year 2000: who counts from zero has no date
+_MINUTE_NS = 60_000_000_000
 _MINUS, _THIN = "\u2212", "\u202f"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -64,3 +68,13 @@ def listed(items: Iterable[str]) -> str:
 def capital(text: str) -> str:
     """A text that begins with a capital letter."""
     return text[:1].upper() + text[1:]
+
+
+def moment(start_ns: int) -> str:
+    """When a session began, in UTC, or why its stamps do not tell."""
+    if start_ns < _DATED_NS:
+        return "without a date"
+    if 0 <= start_ns - SIMULATED_NS < _MINUTE_NS:
+        return "in simulated time"
+    start = datetime.fromtimestamp(start_ns * 1e-9, tz=timezone.utc)
+    return start.strftime("%Y-%m-%d %H:%M UTC")

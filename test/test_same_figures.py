@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cell.capture import Capture
@@ -18,20 +19,24 @@ from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.fitting import Fitted, diagnosed, fit
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.cli.fit import describe as describe_fit
-from delta_calibration.cli.main import run
+from delta_calibration.cli.main import group, run
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.geometry import align
 from delta_calibration.identification import DIAGNOSIS, doubt, identify
+from delta_calibration.plans import PLACES, make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.report import Provenance, report_of
 from delta_calibration.report.drift import drift_of_calibrations, read_calibration
 from delta_calibration.report.glossary import TERMS
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Session, collect
-from delta_calibration.wording import mm, sure
+from delta_calibration.samples import SIMULATED_NS, Session, collect
+from delta_calibration.wording import mm, moment, sure
 
 ROOT = Path(__file__).parents[1]
 ROBOT = load_robot("srbd")
+PROVENANCE = Provenance(
+    "session", "0" * 64, 0, ROBOT.name, "srbd.yaml", ROBOT.hash, 0, recorded={"seed": "1"}
+)
 SESSIONS = ("srbd_plain", "srbd_backlash")
 OLD = re.compile(r"noise floor|held[- ]out RMS|frame only|\b100(\.0)? ?% sure", re.IGNORECASE)
 
@@ -60,8 +65,7 @@ def diagnosis(name: str) -> Diagnosis:
 
 
 def report(name: str):
-    said = Provenance(name, "0" * 64, 0, ROBOT.name, "srbd.yaml", ROBOT.hash, 0)
-    return report_of(diagnosis(name), ROBOT, said)
+    return report_of(diagnosis(name), ROBOT, PROVENANCE)
 
 
 def numbers(text: str) -> set[str]:
@@ -231,6 +235,52 @@ def test_the_node_warns_while_such_a_fit_is_in_force(tmp_path):
     save_calibration(file, fitted("srbd_plain").found, ROBOT, fitted("srbd_plain").poses)
     desk.reload(str(file))
     assert "times the noise" not in desk.health(0.0, 1.0).message
+
+
+# --- dates and counts
+
+
+@pytest.mark.parametrize(
+    ("start_ns", "shown"),
+    [
+        (0, "without a date"),
+        (10**9, "without a date"),
+        (SIMULATED_NS, "in simulated time"),
+        (1_770_000_000 * 10**9, "2026-02-02 02:40 UTC"),
+    ],
+)
+def test_a_date_that_nobody_recorded_is_none(start_ns, shown):
+    assert moment(start_ns) == shown
+
+
+def test_a_simulated_session_has_no_date_anywhere(capsys):
+    poses = by_node("srbd_plain").poses
+    assert moment(poses.start_ns) == "in simulated time"
+    assert run(["info", str(ROOT / "bags" / "srbd_plain")]) == 0
+    assert "recorded in simulated time; " in capsys.readouterr().out
+    said = replace(PROVENANCE, start_ns=poses.start_ns)
+    made = report_of(diagnosis("srbd_plain"), ROBOT, said)
+    assert "recorded in simulated time; " in made.subtitle
+    rows = dict(said.table().rows)
+    assert rows["recorded"] == "in simulated time"
+    assert {"seed of the diagnosis", "session: seed"} <= rows.keys()
+
+
+def test_a_simulation_counts_the_poses_that_a_fit_finds(tmp_path, capsys):
+    """Ends of paths stand still too: stops of the plan are not what is found at rest."""
+    session = str(tmp_path / "session")
+    plan = ["--plan", "rich", "--count", "2", "--seed", "1"]
+    assert run(["simulate", "--robot", "srbd", *plan, "--out", session]) == 0
+    told = re.search(r"(\d+) stops and 9 paths: (\d+) poses at rest", capsys.readouterr().out)
+    assert told is not None
+    assert int(told[2]) == len(collect(read_session(Path(session)), ROBOT.joints.names))
+    assert int(told[2]) > int(told[1])
+
+
+def test_both_plans_to_identify_have_as_many_places():
+    plan = make_plan("identify", ROBOT)
+    assert len(np.unique(plan.target, axis=0)) == PLACES
+    assert f"{PLACES} to identify" in CliRunner().invoke(group, ["plan", "--help"]).output
 
 
 # --- words

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import Cube
 from delta_calibration.plans.motion import MotionPath
-from delta_calibration.plans.points import nominal_joints, require_limits, usable
+from delta_calibration.plans.points import PLACES, nominal_joints, require_limits, usable
 from delta_calibration.robot import Robot, Workspace
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ def places(
         InputError: the box is too flat for the plan, or too much of it is out of reach.
     """
     if name == "identify":
-        return spread(robot, box, count or 60, rng)
+        return spread(robot, box, count or PLACES, rng)
     if name == "line":
         points = _line(box, count or 61)
     elif name == "disc":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from delta_calibration.report.drawing import (
 )
 from delta_calibration.report.glossary import glossary_section
 from delta_calibration.robot import Robot
-from delta_calibration.wording import NO_VALUE, figures, listed, mm, spoken
+from delta_calibration.wording import NO_VALUE, figures, listed, mm, moment, spoken
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,11 @@ class CalibrationRecord:
     calibration: Calibration
     std: Array  # (p,) of the geometry
     error_left: float  # [m]
+
+    @property
+    def when(self) -> str:
+        """The same as people read it."""
+        return moment(int(datetime.fromisoformat(self.start).timestamp()) * 1_000_000_000)
 
 
 def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
@@ -83,7 +89,7 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
     names = tuple(record.name for record in records)
     return Report(
         title=f"Comparison of {len(records)} calibrations: {first.calibration.robot.name}",
-        subtitle=f"{first.start} to {records[-1].start}",
+        subtitle=f"sessions recorded {first.when} to {records[-1].when}",
         sentence=(
             f"From {first.name} to {records[-1].name} the machine moved by {mm(MM * last)} mm "
             f"RMS, at most {mm(MM * largest)} mm, over their common region."
@@ -168,7 +174,7 @@ def _calibration_table(
     rows = tuple(
         (
             record.name,
-            record.start,
+            record.when,
             mm(MM * record.error_left),
             mm(MM * rms),
             mm(MM * most),

@@ -22,12 +22,22 @@ from delta_calibration.report.parts import (
     set_by_data,
     unset_table,
 )
-from delta_calibration.report.provenance import Provenance, when
+from delta_calibration.report.provenance import Provenance
 from delta_calibration.report.standard import standard_section
 from delta_calibration.report.words import between, estimate, key_figures, statements, structure
 from delta_calibration.report.workspace import maps, unknown_maps
 from delta_calibration.robot import Robot
-from delta_calibration.wording import NO_VALUE, capital, chance, figures, listed, mm, spoken, sure
+from delta_calibration.wording import (
+    NO_VALUE,
+    capital,
+    chance,
+    figures,
+    listed,
+    mm,
+    moment,
+    spoken,
+    sure,
+)
 
 
 def report_of(
@@ -49,8 +59,8 @@ def report_of(
     return Report(
         title=f"Calibration report: {robot.name}",
         subtitle=(
-            f"{provenance.session}, {when(provenance.start_ns)}; {session.samples} readings in "
-            f"{session.duration_s / 60:.0f} min, {session.poses} poses at rest"
+            f"{provenance.session}, recorded {moment(provenance.start_ns)}; {session.samples} "
+            f"readings in {session.duration_s / 60:.0f} min, {session.poses} poses at rest"
         ),
         sentence=verdict.sentence(),
         statements=statements(verdict),

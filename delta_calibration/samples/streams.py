@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
+# [ns] simulated sessions begin here, whatever the clock says: with the same seed the same file
+SIMULATED_NS = 1_700_000_000_000_000_000
+
 
 @dataclass(frozen=True)
 class JointStream:
