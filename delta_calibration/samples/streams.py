@@ -7,7 +7,8 @@ stream holds one row or more, all of finite numbers; what was not recorded is No
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,9 @@ class PayloadStream:
     centre: Array  # (n, 3) [m], centre of mass in the platform's frame
 
 
+Stream = TypeVar("Stream", JointStream, TrackerStream, TemperatureStream)
+
+
 @dataclass(frozen=True)
 class Session:
     """One recorded session of a cell, as its streams.
@@ -71,3 +75,25 @@ class Session:
     payload: PayloadStream | None = None
     notes: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def between(self, begin_ns: int, end_ns: int) -> Session:
+        """What was true in a stretch of time; what is carried, as said before it as well."""
+
+        def part(stream: Stream) -> Stream:
+            return _rows(stream, (stream.stamp_ns >= begin_ns) & (stream.stamp_ns <= end_ns))
+
+        return replace(
+            self,
+            command=None if self.command is None else part(self.command),
+            states=None if self.states is None else part(self.states),
+            tracker=None if self.tracker is None else part(self.tracker),
+            temperature=tuple(part(stream) for stream in self.temperature),
+        )
+
+
+def _rows(stream: Stream, keep: NDArray[np.bool_]) -> Stream:
+    """Some rows of a stream."""
+    each: dict[str, Any] = {
+        name: value[keep] for name, value in vars(stream).items() if isinstance(value, np.ndarray)
+    }
+    return replace(stream, **each)
