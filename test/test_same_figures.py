@@ -199,6 +199,18 @@ def test_a_node_sees_the_poses_that_a_reader_of_its_recording_sees():
         np.testing.assert_array_equal(getattr(ours, of), getattr(theirs, of))
 
 
+def test_a_stretch_of_a_session_is_what_was_captured_in_it():
+    """What a node captured of a longer recording, as the demonstration's report cuts it out."""
+    read = session("srbd_plain")
+    whole = collect(read, ROBOT.joints.names)
+    assert read.tracker is not None
+    middle = [whole.start_ns + int(1e9 * whole.time[k]) for k in (9, 29)]
+    part = collect(read.between(*middle), ROBOT.joints.names)
+    assert len(part) in (20, 21)
+    np.testing.assert_allclose(part.point[1:-1], whole.point[10:29][: len(part) - 2], atol=1e-12)
+    assert (part.payload == whole.payload[0]).all()
+
+
 # --- a fit that leaves too much says so
 
 
@@ -317,3 +329,8 @@ def test_the_glossary_of_the_page_is_that_of_the_documents():
     assert "docs/glossary.md" in (ROOT / "README.md").read_text(encoding="utf-8")
     table = next(t for t in report("srbd_plain").tables() if t.name == "glossary")
     assert table.rows == TERMS
+
+
+def test_there_is_one_folder_of_robot_files():
+    link = ROOT / "delta_calibration" / "config"
+    assert link.resolve() == (ROOT / "config").resolve()

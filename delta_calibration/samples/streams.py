@@ -79,15 +79,19 @@ class Session:
     def between(self, begin_ns: int, end_ns: int) -> Session:
         """What was true in a stretch of time; what is carried, as said before it as well."""
 
-        def part(stream: Stream) -> Stream:
-            return _rows(stream, (stream.stamp_ns >= begin_ns) & (stream.stamp_ns <= end_ns))
+        def part(stream: Stream | None) -> Stream | None:
+            if stream is None:
+                return None
+            keep = (stream.stamp_ns >= begin_ns) & (stream.stamp_ns <= end_ns)
+            return _rows(stream, keep) if keep.any() else None
 
+        warmth = (part(stream) for stream in self.temperature)
         return replace(
             self,
-            command=None if self.command is None else part(self.command),
-            states=None if self.states is None else part(self.states),
-            tracker=None if self.tracker is None else part(self.tracker),
-            temperature=tuple(part(stream) for stream in self.temperature),
+            command=part(self.command),
+            states=part(self.states),
+            tracker=part(self.tracker),
+            temperature=tuple(stream for stream in warmth if stream is not None),
         )
 
 
