@@ -47,7 +47,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "methods.md"
 BEGIN, END = "<!-- benchmarks/methods.py begins -->\n", "<!-- benchmarks/methods.py ends -->\n"
 MEASURED, JUDGED = 40, 100  # places
 ELSEWHERE = 1000  # added to the seed of the places to judge at
-NOTHING = "frame only"
+NOTHING = "nominal + frame"
 
 
 @dataclass(frozen=True)

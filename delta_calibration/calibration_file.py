@@ -270,7 +270,7 @@ def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
 def _residuals(residuals: Residuals) -> dict[str, float]:
     return {
         "in_sample_rms_mm": residuals.in_sample * 1e3,
-        "held_out_rms_mm": residuals.held_out * 1e3,
-        "held_out_max_mm": residuals.held_out_max * 1e3,
-        "held_out_whitened": residuals.held_out_whitened,
+        "error_left_rms_mm": residuals.held_out * 1e3,
+        "error_left_max_mm": residuals.held_out_max * 1e3,
+        "error_left_whitened": residuals.held_out_whitened,
     }

@@ -50,7 +50,7 @@ def test_fit_says_what_it_found(cell, capsys):
     assert run(["fit", str(cell / "session"), "--robot", ROBOT, "-v"]) == 0
     said = capsys.readouterr().out
     assert "rank 33 of 69 parameters" in said
-    assert "frame only" in said
+    assert "before: nominal + frame" in said
     assert "platform_radial_1 does the same as -1 base_radial_1" in said
     assert run(["fit", str(cell / "session"), "--robot", ROBOT, "--model", "rotary_delta"]) == 0
     assert "rank 24 of 33 parameters" in capsys.readouterr().out

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binom, chi2
 
 from delta_calibration.errors import DataError
-from delta_calibration.identification import identify
+from delta_calibration.identification import identify, parts_of
 from delta_calibration.recording import read_session
 from delta_calibration.samples import collect
 from identification_bench import PARAMETERS, ROBOT, errors, found, prediction, rms
@@ -119,16 +119,23 @@ def test_the_same_data_give_the_same_answer_and_the_seed_is_of_the_folds_only():
 
 
 def test_a_place_is_held_out_whole():
-    """With each place twice, a fold that saw the twin would do better than it can.
-
-    One place is moved by 0.3 mm, both times: no fit that has not seen it can know.
-    """
+    """With each place twice, a part that saw the twin would do better than it can."""
     _, poses, _ = found(1)
+    part = parts_of(poses, 3)
+    assert len(np.unique(poses.place)) < len(poses)
+    assert all(len(np.unique(part[poses.place == place])) == 1 for place in poses.place)
+    assert np.unique(part).tolist() == [0, 1, 2, 3, 4]
+    assert (part != parts_of(poses, 4)).any()
+
+
+def test_a_pose_that_does_not_count_is_not_in_the_error_left():
+    _, poses, _ = found(1)
+    fit = identify(poses, ROBOT, "rotary_delta")
     point = poses.point.copy()
-    odd = poses.place == poses.place[10]
-    point[odd] += [2e-4, 2e-4, 0.0]
+    point[10] += [5e-3, 0.0, 0.0]
     result = identify(replace(poses, point=point), ROBOT, "rotary_delta")
-    assert result.full.held_out_max == pytest.approx(2e-4 * np.sqrt(2), rel=0.2)
+    assert np.flatnonzero(result.weight == 0).tolist() == [10]
+    assert result.full.held_out == pytest.approx(fit.full.held_out, rel=0.1)
 
 
 # What cannot be

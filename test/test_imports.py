@@ -30,6 +30,7 @@ LAYERS = [
     "mechanisms",
     "robot",
     "effects",
+    "wording",
     "chain",
     "region",
     "identification",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,13 +54,29 @@ def test_a_tool_that_is_turned_is_not_positioned_by_its_place(name: str) -> None
         Positioning(robot, targets, lattice(robot), 2, 5, 12)
 
 
+RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-", "\u202f")
+
+
+def hidden_values(said: str) -> list[list[float]]:
+    """Truth, found, and both ends of its interval, of each value that a demonstration tells."""
+    rows = said.partition("95 % interval\n")[2].partition("\n\n")[0].splitlines()
+    cells = (re.split(r" {2,}| to ", row)[2:] for row in rows)
+    return [[float(c.translate(RAISED).replace(" × 10", "e")) for c in row] for row in cells]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "cause"), [("five_axis", "slider_pitch"), ("scara", "reducer_compliance")]
+    ("name", "cause", "gain"),
+    [("five_axis", "slider_pitch", 0.5), ("scara", "reducer_compliance", 0.05)],
 )
-def test_a_demonstration(name: str, cause: str, tmp_path: Path, capsys) -> None:
+def test_a_demonstration(name: str, cause: str, gain: float, tmp_path: Path, capsys) -> None:
     assert run(["demo", "--robot", name, "--out", str(tmp_path / "demo")]) == 0
-    assert f"hidden: {cause}; found: {cause}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"hidden: {cause}; found: {cause}" in said
+    assert f"the same again: delta-cal demo --robot {name} --seed 7 --method newton\n" in said
+    page = tmp_path / "demo" / "report.html"
+    assert not page.exists() or f"open {page} in a browser" in said.splitlines()[-1]
+    assert len(set(re.findall(r"\((\d+) moments\)", said.partition("second act")[2]))) == 1
     left = {path.name for path in (tmp_path / "demo").iterdir()}
     assert {"session", "session_2", "calibration.yaml", "extended.yaml", "verdict.json"} <= left
     summary = json.loads((tmp_path / "demo" / "summary.json").read_text())
@@ -67,7 +84,11 @@ def test_a_demonstration(name: str, cause: str, tmp_path: Path, capsys) -> None:
     assert second["right"]
     assert second["extended"]["after"]["mean_mm"] < 0.3 * second["calibrated"]["after"]["mean_mm"]
     first = summary["first_act"]
-    assert first["after"]["mean_mm"] < 0.5 * first["before"]["mean_mm"]
+    assert first["after"]["mean_mm"] < gain * first["before"]["mean_mm"]
+    assert hidden_values(said)
+    for true, value, low, high in hidden_values(said):
+        assert low < value < high
+        assert abs(true - value) < high - low  # four standard errors
 
 
 def test_a_method_that_is_not_for_the_robot_is_refused(tmp_path: Path, capsys) -> None:

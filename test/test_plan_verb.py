@@ -59,7 +59,7 @@ def test_a_written_plan_is_simulated(tmp_path, capsys):
     assert run_plan(tmp_path, "--name", "rich", "--count", "2")[0] == 0
     plan, session = str(tmp_path / "poses.csv"), str(tmp_path / "session")
     assert run(["simulate", "--robot", "srbd", "--plan", plan, "--out", session]) == 0
-    assert "(14 stops and 9 paths, " in capsys.readouterr().out
+    assert "(14 stops and 9 paths: 27 poses at rest, " in capsys.readouterr().out
 
 
 def test_a_file_may_leave_out_sides_and_loads(tmp_path):

@@ -23,6 +23,7 @@ from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundi
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.identification import doubt
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session
 
@@ -147,6 +148,14 @@ class Desk:
             f"{causes}: found in the session, not compensated, as it goes by that session's clock"
         )
 
+    @property
+    def _doubt(self) -> str:
+        """What to know before the calibration is relied on, where it was fitted here."""
+        fitted = self.fitted
+        if fitted is None or self.calibration is not fitted.calibration:
+            return ""
+        return doubt(fitted.found)
+
     def start_capture(self, now_s: float) -> str:
         """Begin to keep what is measured."""
         if self.capture.running:
@@ -270,6 +279,7 @@ class Desk:
         """How the cell is doing."""
         troubles = self._silent(now_s, tracker_timeout_s) + self.watch.recent(now_s)
         troubles += self.capture.notes() if self.capture.running else ()
+        troubles += tuple(filter(None, [self._doubt]))
         message = "; ".join([self._state(), *troubles[:NAMED]])
         return Health(Level.WARN if troubles else Level.OK, message, self._values())
 

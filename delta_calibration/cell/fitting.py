@@ -14,9 +14,10 @@ from delta_calibration.calibration_file import (
     save_extended,
 )
 from delta_calibration.diagnosis import STEPS, Diagnosis, diagnose
-from delta_calibration.identification import Identification, identify
+from delta_calibration.identification import Identification, doubt, identify
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, Session, collect, survey
+from delta_calibration.wording import mm
 
 POSES, GEOMETRY, COMPENSATOR = "still moments", "geometry", "compensator"
 FIT_STEPS = (POSES, GEOMETRY, COMPENSATOR)
@@ -49,16 +50,17 @@ class Fitted:
             save_extended(path, self.diagnosis, robot, self.poses)
 
     def sentence(self) -> str:
-        """The result in a line: rank, held-out residuals and the noise below which none can be."""
+        """The result in a line: rank, the error left and the noise below which none can be."""
         found, seen = self.found, self.found.observability
+        noise = f"noise of a pose {mm(1e3 * found.noise.floor)} mm"
+        warning = f"; warning: {doubt(found)}" if doubt(found) else ""
         if self.diagnosis is not None:
-            verdict = self.diagnosis.verdict
-            return f"{len(self.poses)} poses; {verdict.sentence()}"
+            told = self.diagnosis.verdict.sentence().removesuffix(".")
+            return f"{len(self.poses)} poses; {told}; {noise}{warning}"
         return (
             f"{len(self.poses)} poses, rank {seen.rank} of {seen.columns} parameters; "
-            f"held-out RMS {found.frame_only.held_out * 1e3:.4f} mm with the frame only, "
-            f"{found.full.held_out * 1e3:.4f} mm in full; "
-            f"noise floor {found.noise.floor * 1e3:.4f} mm"
+            f"error left {mm(1e3 * found.frame_only.held_out)} mm before, "
+            f"{mm(1e3 * found.full.held_out)} mm calibrated; {noise}{warning}"
         )
 
 

@@ -27,6 +27,7 @@ from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Survey, survey
+from delta_calibration.wording import mm, sure
 
 _FILE = click.Path(path_type=Path)
 
@@ -110,15 +111,14 @@ def diagnosed(
 
 def describe(verdict: Verdict, error: str = "3-D", of: str = "pose") -> str:
     """The verdict, for people; what its errors are and of what it tells the noise."""
-    models = [verdict.baseline, verdict.calibrated]
-    if verdict.extended.model != verdict.calibrated.model:
-        models.append(verdict.extended)
-    rows = [(m.model, f"{m.held_out_rms_mm:.4f}") for m in models if m.held_out_rms_mm is not None]
+    rows = [
+        (f"{name}: {model.model}", mm(model.held_out_rms_mm)) for name, model in verdict.models()
+    ]
     lines = [
         f"verdict: {verdict.sentence()}",
         "",
-        table(("model", f"held-out RMS, {error} [mm]"), rows),
-        f"noise of a {of}: {verdict.noise_mm:.4f} mm",
+        table(("model", f"held-out error, {error} RMS [mm]"), rows),
+        f"noise of a {of}: {mm(verdict.noise_mm)} mm",
         *(line for finding in verdict.findings for line in ("", *_finding(finding))),
     ]
     unknown = verdict.unknown_structure
@@ -144,9 +144,9 @@ def _finding(finding: Finding) -> list[str]:
     )
     lines = [
         f"{finding.cause}{where} ({finding.kind}): {values}",
-        f"  held out {finding.rms_before_mm:.4f} -> {finding.rms_after_mm:.4f} mm, gain "
-        f"{finding.gain:.2f} ({finding.gain_low:.2f} to {finding.gain_high:.2f}); confidence "
-        f"{finding.confidence:.3f}, p {_chance(finding.p_value)}, lambda = {finding.signal:.0f}",
+        f"  {sure(finding.confidence)} sure; {finding.errors()}: gain {finding.gain:.2f} "
+        f"({finding.gain_low:.2f} to {finding.gain_high:.2f}); p {_chance(finding.p_value)}, "
+        f"signal lambda = {finding.signal:.0f}",
     ]
     if finding.equivalents:
         lines.append(

@@ -23,6 +23,7 @@ from delta_calibration.identification import (
     METHODS,
     ORDERS,
     Identification,
+    doubt,
     identify,
     method_named,
     most_evaluations,
@@ -30,6 +31,7 @@ from delta_calibration.identification import (
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Poses, collect
+from delta_calibration.wording import mm
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}
 _SHOWN = 5  # of a long list, without -v
@@ -114,9 +116,9 @@ def describe(found: Identification, verbose: bool) -> str:
         if noise.measured
         else "from the robot file"
     )
-    down = int(np.sum(found.weight < 1))
+    down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
     lines = [
-        f"noise floor {noise.floor * 1e6:.2f} um RMS in 3-D ({origin}); joints come to rest "
+        f"noise of a pose {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); joints come to rest "
         f"within {noise.repeatability * 1e6:.1f} urad; tracker {noise.radial_scale:.2f} x its "
         f"stated noise along the beam, {noise.transverse_scale:.2f} x across",
         *_turned(found),
@@ -126,9 +128,10 @@ def describe(found: Identification, verbose: bool) -> str:
         "",
         _residuals(found),
         "",
-        f"held out: {found.full.held_out / noise.floor:.2f} times the noise floor; chi square per "
-        f"degree of freedom {found.chi_square:.2f}"
-        + (f"; {down} poses believed less" if down else ""),
+        f"error left: {found.full.held_out / noise.floor:.2f} times the noise of a pose; "
+        f"chi square per degree of freedom {found.chi_square:.2f}"
+        + (f"; {down} poses believed less, {gone} of them left out" if down else ""),
+        *([f"warning: {doubt(found)}"] if doubt(found) else []),
         *_deviations(found),
         *_unset(found, verbose),
         *_correlated(found, verbose),
@@ -146,10 +149,13 @@ def _turned(found: Identification) -> list[str]:
 
 def _residuals(found: Identification) -> str:
     rows = [
-        (name, *(f"{v * 1e3:.4f}" for v in (r.in_sample, r.held_out, r.held_out_max)))
-        for name, r in (("frame only", found.frame_only), ("geometry + frame", found.full))
+        (name, *(mm(1e3 * v) for v in (r.in_sample, r.held_out, r.held_out_max)))
+        for name, r in (
+            ("before: nominal + frame", found.frame_only),
+            ("calibrated: geometry + frame", found.full),
+        )
     ]
-    return table(("residual, 3-D [mm]", "in sample", "held out", "held out, max"), rows)
+    return table(("3-D distance, RMS [mm]", "in sample", "error left", "largest left"), rows)
 
 
 def _deviations(found: Identification) -> list[str]:

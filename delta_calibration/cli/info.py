@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timezone
 from pathlib import Path
 
 import click
 
 from delta_calibration.cli.options import SESSION, duration, table
 from delta_calibration.recording import inspect_session
+from delta_calibration.wording import moment
 
 
 @click.command("info", short_help="what a session holds")
@@ -16,10 +16,9 @@ from delta_calibration.recording import inspect_session
 def command(session: Path) -> None:
     """Topics, counts, rates, storage and provenance of SESSION."""
     info = inspect_session(session)
-    start = datetime.fromtimestamp(info.start_ns * 1e-9, tz=timezone.utc)
     click.echo(f"{info.source}: {info.message_count} messages in {duration(info.duration_s)}")
     click.echo(
-        f"from {start.isoformat(timespec='seconds')}; {info.storage}, "
+        f"recorded {moment(info.start_ns)}; {info.storage}, "
         f"{info.compression or 'no'} compression, "
         f"{info.size_bytes / 1e6:.1f} MB" + ("" if info.complete else "; cut off")
     )

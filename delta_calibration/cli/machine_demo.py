@@ -25,6 +25,7 @@ from delta_calibration.cli.camera_demo import positioned_by_camera
 from delta_calibration.cli.diagnose import describe as describe_verdict
 from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.fit import describe
+from delta_calibration.cli.hidden import hidden_and_found
 from delta_calibration.cli.live_cell import Say
 from delta_calibration.cli.options import progress, table, write_json
 from delta_calibration.compensation import JointCompensator
@@ -101,7 +102,8 @@ def _first_act(
     calibration = load_calibration(out / "calibration.yaml", robot)
     click.echo("\n" + describe(found, verbose=False) + "\n")
     say(f"compensating by {method}")
-    calibrated = _Trial.of("geometry compensated", calibration, machine, method, trial)
+    inside = _inside(calibration, method, trial)
+    calibrated = _Trial.of("geometry compensated", calibration, machine, method, trial, inside)
     click.echo("\n" + _told(robot, [calibrated.before(), calibrated.after()]) + "\n")
     return calibrated.figures()
 
@@ -125,12 +127,19 @@ def _second_act(
     write_json(out / "verdict.json", found.verdict.as_dict())
     extended = load_calibration(out / "extended.yaml", robot)
     plain = from_identification(identify(seen.poses, robot), robot, seen.poses)
-    by_geometry = _Trial.of("geometry compensated", plain, machine, method, trial)
-    by_all = _Trial.of("extended model", extended, machine, method, trial)
+    kept = {"geometry compensated": plain, "extended model": extended}
+    inside = np.logical_and.reduce([_inside(c, method, trial) for c in kept.values()])
+    by_geometry, by_all = (
+        _Trial.of(name, c, machine, method, trial, inside) for name, c in kept.items()
+    )
     rows = [by_geometry.before(), by_geometry.after(), by_all.after()]
     click.echo(_told(robot, rows) + "\n")
     named = [effect.cause for effect in extended.chain.effects]
     click.echo(f"hidden: {cause}; found: {', '.join(named) or 'nothing'}\n")
+    click.echo(hidden_and_found(machine, out / "extended.yaml") + "\n")
+    click.echo(
+        f"the same again: delta-cal demo --robot {robot.name} --seed {seed} --method {method}\n"
+    )
     return {
         "hidden": cause,
         "found": named,
@@ -148,17 +157,20 @@ class _Trial:
 
     @classmethod
     def of(
-        cls, name: str, calibration: Calibration, machine: Machine, method: str, at: Conditions
+        cls,
+        name: str,
+        calibration: Calibration,
+        machine: Machine,
+        method: str,
+        at: Conditions,
+        inside: NDArray[np.bool_],
     ) -> _Trial:
-        """By a calibration.
+        """By a calibration, at the moments that are taken (n,).
 
         Raises:
             DataError: hardly any moment lies within the calibrated region.
         """
         done = JointCompensator(calibration, method).compensate(at.joint, at)
-        inside = np.isfinite(done.model_error)
-        if done.share is not None:
-            inside &= done.share == 1.0
         if inside.sum() < _FEWEST:
             raise DataError(
                 f"{int(inside.sum())} of {len(at)} moments of the trial lie in the region that "
@@ -188,6 +200,13 @@ class _Trial:
             when: {**Errors.of(far).in_mm(), "mean_turn_mrad": float(turn.mean() * 1e3)}
             for when, (far, turn) in parts.items()
         }
+
+
+def _inside(calibration: Calibration, method: str, at: Conditions) -> NDArray[np.bool_]:
+    """Moments at which a calibration corrects in full, (n,)."""
+    done = JointCompensator(calibration, method).compensate(at.joint, at)
+    inside = np.isfinite(done.model_error)
+    return inside if done.share is None else inside & (done.share == 1.0)
 
 
 def _told(robot: Robot, rows: Rows) -> str:

@@ -26,7 +26,7 @@ from delta_calibration.diagnosis.contrast import ALIKE
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import NOTHING
 from delta_calibration.errors import InputError
-from delta_calibration.plans import Plan, make_plan, write_plan
+from delta_calibration.plans import PLACES, Plan, make_plan, write_plan
 from delta_calibration.plans.bench import SLOTS, Level
 from delta_calibration.plans.optimal import OptimalPlan, optimal_plan
 from delta_calibration.plans.parting import Parting, part
@@ -34,7 +34,7 @@ from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import survey
 
-_POSES, _STOPS = 40, 20  # of --identify and of --separate, where --count is not given
+_STOPS = 20  # of --separate, where --count is not given
 
 
 @click.command("plan", short_help="where to measure, from which side, with what load")
@@ -60,7 +60,7 @@ _POSES, _STOPS = 40, 20  # of --identify and of --separate, where --count is not
 )  # fmt: skip
 @click.option(
     "--count", type=click.IntRange(min=1), default=None,
-    help="Of different points (40 for --identify; cycles for iso9283), or of stops for "
+    help=f"Of different places ({PLACES} to identify; cycles for iso9283), or of stops for "
     "--separate (20).",
 )  # fmt: skip
 @click.option(
@@ -124,7 +124,7 @@ def command(
         )
         plan, said = parting.plan, describe_parting(parting, separate, session)
     elif identify:
-        best = optimal_plan(robot, count or _POSES, radius=radius, seed=seed, follow=_bar)
+        best = optimal_plan(robot, count or PLACES, radius=radius, seed=seed, follow=_bar)
         plan, said = best.plan, describe_optimal(best, robot)
     else:
         load = payload_kg if name == "rich" else 0.0

@@ -10,13 +10,14 @@ import click
 import numpy as np
 
 from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.hidden import hidden_and_found
 from delta_calibration.cli.live_cell import RADIUS, STOPS, LiveCell, Say, at_targets, part_of
 from delta_calibration.cli.options import table
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import Robot
 from delta_calibration.samples import collect
-from delta_calibration.simulation import draw_machine, effect_options
+from delta_calibration.simulation import Machine, draw_machine, effect_options
 from delta_calibration.trial import Errors, true_errors
 
 # What stops from both sides under one payload can show; strengths of a real machine.
@@ -28,17 +29,39 @@ _HIDDEN = (
 
 
 def second_act(
-    robot_file: str, robot: Robot, out: Path, seed: int, method: str, say: Say
-) -> dict[str, object]:
-    """Hide, measure, diagnose, extend, measure again; what came of it, as data."""
-    draw = time.time_ns() % 2**31  # nobody knows what is hidden before it is said at the end
+    robot_file: str,
+    robot: Robot,
+    out: Path,
+    seed: int,
+    method: str,
+    say: Say,
+    draw: int | None = None,
+) -> tuple[dict[str, object], tuple[int, int]]:
+    """Hide, measure, diagnose, extend, measure again.
+
+    Args:
+        robot_file: file or name, for the nodes.
+        robot: what it says.
+        out: folder of the session and the calibration.
+        seed: of the machine.
+        method: of compensation.
+        say: tells the step.
+        draw: decides what is hidden; by the clock where not given, so that nobody knows before it
+            is said at the end.
+
+    Returns:
+        What came of it, as data; begin and end of what was diagnosed [ns].
+    """
+    draw = time.time_ns() % 2**31 if draw is None else draw
     effect = _HIDDEN[int(np.random.default_rng(draw).integers(len(_HIDDEN)))]
     files = out / "session_2", out / "extended.yaml"
     with LiveCell(robot_file, robot, *files, seed, method, (effect,)) as cell:
         say("second act: something is hidden in the machine that no geometry explains")
         cell.order("start_capture")
+        begun = time.time_ns()
         say(f"measuring the workspace: {STOPS['identify']} places from both sides")
         cell.measure("identify", "identify", True)
+        captured = begun, time.time_ns()
         cell.order("stop_capture")
         say(cell.order("fit"))
         say(cell.order("enable", True))
@@ -52,24 +75,28 @@ def second_act(
         time.sleep(1.5)
         say("measuring the line with the extended model")
         cell.measure("extended", "line", True)
-    rows, figures = _compared(robot, out, seed, effect, cell.begun)
+    machine = draw_machine(robot, seed, 1.0, [effect_options(effect)])
+    rows, figures = _compared(robot, out, machine, cell.begun)
     click.echo("\n" + table(("error [mm], line from both sides", "max", "mean", "3 std"), rows))
     found = [e.cause for e in load_calibration(files[1], robot).chain.effects]
     hidden = effect.partition(":")[0]
     before, after = (figures[name]["mean_mm"] for name in ("calibrated", "extended"))
     click.echo(
-        f"\nhidden (drawn with {draw}): {effect}; found: {', '.join(found) or 'nothing'}; "
-        f"mean error of the line {before:.4f} -> {after:.4f} mm\n"
+        f"\nhidden: {effect}; found: {', '.join(found) or 'nothing'}; "
+        f"mean error of the line {before:.4f} -> {after:.4f} mm\n\n"
+        f"{hidden_and_found(machine, files[1])}\n\n"
+        f"the same again: delta-cal demo --robot {robot_file} --seed {seed} --method {method} "
+        f"--draw {draw}\n"
     )
-    return {"draw": draw, "hidden": effect, "found": found, "right": found == [hidden], **figures}
+    right = found == [hidden]
+    return {"draw": draw, "hidden": effect, "found": found, "right": right, **figures}, captured
 
 
 def _compared(
-    robot: Robot, out: Path, seed: int, effect: str, begun: dict[str, int]
+    robot: Robot, out: Path, machine: Machine, begun: dict[str, int]
 ) -> tuple[list[tuple[str, str, str, str]], dict[str, dict[str, float | int]]]:
     """Errors against the truth with geometry and with the extended model."""
     poses = collect(read_session(out / "session_2"), robot.joints.names)
-    machine = draw_machine(robot, seed, 1.0, [effect_options(effect)])
     extended = load_calibration(out / "extended.yaml", robot)
     plain = replace(extended, chain=extended.chain.with_effects(()))
     plain = replace(plain, theta=extended.theta[: plain.chain.base_size])

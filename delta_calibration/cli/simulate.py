@@ -13,6 +13,7 @@ from delta_calibration.cli.quantity import Quantity
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
 from delta_calibration.simulation import (
     draw_machine,
     effect_options,
@@ -130,6 +131,8 @@ def command(
     if tracker is not None:
         seconds = float(tracker.stamp_ns[-1] - tracker.stamp_ns[0]) * 1e-9
         stops = f"{len(measured)} stops and {len(measured.paths)} paths"
+        still = len(collect(session, robot.joints.names))  # the ends of paths as well
         click.echo(
-            f"written: {out} ({stops}, {len(tracker.stamp_ns)} readings, {duration(seconds)})"
+            f"written: {out} ({stops}: {still} poses at rest, {len(tracker.stamp_ns)} readings, "
+            f"{duration(seconds)})"
         )

@@ -45,6 +45,7 @@ class Gain:
     share: float  # 1 is all but the noise
     low: float  # of the 95 % interval of `share`
     high: float
+    in_motion: bool = False  # told of readings on paths, as the member does not show at rest
 
 
 def sectors(evidence: Evidence) -> NDArray[np.int64]:

@@ -91,7 +91,7 @@ def diagnose(
         against = name, partial(_in_force, calibration)
     found = judged(start, effects, _facts(survey), rng, against, step)
     assert isinstance(found.model, Model)  # it was fitted as it began
-    whole = extended(found.model, found.held, seed)
+    whole = extended(found.model, seed)
     return Diagnosis(
         found.verdict, found.model, found.found, found.audit, found.held, found.before, whole
     )

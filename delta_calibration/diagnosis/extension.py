@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.findings import HeldOutModels
-from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.geometry import as_drawn
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.identification import (
+    DIAGNOSIS,
     Effort,
     Identification,
     Residuals,
     observe,
+    parts_of,
+    residuals_of,
     strong_correlations,
 )
 from delta_calibration.region import Region
@@ -21,13 +23,12 @@ from delta_calibration.region import Region
 Array = NDArray[np.float64]
 
 
-def extended(model: Model, held: HeldOutModels, seed: int) -> Identification:
+def extended(model: Model, seed: int) -> Identification:
     """Geometry, frame and the members' effects with their covariance.
 
     Args:
         model: the machine with its members.
-        held: its held-out errors.
-        seed: of the diagnosis.
+        seed: of the diagnosis, and of the parts that the error left is told by.
     """
     problem, poses = model.extended, model.survey.poses
     chain, base, at = problem.chain, model.problem.chain, poses.conditions
@@ -47,17 +48,15 @@ def extended(model: Model, held: HeldOutModels, seed: int) -> Identification:
         correlations=strong_correlations(
             covariance[: base.base_size, : base.base_size], base.parameters.names
         ),
-        frame_only=_residuals(without_geometry(model.evidence), held, held.frame.square),
-        full=_residuals(
-            model.beside, held, held.members(model.members, held.sectors).square
-        ),
+        frame_only=_residuals(as_drawn(model.evidence), model, seed),
+        full=_residuals(model.beside, model, seed),
         frame_only_theta=problem.theta0,
         weight=model.cell.weight,
         chi_square=model.misfit,
         region=Region.of(base.mechanism.position(nominal)),
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
-        effort=Effort("diagnosis"),
+        effort=Effort(DIAGNOSIS),
     )
 
 
@@ -80,13 +79,19 @@ def covariance_of(model: Model) -> Array:
     return np.asarray(whole @ evidence.covariance() @ whole.T * max(1.0, model.misfit))
 
 
-def _residuals(evidence: Evidence, held: HeldOutModels, square: Array) -> Residuals:
-    rows = held.poses
-    missed = evidence.missed(evidence.best(evidence.misfit))[rows]
-    size = float(np.mean(square[rows]))
-    return Residuals(
-        in_sample=float(np.sqrt(np.mean(np.sum(missed**2, axis=1)))),
-        held_out=float(np.sqrt(size)),
-        held_out_max=float(np.sqrt(square[rows].max())),
-        held_out_whitened=float(np.sqrt(size / np.mean(held.evidence.variance[rows]))),
-    )
+def _residuals(evidence: Evidence, model: Model, seed: int) -> Residuals:
+    """The same figures as of a fit, of the same poses in the same parts; readings in motion help.
+
+    Linear about the fit, as all of a diagnosis is.
+    """
+    part = parts_of(model.survey.poses, seed)
+    rows, misfit = np.flatnonzero(evidence.believed[: evidence.poses]), evidence.misfit
+    fitted = evidence.missed(evidence.best(misfit))[rows]
+    missed = np.zeros_like(fitted)
+    for number in np.unique(part[rows]):
+        own = part[rows] == number
+        others = np.setdiff1d(np.arange(len(evidence)), np.flatnonzero(part == number))
+        best = evidence.take(others).best(misfit)
+        missed[own] = evidence.take(rows[own]).missed(best)
+    whiten = model.problem.whiten[rows, :3, :3]
+    return residuals_of(np.linalg.norm(fitted, axis=1), missed, whiten)

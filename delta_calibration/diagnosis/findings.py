@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,7 +75,8 @@ class HeldOutModels:
         rows, noise = self._where(columns), self.evidence.variance
         place = np.round(self.evidence.chain.mechanism.position(self.evidence.pose) / 0.02)
         _, number = np.unique(place, axis=0, return_inverse=True)
-        return gain(before, after, noise, rows, number.reshape(-1), rng)
+        told = gain(before, after, noise, rows, number.reshape(-1), rng)
+        return replace(told, in_motion=rows is not self.poses)
 
     def of_member(
         self, model: Fitted, member: Candidate, columns: Array, rng: np.random.Generator
@@ -263,6 +266,7 @@ def _finding(
         gain_low=held.low,
         gain_high=held.high,
         signal=stand.signal,
+        in_motion=held.in_motion,
     )
 
 

@@ -104,6 +104,18 @@ def without_geometry(evidence: Evidence) -> Evidence:
     return without(evidence, np.arange(evidence.chain.geometry_size))
 
 
+def as_drawn(evidence: Evidence) -> Evidence:
+    """The evidence of the drawing in its best frame, the reflector where the fit has it.
+
+    Left free beside the drawing, an offset would take much of what is wrong with it on itself, as
+    far as the platform tilts: a reflector half a metre off in the place of a rod that is too long.
+    """
+    rows = offset_rows(evidence)
+    there = evidence.nuisance[:, :, rows] @ evidence.best(evidence.misfit)[rows]
+    fixed = replace(evidence, residual=evidence.residual - there)
+    return without(fixed, np.arange(evidence.chain.geometry_size + len(rows)))
+
+
 def at_scatter(evidence: Evidence, tau: float) -> Evidence:
     """The evidence with dimensions that deviate by so much of their tolerances."""
     precision = evidence.precision.copy()

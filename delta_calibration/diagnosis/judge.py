@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.audit import LACK_OF_FIT, MOTION, Audit, audit
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.confirm import HeldOut
+from delta_calibration.diagnosis.confirm import HeldOut, held_out
 from delta_calibration.diagnosis.findings import (
     MM,
     HeldOutModels,
@@ -25,7 +25,7 @@ from delta_calibration.diagnosis.findings import (
     of_reflector,
 )
 from delta_calibration.diagnosis.fitted import Fitted
-from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.geometry import as_drawn, scatter_of
 from delta_calibration.diagnosis.rivals import scaled
 from delta_calibration.diagnosis.search import ALPHA, Found, find
 from delta_calibration.diagnosis.trust import signal_of, untrusted
@@ -157,7 +157,8 @@ def _audited(model: Fitted, rng: np.random.Generator) -> Audit:
 
 def _drawing(placed: bool) -> tuple[str, Callable[[HeldOutModels], HeldOut]]:
     """The drawing, in the best frame where there is one."""
-    return "nominal + frame" if placed else "nominal", lambda held: held.frame
+    name = "nominal + frame" if placed else "nominal"
+    return name, lambda held: held_out(as_drawn(held.evidence), held.sectors)
 
 
 def _name(members: tuple[Candidate, ...], placed: bool) -> str:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from delta_calibration.wording import capital, listed, mm, spoken, sure
+
 SCHEMA = 1
 
 
@@ -54,12 +56,25 @@ class Finding:
     gain_low: float  # of its 95 % interval
     gain_high: float
     signal: float  # lambda
+    in_motion: bool = False  # the errors are of readings on paths; not part of the JSON
+
+    def called(self) -> str:
+        """Cause and place, as words."""
+        where = f" at {spoken(self.location)}" if self.location else ""
+        return f"{spoken(self.cause)}{where}"
+
+    def errors(self) -> str:
+        """What is left without and with the cause, of poses or of what it shows in."""
+        of = " in motion" if self.in_motion else ""
+        return (
+            f"held-out error{of} {mm(self.rms_before_mm)} mm without it, "
+            f"{mm(self.rms_after_mm)} mm with it"
+        )
 
     def label(self) -> str:
-        """Cause, place, and what the session cannot tell it from."""
-        where = f" at {self.location}" if self.location else ""
-        others = f" (or {', '.join(self.equivalents)})" if self.equivalents else ""
-        return f"{self.cause}{where}{others}"
+        """Cause and place, how sure that is, and what the session cannot tell it from."""
+        others = "".join(f" or {spoken(name)}" for name in self.equivalents)
+        return f"{self.called()}{others} ({sure(self.confidence)} sure)"
 
 
 @dataclass(frozen=True)
@@ -97,23 +112,35 @@ class Verdict:
 
     def as_dict(self) -> dict[str, Any]:
         """As the JSON of the contract; `verdict.schema.json` holds its form."""
-        return {"schema": SCHEMA, **_plain(asdict(self))}
+        plain = _plain(asdict(self))
+        for finding in plain["findings"]:
+            del finding["in_motion"]
+        return {"schema": SCHEMA, **plain}
+
+    def models(self) -> tuple[tuple[str, Held], ...]:
+        """What the machine is held against, by the names that all outputs use."""
+        known = [("before", self.baseline), ("calibrated", self.calibrated)]
+        if self.extended.model != self.calibrated.model:
+            known.append(("extended", self.extended))
+        return tuple(known)
 
     def sentence(self) -> str:
-        """What an engineer reads first."""
+        """What an engineer reads first: what it is, how sure, and the errors of the models."""
+        told = [
+            f"{mm(model.held_out_rms_mm)} mm {name}"
+            for name, model in self.models()
+            if model.held_out_rms_mm is not None
+        ]
+        errors = f": held-out error {', '.join(told)}" if told else ""
+        return f"{capital(self._what())}{errors}."
+
+    def _what(self) -> str:
         if self.findings:
-            first = self.findings[0]
-            return (
-                f"{', then '.join(finding.label() for finding in self.findings)} "
-                f"({first.confidence:.0%} sure): held-out error "
-                f"{first.rms_before_mm:.4f} -> {first.rms_after_mm:.4f} mm"
-            )
+            return listed(finding.label() for finding in self.findings)
         if self.unknown_structure.found:
-            return (
-                "something that no known cause explains; it moves with "
-                f"{self.unknown_structure.moves_with}"
-            )
-        return "the calibrated geometry explains the data"
+            moves = spoken(self.unknown_structure.moves_with or "nothing that was recorded")
+            return f"something that no known cause explains is left; it moves with {moves}"
+        return "the calibrated geometry explains the data, and nothing else is found"
 
 
 def _plain(value: Any) -> Any:

@@ -7,6 +7,7 @@ from delta_calibration.identification.alternating import (
     together,
 )
 from delta_calibration.identification.closing import Closing
+from delta_calibration.identification.doubt import DIAGNOSIS, doubt
 from delta_calibration.identification.error_model import box_of, error_model
 from delta_calibration.identification.fit import (
     Effort,
@@ -15,8 +16,10 @@ from delta_calibration.identification.fit import (
     chain_of,
     identify,
     most_evaluations,
+    parts_of,
     prepare,
     require_this_robot,
+    residuals_of,
 )
 from delta_calibration.identification.image import PointInImage
 from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
@@ -75,6 +78,7 @@ from delta_calibration.identification.swarm import (
 )
 
 __all__ = [
+    "DIAGNOSIS",
     "METHODS",
     "ORDERS",
     "Apso",
@@ -112,6 +116,7 @@ __all__ = [
     "box_of",
     "build_problem",
     "chain_of",
+    "doubt",
     "error_model",
     "fit_observations",
     "identify",
@@ -123,8 +128,10 @@ __all__ = [
     "minimise",
     "most_evaluations",
     "observe",
+    "parts_of",
     "prepare",
     "require_this_robot",
+    "residuals_of",
     "robust_weights",
     "solution_at",
     "solve",

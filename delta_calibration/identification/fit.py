@@ -38,10 +38,15 @@ _RMS_OF_MEDIAN = 1.126  # of the norms of three standard normal numbers
 
 @dataclass(frozen=True)
 class Residuals:
-    """Root mean square and largest 3-D distance between measured and predicted poses [m]."""
+    """Root mean square and largest 3-D distance between measured and predicted poses [m].
+
+    Of the poses that the fit counts, each as much as any other. What is held out here is the
+    *error left* of all outputs: places in five parts by lot, each predicted by a fit to the other
+    four, so that most lie between places that the fit has seen.
+    """
 
     in_sample: float
-    held_out: float  # each place predicted by a fit that has not seen it
+    held_out: float  # the error left
     held_out_max: float
     held_out_whitened: float  # in units of the noise of each coordinate; 1 is as good as can be
 
@@ -143,7 +148,7 @@ def identify(
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch)
     full = fit.solution
-    folds = _folds(poses, np.random.default_rng(seed))
+    folds, counted = parts_of(poses, seed), full.weight > 0
     covariance, chi_square = _covariance(full)
     variance = np.diag(covariance)
     if not ((variance >= 0.0) & (variance < np.inf)).all():
@@ -166,8 +171,8 @@ def identify(
         noise=noise,
         observability=observability,
         correlations=strong_correlations(covariance, chain.parameters.names),
-        frame_only=_residuals(registered, folds, _LEAST_SQUARES, rng, watch),
-        full=_residuals(full, folds, method, rng, watch),
+        frame_only=_residuals(registered, folds, counted, _LEAST_SQUARES, rng, watch),
+        full=_residuals(full, folds, counted, method, rng, watch),
         frame_only_theta=registered.theta[: len(start)],
         weight=full.weight,
         chi_square=chi_square,
@@ -261,16 +266,17 @@ def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]
     return chain.mechanism.parameters.nominal, chain.offset, chain.split(theta)[2]
 
 
-def _folds(poses: Poses, rng: np.random.Generator) -> Index:
-    """Which part each pose is held out with, (n,): all poses of a place together."""
+def parts_of(poses: Poses, seed: int) -> Index:
+    """Which part each pose is held out with, (n,): all poses of a place together, by lot."""
     places = np.unique(poses.place)
-    part = rng.permutation(len(places)) % min(_FOLDS, len(places))
+    part = np.random.default_rng(seed).permutation(len(places)) % min(_FOLDS, len(places))
     return np.asarray(part[np.searchsorted(places, poses.place)])
 
 
 def _residuals(
     solution: Solution,
-    folds: NDArray[np.int64],
+    folds: Index,
+    counted: NDArray[np.bool_],
     method: Method,
     rng: np.random.Generator,
     watch: Watch,
@@ -284,10 +290,22 @@ def _residuals(
         x = problem.chain.pose(at, fitted.theta)
         problem.chain.mechanism.require_reach(x, at.joint, "held-out command", "rad")
         missed[held] = problem.y[held] - problem.chain.reading(at, x, fitted.theta)
-    whitened = (problem.whiten[:, :3, :3] @ missed[..., None])[..., 0]  # Cholesky's: of its own
+    whiten = problem.whiten[counted, :3, :3]  # Cholesky's: of the position alone
+    return residuals_of(distances(solution)[counted], missed[counted], whiten)
+
+
+def residuals_of(in_sample: Array, missed: Array, whiten: Array) -> Residuals:
+    """The figures of the poses that count.
+
+    Args:
+        in_sample: 3-D distance by the fit to all, (n,) [m].
+        missed: measured less predicted by the fit that has not seen the place, (n, 3) [m].
+        whiten: (n, 3, 3) [1/m].
+    """
     distance = np.linalg.norm(missed, axis=1)
+    whitened = (whiten @ missed[..., None])[..., 0]
     return Residuals(
-        in_sample=float(np.sqrt(np.mean(distances(solution) ** 2))),
+        in_sample=float(np.sqrt(np.mean(in_sample**2))),
         held_out=float(np.sqrt(np.mean(distance**2))),
         held_out_max=float(distance.max()),
         held_out_whitened=float(np.sqrt(np.mean(whitened**2))),

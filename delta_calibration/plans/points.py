@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
 RADIUS = 0.45  # [m] of the paper's disc; what else is covered goes to the ends of the line
+PLACES = 60  # that a plan to identify has, where no other number is asked for
 LOW, HIGH = -0.15, 0.10  # [m] about the plane, between which poses are spread
 _SAME = 1e-6  # [m, 1] that a pose may differ from what was commanded
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
@@ -166,7 +167,7 @@ def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gene
     The rim comes first: a calibration holds inside the hull of its poses, and the paper's line
     ends at sqrt(2) times its |x|.
     """
-    wanted, widest = count or 60, radius * np.sqrt(2)
+    wanted, widest = count or PLACES, radius * np.sqrt(2)
     ring = _rim(robot, 1.03 * widest)[:wanted]
     # Shifted as a whole, so that the seed decides and every version of scipy draws the same.
     draws = np.mod(qmc.Halton(3, scramble=False).random(10 * wanted) + rng.random(3), 1.0)

@@ -11,7 +11,13 @@ from scipy.stats import qmc
 from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import Cube
 from delta_calibration.plans.motion import MotionPath
-from delta_calibration.plans.points import CUBE, nominal_joints, require_limits, usable
+from delta_calibration.plans.points import (
+    CUBE,
+    PLACES,
+    nominal_joints,
+    require_limits,
+    usable,
+)
 from delta_calibration.robot import Robot, Workspace
 
 Array = NDArray[np.float64]
@@ -33,7 +39,7 @@ def places(
         InputError: the box is too flat for the plan, or too much of it is out of reach.
     """
     if name == "identify":
-        return spread(robot, box, count or 60, rng)
+        return spread(robot, box, count or PLACES, rng)
     if name == "line":
         points = _line(box, count or 61)
     elif name == "disc":

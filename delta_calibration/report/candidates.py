@@ -20,7 +20,7 @@ from delta_calibration.report.drawing import (
     Panel,
     Rule,
 )
-from delta_calibration.report.words import NO_VALUE, chance, figures, spoken, sure
+from delta_calibration.wording import NO_VALUE, chance, figures, spoken, sure
 
 _SHOWN = 20
 _LEAST = 1.0  # of a bar

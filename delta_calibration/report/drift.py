@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -26,14 +27,9 @@ from delta_calibration.report.drawing import (
     Points,
     course,
 )
-from delta_calibration.report.words import (
-    NO_VALUE,
-    figures,
-    listed,
-    mm,
-    spoken,
-)
+from delta_calibration.report.glossary import glossary_section
 from delta_calibration.robot import Robot
+from delta_calibration.wording import NO_VALUE, figures, listed, mm, moment, spoken
 
 Array = NDArray[np.float64]
 
@@ -51,7 +47,12 @@ class CalibrationRecord:
     start: str  # of the session, ISO 8601
     calibration: Calibration
     std: Array  # (p,) of the geometry
-    held_out: float  # [m]
+    error_left: float  # [m]
+
+    @property
+    def when(self) -> str:
+        """The same as people read it."""
+        return moment(int(datetime.fromisoformat(self.start).timestamp()) * 1_000_000_000)
 
 
 def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
@@ -68,7 +69,7 @@ def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
         str(data["provenance"]["session_start"]),
         calibration,
         np.array([entry["std"] for entry in data["parameters"][:size]], dtype=float),
-        float(data["residuals"]["full"]["held_out_rms_mm"]) / MM,
+        float(data["residuals"]["full"]["error_left_rms_mm"]) / MM,
     )
 
 
@@ -88,7 +89,7 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
     names = tuple(record.name for record in records)
     return Report(
         title=f"Comparison of {len(records)} calibrations: {first.calibration.robot.name}",
-        subtitle=f"{first.start} to {records[-1].start}",
+        subtitle=f"sessions recorded {first.when} to {records[-1].when}",
         sentence=(
             f"From {first.name} to {records[-1].name} the machine moved by {mm(MM * last)} mm "
             f"RMS, at most {mm(MM * largest)} mm, over their common region."
@@ -115,6 +116,7 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
                 (_calibration_table(records, shifts),),
                 (_shift_figure(names, shifts, records), _parameter_figure(records, order)),
             ),
+            glossary_section(),
         ),
         data={
             "calibrations": [
@@ -172,8 +174,8 @@ def _calibration_table(
     rows = tuple(
         (
             record.name,
-            record.start,
-            mm(MM * record.held_out),
+            record.when,
+            mm(MM * record.error_left),
             mm(MM * rms),
             mm(MM * most),
             listed(spoken(e.cause) for e in record.calibration.chain.effects) or NO_VALUE,
@@ -182,7 +184,7 @@ def _calibration_table(
         for record, (rms, most) in zip(records, shifts, strict=True)
     )
     head = (
-        "calibration", "session", "held out RMS [mm]", "from the first, RMS [mm]",
+        "calibration", "session", "error left, RMS [mm]", "from the first, RMS [mm]",
         "largest [mm]", "effects", "SHA-256",
     )  # fmt: skip
     return Table("calibrations", "Calibrations, oldest first", head, rows, words=(0, 1, 5, 6))
@@ -195,12 +197,12 @@ def _shift_figure(
 ) -> Figure:
     place = np.arange(len(names), dtype=float)
     rms, most = (MM * np.array(each) for each in zip(*shifts, strict=True))
-    held = MM * np.array([record.held_out for record in records])
+    left = MM * np.array([record.error_left for record in records])
     return Figure(
         "shift",
         "Distance from the first",
-        "Root mean square and largest distance over the common region, beside what each "
-        "calibration leaves on poses it has not seen: a shift below that is none.",
+        "Root mean square and largest distance over the common region, beside the error "
+        "left of each calibration: a shift below that is none.",
         (
             Panel(
                 "",
@@ -209,7 +211,7 @@ def _shift_figure(
                 (
                     *course("RMS", place, rms, CALIBRATED, "solid", "circle"),
                     *course("largest", place, most, BEFORE, "dash", "diamond"),
-                    *course("held out", place, held, PAPER, "dot", "square"),
+                    *course("error left", place, left, PAPER, "dot", "square"),
                 ),
             ),
         ),

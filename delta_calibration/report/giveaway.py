@@ -39,9 +39,9 @@ from delta_calibration.report.regressors import (
     regressor_of,
     temperature,
 )
-from delta_calibration.report.words import capital, chance, spoken
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
+from delta_calibration.wording import capital, chance, spoken
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -23,9 +23,9 @@ from delta_calibration.report.drawing import (
     Rule,
 )
 from delta_calibration.report.judged import Judged
-from delta_calibration.report.words import mm
 from delta_calibration.robot import Robot
 from delta_calibration.trial import Errors
+from delta_calibration.wording import mm
 
 Array = NDArray[np.float64]
 

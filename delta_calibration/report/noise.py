@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from delta_calibration.identification.noise import Noise
 from delta_calibration.report.document import Table
 from delta_calibration.report.drawing import CALIBRATED, PAPER, Axis, Figure, Line, Panel, Points
-from delta_calibration.report.words import figures
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses
+from delta_calibration.wording import figures
 
 Array = NDArray[np.float64]
 
@@ -73,6 +73,6 @@ def noise_table(noise: Noise, poses: Poses, robot: Robot) -> Table:
         "Noise in figures",
         ("one standard deviation", "specified", "found", "found / specified [1]"),
         tuple(measured),
-        f"Distance from the tracker {distance.min():.2f} to {distance.max():.2f} m. Noise floor "
+        f"Distance from the tracker {distance.min():.2f} to {distance.max():.2f} m. Noise "
         f"of a pose: {1e3 * noise.floor:.4f} mm RMS in 3-D ({origin}).",
     )

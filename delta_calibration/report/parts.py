@@ -19,7 +19,7 @@ from delta_calibration.report.drawing import (
     Rule,
     Scale,
 )
-from delta_calibration.report.words import figures, spoken
+from delta_calibration.wording import figures, spoken
 
 Array = NDArray[np.float64]
 

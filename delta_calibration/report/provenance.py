@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
 from importlib import metadata
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from delta_calibration.errors import RecordingError
 from delta_calibration.report.document import Table
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses
+from delta_calibration.wording import moment
 
 _LIBRARIES = ("numpy", "scipy", "plotly", "mcap", "rosbags")
 _PIECE = 1 << 20  # [byte]
@@ -38,22 +39,25 @@ class Provenance:
     cycles_sha256: str = ""
     recorded: Mapping[str, str] = field(default_factory=dict)  # what the session says of itself
     notes: tuple[str, ...] = ()
+    made_ns: int | None = None  # when the report was
 
     def table(self) -> Table:
         """As it is shown."""
         rows = [
             ("session", self.session),
-            ("recorded from", when(self.start_ns)),
+            ("recorded", moment(self.start_ns)),
             ("session, SHA-256", self.session_sha256),
             ("robot", f"{self.robot} ({self.robot_source})"),
             ("robot, SHA-256", self.robot_sha256),
-            ("seed", str(self.seed)),
+            ("seed of the diagnosis", str(self.seed)),
             ("delta_calibration", __version__),
             ("Python", platform.python_version()),
             *((name, version(name)) for name in _LIBRARIES),
             *((f"session: {key}", value) for key, value in sorted(self.recorded.items())),
             *(("note", note) for note in self.notes),
         ]
+        if self.made_ns is not None:
+            rows.append(("report made", moment(self.made_ns)))
         if self.calibration:
             rows += [
                 ("calibration in force", self.calibration),
@@ -92,6 +96,7 @@ def session_provenance(
         calibration_sha256="" if calibration is None else calibration.seal,
         recorded=dict(recorded),
         notes=poses.notes,
+        made_ns=time.time_ns(),
     )
 
 
@@ -116,12 +121,6 @@ def hash_of(path: Path) -> str:
 
 def _stored(file: Path) -> bool:
     return file.is_file() and file.suffix in (".mcap", ".db3", ".zstd", ".yaml")
-
-
-def when(start_ns: int) -> str:
-    """A stamp as UTC."""
-    start = datetime.fromtimestamp(start_ns * 1e-9, tz=timezone.utc)
-    return start.strftime("%Y-%m-%d %H:%M UTC")
 
 
 def version(name: str) -> str:

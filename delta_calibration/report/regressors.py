@@ -19,9 +19,9 @@ from delta_calibration.effects.unexplained import (
     TIME,
     Unexplained,
 )
-from delta_calibration.report.words import spoken
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
+from delta_calibration.wording import spoken
 
 Array = NDArray[np.float64]
 Groups = tuple[tuple[str, NDArray[np.bool_]], ...]

@@ -10,6 +10,7 @@ from delta_calibration.diagnosis.verdict import Finding, Verdict
 from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report, Section, Table
 from delta_calibration.report.giveaway import giveaways, leftovers
+from delta_calibration.report.glossary import glossary_section
 from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line, line_figure, line_table
 from delta_calibration.report.noise import noise_figure, noise_table
@@ -21,27 +22,22 @@ from delta_calibration.report.parts import (
     set_by_data,
     unset_table,
 )
-from delta_calibration.report.provenance import Provenance, when
+from delta_calibration.report.provenance import Provenance
 from delta_calibration.report.standard import standard_section
-from delta_calibration.report.words import (
-    NO_VALUE,
-    between,
-    called,
-    capital,
-    chance,
-    estimate,
-    figures,
-    key_figures,
-    listed,
-    mm,
-    sentence,
-    spoken,
-    statements,
-    structure,
-    sure,
-)
+from delta_calibration.report.words import between, estimate, key_figures, statements, structure
 from delta_calibration.report.workspace import maps, unknown_maps
 from delta_calibration.robot import Robot
+from delta_calibration.wording import (
+    NO_VALUE,
+    capital,
+    chance,
+    figures,
+    listed,
+    mm,
+    moment,
+    spoken,
+    sure,
+)
 
 
 def report_of(
@@ -63,10 +59,10 @@ def report_of(
     return Report(
         title=f"Calibration report: {robot.name}",
         subtitle=(
-            f"{provenance.session}, {when(provenance.start_ns)}; {session.samples} readings in "
-            f"{session.duration_s / 60:.0f} min, {session.poses} poses at rest"
+            f"{provenance.session}, recorded {moment(provenance.start_ns)}; {session.samples} "
+            f"readings in {session.duration_s / 60:.0f} min, {session.poses} poses at rest"
         ),
-        sentence=sentence(verdict),
+        sentence=verdict.sentence(),
         statements=statements(verdict),
         key_figures=key_figures(verdict),
         sections=(
@@ -85,6 +81,7 @@ def report_of(
             _noise(judged, robot),
             standard_section(iso),
             Section("provenance", "Provenance", (), (provenance.table(),)),
+            glossary_section(),
         ),
         data={"verdict": verdict.as_dict()},
     )
@@ -100,7 +97,8 @@ def verdict_section(verdict: Verdict) -> Section:
                 "Findings, strongest first",
                 (
                     "cause", "parameters", "confidence", "p", "signal λ",
-                    "held out [mm]", "gain, 95 % [1]", "the same here; to part them",
+                    "held-out error, without it → with it [mm]", "gain, 95 % [1]",
+                    "the same here; to part them",
                 ),
                 tuple(_finding(f) for f in verdict.findings),
                 words=(0, 1, 7),
@@ -126,12 +124,13 @@ def _finding(finding: Finding) -> tuple[str, ...]:
     same = listed(map(spoken, finding.equivalents))
     part = f"; {finding.separated_by}" if finding.separated_by else ""
     return (
-        f"{called(finding)} ({finding.kind})",
+        f"{finding.called()} ({finding.kind})",
         ", ".join(every[:6]) + more,
         sure(finding.confidence),
         chance(finding.p_value),
         figures(finding.signal),
-        f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}",
+        f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}"
+        + (", in motion" if finding.in_motion else ""),
         f"{finding.gain:.2f} ({finding.gain_low:.2f} to {finding.gain_high:.2f})",
         same + part or NO_VALUE,
     )
@@ -172,7 +171,7 @@ def _workspace(judged: Judged) -> Section:
     table = Table(
         "error_workspace",
         "Error over the workspace in figures",
-        ("held out, 3-D", "RMS [mm]", "median [mm]", "largest [mm]"),
+        ("held-out error, 3-D", "RMS [mm]", "median [mm]", "largest [mm]"),
         rows,
     )
     return Section(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.report.document import Section, Table
-from delta_calibration.report.words import mm
+from delta_calibration.wording import mm
 
 MM = 1e3
 _MEANING = {

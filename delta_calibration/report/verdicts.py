@@ -22,18 +22,10 @@ from delta_calibration.report.drawing import (
     course,
 )
 from delta_calibration.report.drift import UNITS
+from delta_calibration.report.glossary import glossary_section
 from delta_calibration.report.verdict_file import VerdictFile
-from delta_calibration.report.words import (
-    called,
-    estimate,
-    key_figures,
-    listed,
-    mm,
-    sentence,
-    spoken,
-    statements,
-    sure,
-)
+from delta_calibration.report.words import estimate, key_figures, statements
+from delta_calibration.wording import listed, mm, spoken, sure
 
 Array = NDArray[np.float64]
 Values = dict[str, list[tuple[int, float, float, str]]]  # number of the file, value, std, unit
@@ -51,10 +43,10 @@ def drift_of_verdicts(files: Sequence[VerdictFile]) -> Report:
     return Report(
         title="Verdict" if one else f"Comparison of {len(files)} verdicts",
         subtitle=listed(file.name for file in files),
-        sentence=sentence(last.verdict) if one else f"{last.name}: {sentence(last.verdict)}",
+        sentence=last.verdict.sentence() if one else f"{last.name}: {last.verdict.sentence()}",
         statements=statements(last.verdict),
         key_figures=key_figures(last.verdict),
-        sections=tuple(sections),
+        sections=(*sections, glossary_section()),
         data={"verdicts": {file.name: file.verdict.as_dict() for file in files}},
     )
 
@@ -73,14 +65,14 @@ def _verdict_table(files: Sequence[VerdictFile]) -> Table:
                 )
             ),
             str(file.verdict.session.poses),
-            listed(called(f) for f in file.verdict.findings)
+            listed(f.called() for f in file.verdict.findings)
             or ("unknown structure" if file.verdict.unknown_structure.found else "none"),
         )
         for file in files
     )
     head = (
-        "verdict", "before [mm]", "calibrated [mm]", "extended [mm]", "noise [mm]", "poses",
-        "findings",
+        "verdict", "before [mm]", "calibrated [mm]", "extended [mm]", "noise of a pose [mm]",
+        "poses", "findings",
     )  # fmt: skip
     return Table("verdicts", "Held-out error, RMS in 3-D", head, rows, words=(0, 6))
 
@@ -89,7 +81,7 @@ def _findings_table(files: Sequence[VerdictFile]) -> Table:
     rows = tuple(
         (
             file.name,
-            called(finding),
+            finding.called(),
             "; ".join(estimate(name, e) for name, e in list(finding.parameters.items())[:6]),
             sure(finding.confidence),
             f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}",
@@ -97,7 +89,10 @@ def _findings_table(files: Sequence[VerdictFile]) -> Table:
         for file in files
         for finding in file.verdict.findings
     )
-    head = "verdict", "cause", "parameters", "confidence", "held out [mm]"
+    head = (
+        "verdict", "cause", "parameters", "confidence",
+        "held-out error, without it → with it [mm]",
+    )  # fmt: skip
     return Table(
         "findings", "Findings", head, rows, "" if rows else "No findings.", words=(0, 1, 2)
     )
@@ -126,7 +121,7 @@ def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
                         "calibrated", place, values("calibrated"), CALIBRATED, "dash", "diamond"
                     ),
                     *course("extended", place, values("extended"), EXTENDED, "dot", "square"),
-                    *course("noise", place, noise, PAPER, "solid", "cross"),
+                    *course("noise of a pose", place, noise, PAPER, "solid", "cross"),
                 ),
             ),
         ),
@@ -140,7 +135,7 @@ def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
     found: dict[str, Values] = {}
     for number, file in enumerate(files):
         for finding in file.verdict.findings:
-            of_cause = found.setdefault(called(finding), {})
+            of_cause = found.setdefault(finding.called(), {})
             for name, e in finding.parameters.items():
                 of_cause.setdefault(name, []).append((number, e.value, e.std or 0.0, e.unit))
     return tuple(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import floor, log10
 
 from delta_calibration.diagnosis.verdict import (
@@ -14,70 +13,14 @@ from delta_calibration.diagnosis.verdict import (
 )
 from delta_calibration.effects.unexplained import UNEXPLAINED
 from delta_calibration.report.document import KeyFigure, Statement
+from delta_calibration.wording import capital, chance, figures, listed, mm, spoken, sure
 
-MM = 1e3
-NO_VALUE = "–"
 # a reader's unit for each of the code's; the rest is shown as it is
 _SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
-_LEAST_P = 1e-300
-_PLAIN = 1e-3, 1e7  # numbers between are written out
-_MINUS, _THIN = "\u2212", "\u202f"
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MINUS = "\u2212"
 _SMALL = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
 _SMALL_FROM = 1e-3  # [m, rad] below
-
-
-def mm(value: float | None) -> str:
-    """A length in mm to a tenth of a micrometre."""
-    return NO_VALUE if value is None else f"{value:.4f}"
-
-
-def figures(value: float, digits: int = 3) -> str:
-    """A number to so many figures: `93 300`, `4.2 × 10⁻⁸`, with a true minus sign."""
-    if value == 0:
-        return "0"
-    rounded = float(f"{value:.{digits}g}")
-    if _PLAIN[0] <= abs(rounded) < _PLAIN[1]:
-        places = max(0, digits - 1 - floor(log10(abs(rounded))))
-        return f"{rounded:,.{places}f}".replace(",", _THIN).replace("-", _MINUS)
-    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
-    return f"{mantissa} × 10{str(int(power)).translate(_RAISED)}".replace("-", _MINUS)
-
-
-def chance(p: float | None) -> str:
-    """A p value."""
-    if p is None:
-        return NO_VALUE
-    if p < _LEAST_P:
-        return "< 10\u207b\u00b3\u2070\u2070"
-    return figures(p, 2) if p < _PLAIN[0] else f"{p:.3f}"
-
-
-def sure(confidence: float) -> str:
-    """A probability in percent, never rounded up to certainty."""
-    if confidence > 0.999:
-        return "> 99.9 %"
-    return f"{100 * confidence:.1f} %" if confidence > 0.99 else f"{100 * confidence:.0f} %"
-
-
-def spoken(name: str) -> str:
-    """A cause or part by its fixed name, as words."""
-    words = ["SMR" if word == "smr" else word for word in name.split("_")]
-    return " ".join(words).replace(UNEXPLAINED, "smooth map")
-
-
-def listed(items: Iterable[str]) -> str:
-    """`a`, `a and b`, `a, b and c`."""
-    every = list(items)
-    if len(every) < 2:
-        return "".join(every)
-    return f"{', '.join(every[:-1])} and {every[-1]}"
-
-
-def called(finding: Finding) -> str:
-    """A cause and its place."""
-    where = f" at {spoken(finding.location)}" if finding.location else ""
-    return f"{spoken(finding.cause)}{where}"
+_COARSE = 1e-3  # a standard error that is told by its places
 
 
 def estimate(name: str, e: Estimate) -> str:
@@ -86,39 +29,13 @@ def estimate(name: str, e: Estimate) -> str:
     factor, unit = units.get(e.unit, (1.0, e.unit))
     unit = "" if unit == "1" else f" {unit}"
     value, std = e.value * factor, (e.std or 0.0) * factor
-    if std <= 0 or std < _PLAIN[0]:
+    if std <= 0 or std < _COARSE:
         spread = f" ± {figures(std, 2)}" if std > 0 else ""
         shown = f"{figures(value, 4)}{spread}"
     else:
         places = max(0, 1 - floor(log10(std)))
         shown = f"{value:.{places}f} ± {std:.{places}f}".replace("-", _MINUS)
     return f"{spoken(name)} = {shown}{unit}".replace(" ", "\u00a0")
-
-
-def sentence(verdict: Verdict) -> str:
-    """The verdict in a sentence: what, how sure, what it gains."""
-    before, after = verdict.calibrated.held_out_rms_mm, verdict.extended.held_out_rms_mm
-    if verdict.findings:
-        causes = listed(f"{called(f)} ({sure(f.confidence)} sure)" for f in verdict.findings)
-        if verdict.extended.model != verdict.calibrated.model:
-            gain = f"in the model, it takes the held-out error from {mm(before)} to {mm(after)} mm"
-        else:
-            drawn = mm(verdict.baseline.held_out_rms_mm)
-            gain = f"calibration takes the held-out error from {drawn} to {mm(before)} mm"
-        return f"{capital(causes)}: {gain}."
-    if verdict.unknown_structure.found:
-        moves = spoken(verdict.unknown_structure.moves_with or "nothing that was recorded")
-        return f"Something that no known cause explains is left; it moves with {moves}."
-    drawn = mm(verdict.baseline.held_out_rms_mm)
-    return (
-        f"The calibrated geometry explains the data: held-out error from {drawn} to {mm(before)} "
-        "mm, and nothing else is found."
-    )
-
-
-def capital(text: str) -> str:
-    """A text that begins with a capital letter."""
-    return text[:1].upper() + text[1:]
 
 
 def statements(verdict: Verdict) -> tuple[Statement, ...]:
@@ -138,7 +55,7 @@ def _wrong(verdict: Verdict) -> str:
         values = [estimate(name, e) for name, e in finding.parameters.items()][:3]
         more = len(finding.parameters) - len(values)
         rest = f" and {more} more" if more else ""
-        parts.append(f"{called(finding)}: {', '.join(values)}{rest}.")
+        parts.append(f"{finding.called()}: {', '.join(values)}{rest}.")
     if unknown.found:
         parts.append(f"{structure(unknown)}.")
     nothing = "nothing beyond the errors of the parts, which calibration sets."
@@ -151,7 +68,7 @@ def _how_sure(verdict: Verdict) -> str:
         others = listed(map(spoken, finding.equivalents))
         class_ = f"; the same on this session: {others}" if others else ""
         parts.append(
-            f"{called(finding)} {sure(finding.confidence)}, p = {chance(finding.p_value)}"
+            f"{finding.called()} {sure(finding.confidence)}, p = {chance(finding.p_value)}"
             f"{class_}."
         )
     tests = verdict.unknown_structure.tests.values()
@@ -171,14 +88,17 @@ def _how_sure(verdict: Verdict) -> str:
 def _gains(verdict: Verdict) -> str:
     if not verdict.findings and not _mapped(verdict):
         before, after = verdict.baseline.held_out_rms_mm, verdict.calibrated.held_out_rms_mm
-        return f"Calibration: {mm(before)} → {mm(after)} mm on poses that the fit has not seen."
+        return f"Calibration: held-out error {mm(before)} mm before, {mm(after)} mm calibrated."
     parts = [
-        f"{called(f)}: {mm(f.rms_before_mm)} → {mm(f.rms_after_mm)} mm held out, {_share(f)}."
+        f"{f.called()}: {f.errors()}, {_share(f)}."
         for f in verdict.findings
     ]
     if _mapped(verdict):
         before, after = verdict.calibrated.held_out_rms_mm, verdict.extended.held_out_rms_mm
-        parts.append(f"all with the map of what has no name: {mm(before)} → {mm(after)} mm.")
+        parts.append(
+            f"all with the map of what has no name: held-out error {mm(before)} mm calibrated, "
+            f"{mm(after)} mm extended."
+        )
     return capital(" ".join(parts))
 
 
@@ -213,12 +133,10 @@ def between(entry: CannotTell) -> str:
 
 
 def key_figures(verdict: Verdict) -> tuple[KeyFigure, ...]:
-    """Errors held out before, calibrated, extended; the noise under them."""
-    shown = [("before", verdict.baseline), ("calibrated", verdict.calibrated)]
-    shown.append(("extended", verdict.extended))
+    """Held-out errors before, calibrated, extended; the noise under them."""
     parts = [
-        KeyFigure(name, mm(model.held_out_rms_mm), "mm RMS", spoken(model.model))
-        for name, model in shown
+        KeyFigure(name, mm(model.held_out_rms_mm), "mm RMS", f"held-out error: {model.model}")
+        for name, model in verdict.models()
     ]
-    note = "of a pose measured at rest"
-    return (*parts, KeyFigure("noise", mm(verdict.noise_mm), "mm RMS", note))
+    note = "the least that any model can leave"
+    return (*parts, KeyFigure("noise of a pose", mm(verdict.noise_mm), "mm RMS", note))

@@ -65,7 +65,7 @@ SPECS = (
         "messages a capture holds at most; from configure on",
         range=(100, 100_000_000),
     ),
-    Spec("seed", 0, "of held-out parts and of the swarm; from configure on", (0, 2**31 - 1)),
+    Spec("seed", 0, "of the parts held out and of the swarm; from configure on", (0, 2**31 - 1)),
     Spec(
         "error_scale",
         100.0,

@@ -5,6 +5,7 @@ from delta_calibration.samples.motion import Motion, Stroke, motion_of
 from delta_calibration.samples.poses import Paths, Poses, Survey, collect, require_poses, survey
 from delta_calibration.samples.readings import Readings, Rejected, match
 from delta_calibration.samples.streams import (
+    SIMULATED_NS,
     JointStream,
     PayloadStream,
     Session,
@@ -13,6 +14,7 @@ from delta_calibration.samples.streams import (
 )
 
 __all__ = [
+    "SIMULATED_NS",
     "Conditions",
     "JointStream",
     "Motion",

@@ -7,13 +7,17 @@ stream holds one row or more, all of finite numbers; what was not recorded is No
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+
+# [ns] simulated sessions begin here, whatever the clock says: with the same seed the same file
+SIMULATED_NS = 1_700_000_000_000_000_000
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,9 @@ class PayloadStream:
     centre: Array  # (n, 3) [m], centre of mass in the platform's frame
 
 
+Stream = TypeVar("Stream", JointStream, TrackerStream, TemperatureStream)
+
+
 @dataclass(frozen=True)
 class Session:
     """One recorded session of a cell, as its streams.
@@ -68,3 +75,29 @@ class Session:
     payload: PayloadStream | None = None
     notes: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def between(self, begin_ns: int, end_ns: int) -> Session:
+        """What was true in a stretch of time; what is carried, as said before it as well."""
+
+        def part(stream: Stream | None) -> Stream | None:
+            if stream is None:
+                return None
+            keep = (stream.stamp_ns >= begin_ns) & (stream.stamp_ns <= end_ns)
+            return _rows(stream, keep) if keep.any() else None
+
+        warmth = (part(stream) for stream in self.temperature)
+        return replace(
+            self,
+            command=part(self.command),
+            states=part(self.states),
+            tracker=part(self.tracker),
+            temperature=tuple(stream for stream in warmth if stream is not None),
+        )
+
+
+def _rows(stream: Stream, keep: NDArray[np.bool_]) -> Stream:
+    """Some rows of a stream."""
+    each: dict[str, Any] = {
+        name: value[keep] for name, value in vars(stream).items() if isinstance(value, np.ndarray)
+    }
+    return replace(stream, **each)

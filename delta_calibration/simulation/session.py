@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from delta_calibration.errors import ReachError
 from delta_calibration.plans import Leg, Plan, legs
 from delta_calibration.samples import (
+    SIMULATED_NS,
     Conditions,
     JointStream,
     PayloadStream,
@@ -25,8 +26,6 @@ from delta_calibration.simulation.machine import Machine
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-# stamps of simulated sessions start here, whatever the clock says
-_EPOCH_NS = 1_700_000_000_000_000_000
 _PAYLOAD_CENTRE = np.array([0.0, 0.0, -0.03])  # [m] in the platform's frame
 _THERMOMETERS = 60.0  # [s] from one temperature to the next
 _FINE = 20.0  # [1/s] at which the motion between slower samples is looked at
@@ -136,7 +135,7 @@ def _readings(machine: Machine, at: Conditions, rng: np.random.Generator, plan: 
 
 
 def _stamps(time: Array) -> Stamps:
-    return _EPOCH_NS + np.round(time * 1e9).astype(np.int64)
+    return SIMULATED_NS + np.round(time * 1e9).astype(np.int64)
 
 
 def _payloads(at: Conditions) -> PayloadStream:

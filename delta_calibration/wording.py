@@ -1,0 +1,80 @@
+"""Numbers and names as people read them, the same everywhere they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime, timezone
+from math import floor, log10
+
+from delta_calibration.effects.unexplained import UNEXPLAINED
+from delta_calibration.samples import SIMULATED_NS
+
+NO_VALUE = "–"
+_LEAST_P = 1e-300
+_PLAIN = 1e-3, 1e7  # numbers between are written out
+_DATED_NS = 946_684_800_000_000_000  # [ns] the year 2000: who counts from zero has no date
+_MINUTE_NS = 60_000_000_000
+_MINUS, _THIN = "\u2212", "\u202f"
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def mm(value: float | None) -> str:
+    """A length in mm to a tenth of a micrometre."""
+    return NO_VALUE if value is None else f"{value:.4f}"
+
+
+def figures(value: float, digits: int = 3) -> str:
+    """A number to so many figures: `93 300`, `4.2 × 10⁻⁸`, with a true minus sign."""
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.{digits}g}")
+    if _PLAIN[0] <= abs(rounded) < _PLAIN[1]:
+        places = max(0, digits - 1 - floor(log10(abs(rounded))))
+        return f"{rounded:,.{places}f}".replace(",", _THIN).replace("-", _MINUS)
+    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+    return f"{mantissa} × 10{str(int(power)).translate(_RAISED)}".replace("-", _MINUS)
+
+
+def chance(p: float | None) -> str:
+    """A p value."""
+    if p is None:
+        return NO_VALUE
+    if p < _LEAST_P:
+        return "< 10\u207b\u00b3\u2070\u2070"
+    return figures(p, 2) if p < _PLAIN[0] else f"{p:.3f}"
+
+
+def sure(confidence: float) -> str:
+    """A probability in percent, never rounded up to certainty."""
+    if confidence > 0.999:
+        return "> 99.9 %"
+    return f"{100 * confidence:.1f} %" if confidence > 0.99 else f"{100 * confidence:.0f} %"
+
+
+def spoken(name: str) -> str:
+    """A cause or part by its fixed name, as words."""
+    words = ["SMR" if word == "smr" else word for word in name.split("_")]
+    return " ".join(words).replace(UNEXPLAINED, "smooth map")
+
+
+def listed(items: Iterable[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    every = list(items)
+    if len(every) < 2:
+        return "".join(every)
+    return f"{', '.join(every[:-1])} and {every[-1]}"
+
+
+def capital(text: str) -> str:
+    """A text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
+def moment(start_ns: int) -> str:
+    """When a session began, in UTC, or why its stamps do not tell."""
+    if start_ns < _DATED_NS:
+        return "without a date"
+    if 0 <= start_ns - SIMULATED_NS < _MINUTE_NS:
+        return "in simulated time"
+    start = datetime.fromtimestamp(start_ns * 1e-9, tz=timezone.utc)
+    return start.strftime("%Y-%m-%d %H:%M UTC")
