@@ -19,6 +19,7 @@ from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.fitting import Fitted, diagnosed, fit
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.cli.fit import describe as describe_fit
+from delta_calibration.cli.live_cell import at_targets
 from delta_calibration.cli.main import group, run
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.geometry import align
@@ -209,6 +210,16 @@ def test_a_stretch_of_a_session_is_what_was_captured_in_it():
     assert len(part) in (20, 21)
     np.testing.assert_allclose(part.point[1:-1], whole.point[10:29][: len(part) - 2], atol=1e-12)
     assert (part.payload == whole.payload[0]).all()
+
+
+def test_a_way_into_a_stop_that_was_lost_is_no_stop():
+    """It stands still where the joints turn round, 10 mrad off: millimetres for the tool."""
+    poses = collect(session("srbd_plain"), ROBOT.joints.names).take(np.arange(0, 20, 2))
+    plan = replace(make_plan("line", ROBOT, count=10, both_sides=False), joint=poses.joint + 3e-3)
+    joint = poses.joint.copy()
+    assert len(at_targets(replace(poses, joint=joint), plan)) == 10
+    joint[4] -= 6e-3
+    assert len(at_targets(replace(poses, joint=joint), plan)) == 9
 
 
 # --- a fit that leaves too much says so

@@ -50,7 +50,7 @@ class Fitted:
             save_extended(path, self.diagnosis, robot, self.poses)
 
     def sentence(self) -> str:
-        """The result in a line: rank, the error left and the noise below which none can be."""
+        """The result in a line: rank, the error left and the noise beside it."""
         found, seen = self.found, self.found.observability
         noise = f"noise of a pose {mm(1e3 * found.noise.floor)} mm"
         warning = f"; warning: {doubt(found)}" if doubt(found) else ""

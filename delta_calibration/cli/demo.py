@@ -115,9 +115,9 @@ def _with_nodes(
     files = out / "session", out / "calibration.yaml"
     with LiveCell(robot_file, robot, *files, seed, method) as cell:
         say(f"started the nodes on ROS domain {cell.domain}")
-        begun = _first_act(cell, say)
+        begun, captured = _first_act(cell, say)
     say("reading the recorded session")
-    summary = _evaluate(robot, out, seed, method, begun)
+    summary = _evaluate(robot, out, seed, method, begun, captured)
     second, captured = second_act(robot_file, robot, out, seed, method, say, draw)
     write_json(out / "summary.json", {**summary, "second_act": second})
     click.echo(
@@ -154,11 +154,17 @@ def _report(out: Path, robot: Robot, captured: tuple[int, int] | None = None) ->
     click.echo(f"open {out / 'report.html'} in a browser: what was found, and by what evidence")
 
 
-def _first_act(cell: LiveCell, say: Say) -> dict[str, int]:
-    """Measure, fit, compensate, measure again; when each part began [ns]."""
+def _first_act(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int]]:
+    """Measure, fit, compensate, measure again.
+
+    Returns:
+        When each part began; begin and end of what the node captured; all in ns.
+    """
     cell.order("start_capture")
+    start = time.time_ns()
     say(f"measuring the workspace: {STOPS['identify']} places from both sides")
     cell.measure("identify", "identify", True)
+    captured = start, time.time_ns()
     cell.order("stop_capture")
     for plan in ("line", "disc"):
         say(f"measuring the {plan} without compensation: {STOPS[plan]} points")
@@ -172,17 +178,23 @@ def _first_act(cell: LiveCell, say: Say) -> dict[str, int]:
         say(f"measuring the {plan} with compensation")
         cell.measure(f"{plan}_after", plan, False)
     say("stopping the nodes")
-    return cell.begun
+    return cell.begun, captured
 
 
 def _evaluate(
-    robot: Robot, out: Path, seed: int, method: str, begun: dict[str, int]
+    robot: Robot,
+    out: Path,
+    seed: int,
+    method: str,
+    begun: dict[str, int],
+    captured: tuple[int, int],
 ) -> dict[str, object]:
     """Before and after, from the recorded session; printed, and as data."""
-    poses = collect(read_session(out / "session"), robot.joints.names)
+    recorded = read_session(out / "session")
+    poses = collect(recorded, robot.joints.names)
     calibration = load_calibration(out / "calibration.yaml", robot)
-    fitted = part_of(poses, begun, "identify")
-    found = identify(fitted, robot)
+    # what the node fitted: the same poses, and so the same figures
+    found = identify(collect(recorded.between(*captured), robot.joints.names), robot)
     click.echo("\n" + describe(found, verbose=False) + "\n")
     registered = replace(calibration, chain=found.chain, theta=found.frame_only_theta)
     machine = draw_machine(robot, seed)

@@ -23,6 +23,7 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.diagnosis import STEPS, Diagnosis, Finding, Verdict, diagnose
+from delta_calibration.identification import doubt
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
@@ -80,6 +81,8 @@ def command(
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
     click.echo(describe(found.verdict))
+    if doubt(found.identification):
+        click.echo(f"warning: {doubt(found.identification)}")
     if verbose:
         click.echo(tried(found))
     if json_file is not None:

@@ -22,7 +22,8 @@ TERMS: tuple[tuple[str, str], ...] = (
         "noise of a pose",
         "Root mean square of the 3-D distance by which a pose misses the truth through the "
         "tracker and through where the joints come to rest; from repeats, or the robot file's "
-        "where there are too few. No model can leave less. Also called the noise floor.",
+        "where there are too few. A model that leaves about as much has nothing left to explain. "
+        "Where repeats differ by a cause as well it is found too large. Also called noise floor.",
     ),
     (
         "in sample",

@@ -138,5 +138,5 @@ def key_figures(verdict: Verdict) -> tuple[KeyFigure, ...]:
         KeyFigure(name, mm(model.held_out_rms_mm), "mm RMS", f"held-out error: {model.model}")
         for name, model in verdict.models()
     ]
-    note = "the least that any model can leave"
+    note = "about what a perfect model leaves"
     return (*parts, KeyFigure("noise of a pose", mm(verdict.noise_mm), "mm RMS", note))
