@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
+from delta_calibration.texts import number_of
 
 Array = NDArray[np.float64]
 Options = Mapping[str, str]
@@ -63,11 +64,8 @@ def number(cause: str, key: str, options: Options, unit: str) -> float:
     Raises:
         InputError: not a finite one.
     """
-    try:
-        value = float(options[key])
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
+    value = number_of(options[key])
+    if np.isnan(value):
         said = f" (SI: {unit})" if unit else ""
         raise InputError(f"effect {cause}: {key} {options[key]!r} is not a finite number{said}")
     return value
