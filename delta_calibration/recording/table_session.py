@@ -39,7 +39,7 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
     tracker = robot.tracker
     sigma = min(tracker.radial, tracker.transverse)
     numbers = read_numbers(path, mapping, sigma)
-    require_units(numbers, mapping, robot)
+    notes = require_units(numbers, mapping, robot)
     names, at = robot.joints.names, np.round(numbers.time * 1e9).astype(np.int64)
     if numbers.direction is not None and at[0] < _LEAD_NS:  # no stamp is before zero
         at = at + _LEAD_NS
@@ -57,7 +57,7 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
             for k, (part, _) in enumerate(mapping.temperature)
         ),
         payload=None if numbers.payload is None else _payloads(numbers.payload, at),
-        notes=numbers.notes,
+        notes=(*numbers.notes, *notes),
     )
 
 
