@@ -1,4 +1,4 @@
-"""What a mapping gets wrong is told by the robot's reach: which columns, which rows, what is likely.
+"""What a mapping gets wrong is told by the robot's reach: which columns and rows, what is likely.
 
 Tables of simulated robots, spoilt in one way each.
 """
@@ -132,7 +132,7 @@ def test_a_left_handed_frame(cell, capsys):
 
 
 def test_joints_of_another_sign_or_swapped(cell, capsys):
-    _, robot, table = cell
+    _, _, table = cell
     reversed_, swapped = table.copy(), table.copy()
     reversed_[:, 0] *= -1
     assert "likely q1 of the other sign (`scale: -1`)" in said(capsys, cell, reversed_)
