@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -194,6 +195,25 @@ class Robot:
                 f"robot {self.name} is no {name}; models of it are: {', '.join(fit)}"
             )
         return kind(self.dimensions, self.tolerances)
+
+    def place(self, joint: str) -> str:
+        """Where a part is, as parameters and verdicts have it, of a joint by its name here.
+
+        Other texts are left as they are.
+        """
+        names = self.joints.names
+        limb = MECHANISMS[self.mechanism].limb
+        return f"{limb}_{names.index(joint) + 1}" if joint in names else joint
+
+    def named(self, text: str) -> str:
+        """A text in which parts, such as joint_2, are called by the robot's own joints' names."""
+        names, limb = self.joints.names, MECHANISMS[self.mechanism].limb
+
+        def name(found: re.Match[str]) -> str:
+            number = int(found[1])
+            return names[number - 1] if 0 < number <= len(names) else found[0]
+
+        return re.sub(rf"\b{limb}_(\d+)\b", name, text)
 
     @cached_property
     def commanded(self) -> Mechanism:

@@ -123,7 +123,7 @@ class CommandPath:
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} is {value}; it has to be finite and not negative")
         if not rate > 0.0:
-            raise InputError(f"max_correction_rate is {rate} rad/s; it has to be above 0")
+            raise InputError(f"max_correction_rate is {rate}; it has to be above 0")
         self.on_failure, self.timeout_s = on_failure, timeout_s
         self.ramp.seconds, self.ramp.rate = ramp_s, rate
 

@@ -183,7 +183,7 @@ class Desk:
         """Load what was fitted; compensation that is on ramps over to it, none is switched on."""
         self.fitted = fitted
         self._load(fitted.calibration, compensator)
-        return f"{fitted.sentence()}; {self._loaded_sentence()}"
+        return f"{self.robot.named(fitted.sentence())}; {self._loaded_sentence()}"
 
     def save(self, path: str) -> str:
         """Write what was fitted, whole or not at all."""
@@ -290,7 +290,7 @@ class Desk:
             if calibration is None
             else ", ".join(effect.cause for effect, _ in calibration.live),
             "effects left out": self.left_out,
-            "correction [rad]": f"{self.path.applied:.3e}",
+            f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
             "command took longer than its period": self.watch.late,
             **{f"captured {stream}": n for stream, n in self.capture.counts.items()},

@@ -29,7 +29,7 @@ SPECS = (
     Spec(
         "max_correction_rate",
         5.0,
-        "fastest change [rad/s] of a joint's correction",
+        "fastest change [rad/s; m/s of joints that slide] of a joint's correction",
         range=(1e-4, 100.0),
     ),
     Spec(
