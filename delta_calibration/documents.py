@@ -53,27 +53,27 @@ def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[
     return dict(data)
 
 
-class _PlainNumbers(SafeConstructor):
-    """Numbers as people write them: 31_49.0, which YAML takes for 3149, is a slip."""
-
-    def plain(self, node: ScalarNode) -> Any:
-        """The number of a node."""
-        if "_" in node.value:
-            raise ConstructorError(
-                None, None, f"{node.value} is no number: digits take no _", node.start_mark
-            )
-        whole = str(node.tag).endswith(":int")
-        return self.construct_yaml_int(node) if whole else self.construct_yaml_float(node)
-
-
-for _tag in ("int", "float"):
-    _PlainNumbers.add_constructor(f"tag:yaml.org,2002:{_tag}", _PlainNumbers.plain)
-
-
 def _reader() -> YAML:
+    """For plain data, with numbers as people write them."""
+
+    class Constructor(SafeConstructor):
+        """Its own, as constructors are registered by class."""
+
+    for kind in ("int", "float"):
+        Constructor.add_constructor(f"tag:yaml.org,2002:{kind}", _number)
     yaml = YAML(typ="safe", pure=True)
-    yaml.Constructor = _PlainNumbers
+    yaml.Constructor = Constructor
     return yaml
+
+
+def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
+    """The number of a node; 31_49.0, which YAML takes for 3149, is a slip."""
+    if "_" in node.value:
+        problem = f"{node.value} is no number: digits take no _"
+        raise ConstructorError(None, None, problem, node.start_mark)
+    if str(node.tag).endswith(":int"):
+        return constructor.construct_yaml_int(node)
+    return constructor.construct_yaml_float(node)
 
 
 def check_document(data: Any, schema: Schema, source: str) -> None:
