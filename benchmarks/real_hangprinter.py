@@ -20,7 +20,7 @@ from delta_calibration.diagnosis import Judgement, Measured, Observed, diagnose_
 from delta_calibration.diagnosis.candidates import columns_of
 from delta_calibration.diagnosis.rivals import reached, scaled
 from delta_calibration.effects.drum_build_up import DrumBuildUp
-from delta_calibration.identification.closures import ClosureAlone, ClosureAtPose
+from delta_calibration.identification.closures import ClosureAtPose, ClosureWithoutPose
 from delta_calibration.mechanisms import CableRobot
 from delta_calibration.report.candidates import evidence_figure
 from delta_calibration.report.drawing import (
@@ -108,7 +108,7 @@ class Machine:
         redundant = self.mechanism.joints - self.mechanism.pose_size
         parts = [Measured(known, at.take(seen), timed=False)]
         if not seen.all():
-            alone = ClosureAlone(joint[~seen], redundant, SIZE)
+            alone = ClosureWithoutPose(joint[~seen], redundant, SIZE)
             parts.append(Measured(alone, at.take(~seen), timed=False))
         return tuple(parts)
 

@@ -15,9 +15,12 @@ from typing import Any
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError, best_match
 from ruamel.yaml import YAML
+from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import ScalarNode
 
 from delta_calibration.errors import ConfigError
+from delta_calibration.texts import read_text
 
 Document = Mapping[str, Any]
 Schema = Mapping[str, Any]
@@ -34,12 +37,9 @@ def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[
         ConfigError: no such file, not YAML, or an entry that is missing, unknown or out of range;
             the message names the file, the entry's path, the value and what is allowed.
     """
+    text = read_text(path, ConfigError)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {_reason(error)}") from error
-    try:
-        data = YAML(typ="safe", pure=True).load(text)
+        data = _reader().load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
@@ -51,6 +51,29 @@ def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[
     _require_mapping(data, str(path))
     check_document(data, schema_for(data), str(path))
     return dict(data)
+
+
+def _reader() -> YAML:
+    """For plain data, with numbers as people write them."""
+
+    class Constructor(SafeConstructor):
+        """Its own, as constructors are registered by class."""
+
+    for kind in ("int", "float"):
+        Constructor.add_constructor(f"tag:yaml.org,2002:{kind}", _number)
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Constructor = Constructor
+    return yaml
+
+
+def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
+    """The number of a node; 31_49.0, which YAML takes for 3149, is a slip."""
+    if "_" in node.value:
+        problem = f"{node.value} is no number: digits take no _"
+        raise ConstructorError(None, None, problem, node.start_mark)
+    if str(node.tag).endswith(":int"):
+        return constructor.construct_yaml_int(node)
+    return constructor.construct_yaml_float(node)
 
 
 def check_document(data: Any, schema: Schema, source: str) -> None:
@@ -86,7 +109,7 @@ def write_document(path: Path, data: Document) -> None:
             os.fsync(file.fileno())  # the content before the name, should the power fail
         beside.replace(path)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {_reason(error)}") from error
+        raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
         with suppress(OSError):  # gone where all went well
             beside.unlink()
@@ -158,6 +181,8 @@ def _explain(error: ValidationError) -> str:
             return f"{at}{found!r} is not allowed; {bound} {rule:g} is expected"
         case "minItems" | "maxItems":
             return f"{at}{len(found)} values found, {rule} are expected"
+        case "not":  # of a constant
+            return f"{at}{found!r} is not allowed; anything but {rule['const']!r} is"
         case _:
             return f"{at}{error.message}"
 
@@ -178,10 +203,6 @@ _KINDS = {
     "integer": "a whole number",
     "boolean": "true or false",
 }
-
-
-def _reason(error: Exception) -> str:
-    return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
 
 
 def _line(text: str) -> str:

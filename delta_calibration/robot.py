@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -18,10 +19,10 @@ from delta_calibration.geometry import Camera
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.sections import (
     angle,
-    built,
     choice,
     key_of,
     names,
+    part_of,
     place,
     quantity,
     schema_of,
@@ -30,6 +31,8 @@ from delta_calibration.sections import (
 Array = NDArray[np.float64]
 
 SCHEMA = 1
+_SINGULAR = 1e3  # condition at home, from which no pose near it can be had
+_SHORT = 40  # letters of an entry that a message repeats
 _NAME = "^[a-z][a-z0-9_]*$"
 
 
@@ -193,6 +196,25 @@ class Robot:
             )
         return kind(self.dimensions, self.tolerances)
 
+    def place(self, joint: str) -> str:
+        """Where a part is, as parameters and verdicts have it, of a joint by its name here.
+
+        Other texts are left as they are.
+        """
+        names = self.joints.names
+        limb = MECHANISMS[self.mechanism].limb
+        return f"{limb}_{names.index(joint) + 1}" if joint in names else joint
+
+    def named(self, text: str) -> str:
+        """A text in which parts, joint_2 or joint 2, are called by the robot's own joints' names."""
+        names, limb = self.joints.names, MECHANISMS[self.mechanism].limb
+
+        def name(found: re.Match[str]) -> str:
+            number = int(found[1])
+            return names[number - 1] if 0 < number <= len(names) else found[0]
+
+        return re.sub(rf"\b{limb}[_ ](\d+)\b", name, text)
+
     @cached_property
     def commanded(self) -> Mechanism:
         """The model by which its controller turns poses into joints."""
@@ -213,25 +235,30 @@ def load_robot(path_or_name: str | Path) -> Robot:
     path = _find(path_or_name)
     data = read_document(path, _schema)
     kind = MECHANISMS[data["mechanism"]]
+
+    def section(name: str, of: type[Any] | None) -> Any:
+        return None if of is None or name not in data else part_of(name, of, data[name])
+
     try:
         robot = Robot(
             name=data["name"],
             hash=content_hash(data),
             source=str(path),
             mechanism=kind.name,
-            dimensions=built(kind.Dimensions, data["geometry"]),
-            tolerances=built(kind.Tolerances, data["tolerances"]),
-            masses=None if kind.Masses is None else built(kind.Masses, data["masses"]),
-            joints=built(_JOINTS[kind.joint_unit], data["joints"]),
-            tool_offset=built(Tool, data["tool"]).offset,
-            tracker=built(Tracker, data["tracker"]),
-            limits=built(_LIMITS[kind.joint_unit], data["limits"]),
-            workspace=built(Workspace, data["workspace"]) if "workspace" in data else None,
-            camera=built(Sight, data["camera"]) if "camera" in data else None,
+            dimensions=section("geometry", kind.Dimensions),
+            tolerances=section("tolerances", kind.Tolerances),
+            masses=section("masses", kind.Masses),
+            joints=section("joints", _JOINTS[kind.joint_unit]),
+            tool_offset=section("tool", Tool).offset,
+            tracker=section("tracker", Tracker),
+            limits=section("limits", _LIMITS[kind.joint_unit]),
+            workspace=section("workspace", Workspace),
+            camera=section("camera", Sight),
         )
     except ConfigError as error:
-        raise ConfigError(f"{path}: geometry: {error}") from error
+        raise ConfigError(f"{path}: {error}") from error
     _require_joints(robot, data["joints"])
+    _require_home(robot, data)
     return robot
 
 
@@ -300,3 +327,31 @@ def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
                 f"{robot.source}: joints: {name} has {keys['lower']} {low} not below "
                 f"{keys['upper']} {high}"
             )
+
+
+def _require_home(robot: Robot, data: Document) -> None:
+    """Refuse a drawing whose joints or platform cannot be in the middle of the workspace."""
+    model, joints = robot.commanded, robot.joints
+    home, (unit, factor) = model.home, joints.shown
+    keys = {item.name: key_of(item) for item in fields(joints)}
+    for name, q, low, high in zip(joints.names, home, joints.lower, joints.upper, strict=True):
+        if not low <= q <= high:
+            side, limit = ("lower", low) if q < low else ("upper", high)
+            raise ConfigError(
+                f"{robot.source}: joints: {name} is at {factor * q:.6g} {unit} at home "
+                f"({model.home_is}), beyond {keys[side]} {factor * limit:.6g}"
+            )
+    x = model.forward(home[None], model.parameters.nominal)
+    condition = float(model.condition(home[None], x, model.parameters.nominal)[0])
+    if not condition < _SINGULAR:
+        where = ", ".join(f"{factor * q:.6g}" for q in home)
+        how = "is singular" if np.isfinite(x).all() else "cannot be put together"
+        raise ConfigError(
+            f"{robot.source}: geometry: {_written(data['geometry'])}: a {robot.mechanism} of "
+            f"these dimensions {how} at home ({model.home_is}), joints at {where} {unit}"
+        )
+
+
+def _written(section: Mapping[str, Any]) -> str:
+    """Entries of a section as its file has them, as far as they are short."""
+    return ", ".join(f"{k} {v}" for k, v in section.items() if len(str(v)) <= _SHORT)

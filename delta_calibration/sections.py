@@ -13,6 +13,8 @@ from typing import Any, TypeVar, get_type_hints
 
 import numpy as np
 
+from delta_calibration.errors import ConfigError
+
 Kind = TypeVar("Kind")
 Shape = tuple[int | None, ...]
 
@@ -128,10 +130,42 @@ def schema_of(kind: type) -> dict[str, Any]:
 
 
 def built(kind: type[Kind], section: Mapping[str, Any]) -> Kind:
-    """What a section says that has passed its schema, in SI."""
+    """What a section says that has passed its schema, in SI.
+
+    Raises:
+        ConfigError: entries that do not go together; names their path in the section.
+    """
     hints = get_type_hints(kind)
     given = [f for f in fields(kind) if key_of(f) in section]  # type: ignore[arg-type]
     return kind(**{f.name: _value(f, hints[f.name], section[key_of(f)]) for f in given})
+
+
+def part_of(where: str, kind: type[Kind], section: Mapping[str, Any]) -> Kind:
+    """The same of a section within another; its errors say `where` it is.
+
+    Raises:
+        ConfigError: entries that do not go together.
+    """
+    try:
+        return built(kind, section)
+    except ConfigError as error:
+        raise ConfigError(f"{where}.{error}") from error
+
+
+def refused(section: Any, name: str, allowed: str) -> ConfigError:
+    """What is wrong with a field: its key and value as the file has them, and what is allowed."""
+    item = next(f for f in fields(section) if f.name == name)
+    entry: _Entry = item.metadata["entry"]
+    value = getattr(section, name)
+    said = f"{value}" if entry.unit is None else as_written(value, entry.unit)
+    return ConfigError(f"{key_of(item)}: {said} is not allowed; {allowed}")
+
+
+def as_written(value: Any, unit: str) -> str:
+    """A number in SI, or an array of them, as a file in this unit has it."""
+    if np.ndim(value):
+        return f"[{', '.join(as_written(one, unit) for one in value)}]"
+    return f"{float(value) / SI[unit]:.10g}"
 
 
 def key_of(item: Field[Any]) -> str:
@@ -162,10 +196,11 @@ def _schema(item: Field[Any], kind: Any) -> Mapping[str, Any]:
 
 def _value(item: Field[Any], kind: Any, value: Any) -> Any:
     if is_dataclass(kind):
-        return built(kind, value)  # type: ignore[arg-type]
+        return part_of(key_of(item), kind, value)  # type: ignore[arg-type]
     entry: _Entry = item.metadata["entry"]
     if entry.part is not None:
-        return tuple(built(entry.part, one) for one in value)
+        where = key_of(item)
+        return tuple(part_of(f"{where}[{k}]", entry.part, one) for k, one in enumerate(value))
     if entry.unit is None:
         return tuple(value) if isinstance(value, list) else value
     in_si = np.asarray(value, dtype=float) * SI[entry.unit]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from delta_calibration.errors import InputError
+from delta_calibration.texts import number_of, read_text
+
+_DELIMITERS = ";\t|,"
 
 _HUGE = 1e30  # in no unit is anything of a cell so large; what is would overflow when squared
 
@@ -29,12 +33,9 @@ class Row:
             InputError: another text, or a number that is not allowed.
         """
         text = self.text[column] or ""
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
-            raise self.wrong(column, "is not a finite number")
+        value = number_of(text)
+        if np.isnan(value):
+            raise self.wrong(column, f"is not a finite number{_grouped(text)}")
         if not least <= value <= most:
             raise self.wrong(column, f"is not allowed; allowed: {least:g} to {most:g}")
         return value
@@ -62,33 +63,46 @@ def read_table(
     Raises:
         InputError: no such file, a column missing or there twice, a line too long, or no line.
     """
+    reader = csv.DictReader(
+        io.StringIO(read_text(path), newline=""), delimiter=delimiter, skipinitialspace=True
+    )
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, delimiter=delimiter, skipinitialspace=True)
-            found = reader.fieldnames or []
-            _require_columns(path, found, columns, optional)
-            rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
+        found = [name.strip() for name in reader.fieldnames or ()]
+        reader.fieldnames = found
+        _require_columns(path, found, columns, optional, delimiter)
+        rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {reader.line_num}: {error}") from error
     if not rows:
         raise InputError(f"{path}: no points in it")
     return rows
 
 
 def _require_columns(
-    path: Path, found: Sequence[str], columns: Sequence[str], optional: Sequence[str]
+    path: Path,
+    found: Sequence[str],
+    columns: Sequence[str],
+    optional: Sequence[str],
+    delimiter: str,
 ) -> None:
     missing = [name for name in columns if name not in found]
     if missing:
+        other = next((mark for mark in _DELIMITERS if len(found) == 1 and mark in found[0]), "")
+        between = f"; {delimiter!r} is expected between two, not {other!r}" if other else ""
         raise InputError(
             f"{path}: column {', '.join(missing)} missing; expected "
-            f"{', '.join((*columns, *optional))}, found {', '.join(found) or 'nothing'}"
+            f"{', '.join((*columns, *optional))}, found {', '.join(found) or 'nothing'}{between}"
         )
     twice = [name for name in (*columns, *optional) if found.count(name) > 1]
     if twice:
         raise InputError(f"{path}: column {', '.join(twice)} is there twice")
+
+
+def _grouped(text: str) -> str:
+    """What to write instead of digits that are parted by something."""
+    if not any(c.isdigit() for c in text) or any(c.isalpha() for c in text):
+        return ""
+    return "; decimals take a point, thousands take nothing: -1234.5"
 
 
 def _of_one_length(

@@ -228,12 +228,12 @@ def test_torn_cables_give_no_pose_and_say_which_joints(robot):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"home_turn": np.zeros(3)}, "anchors: 4 cables are not allowed; 6 or more"),
-        ({"joints": np.full((4, 3), 0.1)}, "joints: .* is not allowed; 0, as a point"),
-        ({"gear": np.array([10.0, 10.0, 0.0, 10.0])}, r"gear: \[10.*0.0.*\] .*; each above 0"),
-        ({"tackle": np.ones(3)}, r"tackle: \[1.0, 1.0, 1.0\] is not allowed; \(4,\) finite"),
-        ({"anchors": np.full((4, 3), np.nan)}, "anchors: .*nan.* finite numbers"),
-        ({"pretension": -1.0}, "pretension: -1.0 is not allowed; 0 or more"),
+        ({"home_turn": np.zeros(3)}, "anchors_mm: 4 cables are not allowed; 6 or more"),
+        ({"joints": np.full((4, 3), 0.1)}, r"joints_mm: \[\[100, 100, .*; 0, as a point"),
+        ({"gear": np.array([10.0, 10.0, 0.0, 10.0])}, r"gear: \[10, 10, 0, 10\] .*; each above 0"),
+        ({"tackle": np.ones(3)}, r"tackle: \[1, 1, 1\] is not allowed; 4 finite"),
+        ({"anchors": np.full((4, 3), np.nan)}, "anchors_mm: .*nan.*; 4 times 3 finite numbers"),
+        ({"pretension": -1.0}, "pretension_n: -1 is not allowed; 0 or more"),
     ],
 )
 def test_a_drawing_that_is_no_cable_robot_is_refused(change, message):

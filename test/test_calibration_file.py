@@ -182,7 +182,7 @@ def test_another_robots_calibration_is_refused_with_both_hashes(written, tmp_pat
     [
         ("", "found nothing"),
         ("[1, 2", "not valid YAML: line 1, column "),
-        ("\0\0\0\0", "not valid YAML: "),
+        ("\0\0\0\0", "a byte of zero; in UTF-16 or no text"),
         ("words", "found str"),
         ("schema: 1\n", "missing key robot, model, "),
         ("schema: 2\n", "schema: 2 is not allowed; it must be 1"),

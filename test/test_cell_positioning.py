@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -203,3 +204,9 @@ def test_a_noisier_tracker_may_spread_more() -> None:
     for shift in (2e-4, -2e-4, 0.0):
         stop.reading(PLACE + shift * ALONG)
     np.testing.assert_allclose(stop.mean, PLACE)
+
+
+def test_where_a_sliding_joint_stands_is_said_in_its_unit():
+    stop = Standing(NAMES, TOLD, 1e-4, 3, ROBOT.tracker, unit="m")
+    stop.joints(TOLD + 0.01)
+    assert re.search(r"stands at \S+ m and was told", stop.trouble)

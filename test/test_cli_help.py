@@ -15,6 +15,8 @@ from click.testing import CliRunner
 from delta_calibration.cli.main import VERBS, group, run
 from delta_calibration.cli.options import robots
 from delta_calibration.cli.overview import PURPOSES
+from delta_calibration.robot import known_robots, load_robot
+from delta_calibration.simulation import draw_machine, hideable_causes
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = {verb: text for part in PURPOSES.values() for verb, text in part.items()}
@@ -91,3 +93,26 @@ def test_paragraphs_that_are_laid_out_stay_so() -> None:
     text = CliRunner().invoke(group, ["--help"]).output
     assert "\\b" not in text
     assert "\n    delta-cal fit session --robot srbd --out calibration.yaml\n" in text
+
+
+def test_simulate_says_the_causes_of_every_robot(capsys: pytest.CaptureFixture[str]) -> None:
+    """In the list at the end of its help, which has a line or more for each robot."""
+    assert run(["simulate", "--help"]) == 0
+    above, _, below = capsys.readouterr().out.partition("By robot:")
+    listed: dict[str, set[str]] = {}
+    heads: list[str] = []
+    for line in below.splitlines():
+        names, words = line[:26].strip(), line[26:].split()
+        if names:
+            heads = names.split(", ")
+        for head in heads if line.startswith("    ") else ():
+            listed.setdefault(head, set()).update(words)
+    common = listed.pop("every one")
+    assert set(listed) == set(known_robots())
+    for name in known_robots():
+        robot = load_robot(name)
+        causes = set(hideable_causes(robot, draw_machine(robot, 0).chain))
+        if name == "srbd":
+            assert causes <= set(above.split()) | common
+        else:
+            assert (common | listed[name]) - {"as", "well"} == causes

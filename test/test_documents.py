@@ -73,6 +73,8 @@ def test_the_file_as_it_is_is_read(tmp_path):
         ("schema: 1", "schema: 2", r"schema: 2 is not allowed; it must be 1"),
         ("arm_centre: 0.45", "arm_centre: 1.45", r"masses\.arm_centre: 1\.45 .* at most 1 "),
         ("[joint_1, joint_2, joint_3]", "[a, b, b]", r"joints\.names: .*non-unique"),
+        ("  arm_mm: 320.0", "  arm_mm: 3_20.0", r"line \d+, column 11: 3_20\.0 is no number"),
+        ("  arm_mm: 320.0", "  arm_mm: 3_20", r"line \d+, column 11: 3_20 is no number"),
         ("name: srbd", "name: [", r"not valid YAML: line \d+, column \d+: "),
         (
             "name: srbd",
@@ -99,7 +101,7 @@ def test_a_wrong_entry_is_refused_by_path_and_value(tmp_path, old, new, message)
         ("just words", "a mapping of keys to values is expected, found str"),
         ("[" * 1500, "not valid YAML: nested too deep"),
         ("&a [*a]", "a mapping of keys to values is expected, found list"),
-        (b"\xff\xfe\x00name", "cannot be read: "),
+        (b"\xff\xfe\x00name", "is in UTF-16; save it as UTF-8"),
     ],
 )
 def test_what_is_no_mapping_is_refused(tmp_path, text, message):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from delta_calibration.cli.main import run
 from delta_calibration.recording import read_session
 from import_bench import JOINTS, SRBD, imported, mapping_of, measured, refused, stops
 
@@ -22,6 +23,13 @@ def wrong_cell(row, column, value):
 TABLES = {
     "empty": (wrong_cell(3, "y", ""), {}, "line 5: y: '' is missing; `missing: skip`"),
     "nan": (wrong_cell(3, "y", "NaN"), {}, "line 5: y: 'NaN' is missing"),
+    "of a spreadsheet": (wrong_cell(3, "y", "#N/A"), {}, "line 5: y: '#N/A' is missing"),
+    "underscore": (wrong_cell(0, "q2", "31_49.0"), {}, "q2: '31_49.0' is not a finite number;"),
+    "thousands": (
+        wrong_cell(0, "x", "1,234.5"),
+        {},
+        "'1,234.5' is not a finite number; decimals take a point, thousands take nothing: -1234.5",
+    ),
     "text": (wrong_cell(0, "q2", "12,5"), {}, "line 2: q2: '12,5' is not a finite number"),
     "infinite": (wrong_cell(0, "q2", "inf"), {}, "line 2: q2: 'inf' is not a finite number"),
     "twice": (
@@ -58,7 +66,7 @@ def test_a_row_in_metres_among_millimetres(cell, capsys):
         rows[row][3:] = [repr(float(v) / 1e3) for v in rows[row][3:]]
     said = refused(capsys, folder, head, rows, mapping_of())
     assert f"line 5: x: {rows[3][3]!r} and those of y, z cannot be in mm" in said
-    assert said.endswith("likely m, unlike most rows")
+    assert said.endswith("likely m, as in lines 5, 11, 22, 3 of 48 rows; the others can be in mm")
 
 
 @pytest.mark.parametrize(
@@ -83,8 +91,9 @@ def in_radians(columns):
 
 
 def test_degrees_said_to_be_radians_are_beyond_the_limits(cell, capsys):
+    """Rows so few that the reach says nothing."""
     folder, _, poses = cell
-    head, rows = stops(poses)
+    head, rows = stops(poses.take(np.arange(5)))
     said = refused(capsys, folder, head, rows, mapping_of(commands=in_radians(["q2"])))
     assert "line 2: q2: " in said
     assert "beyond the limits of joint_2" in said
@@ -167,7 +176,85 @@ def test_repeats_of_another_command_and_impossible_marks(cell, capsys):
     assert "likely another of degC, degF, K" in said("T", [21.5] * n, temperature=warm)
 
 
+def test_no_row_at_rest(cell, capsys):
+    folder, _, poses = cell
+    head, rows = stops(poses)
+    table = [[*row, state] for row, state in zip(rows, ["go", "halt"] * len(rows), strict=False)]
+    moving = {"column": "state", "at_rest": ["stop", "rest"]}
+    said = refused(capsys, folder, [*head, "state"], table, mapping_of(moving=moving))
+    assert "state: no row is at rest; moving.at_rest has 'stop', 'rest', the column has" in said
+    assert said.endswith("'go', 'halt'")
+
+
+def test_a_header_with_blanks_behind_its_names(cell, capsys):
+    folder, _, poses = cell
+    head, rows = stops(poses)
+    blanks = [name + " " for name in head]
+    imported(folder, blanks, rows, mapping_of())
+    said = {"position": {"columns": ["x ", "y ", "z "], "unit": "mm"}}
+    imported(folder, blanks, rows, mapping_of(**said))
+    assert "column q1 is there twice" in refused(
+        capsys, folder, [*blanks, "q1"], [[*row, "0"] for row in rows], mapping_of()
+    )
+
+
+def test_a_table_with_another_delimiter(cell, capsys):
+    folder, _, poses = cell
+    head, rows = stops(poses)
+    table = [[";".join(row)] for row in rows]
+    said = refused(capsys, folder, [";".join(head)], table, mapping_of())
+    assert said.endswith("found q1;q2;q3;x;y;z; ',' is expected between two, not ';'")
+
+
+ENCODINGS = {
+    "utf-16": "is in UTF-16; save it as UTF-8",
+    "utf-16-le": "line 1: a byte of zero; in UTF-16 or no text: save it as UTF-8",
+    "latin-1": "line 1: byte 0xe4 is not UTF-8; the file is in another encoding, such as Latin-1",
+}
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("which", ["table", "mapping"])
+def test_other_encodings_are_named(cell, capsys, encoding, which):
+    folder, _, poses = cell
+    number = len(list(folder.iterdir()))
+    out = imported(folder, *stops(poses), mapping_of())
+    file = folder / f"{number}{'.csv' if which == 'table' else '.yaml'}"
+    mark = "wärme\n" if which == "table" else "# wärme\n"
+    file.write_bytes((mark + file.read_text()).encode(encoding))
+    verb = ["import", str(folder / f"{number}.csv"), "--robot", "srbd", "--out", f"{out}_again"]
+    assert run([*verb, "--mapping", str(folder / f"{number}.yaml")]) == 2
+    assert f"{file.name}: {ENCODINGS[encoding]}" in capsys.readouterr().err
+
+
 MAPPINGS = {
+    "a column of two axes": (
+        {"position": {"columns": ["x", "y", "x"], "unit": "mm"}},
+        "position.columns[2]: column 'x' is already that of position.columns[0]; each has its own",
+    ),
+    "a column of two joints": (
+        {"commands": [
+            {"joint": f"joint_{k}", "column": "q1", "unit": "deg"} for k in (1, 2, 3)
+        ]},
+        "commands: joint_2: column 'q1' is already that of commands: joint_1",
+    ),
+    "a joint that is a coordinate": (
+        {"position": {"columns": ["x", "q2", "z"], "unit": "mm"}},
+        "position.columns[1]: column 'q2' is already that of commands: joint_2",
+    ),
+    "a part's temperature twice": (
+        {"temperature": [
+            {"part": "arm", "column": c, "unit": "degC"} for c in ("t1", "t2")
+        ]},
+        "temperature: part 'arm' is there twice; one column a part",
+    ),
+    "scale of nothing": (
+        {"commands": [
+            {"joint": f"joint_{k}", "column": f"q{k}", "unit": "deg", "scale": k - 1}
+            for k in (1, 2, 3)
+        ]},
+        "commands[0].scale: 0 is not allowed; anything but 0 is",
+    ),
     "no unit": (
         {"position": {"columns": ["x", "y", "z"]}}, "position: missing key unit",
     ),

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 LAYERS = [
     "errors",
     "processes",
+    "texts",
     "documents",
     "tables",
     "parameters",

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from cables import EIGHT_CABLES, FOUR_CABLES, ZEROS_FREE, built, geometry_of, workspace
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Camera, Frame, rotations
-from delta_calibration.identification.closing import Closing
+from delta_calibration.identification.closures import ClosureWithoutPose
+from delta_calibration.identification.encoder_closures import EncoderClosure
 from delta_calibration.identification.image import PointInImage
 from delta_calibration.identification.mixed import fit_observations
 from delta_calibration.identification.observations import (
@@ -141,7 +142,7 @@ def closing(dimensions, seed, n, noise=1e-3, tolerances=TOLERANCES):
     robot, real = CableRobot(dimensions, tolerances), built(dimensions, rng)
     motors = real.motors(workspace(dimensions, n, rng))
     read = motors + noise * rng.standard_normal(motors.shape)
-    return robot, real, Closing.of(robot, read, noise)
+    return robot, real, EncoderClosure.of(robot, read, noise)
 
 
 def test_closing_slopes_by_complex_step():
@@ -150,7 +151,7 @@ def test_closing_slopes_by_complex_step():
     rng = np.random.default_rng(5)
     q = real.motors(workspace(EIGHT_CABLES, 3, rng))
     machine = Machine(robot, geometry_of(real), Frame.identity())
-    held = Closing.of(robot, q, 1e-3)
+    held = EncoderClosure.of(robot, q, 1e-3)
     assert held.redundancy == 2
     assert np.abs(held.missed(machine)).max() < 1e-9
     slopes = held.slopes(machine)
@@ -218,7 +219,7 @@ def test_closure_alone_finds_the_shape_not_the_size():
 
     assert shape_off(found) < 0.15 * shape_off(drawn)
     unseen = workspace(EIGHT_CABLES, 40, np.random.default_rng(9))
-    fresh = Closing.of(robot, real.motors(unseen), 1e-3)
+    fresh = EncoderClosure.of(robot, real.motors(unseen), 1e-3)
     nominal = Machine(robot, robot.parameters.nominal, Frame.identity())
     off, before = fresh.missed(fit.machine), fresh.missed(nominal)
     assert np.abs(off).max() < 0.02 * np.abs(before).max()
@@ -242,7 +243,7 @@ def test_a_distance_beside_closure_sets_the_size():
     moved = poses.copy()
     moved[:, :3] = home + 1.005 * (poses[:, :3] - home)
     np.testing.assert_allclose(large.motors(moved), real.motors(poses), atol=1e-9)
-    held = Closing.of(robot, large.motors(moved), 1e-3)
+    held = EncoderClosure.of(robot, large.motors(moved), 1e-3)
     one, other = large.motors(moved[:6]), large.motors(moved[6:12])
     apart = np.linalg.norm(moved[6:12, :3] - moved[:6, :3], axis=1)
     bar = DistanceBetween(one, other, apart, 50e-6)
@@ -311,7 +312,7 @@ def test_an_encoder_on_a_passive_joint_calibrates():
     q = np.column_stack([carriages, np.linalg.norm(x - g[-3:], axis=1)])
     assert np.isfinite(q).all()
     read = q + 10e-6 * rng.standard_normal(q.shape)
-    fit = fit_observations(printer, [Closing.of(printer, read, 10e-6)])
+    fit = fit_observations(printer, [EncoderClosure.of(printer, read, 10e-6)])
     assert fit.chi_square == pytest.approx(1.0, abs=0.3)
     assert fit.observability.rank < len(p)
     off = (fit.machine.geometry - g) / fit.std
@@ -320,12 +321,27 @@ def test_an_encoder_on_a_passive_joint_calibrates():
     assert told.sum() >= 5
 
 
+@pytest.mark.parametrize(("tackle", "alike"), [((1, 1, 1, 1), True), ((1, 1, 1, 4), False)])
+def test_noise_of_encoders_and_of_closures_weigh_alike_only_if_drums_are_alike(tackle, alike):
+    """The two kinds of a closure without a pose are one where every joint has the same slope."""
+    drawing = replace(FOUR_CABLES, tackle=np.array(tackle, dtype=float))
+    robot, _, seen = closing(drawing, 9, 40)
+    machine = Machine(robot, robot.parameters.nominal, Frame.identity())
+    other = ClosureWithoutPose(seen.joint, seen.redundancy, seen.noise)
+    ratio = np.abs(other.missed(machine) / seen.missed(machine))[:, 0]
+    slope = drawing.gain[0]
+    if alike:
+        np.testing.assert_allclose(ratio, slope, rtol=0.02)
+    else:
+        assert np.ptp(ratio) > 0.2 * slope
+
+
 def test_closure_of_what_is_not_redundant_is_refused():
     with pytest.raises(InputError, match="linear_delta has 3 closures for 3 coordinates"):
-        Closing.of(PRINTER, np.full((4, 3), 0.35), 1e-5)
+        EncoderClosure.of(PRINTER, np.full((4, 3), 0.35), 1e-5)
     robot = CableRobot(EIGHT_CABLES, TOLERANCES)
     with pytest.raises(InputError, match=r"none: joint \(2, 8\) is not allowed; \(2, 8\), finite"):
-        Closing.of(robot, np.full((2, 8), np.nan), 1e-3)
+        EncoderClosure.of(robot, np.full((2, 8), np.nan), 1e-3)
 
 
 def test_pixels_by_another_pinhole():

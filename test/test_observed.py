@@ -21,7 +21,7 @@ from delta_calibration.effects.joint_curve import JointCurve
 from delta_calibration.effects.tracker_scale import TrackerScale
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame
-from delta_calibration.identification.closures import ClosureAlone, ClosureAtPose, spared
+from delta_calibration.identification.closures import ClosureAtPose, ClosureWithoutPose, spared
 from delta_calibration.identification.observations import (
     DistanceBetween,
     HeightAtContact,
@@ -62,7 +62,7 @@ def hung(build_up, rng, n=60, seen=12, said=NOISE):
     first, last = np.arange(seen), np.arange(seen, n)
     return [
         Measured(ClosureAtPose(joint[first], x[first], 4, said), at.take(first)),
-        Measured(ClosureAlone(joint[last], 1, said), at.take(last)),
+        Measured(ClosureWithoutPose(joint[last], 1, said), at.take(last)),
     ]
 
 
@@ -216,7 +216,7 @@ def test_what_cannot_be_diagnosed_is_refused():
     with pytest.raises(DataError, match=r"height: sample 1 cannot be predicted: joints 3.0000"):
         Observed.of(DELTA.commanded, [Measured(far, at_rest(far.joint))])
     with pytest.raises(InputError, match="redundancy 0 is not allowed"):
-        ClosureAlone(joint, 0, 1e-3)
+        ClosureWithoutPose(joint, 0, 1e-3)
     with pytest.raises(InputError, match=r"closure: pose \(2, 3\) is not allowed; \(3, 3\)"):
         ClosureAtPose(joint, np.zeros((2, 3)), 4, 1e-3)
 

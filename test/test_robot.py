@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from delta_calibration.errors import ConfigError
+from delta_calibration.errors import ConfigError, ReachError
 from delta_calibration.robot import known_robots, load_robot
 
 TEXT = Path(load_robot("srbd").source).read_text(encoding="utf-8")
@@ -69,6 +69,83 @@ def test_limits_are_one_a_joint(tmp_path, values):
     message = rf"cell\.yaml: joints\.lower_deg: {count} values found, 3 are expected"
     with pytest.raises(ConfigError, match=message):
         robot_with(tmp_path, "lower_deg: [-35.0, -35.0, -35.0]", f"lower_deg: {values}")
+
+
+def robot_like(tmp_path, name, old, new):
+    """A robot of the package with something else in its file."""
+    text = Path(load_robot(name).source).read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "cell.yaml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return load_robot(path)
+
+
+TOWERS = "angles_deg: [210.0, 330.0, 90.0]"
+DRAWINGS = {  # robot, what is replaced by what, what is said
+    "towers in one place": (
+        "linear_delta", TOWERS, "angles_deg: [90, 330, 90]",
+        r"geometry.angles_deg: \[90, 330, 90\] is not allowed; 3 towers at least 1 deg apart",
+    ),
+    "towers in one place, a turn apart": (
+        "linear_delta", TOWERS, "angles_deg: [-270, 330, 90]", r"\[-270, 330, 90\] is not allowed",
+    ),
+    "arms too short": (
+        "linear_delta", "arm_mm: 345.0", "arm_mm: 150.0",
+        "geometry.arm_mm: 150 is not allowed; more than radius_mm, 160, to reach the middle",
+    ),
+    "rods too short": (
+        "srbd", "rod_mm: 850.0", "rod_mm: 465",
+        r"geometry.rod_mm: 465 is not allowed; more than 465 \(base_radius_mm \+ arm_mm - ",
+    ),
+    "rods stretched": (
+        "srbd", "rod_mm: 850.0", "rod_mm: 465.0001",
+        "geometry: base_radius_mm 200.0, .* rod_mm 465.0001, .* a six_rod_delta of these "
+        "dimensions is singular at home",
+    ),
+    "struts too short": (
+        "five_axis", "strut_mm: 628.0", "strut_mm: 28.0",
+        "geometry.turning.strut_mm: 28 is not allowed; more than 354.379",
+    ),
+    "a stretched arm": (
+        "scara", "home_deg: [60.0, 30.0]", "home_deg: [60.0, 0.0]",
+        r"home_deg \[60.0, 0.0\], .*: a serial_arm of these dimensions is singular at home",
+    ),
+    "home beyond the limits": (
+        "scara", "home_deg: [60.0, 30.0]", "home_deg: [60.0, -160.0]",
+        r"joints: joint_2 is at -160 degrees at home \(geometry.home_deg\), beyond lower_deg -150",
+    ),
+    "sliding home beyond the limits": (
+        "linear_delta", "height_mm: 415.0", "height_mm: 1000.0",
+        r"carriage_1 is at 500 mm at home \(half of geometry.height_mm\), beyond upper_mm 450",
+    ),
+    "one home too few": (
+        "scara", "home_deg: [60.0, 30.0]", "home_deg: [60.0]",
+        r"geometry.home_deg: \[60\] is not allowed; 2 finite numbers",
+    ),
+    "cables without a turn": (
+        "cdpr8", "home_turn_deg: [0.0, 0.0, 0.0]", "",
+        r"geometry.joints_mm: \[\[-200, 200, 400\], .* as a point \(no home_turn_deg\)",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_drawings_of_no_machine_are_refused_by_their_keys_in_their_units(tmp_path, name):
+    robot, old, new, said = DRAWINGS[name]
+    with pytest.raises(ConfigError, match=rf"cell\.yaml: .*{said}"):
+        robot_like(tmp_path, robot, old, new)
+
+
+def test_what_joints_cannot_take_is_said_in_their_unit():
+    """Of joints that slide as of joints that turn; a place stays one in metres."""
+    none = np.full((1, 3), np.nan)
+    for name, unit in (("linear_delta", "m"), ("srbd", "rad")):
+        model = load_robot(name).commanded
+        with pytest.raises(ReachError, match=rf"joint command 1 \(0.1, 0.2, 0.3 {unit}\)"):
+            model.require_reach(none, np.array([[0.1, 0.2, 0.3]]), "joint command", "rad")
+        with pytest.raises(ReachError, match=r"target 1 \(0.1, 0.2, 0.3 m\)"):
+            model.require_reach(none, np.array([[0.1, 0.2, 0.3]]), "target", "m")
 
 
 def test_robots_of_the_package_by_name():

@@ -203,7 +203,7 @@ class Desk:
         """Load what was fitted; compensation that is on ramps over to it, none is switched on."""
         self.fitted = fitted
         self._load(fitted.calibration, compensator)
-        return f"{fitted.sentence()}; {self._loaded_sentence()}"
+        return f"{self.robot.named(fitted.sentence())}; {self._loaded_sentence()}"
 
     def save(self, path: str) -> str:
         """Write what was fitted, whole or not at all."""

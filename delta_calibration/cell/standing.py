@@ -31,6 +31,7 @@ class Standing:
             platform at rest.
         last: (3,) [m] the mean of the stop before: a tracker that still says exactly that has lost
             sight. None at the first stop and where the machine has not moved.
+        unit: of the joints, where they do not turn.
     """
 
     def __init__(
@@ -41,10 +42,12 @@ class Standing:
         count: int,
         tracker: Tracker,
         last: Array | None = None,
+        unit: str = "rad",
     ) -> None:
         if count < 1:
             raise InputError(f"readings is {count}; it has to be at least 1")
         self._names, self._told, self._within = tuple(names), told, within
+        self._unit = unit
         self._tracker, self._last = tracker, last
         self._run: deque[Array] = deque(maxlen=count)
         self._joint: Array | None = None
@@ -86,7 +89,7 @@ class Standing:
         if not self._there:
             k = int(np.argmax(np.abs(self._joint - self._told)))
             return (
-                f"{self._names[k]} stands at {self._joint[k]:.6f} rad and was told "
+                f"{self._names[k]} stands at {self._joint[k]:.6f} {self._unit} and was told "
                 f"{self._told[k]:.6f}; allowed: {self._within:.2g} beside it. Compensation has to "
                 "be off"
             )

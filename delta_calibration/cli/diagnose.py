@@ -80,11 +80,11 @@ def command(
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
-    click.echo(describe(found.verdict))
+    click.echo(robot.named(describe(found.verdict)))
     if doubt(found.identification):
         click.echo(f"warning: {doubt(found.identification)}")
     if verbose:
-        click.echo(tried(found))
+        click.echo(robot.named(tried(found)))
     if json_file is not None:
         write_json(json_file, found.verdict.as_dict())
         click.echo(f"written: {json_file}")

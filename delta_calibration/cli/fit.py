@@ -119,8 +119,9 @@ def describe(found: Identification, verbose: bool) -> str:
     down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
     lines = [
         f"noise of a pose {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); joints come to rest "
-        f"within {noise.repeatability * 1e6:.1f} urad; tracker {noise.radial_scale:.2f} x its "
-        f"stated noise along the beam, {noise.transverse_scale:.2f} x across",
+        f"within {noise.repeatability * 1e6:.1f} u{found.chain.mechanism.joint_unit}; tracker "
+        f"{noise.radial_scale:.2f} x its stated noise along the beam, "
+        f"{noise.transverse_scale:.2f} x across",
         *_turned(found),
         f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, "
         "tracker frame and reflector offset within",

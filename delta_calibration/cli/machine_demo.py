@@ -122,7 +122,7 @@ def _second_act(
     recorded = read_session(out / "session_2")
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     found = diagnosed(seen, robot, None, 0, None)
-    click.echo("\n" + describe_verdict(found.verdict) + "\n")
+    click.echo("\n" + robot.named(describe_verdict(found.verdict)) + "\n")
     save_extended(out / "extended.yaml", found, robot, seen.poses)
     write_json(out / "verdict.json", found.verdict.as_dict())
     extended = load_calibration(out / "extended.yaml", robot)

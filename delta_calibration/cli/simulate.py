@@ -38,7 +38,7 @@ Drive:
                         the gear ratio
   joint_scale backlash joint_compliance joint_lag
   joint_zero_drift      a ramp, of an hour; or time_constant=, step_at= [s]
-  stick_slip            gone beyond speed=0.1 [rad/s]
+  stick_slip            gone beyond speed=0.1 [rad/s; m/s where joints slide]
 Structure:
   thermal_growth_arm thermal_growth_base
                         by sensor=arm or base, their own by default; or by
@@ -46,6 +46,24 @@ Structure:
   thermal_growth_forearm
                         no thermometer there: by the clock, time_constant=2400
   forearm_compliance dynamic_deflection ball_joint_clearance
+By robot:
+  every one             geometry smr_offset tracker_scale tracker_drift
+                        timestamp_latency backlash joint_lag
+                        joint_zero_drift stick_slip
+  srbd                  all of the above
+  linear_delta          joint_zero_offset arm_length base_joint_position
+                        transmission_error thermal_growth_arm slider_pitch
+  five_axis             joint_zero_offset base_joint_position
+                        platform_joint_position transmission_error slider_pitch
+  cdpr8                 base_joint_position platform_joint_position drum_scale
+                        encoder_eccentricity cable_elasticity cable_sag
+                        pulley_radius drum_build_up
+  scara, ur10           joint_zero_offset joint_axis_tilt link_length
+                        link_offset tool_position tool_turn
+                        encoder_eccentricity transmission_error joint_scale
+                        thermal_growth_link
+  scara                 reducer_compliance as well
+An unknown cause or location is answered with those that the robot can have.
 """
 
 
@@ -102,8 +120,9 @@ def command(
     with a time constant of 40 minutes, the base plate slower and by a third of that.
 
     --effect hides a cause in the machine. All take strength=S, in typical sizes, and most
-    value=V, in SI (rad, m, s, 1/K, rad/(N m), ...); those of single joints location=joint_K.
-    What is not said is drawn: phases, ways of a drift and, with a strength, signs and shares.
+    value=V, in SI (rad, m, s, 1/K, rad/(N m), ...); those of single joints location=NAME, a
+    joint's name in the robot file. What is not said is drawn: phases, ways of a drift and, with a
+    strength, signs and shares. At the end: what each robot can have.
     """
     robot = load_robot(robot_file)
     hidden = [effect_options(text) for text in effects if text != "none"]

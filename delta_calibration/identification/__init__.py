@@ -6,8 +6,8 @@ from delta_calibration.identification.alternating import (
     in_turn,
     together,
 )
-from delta_calibration.identification.closing import Closing
 from delta_calibration.identification.doubt import DIAGNOSIS, doubt
+from delta_calibration.identification.encoder_closures import EncoderClosure
 from delta_calibration.identification.error_model import box_of, error_model
 from delta_calibration.identification.fit import (
     Effort,
@@ -83,9 +83,9 @@ __all__ = [
     "ORDERS",
     "Apso",
     "Box",
-    "Closing",
     "DistanceBetween",
     "Effort",
+    "EncoderClosure",
     "Fit",
     "Found",
     "HeightAtContact",

@@ -8,8 +8,8 @@ anybody looked or not:
 
 N is an orthonormal basis of what no pose changes, so that no misfit is lost: |N^T f| = |f| at x*.
 It is the one nearest to a fixed basis, cosines over the closures, so that it turns smoothly with
-the pose and neighbours can be compared. The noise is one of the closures, in their own unit; where
-it is one of encoders see `closing.py`.
+the pose and neighbours can be compared. The noise is one of the closures, alike in each and in
+their own unit; where it is one of encoders see `EncoderClosure` (`encoder_closures.py`).
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ class ClosureAtPose(Observation):
 
 
 @dataclass(frozen=True)
-class ClosureAlone(Observation):
-    """Joints at poses that nobody measured."""
+class ClosureWithoutPose(Observation):
+    """Joints at poses that nobody measured; the noise is one of what the closures say."""
 
     kind: ClassVar[str] = "closure alone"
 
@@ -124,8 +124,13 @@ def spared(by_pose: Array) -> Array:
     Of all orthonormal bases N A the nearest to E is that with A the rotation in E^T N = U S V^T.
     """
     rows, size = by_pose.shape[1:]
-    free = np.linalg.qr(by_pose, mode="complete").Q[..., size:]
+    free = unmoved(by_pose)
     at = (np.arange(rows) + 0.5) * np.pi / rows
     fixed = np.cos(at[:, None] * np.arange(rows - size))
     u, _, vh = np.linalg.svd(fixed.T @ free)
     return np.asarray(u @ vh @ np.swapaxes(free, 1, 2))
+
+
+def unmoved(by_pose: Array) -> Array:
+    """N: what no pose changes of the closures, in any basis.  (n, r, k) -> (n, r, r - k)."""
+    return np.linalg.qr(by_pose, mode="complete").Q[..., by_pose.shape[-1] :]

@@ -50,6 +50,8 @@ class Mechanism(ABC):
     detailed: ClassVar[str] = ""  # model of the same drawing that leaves out least, if another
     pulls: ClassVar[bool] = False  # whether its limbs can pull only: see `borne`
 
+    home_is: ClassVar[str] = "zero of every joint"  # what of the robot file says where it is
+
     joint_size: float = 1.0  # of its joints' unit, that move it as far as 1 rad does a Delta
     joints: int  # m
     pose_size: int  # k: 3, or 6 with a rotation vector behind the position
@@ -164,15 +166,16 @@ class Mechanism(ABC):
         """
         typical = self._typical_gain
         gains = self._singular_values(self.velocity_jacobian(q, x, g))
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.fmax(gains[:, 0], typical) / np.fmin(gains[:, -1], typical))
+        most, least = np.fmax(gains[:, 0], typical), np.fmin(gains[:, -1], typical)
+        return np.divide(most, least, out=np.full_like(most, np.inf), where=least > 0)
 
     @cached_property
     def _typical_gain(self) -> float:
         """Mean gain of the nominal machine at home [m/rad]."""
         home, nominal = self.home[None], self.parameters.nominal
         slope = self.velocity_jacobian(home, self.forward(home, nominal), nominal)
-        return float(np.exp(np.log(self._singular_values(slope)).mean()))
+        gains = self._singular_values(slope)
+        return float(np.exp(np.log(gains).mean())) if gains.all() else 0.0
 
     def _singular_values(self, slope: Array) -> Array:
         """Of the commanded part, (n, min(m, task)), largest first; 0 where no Jacobian exists."""
@@ -253,11 +256,14 @@ class Mechanism(ABC):
     def require_reach(self, solution: Array, wanted: Array, what: str, unit: str) -> None:
         """Refuse a batch that holds a row out of reach; `what` and `unit` say what was wanted.
 
+        Joints have the unit that is theirs, whether they were said to be in `rad` or not.
+
         Raises:
             ReachError: names the first such row and its value.
         """
         bad = np.flatnonzero(~np.isfinite(solution).all(axis=1))
         if bad.size:
+            unit = self.joint_unit if unit == "rad" else unit
             value = ", ".join(f"{v:.6g}" for v in wanted[bad[0]])
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
             named = f"{what} {bad[0] + 1} ({value} {unit})"

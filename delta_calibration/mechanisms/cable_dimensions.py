@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import ConfigError
-from delta_calibration.sections import angle, mass, place, quantity, tolerance
+from delta_calibration.sections import angle, mass, place, quantity, refused, tolerance
 
 Array = NDArray[np.float64]
 
@@ -43,26 +43,22 @@ class CableDimensions:
         cables, freedoms = len(self.anchors), len(self.home)
         if cables < freedoms:
             raise ConfigError(
-                f"anchors: {cables} cables are not allowed; {freedoms} or more, one a freedom"
+                f"anchors_mm: {cables} cables are not allowed; {freedoms} or more, one a freedom"
             )
         winches = "drum_radius", "gear", "tackle"
         places = {name: (cables, 3) for name in ("anchors", "joints")}
         for name, shape in {**places, **{name: (cables,) for name in winches}}.items():
             value = getattr(self, name)
             if value.shape != shape or not np.isfinite(value).all():
-                raise ConfigError(
-                    f"{name}: {value.tolist()} is not allowed; {shape} finite numbers"
-                )
+                size = " times ".join(map(str, shape))
+                raise refused(self, name, f"{size} finite numbers")
         for name in winches:
             if not (getattr(self, name) > 0).all():
-                value = getattr(self, name).tolist()
-                raise ConfigError(f"{name}: {value} is not allowed; each above 0")
+                raise refused(self, name, "each above 0")
         if freedoms == 3 and self.joints.any():
-            raise ConfigError(
-                f"joints: {self.joints.tolist()} is not allowed; 0, as a point has no extent"
-            )
+            raise refused(self, "joints", "0, as a point (no home_turn_deg) has no extent")
         if not 0 <= self.pretension < np.inf:
-            raise ConfigError(f"pretension: {self.pretension} is not allowed; 0 or more")
+            raise refused(self, "pretension", "0 or more")
 
     @property
     def home(self) -> Array:

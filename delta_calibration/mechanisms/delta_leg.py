@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.sections import length, mass, quantity, tolerance
+from delta_calibration.sections import as_written, length, mass, quantity, refused, tolerance
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,21 @@ class DeltaDimensions:
     arm: float = length()  # L
     rod: float = length()  # l
     half_width: float = length()  # e: ball joint from the middle of its pair
+
+    def __post_init__(self) -> None:
+        """Refuse rods that do not reach from level arms to the platform.
+
+        Raises:
+            ConfigError: names the entry, its value and what is allowed.
+        """
+        across = abs(self.base_radius + self.arm - self.platform_radius)
+        if not self.rod > across:
+            raise refused(
+                self,
+                "rod",
+                f"more than {as_written(across, 'mm')} (base_radius_mm + arm_mm - "
+                "platform_radius_mm), to reach the platform from level arms",
+            )
 
 
 @dataclass(frozen=True)

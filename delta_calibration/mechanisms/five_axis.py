@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.sections import length, place, tolerance
+from delta_calibration.sections import as_written, length, place, refused, tolerance
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,21 @@ class StrutPair:
     column_x: float = place()  # where the slider runs, in the base
     column_y: float = place()
     strut: float = length()  # measured on the bench
+
+    def __post_init__(self) -> None:
+        """Refuse struts that do not reach from column to platform.
+
+        Raises:
+            ConfigError: names the entry, its value and what is allowed.
+        """
+        x, y = self.column_x - self.platform_x, self.column_y - self.platform_y
+        across = float(np.hypot(x, y))
+        if not self.strut > across:
+            raise refused(
+                self,
+                "strut",
+                f"more than {as_written(across, 'mm')}, from column to platform joint in x and y",
+            )
 
 
 @dataclass(frozen=True)
@@ -77,6 +92,7 @@ class FiveAxis(Mechanism):
     Dimensions = FiveAxisDimensions
     Tolerances = FiveAxisTolerances
     joint_unit: ClassVar[str] = "m"
+    home_is: ClassVar[str] = "the level platform at geometry.height_mm"
     joint_size: float = 0.3
     joints: int = STRUTS
     pose_size: int = 4

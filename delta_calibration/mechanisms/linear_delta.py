@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.mechanisms.rotary_delta import lower_meeting_point
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.sections import angle, length, tolerance
+from delta_calibration.sections import angle, as_written, length, refused, tolerance
 
 Array = NDArray[np.float64]
 
 TOWERS = 3
 RADIUS = 0  # columns of the parameters
+_APART = np.pi / 180  # [rad] of two towers about the axis, at least
 ANGLE, ENDSTOP, ARM = slice(1, 4), slice(4, 7), slice(7, 10)
 
 
@@ -31,6 +32,24 @@ class LinearDeltaDimensions:
     arm: float = length()  # [m]
     # [m] of the platform over the bed, in the middle, carriages at their endstops
     height: float = length()
+
+    def __post_init__(self) -> None:
+        """Refuse arms that do not reach the middle, and towers in one place.
+
+        Raises:
+            ConfigError: names the entry, its value and what is allowed.
+        """
+        if not self.arm > self.radius:
+            radius = as_written(self.radius, "mm")
+            raise refused(self, "arm", f"more than radius_mm, {radius}, to reach the middle")
+        apart = np.abs(np.exp(1j * self.angles[:, None]) - np.exp(1j * self.angles))
+        if apart[np.triu_indices(TOWERS, 1)].min() < _APART:
+            raise refused(
+                self,
+                "angles",
+                f"{TOWERS} towers at least {as_written(_APART, 'deg')} deg apart: by two in one "
+                "place the platform is not held",
+            )
 
 
 @dataclass(frozen=True)
@@ -62,6 +81,7 @@ class LinearDelta(Mechanism):
     Dimensions = LinearDeltaDimensions
     Tolerances = LinearDeltaTolerances
     joint_unit: ClassVar[str] = "m"
+    home_is: ClassVar[str] = "half of geometry.height_mm"
     joint_size: float = 0.3
     joints: int = TOWERS
     pose_size: int = 3

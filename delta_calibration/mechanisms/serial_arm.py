@@ -68,6 +68,7 @@ class SerialArm(Mechanism):
     """
 
     name: ClassVar[str] = "serial_arm"
+    home_is: ClassVar[str] = "geometry.home_deg"
     Dimensions = ArmDimensions
     Tolerances = ArmTolerances
 

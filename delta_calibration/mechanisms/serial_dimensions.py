@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import ConfigError
-from delta_calibration.sections import angle, flag, parts, place, quantity, tolerance
+from delta_calibration.sections import angle, flag, parts, place, quantity, refused, tolerance
 
 Array = NDArray[np.float64]
 
@@ -51,14 +51,17 @@ class ArmDimensions:
         if not self.links:
             raise ConfigError("links: none is not allowed; one or more")
         if self.links[0].parallel:
-            raise ConfigError("links[1].parallel: the first axis has none before it to lie along")
+            raise ConfigError(
+                "links[0].parallel: True is not allowed; the first axis has none before it to "
+                "lie along"
+            )
         for name, value, size in (
             ("home", self.home, len(self.links)),
             ("tool", self.tool, 3),
             ("mount", self.mount, 3),
         ):
             if value.shape != (size,) or not np.isfinite(value).all():
-                raise ConfigError(f"{name}: {value} is not allowed; {size} finite numbers")
+                raise refused(self, name, f"{size} finite numbers")
 
 
 @dataclass(frozen=True)

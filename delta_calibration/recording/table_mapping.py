@@ -83,7 +83,7 @@ def read_mapping(path: Path, robot: Robot) -> TableMapping:
         ConfigError: no such file, an entry that is missing, unknown or not allowed, joints other
             than the robot's, or units of another kind than its joints have.
     """
-    data = read_document(path, lambda _: load_schema("mapping"))
+    data = _bare(read_document(path, lambda _: load_schema("mapping")))
     time, moving = data.get("time"), data.get("moving", {})
     mapping = TableMapping(
         source=str(path),
@@ -107,7 +107,17 @@ def read_mapping(path: Path, robot: Robot) -> TableMapping:
         at_rest=tuple(moving.get("at_rest", ())),
     )
     _require_whole(mapping, len(robot.joints.names))
+    _require_apart(mapping, robot.joints.names)
     return mapping
+
+
+def _bare(value: Any) -> Any:
+    """A document without blanks around its texts, as the names of a table's columns are read."""
+    if isinstance(value, Mapping):
+        return {key: _bare(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_bare(item) for item in value]
+    return (value.strip() or value) if isinstance(value, str) else value
 
 
 def _require_whole(mapping: TableMapping, joints: int) -> None:
@@ -128,6 +138,37 @@ def _require_whole(mapping: TableMapping, joints: int) -> None:
     if len(mapping.direction) not in (0, 1, joints):
         raise ConfigError(
             f"{path}: direction: {len(mapping.direction)} values found, 1 or {joints} are expected"
+        )
+
+
+def _require_apart(mapping: TableMapping, joints: Sequence[str]) -> None:
+    """Refuse a column, or a part's temperature, that stands for two things.
+
+    The encoder of a joint may be its command: that is what a table without encoders means.
+    """
+    turns = mapping.turn.columns if mapping.turn else ()
+    uses = [("time", mapping.time), ("payload", mapping.payload)]
+    uses += [(f"commands: {j}", c) for j, c in zip(joints, mapping.commands, strict=True)]
+    uses += [
+        (f"encoders: {joints[k]}", column)
+        for k, column in enumerate(mapping.encoders)
+        if column.name != mapping.commands[k].name
+    ]
+    uses += [(f"position.columns[{k}]", column) for k, column in enumerate(mapping.position)]
+    uses += [(f"rotation.columns[{k}]", column) for k, column in enumerate(turns)]
+    uses += [(f"temperature: {part}", column) for part, column in mapping.temperature]
+    first: dict[str, str] = {}
+    for use, column in uses:
+        if column is not None and first.setdefault(column.name, use) != use:
+            raise ConfigError(
+                f"{mapping.source}: {use}: column {column.name!r} is already that of "
+                f"{first[column.name]}; each has its own"
+            )
+    parts = [part for part, _ in mapping.temperature]
+    twice = next((part for part in parts if parts.count(part) > 1), None)
+    if twice is not None:
+        raise ConfigError(
+            f"{mapping.source}: temperature: part {twice!r} is there twice; one column a part"
         )
 
 

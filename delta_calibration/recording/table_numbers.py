@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording.table_mapping import KELVIN, Column, TableMapping, Turn
+from delta_calibration.recording.table_repeats import new_rows
 from delta_calibration.tables import Row, read_table
 
 Array = NDArray[np.float64]
@@ -21,6 +22,8 @@ Mask = NDArray[np.bool_]
 _STOP = 10.0  # [s] from row to row where a table of stops has no time
 _PAUSE = 1.1  # [s] stops nearer than this would not be told from a stream
 _LATEST = float(2**31)  # [s] a ROS stamp ends there
+_GAPS = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # as programs write them
+_SHOWN = 6  # texts of a column in a message, at most
 _NOT_UNIT = 1e-2  # of a quaternion's length that rounding does not explain
 
 
@@ -46,13 +49,13 @@ class TableNumbers:
         return self.rows[row].wrong(column, problem)
 
 
-def read_numbers(path: Path, mapping: TableMapping) -> TableNumbers:
-    """The rows of a table that are used.
+def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumbers:
+    """The rows of a table that are used, measured with a noise of `sigma` [m] or more.
 
     Raises:
         InputError: no such file, a column missing, a cell that is empty or no finite number,
-            times that do not rise, a row there twice, an impossible rotation or mark; names file,
-            line and column.
+            times that do not rise, rows there twice, none at rest, an impossible rotation or mark;
+            names file, line and column.
     """
     rows = read_table(path, mapping.names, delimiter=mapping.delimiter)
     notes = []
@@ -63,10 +66,17 @@ def read_numbers(path: Path, mapping: TableMapping) -> TableNumbers:
         rows = whole
         if not rows:
             raise InputError(f"{path}: every row has gaps in {', '.join(mapping.names)}")
-    rows, left_out = _once(rows, mapping)
-    if left_out:
-        notes.append(f"{left_out} rows repeat the one before to the last digit: left out")
     moves = np.array([_moves(row, mapping) for row in rows])
+    if moves.all():
+        found = sorted({(row.text[mapping.moving] or "").strip() for row in rows})
+        raise InputError(
+            f"{path}: column {mapping.moving}: no row is at rest; moving.at_rest has "
+            f"{', '.join(map(repr, mapping.at_rest))}, the column has "
+            f"{', '.join(map(repr, found[:_SHOWN]))}"
+        )
+    new, repeats = new_rows(rows, moves, mapping, sigma)
+    rows, moves = [row for row, kept in zip(rows, new, strict=True) if kept], moves[new]
+    notes += repeats
     if moves.any():
         notes.append(f"{np.count_nonzero(moves)} rows in motion: their measurements are left out")
     still = [row for row, moving in zip(rows, moves, strict=True) if not moving]
@@ -96,7 +106,7 @@ def read_numbers(path: Path, mapping: TableMapping) -> TableNumbers:
 
 
 def _filled(row: Row, name: str) -> bool:
-    return (row.text[name] or "").strip().lower() not in ("", "nan", "na", "n/a", "null", "none")
+    return (row.text[name] or "").strip().lower() not in _GAPS
 
 
 def _number(row: Row, name: str) -> float:
@@ -112,25 +122,6 @@ def _columns(rows: Sequence[Row], columns: Sequence[Column]) -> Array:
         np.array([getattr(c, name) for c in columns]) for name in ("scale", "offset", "factor")
     )
     return np.asarray((scale * raw + offset) * factor)
-
-
-def _once(rows: Sequence[Row], mapping: TableMapping) -> tuple[list[Row], int]:
-    """The rows without those that repeat the one before, as the mapping has it."""
-    if mapping.repeated == "keep":
-        return list(rows), 0
-    kept: list[Row] = []
-    for row in rows:
-        if kept and all(row.text[name] == kept[-1].text[name] for name in mapping.names):
-            if mapping.repeated == "refuse":
-                first = mapping.position[0].name
-                raise row.wrong(
-                    first,
-                    f"and all else in it repeats line {kept[-1].line} to the last digit; "
-                    "`repeated: skip` in the mapping leaves it out, `keep` believes it",
-                )
-            continue
-        kept.append(row)
-    return kept, len(rows) - len(kept)
 
 
 def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:

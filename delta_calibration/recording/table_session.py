@@ -36,8 +36,10 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
         InputError: the table does not have the mapping's form, or numbers that the robot cannot
             have; names file, line, column and value.
     """
-    numbers = read_numbers(path, mapping)
-    require_units(numbers, mapping, robot)
+    tracker = robot.tracker
+    sigma = min(tracker.radial, tracker.transverse)
+    numbers = read_numbers(path, mapping, sigma)
+    notes = require_units(numbers, mapping, robot)
     names, at = robot.joints.names, np.round(numbers.time * 1e9).astype(np.int64)
     if numbers.direction is not None and at[0] < _LEAD_NS:  # no stamp is before zero
         at = at + _LEAD_NS
@@ -55,7 +57,7 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
             for k, (part, _) in enumerate(mapping.temperature)
         ),
         payload=None if numbers.payload is None else _payloads(numbers.payload, at),
-        notes=numbers.notes,
+        notes=(*numbers.notes, *notes),
     )
 
 

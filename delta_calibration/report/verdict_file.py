@@ -19,6 +19,7 @@ from delta_calibration.diagnosis.verdict import (
 )
 from delta_calibration.documents import check_document, load_schema
 from delta_calibration.errors import InputError
+from delta_calibration.texts import read_text
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,7 @@ def read_verdict(path: Path) -> VerdictFile:
         InputError: cannot be read, is not JSON, or not of the verdict's form.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        data = json.loads(read_text(path))
     except ValueError as error:
         raise InputError(f"{path}: not JSON: {error}") from error
     check_document(data, load_schema("verdict"), str(path))

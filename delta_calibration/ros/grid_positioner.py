@@ -277,6 +277,7 @@ class GridPositioner(BaseNode):
             self._settings.integer("readings"),
             self._robot.tracker,
             self._last,
+            joints.unit,
         )
 
     def _send(self, joint: Array) -> None:

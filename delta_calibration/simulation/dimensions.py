@@ -65,5 +65,5 @@ def shift_of(chain: Chain, cause: str, options: Options, rng: np.random.Generato
         shift[rows] = way / np.linalg.norm(way) * sizes(cause, options, typical, 1.0, "m")
     else:
         require_known(cause, options, (LOCATION, "value", "strength"))
-        shift[rows] = sizes(cause, options, typical, _PLAIN, "m or rad")
+        shift[rows] = sizes(cause, options, typical, _PLAIN, every[rows[0]].unit)
     return shift

@@ -72,6 +72,7 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
     found: dict[str, tuple[Effect, Array]] = {}
     for cause, options in causes.items() if isinstance(causes, Mapping) else causes:
         rng = np.random.default_rng([seed, 2, zlib.crc32(cause.encode())])
+        options = _placed(robot, options)
         if cause not in EFFECTS:
             _require_place(robot, chain, cause, options)
             shift = shift + shift_of(chain, cause, options, rng)
@@ -93,6 +94,13 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
     )
 
 
+def _placed(robot: Robot, options: Options) -> Options:
+    """Options with the place of a joint that they name as the robot's file does."""
+    if LOCATION not in options:
+        return options
+    return {**options, LOCATION: robot.place(options[LOCATION])}
+
+
 def _require_place(robot: Robot, chain: Chain, cause: str, options: Options) -> None:
     location = options.get(LOCATION)
     if rows_of(chain, cause, location):
@@ -100,8 +108,8 @@ def _require_place(robot: Robot, chain: Chain, cause: str, options: Options) -> 
     where = f" at {location}" if location else ""
     places = ", ".join(dict.fromkeys(p.location for p in dimensions(chain) if p.location))
     raise InputError(
-        f"effect {cause}{where} cannot be hidden; "
-        f"causes: {', '.join(hideable_causes(robot, chain))}; locations: {places}"
+        f"effect {cause}{robot.named(where)} cannot be hidden; "
+        f"causes: {', '.join(hideable_causes(robot, chain))}; locations: {robot.named(places)}"
     )
 
 
@@ -163,7 +171,8 @@ def _values(effect: Effect, options: Options, rng: np.random.Generator) -> Array
     here = np.array([location in (None, p.location) for p in parameters])
     if not here.any():
         places = ", ".join(dict.fromkeys(p.location for p in parameters if p.location))
-        raise InputError(f"effect {effect.cause}: no location {location!r}; allowed: {places}")
+        text = f"no location {location!r}; allowed: {places}"
+        raise InputError(f"effect {effect.cause}: {effect.robot.named(text)}")
     return np.where(here, size, 0.0)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
+from delta_calibration.texts import number_of
 
 Array = NDArray[np.float64]
 Options = Mapping[str, str]
@@ -64,12 +65,8 @@ def number(cause: str, key: str, options: Options, unit: str) -> float:
     Raises:
         InputError: not a finite one.
     """
-    try:
-        value = float(options[key])
-    except ValueError:
-        value = np.nan
-    said = f" (SI: {unit})" if unit else ""
-    if not np.isfinite(value):
+    value, said = number_of(options[key]), f" (SI: {unit})" if unit else ""
+    if np.isnan(value):
         raise InputError(f"effect {cause}: {key} {options[key]!r} is not a finite number{said}")
     if abs(value) > _MOST:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Nothing measured but the joints: a redundant mechanism that must close.
+"""Nothing measured but the joints, by encoders with noise: a redundant mechanism that must close.
 
 With more closures r than coordinates k of the pose, r - k combinations of them hold whatever the
 pose: N^T f = 0 with N, (r, r - k), the left null space of f_x. The joints q that were read are
@@ -8,8 +8,12 @@ those of a machine that closes, q', and encoders' noise. The nearest such q' is
 
 and, with L L^T = N^T f_q f_q^T N and A = L^-1 N^T f_q, whose rows are orthonormal, all of q - q'
 lies in them: e = A (q - q'), as many numbers as there are to spare, of the encoders' own standard
-deviation, and de/dg = L^-1 N^T f_g. Cables have it (m > n), and encoders on passive joints. Where
-the noise is one of the closures, in their own unit, see `closures.py`.
+deviation, and de/dg = L^-1 N^T f_g. Cables have it (m > n), and encoders on passive joints.
+
+`ClosureWithoutPose` (`closures.py`) weighs the same misfit otherwise: the parts between the joints
+have the noise, alike in every closure, and the joints none. The two agree where every joint enters
+its closure by the same slope, and only there: with drums of unequal gear an error of the encoder
+moves one cable farther than another.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
+from delta_calibration.identification.closures import unmoved
 from delta_calibration.identification.observations import (
     Machine,
     Observation,
@@ -36,8 +41,8 @@ _SETTLED = 1e-9  # a last step so small beside what is missed is none
 
 
 @dataclass(frozen=True)
-class Closing(Observation):
-    """The joints of a redundant mechanism, which a pose has to fit all at once.
+class EncoderClosure(Observation):
+    """The joints of a redundant mechanism, which a pose has to fit within their encoders' noise.
 
     Says nothing of where the machine stands, how it is turned and, where only lengths enter, how
     large it is: a model and its copy at twice the size close alike. No device, no frame; what does
@@ -55,7 +60,7 @@ class Closing(Observation):
         require_shapes(self)
 
     @classmethod
-    def of(cls, mechanism: Mechanism, joint: Array, noise: float) -> Closing:
+    def of(cls, mechanism: Mechanism, joint: Array, noise: float) -> EncoderClosure:
         """Of joints (n, m) [rad, m] of a redundant mechanism.
 
         Raises:
@@ -70,7 +75,7 @@ class Closing(Observation):
                 f"none: {mechanism.name} has {rows} closures for {size} coordinates of the pose, "
                 "and closes at any joints; a redundant mechanism is needed, or something measured"
             )
-        free = _free(mechanism.closure_by_pose(home, x, g))
+        free = unmoved(mechanism.closure_by_pose(home, x, g))
         entered = np.swapaxes(free, 1, 2) @ mechanism.closure_by_joints(home, x, g)
         if np.linalg.matrix_rank(entered[0]) < spare:
             raise InputError(
@@ -118,14 +123,9 @@ class Closing(Observation):
 def _whitened(mechanism: Mechanism, q: Array, x: Array, g: Array) -> Array:
     """L^-1 N^T, (n, r - k, r); NaN rows out of reach."""
     known = np.isfinite(x).all(axis=1)
-    across = np.swapaxes(_free(mechanism.closure_by_pose(q[known], x[known], g)), 1, 2)
+    across = np.swapaxes(unmoved(mechanism.closure_by_pose(q[known], x[known], g)), 1, 2)
     entered = across @ mechanism.closure_by_joints(q[known], x[known], g)
     root = np.linalg.cholesky(entered @ np.swapaxes(entered, 1, 2))
     white = np.full((len(x), *across.shape[1:]), np.nan)
     white[known] = np.linalg.solve(root, across)
     return white
-
-
-def _free(by_pose: Array) -> Array:
-    """N: what no pose changes of the closures.  (n, r, k) -> (n, r, r - k)."""
-    return np.linalg.qr(by_pose, mode="complete").Q[..., by_pose.shape[-1] :]

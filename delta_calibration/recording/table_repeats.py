@@ -1,0 +1,158 @@
+"""Rows of a table that are copies of others, not measurements of their own.
+
+A reading has noise in its last digits. Two rows with the same commands and the same measured
+values to the last digit are one measurement, copied, unless the digits are so coarse that noise
+does not show in them. How likely that is follows from the step of the digits and the tracker.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Sequence
+from decimal import Decimal, InvalidOperation
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+from scipy.stats import binom
+
+from delta_calibration.errors import InputError
+from delta_calibration.recording.table_mapping import Column, TableMapping
+from delta_calibration.tables import Row
+from delta_calibration.texts import number_of
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_CHANCE = 1e-4  # of so many equal rows by rounding, under which they are copies
+_SHOWN = 6  # ranges of lines in a message, at most
+_WAYS = "`repeated: skip` in the mapping leaves {} out, `keep` believes {}"
+
+
+def new_rows(
+    rows: Sequence[Row], moves: Mask, mapping: TableMapping, sigma: float
+) -> tuple[Mask, list[str]]:
+    """Which rows are measurements of their own, (n,), and notes on the others.
+
+    Args:
+        rows: of the table.
+        moves: (n,) rows in motion, whose measurements are not used.
+        mapping: what their columns are, and what is done with repeats.
+        sigma: standard deviation of a reading along any axis, at least [m].
+
+    Raises:
+        InputError: rows that repeat others, where the mapping does not let them pass; names file
+            and lines.
+    """
+    new = np.ones(len(rows), dtype=bool)
+    if mapping.repeated == "keep":
+        return new, []
+    notes = []
+    for k, row in enumerate(rows[1:], 1):
+        new[k] = any(row.text[name] != rows[k - 1].text[name] for name in mapping.names)
+        if not new[k] and mapping.repeated == "refuse":
+            raise row.wrong(
+                mapping.position[0].name,
+                f"and all else in it repeats line {rows[k - 1].line} to the last digit; "
+                f"{_WAYS.format('it', 'it')}",
+            )
+    if not new.all():
+        notes.append(f"{np.sum(~new)} rows repeat the one before to the last digit: left out")
+    copies, first = _copies(rows, np.flatnonzero(new & ~moves), mapping)
+    if not copies:
+        return new, notes
+    repeat = "repeats" if len(copies) == 1 else "repeat"
+    said = (
+        f"{lines_of(rows, copies)} {repeat} {lines_of(rows, first)} to the last digit, commands "
+        "and measurements"
+    )
+    if not mapping.stream and _by_chance(rows, copies, first, new & ~moves, mapping, sigma):
+        notes.append(f"{said}: digits as coarse as these can be the same by chance; kept")
+    elif mapping.repeated == "refuse":
+        raise InputError(
+            f"{rows[0].file}: {said}: a new measurement has noise of its own; "
+            f"{_WAYS.format('them', 'them')}"
+        )
+    else:
+        new[copies] = False
+        notes.append(f"{said}: left out")
+    return new, notes
+
+
+def _copies(
+    rows: Sequence[Row], among: NDArray[np.intp], mapping: TableMapping
+) -> tuple[list[int], list[int]]:
+    """Rows with commands and measurements of an earlier one, and which that is."""
+    measured = _measured(mapping)
+    seen: dict[Hashable, int] = {}
+    pairs = [(k, seen.setdefault(_values(rows[k], measured), k)) for k in among.tolist()]
+    return [k for k, first in pairs if k != first], [first for k, first in pairs if k != first]
+
+
+def _measured(mapping: TableMapping) -> tuple[Column, ...]:
+    """Columns in which no two measurements are alike; of a stream, the time is one."""
+    turns = mapping.turn.columns if mapping.turn else ()
+    time = (mapping.time,) if mapping.stream and mapping.time else ()
+    return (*mapping.commands, *mapping.encoders, *mapping.position, *turns, *time)
+
+
+def _values(row: Row, columns: Sequence[Column]) -> tuple[float | str, ...]:
+    """Numbers, however they are written; texts that are none as they are."""
+    texts = [(row.text[column.name] or "").strip() for column in columns]
+    return tuple(text if (value := number_of(text)) != value else value for text in texts)
+
+
+def _by_chance(
+    rows: Sequence[Row],
+    copies: Sequence[int],
+    first: Sequence[int],
+    among: Mask,
+    mapping: TableMapping,
+    sigma: float,
+) -> bool:
+    """Whether rounding makes as many rows of one command equal."""
+    said = [rows[k] for k in np.flatnonzero(among).tolist()]
+    commands = Counter(_values(row, mapping.commands) for row in said)
+    of_each = np.array([*commands.values()])
+    of_copies = np.array([*Counter(first).values()]) + 1
+    tries, equal = (int(np.sum(n * (n - 1) // 2)) for n in (of_each, of_copies))
+    alike = float(np.prod([_alike(_step(said, c), sigma) for c in mapping.position]))
+    return bool(binom.sf(equal - 1, tries, alike) > _CHANCE)
+
+
+def _step(rows: Sequence[Row], column: Column) -> float:
+    """Of the last digit that a column has [m]."""
+    last = min(_last_digit(row.text[column.name] or "") for row in rows)
+    return float(10.0**last) * abs(column.factor)
+
+
+def _last_digit(text: str) -> int:
+    """Its power of ten."""
+    try:
+        power = Decimal(text.strip()).as_tuple().exponent
+    except InvalidOperation:
+        return 0
+    return power if isinstance(power, int) else 0
+
+
+def _alike(step: float, sigma: float) -> float:
+    """Chance that two readings of one value with normal noise round to the same multiple."""
+    x = step / (2 * sigma)
+    return float(erf(x) + np.expm1(-(x**2)) / (x * np.sqrt(np.pi)))
+
+
+def lines_of(rows: Sequence[Row], some: Sequence[int]) -> str:
+    """Lines of rows in words: `lines 3 to 8, 12`; rows one below the other are a range."""
+    places = sorted(set(some))
+    runs: list[list[int]] = []
+    for k in places:
+        if runs and k == runs[-1][-1] + 1:
+            runs[-1].append(k)
+        else:
+            runs.append([k])
+    parts = [
+        f"{rows[run[0]].line}" + (f" to {rows[run[-1]].line}" if len(run) > 1 else "")
+        for run in runs
+    ]
+    more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
+    return f"line{'s' * (len(places) > 1)} {', '.join(parts[:_SHOWN])}{more}"

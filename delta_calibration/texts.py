@@ -1,0 +1,51 @@
+"""Text files of a user, and numbers in them: UTF-8, plain decimals, plain words for others."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from pathlib import Path
+
+from delta_calibration.errors import InputError
+
+_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+_ARCHIVE = b"PK\x03\x04"  # workbooks (xlsx, ods) are archives
+
+
+def read_text(path: Path, kind: type[InputError] = InputError) -> str:
+    """What a text file holds, without the mark that some programs put in front.
+
+    Raises:
+        InputError: (or the `kind` of it) no such file, or one in another encoding than UTF-8;
+            names the file, the encoding as far as it shows, and what to do.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise kind(f"{path}: cannot be read: {error.strerror or error}") from error
+    if data.startswith(_ARCHIVE):
+        raise kind(f"{path}: is a workbook or another archive; export a text file (CSV, UTF-8)")
+    if data.startswith(_UTF16):
+        raise kind(f"{path}: is in UTF-16; save it as UTF-8")
+    if 0 in data:
+        line = data.count(b"\n", 0, data.index(0)) + 1
+        raise kind(f"{path}: line {line}: a byte of zero; in UTF-16 or no text: save it as UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise kind(
+            f"{path}: line {line}: byte 0x{data[error.start]:02x} is not UTF-8; the file is in "
+            "another encoding, such as Latin-1: save it as UTF-8"
+        ) from error
+
+
+def number_of(text: str) -> float:
+    """A finite plain decimal number; NaN of all else.
+
+    Python by itself takes more for one: `31_49.0`, digits of other scripts, `inf`.
+    """
+    text = text.strip()
+    value = float(text) if _PLAIN.fullmatch(text) else float("nan")
+    return value if abs(value) < float("inf") else float("nan")
