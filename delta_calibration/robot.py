@@ -206,7 +206,7 @@ class Robot:
         return f"{limb}_{names.index(joint) + 1}" if joint in names else joint
 
     def named(self, text: str) -> str:
-        """A text in which parts, joint_2 or joint 2, are called by the robot's own joints' names."""
+        """A text in which joint_2 or joint 2 is called by the robot's own name of it."""
         names, limb = self.joints.names, MECHANISMS[self.mechanism].limb
 
         def name(found: re.Match[str]) -> str:

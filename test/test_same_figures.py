@@ -82,9 +82,9 @@ def test_one_sentence_on_console_node_and_page(name, tmp_path, capsys):
     path = str(ROOT / "bags" / name)
     assert run(["diagnose", path, "--robot", "srbd", "--json", str(file)]) == 0
     printed, verdict = capsys.readouterr().out, diagnosis(name).verdict
-    sentence = verdict.sentence()
+    sentence = ROBOT.named(verdict.sentence())
     assert f"verdict: {sentence}\n" in printed
-    assert sentence.removesuffix(".") in by_node(name).sentence()
+    assert sentence.removesuffix(".") in ROBOT.named(by_node(name).sentence())
     assert report(name).sentence == sentence
     assert json.loads(file.read_text()) == verdict.as_dict()
 

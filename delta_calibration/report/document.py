@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from delta_calibration.report.drawing import Figure
@@ -30,6 +30,16 @@ class Section:
     text: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
     figures: tuple[Figure, ...] = ()
+
+    def renamed(self, name: Callable[[str], str]) -> Section:
+        """The same with what it says in other words."""
+        tables = tuple(
+            replace(t, rows=tuple(tuple(map(name, row)) for row in t.rows)) for t in self.tables
+        )
+        figures = tuple(
+            replace(f, title=name(f.title), caption=name(f.caption)) for f in self.figures
+        )
+        return replace(self, text=tuple(map(name, self.text)), tables=tables, figures=figures)
 
 
 @dataclass(frozen=True)

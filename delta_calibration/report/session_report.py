@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from delta_calibration.accuracy import IsoReport
@@ -56,29 +58,34 @@ def report_of(
     """
     verdict, judged = diagnosis.verdict, Judged.of(diagnosis)
     session = verdict.session
+    told = (
+        verdict_section(verdict),
+        _workspace(judged),
+        _line(judged, robot),
+        _causes(judged, robot),
+        Section(
+            "evidence",
+            "Evidence for each candidate",
+            (),
+            (evidence_table(diagnosis),),
+            (evidence_figure(diagnosis),),
+        ),
+        _parts(judged),
+        _noise(judged, robot),
+    )
     return Report(
         title=f"Calibration report: {robot.name}",
         subtitle=(
             f"{provenance.session}, recorded {moment(provenance.start_ns)}; {session.samples} "
             f"readings in {session.duration_s / 60:.0f} min, {session.poses} poses at rest"
         ),
-        sentence=verdict.sentence(),
-        statements=statements(verdict),
+        sentence=robot.named(verdict.sentence()),
+        statements=tuple(
+            replace(each, answer=robot.named(each.answer)) for each in statements(verdict)
+        ),
         key_figures=key_figures(verdict),
         sections=(
-            verdict_section(verdict),
-            _workspace(judged),
-            _line(judged, robot),
-            _causes(judged, robot),
-            Section(
-                "evidence",
-                "Evidence for each candidate",
-                (),
-                (evidence_table(diagnosis),),
-                (evidence_figure(diagnosis),),
-            ),
-            _parts(judged),
-            _noise(judged, robot),
+            *(section.renamed(robot.named) for section in told),
             standard_section(iso),
             Section("provenance", "Provenance", (), (provenance.table(),)),
             glossary_section(),
