@@ -68,7 +68,7 @@ def _require_reach(
         if fit:
             best, slip = fit[0]
             if slip.unit:
-                raise _mixed_up(numbers, rows, best, slip, miss)
+                raise _mixed_up(numbers, mapping, rows, best, slip, miss)
             alike = [s for p, s in fit if p.share <= _AS_GOOD * best.share and not s.unit]
             said = [s.said for s in orders if s in alike]
             raise InputError(
@@ -116,7 +116,7 @@ def _require_rows(
     for k, row in enumerate(far.tolist()):
         best = int(left[:, k].argmin())
         if left[best, k] < enough[row]:
-            raise _mixed_up(numbers, rows, stated, slips[best], float(missed[row]))
+            raise _mixed_up(numbers, mapping, rows, stated, slips[best], float(missed[row]))
 
 
 def _enough(placed: Placed, missed: Array) -> Array:
@@ -126,7 +126,12 @@ def _enough(placed: Placed, missed: Array) -> Array:
 
 
 def _mixed_up(
-    numbers: TableNumbers, rows: Rows, placed: Placed, slip: Slip, miss: float
+    numbers: TableNumbers,
+    mapping: TableMapping,
+    rows: Rows,
+    placed: Placed,
+    slip: Slip,
+    miss: float,
 ) -> InputError:
     """What to say of columns in another unit, in all rows or in some of them."""
     way = numbers.command[rows], numbers.position[rows]
@@ -141,16 +146,33 @@ def _mixed_up(
         )
     first, *more = slip.columns
     beside = f"and those of {', '.join(c.name for c in more)} " if more else ""
-    reason = (
-        f"the measured point is {miss * 1e3:.4g} mm from where it can be"
-        if np.isfinite(miss)
-        else "these joints are out of it"
+    row = int(other[0] if other.size else rows[0])
+    joint = numbers.command[row]
+    beyond = (
+        _beyond(placed.robot, k, float(joint[k]))
+        for k, column in enumerate(mapping.commands)
+        if column in slip.columns
     )
+    reason = next(filter(None, beyond), "")
+    if not reason and np.isfinite(miss):
+        reason = f"the measured point is {miss * 1e3:.4g} mm from where the robot can be with it"
     return numbers.wrong(
-        int(other[0] if other.size else rows[0]),
+        row,
         first.name,
-        f"{beside}cannot be in {first.unit}: by the robot's reach {reason}; likely {slip.unit}, "
+        f"{beside}cannot be in {first.unit}: {reason or 'out of reach'}; likely {slip.unit}, "
         f"{where}",
+    )
+
+
+def _beyond(robot: Robot, k: int, joint: float) -> str:
+    """That a joint is beyond its limits, in words; empty if it is not."""
+    low, high = float(robot.joints.lower[k]), float(robot.joints.upper[k])
+    name, factor = robot.joints.shown
+    if low <= joint <= high:
+        return ""
+    return (
+        f"{factor * joint:.6g} {name} is beyond the limits of {robot.joints.names[k]}, "
+        f"{factor * low:.6g} to {factor * high:.6g}"
     )
 
 
@@ -163,17 +185,14 @@ def _require_limits(
     if not len(beyond):
         return
     row, k = beyond[0].tolist()
-    name, factor = robot.joints.shown
-    value = joint[row, k]
     rows = beyond[beyond[:, 1] == k, 0]
     fits = _inside(joint[rows, k], columns[k], float(low[k]), float(high[k])) if guess else ()
     likely = next((f"likely {unit}" for unit in fits), "another column, zero, sign or robot?")
     raise numbers.wrong(
         row,
         columns[k].name,
-        f"in {columns[k].unit} is {factor * value:.6g} {name}, beyond the limits of "
-        f"{robot.joints.names[k]}, {factor * low[k]:.6g} to {factor * high[k]:.6g}, as in "
-        f"{len(rows)} of {len(joint)} rows; {likely}",
+        f"in {columns[k].unit}: {_beyond(robot, k, float(joint[row, k]))}, as in {len(rows)} of "
+        f"{len(joint)} rows; {likely}",
     )
 
 
