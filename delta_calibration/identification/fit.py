@@ -222,7 +222,8 @@ def prepare(
     """
     nominal = chain.mechanism.parameters.nominal
     x = chain.mechanism.forward(poses.joint, nominal)
-    chain.mechanism.require_reach(x, poses.joint, "recorded joint command", "rad")
+    what = f"{poses.source}: recorded joint command"
+    chain.mechanism.require_reach(x, poses.joint, what, "rad")
     _require_held(chain, poses, x)
     try:
         frame = align(chain.point(x, chain.offset), poses.point)
@@ -339,8 +340,9 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
 def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     """Refuse residuals many times what parts within their tolerances can do.
 
-    By the median, as one reading of another reflector is not another robot. Where the reflector is
-    put and how the tracker stands is no part of the robot.
+    By the median of either, as one reading of another reflector is not another robot, and what
+    parts can do near one singularity is not what they do. Where the reflector is put and how the
+    tracker stands is no part of the robot.
 
     Args:
         problem: with everything free, its chain without effects.
@@ -355,7 +357,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     geometry = slice(0, size)
     slope = problem.chain.jacobian(problem.at, solution.pose, solution.theta)[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
-    expected = float(np.sqrt(np.sum(spread**2) / len(spread)))
+    expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
     if typical > _ANOTHER_ROBOT * expected:
         raise DataError(
