@@ -44,7 +44,7 @@ class Readings:
     time: Array  # (n,) [s] since start_ns, strictly increasing
     joint: Array  # (n, m) [rad] by the encoders; by the command where there are no encoders
     command: Array  # (n, m) [rad]; the encoders' if none were recorded, NaN where none is near
-    # (n, m) [rad] that each joint was commanded to go, there and back, since the first: readings are
+    # (n, m) [rad] that each joint was commanded to go since the first, back as well: readings are
     # slower than commands, and a move on the spot lies between two of them
     gone: Array
     point: Array  # (n, 3) [m] in the tracker's frame
