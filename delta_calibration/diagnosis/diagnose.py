@@ -7,11 +7,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
@@ -80,18 +82,18 @@ def diagnose(
     """
     rng = np.random.default_rng(seed)
     step(STEPS[0])
-    if calibration is not None:
-        model = calibration.chain.mechanism.name
-    start = calibrated(survey, robot, model)
-    if effects is None:
-        effects = catalogue(robot, start.problem.chain.mechanism)
     against = None
     if calibration is not None:
+        model = calibration.chain.mechanism.name
         name = f"calibration of {Path(calibration.source).name} + frame"
         against = name, partial(_in_force, calibration)
-    found = judged(start, effects, _facts(survey), rng, against, step)
-    assert isinstance(found.model, Model)  # it was fitted as it began
-    whole = extended(found.model, seed)
+    with _alone():
+        start = calibrated(survey, robot, model)
+        if effects is None:
+            effects = catalogue(robot, start.problem.chain.mechanism)
+        found = judged(start, effects, _facts(survey), rng, against, step)
+        assert isinstance(found.model, Model)  # it was fitted as it began
+        whole = extended(found.model, seed)
     return Diagnosis(
         found.verdict, found.model, found.found, found.audit, found.held, found.before, whole
     )
@@ -130,11 +132,21 @@ def diagnose_observations(
         DataError: samples out of reach, or no rest.
     """
     step(STEPS[0])
-    start = Observed.of(mechanism, measured, frame, stated, further)
-    if effects is None:
-        every = catalogue(robot, mechanism)
-        effects = [e for e in every if start.reads or e.stage is not Stage.MEASUREMENT]
-    return judged(start, effects, start.facts, np.random.default_rng(seed), step=step)
+    with _alone():
+        start = Observed.of(mechanism, measured, frame, stated, further)
+        if effects is None:
+            every = catalogue(robot, mechanism)
+            effects = [e for e in every if start.reads or e.stage is not Stage.MEASUREMENT]
+        return judged(start, effects, start.facts, np.random.default_rng(seed), step=step)
+
+
+def _alone() -> AbstractContextManager[object]:
+    """Linear algebra on one thread each: the search has threads of its own (`search.py`).
+
+    On small matrices threads of both kinds stand in each other's way: twice as long on two cores.
+    """
+    context: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return context
 
 
 def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
