@@ -34,7 +34,7 @@ NODES = {
 }
 CONFIG = ROOT / "config" / "srbd.yaml"
 # Python packages for which rosdep has no key: pip brings them
-WITHOUT_ROSDEP_KEY = {"mcap", "rosbags", "lz4", "zstandard", "numba"}
+WITHOUT_ROSDEP_KEY = {"mcap", "rosbags", "lz4", "threadpoolctl", "zstandard", "numba"}
 
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:
