@@ -23,7 +23,8 @@ TERMS: tuple[tuple[str, str], ...] = (
         "Root mean square of the 3-D distance by which a pose misses the truth through the "
         "tracker and through where the joints come to rest; from repeats, or the robot file's "
         "where there are too few. A model that leaves about as much has nothing left to explain. "
-        "Where repeats differ by a cause as well it is found too large. Also called noise floor.",
+        "Where repeats differ by a strong cause as well, a fit finds it too large; a diagnosis "
+        "measures it again without the causes that it found. Also called noise floor.",
     ),
     (
         "in sample",
