@@ -83,7 +83,7 @@ def test_a_signal_ends_the_node_after_its_callback_with_0(
     time.sleep(0.2)
     node.send(number)
     node.send(number)  # a terminal and a launcher both send it
-    assert node.end(5.0) == 0
+    assert node.end() == 0
     assert "closed, whole: True, True" in node.output
     assert "Traceback" not in node.output
 
@@ -95,7 +95,7 @@ def test_a_node_at_rest_uses_no_processor(launch: Launch, cell: str) -> None:
     time.sleep(1.0)
     assert cpu_seconds(node.process.pid) - before < 0.3
     node.send(signal.SIGINT)
-    assert node.end(5.0) == 0
+    assert node.end() == 0
     assert "deactivated" in node.output
 
 

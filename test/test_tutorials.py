@@ -15,10 +15,14 @@ LIVE = {"calibrate_a_simulated_cell.md", "replay_a_bag.md"}  # start nodes
 ELSEWHERE = {"README.md", "install_in_a_cell.md"}  # no commands, or a cell's: test_cell_pages.py
 PAGES = sorted(path for path in FOLDER.glob("*.md") if path.name not in ELSEWHERE)
 SECONDS = 240.0
+CASES = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.ros] if path.name in LIVE else [])
+    for path in PAGES
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CASES)
 def test_a_tutorial_does_what_it_says(path: Path, tmp_path: Path) -> None:
     if shutil.which("bash") is None:
         pytest.skip("no bash to run the commands of a tutorial")
