@@ -67,7 +67,7 @@ class ClosureProblem:
         q, g = self.joint + columns @ unknowns[p:], unknowns[:p]
         unseen = np.isnan(self.pose).any(axis=1)
         x = np.where(unseen[:, None], robot.forward(q, g), self.pose)
-        robot.require_reach(x, q, "joints", "rad")
+        robot.require_reach(x, q, "joints")
         slope = np.concatenate(
             [robot.closure_by_geometry(q, x, g), robot.closure_by_joints(q, x, g) @ columns], -1
         )

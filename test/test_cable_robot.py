@@ -222,7 +222,7 @@ def test_torn_cables_give_no_pose_and_say_which_joints(robot):
     assert np.isfinite(found[[0, 2]]).all()
     assert np.isnan(found[1]).all()
     with pytest.raises(ReachError, match=r"joint command 2 .* out of the robot's reach"):
-        robot.require_reach(found, q, "joint command", "rad")
+        robot.require_reach(found, q, "joint command")
 
 
 @pytest.mark.parametrize(

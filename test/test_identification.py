@@ -11,8 +11,11 @@ from scipy.stats import binom, chi2
 
 from delta_calibration.errors import DataError
 from delta_calibration.identification import identify, parts_of
+from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
+from delta_calibration.robot import load_robot
 from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, simulate_session
 from identification_bench import PARAMETERS, ROBOT, errors, found, prediction, rms
 from six_rods import Cell, SixRods, drawing_joints, workspace
 
@@ -163,6 +166,16 @@ def test_another_robot_is_refused_in_words(part, by):
         DataError, match=r"made: \d+\.\d mm typically remain .* 'srbd' .* another robot"
     ):
         identify(poses, other)
+
+
+def test_another_robot_is_refused_wherever_a_fit_would_put_the_reflector():
+    """Rods of another robot: the best place of the reflector would be metres off the platform."""
+    robot = load_robot("srbd")
+    plan = make_plan("identify", robot, count=60, seed=7)
+    poses = collect(simulate_session(draw_machine(robot, 7), plan, 7), robot.joints.names)
+    short = replace(robot, dimensions=replace(robot.dimensions, rod=0.5))
+    with pytest.raises(DataError, match=r"typically remain .* another robot"):
+        identify(poses, short)
 
 
 @pytest.mark.parametrize(

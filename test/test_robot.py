@@ -143,7 +143,7 @@ def test_what_joints_cannot_take_is_said_in_their_unit():
     for name, unit in (("linear_delta", "m"), ("srbd", "rad")):
         model = load_robot(name).commanded
         with pytest.raises(ReachError, match=rf"joint command 1 \(0.1, 0.2, 0.3 {unit}\)"):
-            model.require_reach(none, np.array([[0.1, 0.2, 0.3]]), "joint command", "rad")
+            model.require_reach(none, np.array([[0.1, 0.2, 0.3]]), "joint command")
         with pytest.raises(ReachError, match=r"target 1 \(0.1, 0.2, 0.3 m\)"):
             model.require_reach(none, np.array([[0.1, 0.2, 0.3]]), "target", "m")
 

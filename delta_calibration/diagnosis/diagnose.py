@@ -18,12 +18,11 @@ from threadpoolctl import threadpool_limits
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
 from delta_calibration.diagnosis.confirm import HeldOut, held_out
-from delta_calibration.diagnosis.evidence import Cell
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
-from delta_calibration.diagnosis.model import Model
+from delta_calibration.diagnosis.model import Model, solved
 from delta_calibration.diagnosis.observed import Measured, Observed
 from delta_calibration.diagnosis.search import Found
 from delta_calibration.diagnosis.verdict import SessionFacts, Verdict
@@ -34,7 +33,6 @@ from delta_calibration.identification import (
     chain_of,
     prepare,
     require_this_robot,
-    solve,
 )
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
@@ -143,7 +141,7 @@ def diagnose_observations(
 def _alone() -> AbstractContextManager[object]:
     """Linear algebra on one thread each: the search has threads of its own (`search.py`).
 
-    On small matrices threads of both kinds stand in each other's way: twice as long on two cores.
+    On small matrices threads of both kinds stand in each other's way.
     """
     context: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
     return context
@@ -158,8 +156,7 @@ def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
     require_poses(survey.poses, _FEWEST)
     _, noise, problem = prepare(survey.poses, robot, chain_of(robot, model))
     require_this_robot(problem, survey.poses, robot)
-    solution = solve(problem)
-    return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
+    return solved(survey, robot, noise, problem)
 
 
 def _in_force(calibration: Calibration, held: HeldOutModels) -> HeldOut:

@@ -12,7 +12,8 @@ from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
 from delta_calibration.diagnosis.fitted import Fitted
-from delta_calibration.identification import Problem, prepare, robust_weights, solve
+from delta_calibration.identification import Noise, Problem, prepare, robust_weights, solve
+from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey
 
 Array = NDArray[np.float64]
@@ -104,8 +105,7 @@ class Model(Fitted):
         _, noise, problem = prepare(poses, robot, self.problem.chain, moved)
         if noise.floor > _QUIETER * self.floor:
             return self
-        solution = solve(problem)
-        return Model(self.survey, problem, Cell(robot, noise, solution.weight), solution.theta)
+        return solved(self.survey, robot, noise, problem)
 
     def moved_by_causes(self) -> Array:
         """How far the named effects move each pose's reading, (n, 3) [m]."""
@@ -122,6 +122,12 @@ class Model(Fitted):
     def rested(self) -> Model:
         """The model at rest on poses and paths together."""
         return rested(self)
+
+
+def solved(survey: Survey, robot: Robot, noise: Noise, problem: Problem) -> Model:
+    """The geometry identified by the poses, with nothing else in the chain."""
+    solution = solve(problem)
+    return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
 
 
 def fit(model: Model, members: tuple[Candidate, ...]) -> Model:

@@ -189,14 +189,9 @@ def find(
     first = here = scan(model.beside, effects, degrees, rng)
     short: dict[str, Score] = {}
     seen: set[tuple[str, ...]] = {()}
-    if begin:
-        short.update({score.candidate.key: score for score in _shortlist(here)})
-        model = model.fitted(begin)
-        here = scan(model.beside, effects, degrees, rng, model.members)
-        seen.add(tuple(sorted(m.key for m in model.members)))
     while True:
         short.update({score.candidate.key: score for score in _shortlist(here)})
-        members = _next_members(model, here, tuple(short.values()))
+        members, begin = begin or _next_members(model, here, tuple(short.values())), ()
         keys = tuple(sorted(m.key for m in members))
         if keys in seen:
             return Found(model, first, here, tuple(short.values()))

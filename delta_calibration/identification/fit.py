@@ -223,7 +223,7 @@ def prepare(
     nominal = chain.mechanism.parameters.nominal
     x = chain.mechanism.forward(poses.joint, nominal)
     what = f"{poses.source}: recorded joint command"
-    chain.mechanism.require_reach(x, poses.joint, what, "rad")
+    chain.mechanism.require_reach(x, poses.joint, what)
     _require_held(chain, poses, x)
     try:
         frame = align(chain.point(x, chain.offset), poses.point)
@@ -289,7 +289,7 @@ def _residuals(
         fitted = method.fit(problem.take(seen), rng, watch, solution.z).solution
         at = problem.at.take(held)
         x = problem.chain.pose(at, fitted.theta)
-        problem.chain.mechanism.require_reach(x, at.joint, "held-out command", "rad")
+        problem.chain.mechanism.require_reach(x, at.joint, "held-out command")
         missed[held] = problem.y[held] - problem.chain.reading(at, x, fitted.theta)
     whiten = problem.whiten[counted, :3, :3]  # Cholesky's: of the position alone
     return residuals_of(distances(solution)[counted], missed[counted], whiten)
@@ -342,7 +342,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
 
     By the median of either, as one reading of another reflector is not another robot, and what
     parts can do near one singularity is not what they do. Where the reflector is put and how the
-    tracker stands is no part of the robot.
+    tracker stands is no part of the robot, and no reason to expect more of its parts.
 
     Args:
         problem: with everything free, its chain without effects.
@@ -354,8 +354,9 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     """
     size = problem.chain.geometry_size
     solution = solve(problem.only(np.arange(len(problem.theta0)) >= size), robust=False)
-    geometry = slice(0, size)
-    slope = problem.chain.jacobian(problem.at, solution.pose, solution.theta)[..., geometry]
+    # about the drawing: a reflector that was sent far off would magnify what parts can do
+    drawn = problem.chain.pose(problem.at, problem.theta0)
+    slope = problem.chain.jacobian(problem.at, drawn, problem.theta0)[..., :size]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))

@@ -103,7 +103,7 @@ class JointProblem:
         """
         robot = self.mechanism
         x = robot.forward(self.joint, robot.parameters.nominal)
-        robot.require_reach(x, self.joint, "recorded joint command", "rad")
+        robot.require_reach(x, self.joint, "recorded joint command")
         return align(robot.position(x), self.pose[:, :3])
 
     def require_enough(self) -> None:

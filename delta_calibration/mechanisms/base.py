@@ -253,17 +253,23 @@ class Mechanism(ABC):
             turn += rotations.skew(rotation[:, :, k]) @ moved / 2
         return turn
 
-    def require_reach(self, solution: Array, wanted: Array, what: str, unit: str) -> None:
-        """Refuse a batch that holds a row out of reach; `what` and `unit` say what was wanted.
+    def require_reach(
+        self, solution: Array, wanted: Array, what: str, unit: str | None = None
+    ) -> None:
+        """Refuse a batch that holds a row out of reach.
 
-        Joints have the unit that is theirs, whether they were said to be in `rad` or not.
+        Args:
+            solution: NaN where there is none, (n, ...).
+            wanted: what it was sought for, (n, ...).
+            what: how a row of that is called.
+            unit: of it; that of the joints where not given.
 
         Raises:
             ReachError: names the first such row and its value.
         """
         bad = np.flatnonzero(~np.isfinite(solution).all(axis=1))
         if bad.size:
-            unit = self.joint_unit if unit == "rad" else unit
+            unit = self.joint_unit if unit is None else unit
             value = ", ".join(f"{v:.6g}" for v in wanted[bad[0]])
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
             named = f"{what} {bad[0] + 1} ({value} {unit})"

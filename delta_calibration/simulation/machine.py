@@ -61,7 +61,7 @@ class Machine:
             ReachError: joint angles at which the machine cannot be assembled.
         """
         x = self.chain.pose(at, self.theta)
-        self.chain.mechanism.require_reach(x, at.joint, "joint command", "rad")
+        self.chain.mechanism.require_reach(x, at.joint, "joint command")
         true = self.chain.reading(at, x, self.theta)
         distance = np.linalg.norm(true, axis=1, keepdims=True)
         beam = true / distance
