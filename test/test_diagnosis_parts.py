@@ -11,8 +11,16 @@ import pytest
 from scipy.stats import chi2, f_oneway, kstest, multivariate_normal
 
 from blind.session import hide
-from delta_calibration.diagnosis import audit, calibrated, confirm, rivals, scores, unseen
-from delta_calibration.diagnosis.candidates import columns_of, subsets
+from delta_calibration.diagnosis import (
+    audit,
+    calibrated,
+    confirm,
+    rivals,
+    scores,
+    search,
+    unseen,
+)
+from delta_calibration.diagnosis.candidates import columns_of, maps, subsets
 from delta_calibration.diagnosis.scores import Weighed
 from delta_calibration.effects import EFFECTS, catalogue
 from delta_calibration.effects.unexplained import Unexplained
@@ -69,6 +77,27 @@ def named_by(evidence, signal, *others):
 
 def with_residual(evidence, residual):
     return replace(evidence, residual=np.asarray(residual).reshape(-1, 3))
+
+
+# Members
+
+
+def test_a_finer_map_takes_the_place_of_a_coarse_one_of_the_same_name() -> None:
+    """Both are maps over the payload; one name stands for one member."""
+    trial = hide({"unknown:grip": 3.0}, 5, "still")
+    model = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
+    effects = catalogue(ROBOT, model.problem.chain.mechanism)
+    coarse, fine = (
+        next(c for one in maps(model.evidence, effects[0]) for c in one if wanted(c.effect))
+        for wanted in (
+            lambda e: e.family == "payload" and not e.centres,
+            lambda e: e.family == "payload" and e.centres,
+        )
+    )
+    here = search.Scan((search.as_score(fine, ()),), 1)
+    model = model.fitted((coarse,))
+    members = search._improved(model, here, here.scores[0], here.scores)
+    assert members == (fine,)
 
 
 # Noise

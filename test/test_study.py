@@ -58,7 +58,7 @@ def outcome(group: str, hidden: dict, findings: list, unknown: bool = False, **m
         "key": json.dumps({"causes": [[name, 0] for name in hidden]}),
         "group": group, "plan": "rich", "seed": 1, "hidden": hidden,
         "location": dict.fromkeys(hidden), "findings": findings, "unknown": unknown,
-        "cannot_tell": [], "intervals": [], "seconds": 1.0,
+        "cannot_tell": [], "intervals": [], "seconds": 1.0, "noise_um": 9.0,
         "error_um": {"calibrated": 2.0, "extended": 1.0, "oracle": 1.0}, **more,
     }  # fmt: skip
 
@@ -102,10 +102,13 @@ def test_the_page_tells_what_an_extension_is_worth():
         outcome("single", {"backlash": 200.0}, [finding("backlash")], error_um=error)
         for error in (better, worse)
     ]
+    quiet = page([{**o, "noise_um": 1.5} for o in outcomes], len(outcomes), 1, 1.0)
+    assert "of a pose (about 1 um) 50.0%" in quiet
     text = page(outcomes, len(outcomes), 1, 1.0)
     share = ((1 - 0.36) + (1 - 1.21)) / (2 * 0.75)
     assert f"take away {share:.1%} of the mean square error" in text
-    assert "by more than 0.1 um: 50.0%" in text
+    assert "of a pose (about 1 um) 0.0%" in text
+    assert "by more than 0.1 um 50.0%" in text
 
 
 def test_the_page_counts_true_values_within_stated_intervals():

@@ -17,7 +17,8 @@ Outcome = dict[str, Any]
 _EDGES = (20.0, 40.0, 80.0, 160.0, 320.0, np.inf)  # lambda
 _NAMED, _SURE = 80.0, 160.0
 _CONFIDENT = 0.8
-_HARM_UM = 0.1
+_HARM = 0.1  # of the noise of a pose: a machine's owner would not notice less
+_SLIGHT_UM = 0.1
 _Z = 1.959964
 
 
@@ -265,14 +266,17 @@ def _gain(outcomes: Sequence[Outcome]) -> str:
     ]  # fmt: skip
     had = np.array([_gained(o, "extended") for o in named])
     could = np.array([_gained(o, "oracle") for o in named])
-    harmful = _rate([o for o in outcomes if o["error_um"]], _harmful)
+    told = [o for o in outcomes if o["error_um"]]
     share = float(had.sum() / could.sum()) if len(named) else float("nan")
     return (
         f"{len(named)} machines with causes at lambda >= {_NAMED:g}: the extended models take "
         f"away {share:.1%} of the mean square error that models with the true causes take away, "
         "at places, payloads and speeds that were not measured.\n\n"
-        "Extended models that predict worse than the calibrated one by more than "
-        f"{_HARM_UM:g} um: {harmful}.\n"
+        "Extended models that predict worse than the calibrated one: by more than "
+        f"{_HARM:.0%} of the noise of a pose (about 1 um) {_rate(told, _harmful)}; by more than "
+        f"{_SLIGHT_UM:g} um {_rate(told, _slightly_worse)}. Every parameter more costs a little "
+        "certainty: models with the true causes are worse by that much in "
+        f"{_rate([o for o in told if 'oracle' in o['error_um']], _true_worse)}.\n"
     )
 
 
@@ -283,8 +287,21 @@ def _gained(outcome: Outcome, model: str) -> float:
 
 
 def _harmful(outcome: Outcome) -> bool:
+    return _worse(outcome, "extended") > _HARM * float(outcome["noise_um"])
+
+
+def _slightly_worse(outcome: Outcome) -> bool:
+    return _worse(outcome, "extended") > _SLIGHT_UM
+
+
+def _true_worse(outcome: Outcome) -> bool:
+    return _worse(outcome, "oracle") > _SLIGHT_UM
+
+
+def _worse(outcome: Outcome, model: str) -> float:
+    """How much worse than the calibrated one a model predicts [um]; negative where better."""
     error = outcome["error_um"]
-    return bool(error["extended"] > error["calibrated"] + _HARM_UM)
+    return float(error[model] - error["calibrated"])
 
 
 def _coverage(outcomes: Sequence[Outcome]) -> str:

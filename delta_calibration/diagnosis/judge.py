@@ -92,6 +92,8 @@ def judged(
     before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
     explained = float(np.sqrt(max(0.0, before**2 - after**2)))
     unknown = _unknown(found.model, sought.model, left, explained)
+    if unknown.found and not members:  # readings in motion would bend what rests on the poses
+        found = replace(found, model=start)
     findings += _of_what_is_fitted(found, held, unknown.found, rng)
     findings.sort(key=lambda finding: -finding.signal)
     name, compared = _drawing(start.placed) if baseline is None else baseline

@@ -263,8 +263,9 @@ def _improved(
         pool[score.candidate.key] = score
     scores = list(pool.values())
     together = Together.of(model.evidence, scores)
-    where = {score.candidate: i for i, score in enumerate(scores)}
-    start = tuple(sorted(where[c] for c in (*model.members, *(s.candidate for s in newcomers))))
+    where = {key: i for i, key in enumerate(pool)}  # a newcomer of a member's key takes its place
+    begin = (*model.members, *(s.candidate for s in newcomers))
+    start = tuple(sorted({where[c.key] for c in begin}))
     worth = _Worth(together, here, model.noise_degrees)
     chosen = start
     if newcomers:  # something else shows: two others may have been taken for one
