@@ -52,6 +52,7 @@ class Bench:
         """What is sent for a command, at 100 Hz, less the command."""
         self.tick += 1
         sent = self.desk.send(q, self.tick * PERIOD_NS, self.tick * 0.01, False)
+        self.desk.keep(q, self.tick * PERIOD_NS, False)
         assert sent is not None
         return np.asarray(sent.joint - q)
 
@@ -82,6 +83,16 @@ def test_the_way_is_known_from_before_it_is_switched_on(fitted: Any, tmp_path: P
     np.testing.assert_allclose(bench.come(Q + AWAY), 0.0, atol=1e-15)
     bench.desk.enable(True)
     np.testing.assert_allclose(up - bench.give(Q), GAP, atol=1e-8)
+
+
+def test_the_way_is_known_from_before_there_is_a_calibration(fitted: Any, tmp_path: Path) -> None:
+    bench = Bench(fitted, tmp_path, {"backlash": ({}, GAP)})
+    up = bench.come(Q - AWAY)
+    bench.desk = Desk(Settings("srbd", ramp_s=0.0))
+    np.testing.assert_array_equal(bench.come(Q - AWAY), 0.0)
+    bench.desk.reload(str(bench.path))
+    bench.desk.enable(True)
+    np.testing.assert_allclose(bench.give(Q), up, atol=1e-8)
 
 
 def test_a_lag_is_corrected_by_the_speed_of_the_commands(fitted: Any, tmp_path: Path) -> None:

@@ -107,10 +107,17 @@ class Desk:
         """What goes to the drives for a command (m,) [rad]; see `CommandPath.send`."""
         self.trajectories.settle(now_s)
         at = None
-        if self.path.takes(q, age_s):
-            self.around.moved(q, stamp_ns)  # while nothing is compensated, too: play remembers
-            at = self.around.at(q, now_s) if self._by_conditions else None
+        if self._by_conditions and self.path.takes(q, age_s):
+            self.around.moved(q, stamp_ns)
+            at = self.around.at(q, now_s)
         return self.path.send(q, stamp_ns, now_s, already, at, age_s)
+
+    def keep(self, q: Array, stamp_ns: int, already: bool, age_s: float = 0.0) -> None:
+        """Record a command, as given to `send`; what can wait until the drives have theirs."""
+        if not already:
+            self.capture.add_command(stamp_ns, q)
+        if not self._by_conditions and self.path.takes(q, age_s):
+            self.around.moved(q, stamp_ns)  # while nothing is compensated, too: play remembers
 
     def send_all(self, points: Points, now_s: float, already: bool) -> Points:
         """What goes to a controller for a trajectory; see `TrajectoryPath.send`."""

@@ -185,10 +185,9 @@ class CalibrationNode(SafeLifecycleNode):
             self._send(message, desk.path.refuse(str(error)))
             raise
         already = message.header.frame_id == MARK
-        sent = desk.send(q, stamp_ns, now_s, already, self._age_s(desk, stamp_ns))
-        self._send(message, sent)
-        if not already:
-            desk.capture.add_command(stamp_ns, q)
+        age_s = self._age_s(desk, stamp_ns)
+        self._send(message, desk.send(q, stamp_ns, now_s, already, age_s))
+        desk.keep(q, stamp_ns, already, age_s)
         self._markers.trail.see(q, desk.path)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
         if desk.path.trouble is not None:
