@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.chain import Chain
+from delta_calibration.diagnosis import diagnose
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import rotations
 from delta_calibration.identification import (
@@ -25,7 +26,7 @@ from delta_calibration.mechanisms.base import solve
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest, collect
+from delta_calibration.samples import at_rest, collect, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 from machines import MODELS, complex_step, places
 
@@ -164,6 +165,14 @@ def test_a_session_keeps_its_turns(cell, tmp_path):
     write_session(tmp_path / "session", session)
     back = read_session(tmp_path / "session")
     np.testing.assert_allclose(back.tracker.quaternion, session.tracker.quaternion, atol=1e-15)
+
+
+def test_a_diagnosis_says_that_it_leaves_the_turns_aside(cell):
+    """Named in no other case: a reflector has none."""
+    session = survey(cell[1], PROBED.joints.names)
+    probed, plain = (diagnose(session, robot).doubts for robot in (PROBED, SRBD))
+    assert any("turns" in text for text in probed)
+    assert not any("turns" in text for text in plain)
 
 
 def test_when_turns_take_no_part(cell):

@@ -23,7 +23,6 @@ from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundi
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.identification import doubt
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session
 
@@ -161,7 +160,7 @@ class Desk:
         fitted = self.fitted
         if fitted is None or self.calibration is not fitted.calibration:
             return ""
-        return doubt(fitted.found)
+        return "; ".join(fitted.doubts)
 
     def start_capture(self, now_s: float) -> str:
         """Begin to keep what is measured."""

@@ -49,11 +49,18 @@ class Fitted:
         else:
             save_extended(path, self.diagnosis, robot, self.poses)
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What to know before it is relied on, a sentence each; none where all is well."""
+        if self.diagnosis is not None:
+            return self.diagnosis.doubts
+        return tuple(filter(None, [doubt(self.found)]))
+
     def sentence(self) -> str:
         """The result in a line: rank, the error left and the noise beside it."""
         found, seen = self.found, self.found.observability
         noise = f"noise of a pose {mm(1e3 * found.noise.floor)} mm"
-        warning = f"; warning: {doubt(found)}" if doubt(found) else ""
+        warning = "".join(f"; warning: {text}" for text in self.doubts)
         if self.diagnosis is not None:
             told = self.diagnosis.verdict.sentence().removesuffix(".")
             return f"{len(self.poses)} poses; {told}; {noise}{warning}"

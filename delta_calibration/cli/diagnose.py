@@ -23,7 +23,6 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.diagnosis import STEPS, Diagnosis, Finding, Verdict, diagnose
-from delta_calibration.identification import doubt
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
@@ -81,8 +80,8 @@ def command(
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
     click.echo(robot.named(describe(found.verdict)))
-    if doubt(found.identification):
-        click.echo(f"warning: {doubt(found.identification)}")
+    for text in found.doubts:
+        click.echo(f"warning: {text}")
     if verbose:
         click.echo(robot.named(tried(found)))
     if json_file is not None:

@@ -31,14 +31,17 @@ from delta_calibration.geometry import Frame
 from delta_calibration.identification import (
     Identification,
     chain_of,
+    doubt,
     prepare,
     require_this_robot,
 )
+from delta_calibration.identification.turns import Turns
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey, require_poses
 
 _FEWEST = 12  # different places
+_POSITIONS_ONLY = "the probe's turns take part in a fit only: a diagnosis goes by its positions"
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,13 @@ class Diagnosis:
     held: HeldOutModels  # the errors that the verdict tells, pose by pose
     before: HeldOut  # those of the baseline
     identification: Identification  # the same model as a fit has it, effects in its chain
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What to know before it is relied on, a sentence each; none where all is well."""
+        poses, robot = self.model.survey.poses, self.model.cell.robot
+        turns = Turns.of(poses, robot, self.model.bare) is not None
+        return tuple(filter(None, (doubt(self.identification), turns * _POSITIONS_ONLY)))
 
 
 def diagnose(
