@@ -28,6 +28,10 @@ CAUSES = (
     "backlash", "joint_compliance", "transmission_error", "thermal_growth_base",
     "timestamp_latency", "tracker_drift", "joint_scale",
 )  # fmt: skip
+FOREIGN = (
+    (1040, "cross_talk", SIGNAL),
+    (43243, "drag", 1766.0),  # a hose on one side, much like one arm's encoder off its axis
+)
 
 
 def published(name: str) -> Verdict:
@@ -103,8 +107,9 @@ def test_a_poor_session_names_no_wrong_cause_with_confidence():
     assert said["cannot_tell"]
 
 
-def test_a_foreign_structure_is_seen_and_not_named():
-    said = trial(1040, ("unknown:cross_talk", SIGNAL))
+@pytest.mark.parametrize(("seed", "kind", "strength"), FOREIGN)
+def test_a_foreign_structure_is_seen_and_not_named(seed: int, kind: str, strength: float):
+    said = trial(seed, (f"unknown:{kind}", strength))
     assert said["unknown"]
     assert not said["findings"]
 

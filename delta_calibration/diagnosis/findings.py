@@ -84,8 +84,9 @@ class HeldOutModels:
         """What a member adds to the rest; None where held-out data do not bear it out.
 
         A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
-        time as far as each leaves enough to learn it from the others. A map is no more than
-        interpolation; it has to be worth its while in metres where it interpolates.
+        time as far as each leaves enough to learn it from the others, and the predictions must
+        come nearer in metres. A map is no more than interpolation; it has to be worth its while
+        in metres where it interpolates.
         """
         rest = tuple(m for m in model.members if m is not member)
         evidence, bounds = beside(self.evidence, rest), bounds_of(member, self.evidence)
@@ -97,7 +98,8 @@ class HeldOutModels:
             return None
         before, after = self.members(rest, part), self.members(model.members, part)
         held = self.gain(before, after, columns, rng)
-        return None if member.unexplained and held.low < _WORTH else held
+        good = held.low >= _WORTH if member.unexplained else held.share > 0.0
+        return held if good else None
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:
         """The poses; the paths where the columns show in motion only."""
