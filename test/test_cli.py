@@ -366,3 +366,22 @@ def test_usage_errors_leave_with_2(capsys):
 def test_every_verb_explains_itself(verb, capsys):
     assert run([verb, "--help"]) == 0
     assert "Usage: delta-cal" in capsys.readouterr().out
+
+
+def test_a_mistyped_verb_gets_the_nearest(capsys):
+    assert "Did you mean 'simulate'?" in line_of_error(capsys, ["simulte"], 2)
+    assert line_of_error(capsys, ["qqq"], 2).endswith("No such command 'qqq'.")
+
+
+def test_a_file_of_another_kind_is_called_what_it_is(cell, capsys):
+    session, calibration = str(cell / "session"), str(cell / "calibration.yaml")
+    said = line_of_error(capsys, ["fit", session, "--robot", calibration], 2)
+    assert said.endswith("calibration.yaml: is a calibration file; a robot file is expected")
+    points = write_points(cell / "kinds.csv", [(0, 0, -750)])
+    arguments = ["compensate", points, "--robot", ROBOT, "--out", str(cell / "kinds_out.csv")]
+    said = line_of_error(capsys, [*arguments, "--calibration", ROBOT], 2)
+    assert said.endswith("srbd.yaml: is a robot file; a calibration file is expected")
+    assert run(["diagnose", session, "--robot", ROBOT, "--json", str(cell / "v.json")]) == 0
+    capsys.readouterr()
+    said = line_of_error(capsys, [*arguments, "--calibration", str(cell / "v.json")], 2)
+    assert said.endswith("v.json: is a verdict; a calibration file is expected")
