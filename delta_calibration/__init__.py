@@ -14,7 +14,8 @@ from delta_calibration.samples import collect
 robot = load_robot("srbd")
 poses = collect(read_session("bags/srbd_plain"), robot.joints.names)
 found = identify(poses, robot)
-print(f"{1e3 * found.full.held_out:.4f} mm are left, {1e3 * found.frame_only.held_out:.4f} before")
+left, before = found.full.held_out, found.frame_only.held_out
+print(f"{1e3 * left:.4f} mm are left, {1e3 * before:.4f} before")
 save_calibration(Path("calibration.yaml"), found, robot, poses)
 ```
 

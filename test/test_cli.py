@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
@@ -256,6 +258,18 @@ def test_targets_that_cannot_be_served(cell, tmp_path, capsys, point, code, said
     line = line_of_error(capsys, ["compensate", *arguments, points, "--out", str(out)], code)
     assert said in line
     assert not out.exists()
+
+
+def test_what_lies_outside_is_told_where_inside_is(cell, tmp_path, capsys):
+    """The box is that of the places in the calibration file, in the columns of targets."""
+    points = write_points(tmp_path / "p.csv", [(0, 0, -1130)])
+    arguments = ["--robot", ROBOT, "--calibration", str(cell / "calibration.yaml")]
+    out = str(tmp_path / "c.csv")
+    line = line_of_error(capsys, ["compensate", *arguments, points, "--out", out], 1)
+    box = re.search(r"within x (\S+) to (\S+), y (\S+) to (\S+), z (\S+) to (\S+) mm;", line)
+    places = 1e3 * load_calibration(cell / "calibration.yaml", load_robot(ROBOT)).region.vertices
+    sides = np.array(box.groups(), dtype=float).reshape(3, 2)
+    assert np.allclose(sides, np.array([places.min(axis=0), places.max(axis=0)]).T, atol=0.51)
 
 
 def test_singular_pose_is_refused(cell, tmp_path, capsys):

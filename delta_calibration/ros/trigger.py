@@ -28,7 +28,8 @@ USAGE = "usage: python -m delta_calibration.ros.trigger SERVICE [true|false] [SE
 SETTLE_S = 0.3  # [s]
 PERIOD_S = 0.02  # [s]
 PATIENCE_S = 60.0  # [s] for the service to appear and to answer
-REMINDER_S = 3.0  # [s] of waiting after which it is said
+REMINDER_S = 20.0  # [s] of waiting after which it is said, or half the time that there is;
+# nodes on a busy machine take several to start
 # The type that a service must not have, by whether a Trigger is called.
 OTHER = {True: "std_srvs/srv/SetBool", False: "std_srvs/srv/Trigger"}
 FLAGS = {"true": True, "false": False}
@@ -51,7 +52,7 @@ class Caller(BaseNode):
         self._call = call
         self._deadline = time.monotonic() + call.seconds
         self._answer: Future | None = None
-        self._reminder = time.monotonic() + REMINDER_S
+        self._reminder = time.monotonic() + min(REMINDER_S, call.seconds / 2.0)
         self._seen: float | None = None  # when the service was first seen, by the steady clock
         kind = Trigger if call.flag is None else SetBool
         self._asked = self.create_client(kind, call.service)
