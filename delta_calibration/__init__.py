@@ -1,3 +1,33 @@
-"""Calibration, diagnosis and compensation of parallel robots from measured data."""
+"""Calibration, diagnosis and compensation of parallel robots from measured data.
+
+What `delta-cal fit` does, in Python (no ROS needed):
+
+```python
+from pathlib import Path
+
+from delta_calibration.calibration_file import save_calibration
+from delta_calibration.identification import identify
+from delta_calibration.recording import read_session
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+
+robot = load_robot("srbd")
+poses = collect(read_session("bags/srbd_plain"), robot.joints.names)
+found = identify(poses, robot)
+left, before = found.full.held_out, found.frame_only.held_out
+print(f"{1e3 * left:.4f} mm are left, {1e3 * before:.4f} before")
+save_calibration(Path("calibration.yaml"), found, robot, poses)
+```
+
+- `recording`: sessions (rosbag2 folders), read and written; tables of others
+- `samples`: poses at rest in a session
+- `robot`, `mechanisms`: the robot file, and what it draws
+- `identification`, `diagnosis`, `effects`: geometry, what it leaves out, the causes
+- `calibration`, `calibration_file`: what was found, and its file
+- `compensation`: joint commands that put the tool where it was meant to be
+- `simulation`, `plans`, `accuracy`: a machine with errors, where to measure it, ISO 9283
+- `report`: figures, tables, the page
+- `cli`: `delta-cal`; `cell`, `ros`: the live cell and its nodes
+"""
 
 __version__ = "0.1.0"

@@ -121,6 +121,7 @@ def _cycles(attained: _Attained, conditions: Conditions) -> list[Array]:
             raise DataError(
                 f"P{number} of the cube of robot {attained.robot} ({place} mm) was reached "
                 f"{len(rows)} times; {conditions.name} asks for {needed}"
+                + ("" if len(rows) else ": not a session of the plan iso9283")
             )
         found.append(attained.reached[rows])
     return found

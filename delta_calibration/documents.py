@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from importlib import resources
 from pathlib import Path
@@ -83,6 +83,7 @@ def check_document(data: Any, schema: Schema, source: str) -> None:
         ConfigError: names `source`, the entry's path, the value and what is allowed.
     """
     _require_mapping(data, source)
+    _refuse_another_kind(data, schema, source)
     errors = list(Draft202012Validator(schema).iter_errors(data))
     # A file of another version first says so, whatever else is different in it.
     error = next((e for e in errors if e.validator == "const"), None) or best_match(errors)
@@ -135,6 +136,28 @@ def _require_mapping(data: Any, source: str) -> None:
     if not isinstance(data, Mapping):
         found = "nothing" if data is None else type(data).__name__
         raise ConfigError(f"{source}: a mapping of keys to values is expected, found {found}")
+
+
+def _refuse_another_kind(data: Document, schema: Schema, source: str) -> None:
+    """A file that is whole, but of another kind, says which, not what all is different in it."""
+    wanted, found = _kind(schema.get("required", ())), _kind(data)
+    if found and wanted and found != wanted:
+        raise ConfigError(f"{source}: is a {found}; a {wanted} is expected")
+
+
+def _kind(keys: Iterable[str]) -> str:
+    """What a file with these keys is; empty where it may be anything."""
+    there = set(keys)
+    return next((kind for kind, marks in _MARKS.items() if marks <= there), "")
+
+
+# The keys that no other kind of file has together.
+_MARKS = {
+    "robot file": {"name", "mechanism", "tracker"},
+    "calibration file": {"parameters", "observability", "residuals"},
+    "verdict": {"findings", "cannot_tell", "calibrated"},
+    "mapping of a table": {"rows", "commands", "position"},
+}
 
 
 def load_schema(name: str) -> dict[str, Any]:

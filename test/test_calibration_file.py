@@ -196,7 +196,7 @@ def test_what_is_no_calibration_is_refused(tmp_path, text, message):
 
 def test_a_robot_file_given_for_a_calibration_is_refused():
     path = Path(ROBOT.source)
-    assert "key" in refusal(path)
+    assert "is a robot file; a calibration file is expected" in refusal(path)
 
 
 def test_a_missing_calibration_is_named(tmp_path):

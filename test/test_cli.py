@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
@@ -258,6 +260,18 @@ def test_targets_that_cannot_be_served(cell, tmp_path, capsys, point, code, said
     assert not out.exists()
 
 
+def test_what_lies_outside_is_told_where_inside_is(cell, tmp_path, capsys):
+    """The box is that of the places in the calibration file, in the columns of targets."""
+    points = write_points(tmp_path / "p.csv", [(0, 0, -1130)])
+    arguments = ["--robot", ROBOT, "--calibration", str(cell / "calibration.yaml")]
+    out = str(tmp_path / "c.csv")
+    line = line_of_error(capsys, ["compensate", *arguments, points, "--out", out], 1)
+    box = re.search(r"within x (\S+) to (\S+), y (\S+) to (\S+), z (\S+) to (\S+) mm;", line)
+    places = 1e3 * load_calibration(cell / "calibration.yaml", load_robot(ROBOT)).region.vertices
+    sides = np.array(box.groups(), dtype=float).reshape(3, 2)
+    assert np.allclose(sides, np.array([places.min(axis=0), places.max(axis=0)]).T, atol=0.51)
+
+
 def test_singular_pose_is_refused(cell, tmp_path, capsys):
     """With a strict limit every pose away from home counts as too near a singularity."""
     robot_text = Path(ROBOT).read_text().replace("  condition: 20.0", "  condition: 1.01")
@@ -366,3 +380,22 @@ def test_usage_errors_leave_with_2(capsys):
 def test_every_verb_explains_itself(verb, capsys):
     assert run([verb, "--help"]) == 0
     assert "Usage: delta-cal" in capsys.readouterr().out
+
+
+def test_a_mistyped_verb_gets_the_nearest(capsys):
+    assert "Did you mean 'simulate'?" in line_of_error(capsys, ["simulte"], 2)
+    assert line_of_error(capsys, ["qqq"], 2).endswith("No such command 'qqq'.")
+
+
+def test_a_file_of_another_kind_is_called_what_it_is(cell, capsys):
+    session, calibration = str(cell / "session"), str(cell / "calibration.yaml")
+    said = line_of_error(capsys, ["fit", session, "--robot", calibration], 2)
+    assert said.endswith("calibration.yaml: is a calibration file; a robot file is expected")
+    points = write_points(cell / "kinds.csv", [(0, 0, -750)])
+    arguments = ["compensate", points, "--robot", ROBOT, "--out", str(cell / "kinds_out.csv")]
+    said = line_of_error(capsys, [*arguments, "--calibration", ROBOT], 2)
+    assert said.endswith("srbd.yaml: is a robot file; a calibration file is expected")
+    assert run(["diagnose", session, "--robot", ROBOT, "--json", str(cell / "v.json")]) == 0
+    capsys.readouterr()
+    said = line_of_error(capsys, [*arguments, "--calibration", str(cell / "v.json")], 2)
+    assert said.endswith("v.json: is a verdict; a calibration file is expected")

@@ -19,6 +19,7 @@ from delta_calibration.errors import DataError, InputError
 from delta_calibration.identification import chain_of
 from delta_calibration.report import drift_of_verdicts, read_verdict
 from delta_calibration.report.drift import read_calibration, shift, standardised
+from delta_calibration.report.glossary import TERMS
 from delta_calibration.report.verdict_file import verdict_of
 from report_bench import ROBOT, found
 
@@ -168,3 +169,22 @@ def test_report_refuses_before_any_work(
     out = str(tmp_path / "nowhere" / "page.html")
     assert run(["report", str(tmp_path), "--robot", "srbd", "--out", out]) == 2
     assert "does not exist" in capsys.readouterr().err
+
+
+def test_the_terminal_is_spared_the_glossary(
+    verdicts: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["compare", *map(str, verdicts)]) == 0
+    said = capsys.readouterr().out
+    assert "noise of a pose [mm]" in said
+    assert TERMS[0][1] not in said
+    assert max(map(len, said.splitlines())) < 250
+
+
+def test_a_file_of_neither_kind_is_named(
+    verdicts: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "report.html"
+    page.write_text("<html>")
+    assert run(["compare", str(verdicts[0]), str(page)]) == 2
+    assert f"{page}: a calibration" in capsys.readouterr().err

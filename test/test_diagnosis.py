@@ -194,3 +194,18 @@ def test_wrong_use_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     said = capsys.readouterr().err.strip()
     assert len(said.splitlines()) == 1
     assert "none" in said
+
+
+def test_columns_stand_in_line_whatever_the_joints_are_called(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With the robot's names of its joints, and each thing that was tried once."""
+    session = Path(__file__).parents[1] / "bags" / "linear_delta_plain"
+    assert run(["diagnose", str(session), "--robot", "linear_delta", "-v"]) == 0
+    head, *rows = capsys.readouterr().out.split("\n\n")[-1].splitlines()
+    assert head.startswith("tried on the calibrated model")
+    assert {len(row) for row in rows if row.startswith(("backlash at carriage_", "tracker"))} == {
+        len(head)
+    }
+    labels = [row.split("  ")[0] for row in rows]
+    assert len(set(labels)) == len(labels)

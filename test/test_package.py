@@ -8,6 +8,7 @@ package, and there the executable files below lib/<package>.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -176,3 +177,14 @@ def test_node_executables_can_be_loaded(name: str) -> None:
     module, function = entry_points()[name].split(":")
     check = f"from {module} import {function}; assert callable({function})"
     run(sys.executable, "-c", check, cwd=ROOT)
+
+
+def test_the_example_on_the_front_page_runs(tmp_path, monkeypatch, capsys):
+    """As it stands in the package's docstring, against a session that comes with it."""
+    (tmp_path / "bags").symlink_to(ROOT / "bags")
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", delta_calibration.__doc__, re.DOTALL)
+    exec(compile(code, "example", "exec"), {})
+    left, before = map(float, re.findall(r"(\S+) (?:mm|before)", capsys.readouterr().out))
+    assert left < 0.1 * before
+    assert (tmp_path / "calibration.yaml").is_file()

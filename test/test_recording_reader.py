@@ -163,6 +163,11 @@ def test_paths_that_hold_no_recording(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "zero.mcap").touch()
     (tmp_path / "text.mcap").write_text("x,y,z\n" * 100)
+    (tmp_path / "table.csv").write_text("x,y,z\n" * 100)
+    (tmp_path / "cal.yaml").write_text("robot: srbd\n")
+    for name in ("run_10", "run_9"):
+        (tmp_path / "week" / name).mkdir(parents=True)
+        (tmp_path / "week" / name / "metadata.yaml").touch()
     (tmp_path / "other.db3").write_bytes(b"SQLite format 3\0" + bytes(200))
     with closing(sqlite3.connect(tmp_path / "tables.db3")) as base:
         base.execute("CREATE TABLE things (id INTEGER)")
@@ -171,7 +176,10 @@ def test_paths_that_hold_no_recording(tmp_path: Path) -> None:
         "nowhere": r"nowhere does not exist",
         "empty": r"empty holds no recording \(no .mcap or .db3 file\)",
         "zero.mcap": r"zero.mcap is empty \(0 bytes\)",
-        "text.mcap": r"text.mcap is not an MCAP file",
+        "text.mcap": r"text.mcap is not an MCAP file$",
+        "table.csv": r"table.csv is not an MCAP file; of a table `delta-cal import` makes",
+        "cal.yaml": r"cal.yaml is not an MCAP file; a session is a folder with .mcap or .db3",
+        "week": r"week holds no recording .*; recordings in it: run_9, run_10$",
         "other.db3": r"other.db3 cannot be read: ",
         "tables.db3": r"tables.db3 cannot be read: no such table: topics",
         "torn.mcap.zstd": r"torn.mcap.zstd cannot be read: ",
@@ -203,6 +211,16 @@ def test_missing_streams_name_what_is_there_and_the_option(tmp_path: Path) -> No
     only_tracker = foreign_mcap(tmp_path / "t.mcap", [pose(k) for k in range(3)])
     with pytest.raises(RecordingError, match=r"no joint angles: .*--topic command=NAME"):
         read_session(only_tracker)
+
+
+def test_missing_streams_name_the_topics_of_their_type(tmp_path: Path) -> None:
+    named = {"/joint_states": "/plc/actual", "/tracker/pose": "/leica/pose"}
+    messages = [m for k in range(3) for m in (joints(k), pose(k))]
+    path = foreign_mcap(tmp_path / "o.mcap", [(named.get(m[0], m[0]), *m[1:]) for m in messages])
+    with pytest.raises(RecordingError, match=r"of that type: --topic command=/plc/actual$"):
+        read_session(path)
+    with pytest.raises(RecordingError, match=r"of that type: --topic tracker_pose=/leica/pose$"):
+        read_session(path, Topics(command="/plc/actual"))
 
 
 def test_a_topic_of_another_type_is_named(tmp_path: Path) -> None:

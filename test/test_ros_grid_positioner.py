@@ -86,13 +86,15 @@ def test_a_silent_tracker_is_named(launch: Launch, bench: Bench, points: Path) -
     node = launch(f"{NODES}.grid_positioner", points=points, patience=1.0)
     assert bench.until(lambda: node.process.poll() is not None, 30.0)
     assert node.end() == 1
+    assert "sets off: tracker frame, stop 1 of 24" in node.output
     assert "tracker frame, stop 1 of 24: not measured in 1 s: no tracker readings" in node.output
 
 
 def test_nobody_listens(launch: Launch, points: Path) -> None:
     node = launch(f"{NODES}.grid_positioner", points=points, wait_for_subscriber=0.3)
     assert node.end() == 1
-    assert "0 of 1 listened to /joint_command, no joint_states for 0.3 s" in node.output
+    assert "in 0.3 s 0 of 1 listened to /joint_command, no joint_states came: " in node.output
+    assert "calibration_node; is it up" in node.output
     assert len(node.output.strip().splitlines()) == 1
 
 

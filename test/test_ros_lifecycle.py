@@ -160,10 +160,14 @@ def test_shutdown_deactivates_and_releases_from_every_state(cell: Cell, ask: Ask
 
 
 @pytest.mark.parametrize(("autostart", "state"), [(True, "active"), (False, "unconfigured")])
-def test_autostart(bench: Bench, autostart: bool, state: str) -> None:
+def test_autostart(
+    bench: Bench, autostart: bool, state: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A node that waits for a manager says so: somebody may have forgotten the parameter."""
     given = [Parameter("autostart", value=autostart)]
     cell = bench.add(Cell(bench, parameter_overrides=given))
     cell.start()
+    assert ("waits for a lifecycle manager" in capfd.readouterr().err) is not autostart
     assert cell.state == state
     cell.close()
     assert cell.state == "finalized"

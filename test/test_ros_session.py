@@ -220,6 +220,7 @@ def test_a_player_gives_every_message_and_its_time(
     assert listener.stamps == STAMPS
     np.testing.assert_allclose(listener.angles, np.arange(COUNT) * 1e-3, rtol=1e-15)
     assert listener.masses == [2.5]
+    assert f" s as recorded, {rate:g} times as fast" in node.output
     assert f"pass 1: {COUNT + 1} messages" in node.output
     clock = np.array(listener.clock)
     assert np.all(np.diff(clock) >= 0)

@@ -89,6 +89,30 @@ def test_a_service_that_is_not_there_is_1() -> None:
     assert "/cell/nothing: no such service within 0.5 s" in trouble
 
 
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["/cell/enable"], 2, "/cell/enable: takes true or false; usage: "),
+        (["/cell/fit", "true"], 2, "/cell/fit: takes no true or false; usage: "),
+        (["/cell/fti", "2"], 1, "(there are /cell/enable, /cell/fit, /cell/refuse) within 2 s"),
+    ],
+)
+def test_a_slip_in_the_call_is_answered_with_what_there_is(
+    bench: Bench, asked: list[Any], arguments: list[str], code: int, said: str
+) -> None:
+    caller = start(*arguments)
+    assert bench.until(lambda: caller.poll() is not None)
+    output, trouble = caller.communicate()
+    assert (output, caller.returncode, asked) == ("", code, [])
+    assert said in trouble
+
+
+def test_waiting_is_said(bench: Bench) -> None:
+    caller = start("/cell/nothing", "4")
+    assert bench.until(lambda: caller.poll() is not None)
+    assert "waiting for /cell/nothing" in caller.communicate()[1]
+
+
 def test_a_call_that_is_broken_off_has_failed(bench: Bench) -> None:
     caller = start("/cell/nothing", "30")
     names = bench.node("watcher").get_node_names

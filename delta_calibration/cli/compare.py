@@ -15,6 +15,7 @@ from delta_calibration.cli.options import (
 from delta_calibration.cli.report import PATH, write
 from delta_calibration.errors import InputError
 from delta_calibration.report import (
+    GLOSSARY,
     Report,
     drift_of_calibrations,
     drift_of_verdicts,
@@ -23,6 +24,8 @@ from delta_calibration.report import (
     require_libraries,
 )
 from delta_calibration.robot import load_robot
+
+KINDS = (".yaml", ".yml", ".json")
 
 
 @click.command("compare", short_help="drift of calibrations or verdicts over months")
@@ -52,9 +55,12 @@ def command(
         require_libraries()
     made = _compared(files, robot_file)
     click.echo(made.sentence)
-    for each in made.tables():
-        if each.rows:
-            click.echo("\n" + table(each.head, each.rows))
+    for section in made.sections:
+        if section.name == GLOSSARY:  # for the page: a terminal is too narrow for sentences
+            continue
+        for each in section.tables:
+            if each.rows:
+                click.echo("\n" + table(each.head, each.rows))
     write(made, out, figures, numbers)
 
 
@@ -62,8 +68,15 @@ def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
     """The comparison of files of one kind.
 
     Raises:
-        InputError: calibrations and verdicts mixed, one calibration only, or no robot for them.
+        InputError: a file of neither kind, calibrations and verdicts mixed, one calibration only,
+            or no robot for them.
     """
+    for path in files:
+        if path.suffix.lower() not in KINDS:
+            raise InputError(
+                f"{path}: a calibration (.yaml, of `fit`) or a verdict (.json, of `diagnose`) is "
+                "expected"
+            )
     verdicts = [path for path in files if path.suffix.lower() == ".json"]
     if len(verdicts) == len(files):
         return drift_of_verdicts([read_verdict(path) for path in files])

@@ -34,6 +34,7 @@ from delta_calibration.effects.catalogue import catalogue
 from delta_calibration.effects.thermal_growth import ThermalGrowth
 from delta_calibration.errors import DataError, InputError, ReachError
 from delta_calibration.plans import read_targets
+from delta_calibration.region import Region
 from delta_calibration.robot import Joints, Robot, load_robot
 from delta_calibration.samples import Conditions, at_rest, motion_of
 
@@ -127,7 +128,7 @@ def command(
         ]
     )
     _refuse_unknown(found, calibration_file)
-    _refuse_uncorrected(found, targets)
+    _refuse_uncorrected(found, targets, calibration.region)
     _write(out, robot.joints, found)
     _tell_of_blended(found, targets, out)
     for cause in calibration.left_out:
@@ -208,15 +209,24 @@ def _refuse_unknown(found: Compensated, file: Path) -> None:
         )
 
 
-def _refuse_uncorrected(found: Compensated, targets: Path) -> None:
+def _refuse_uncorrected(found: Compensated, targets: Path, region: Region) -> None:
     bad = [row for row, verdict in enumerate(found.verdicts) if verdict is not Verdict.CORRECTED]
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         reason = found.verdicts[bad[0]].value
+        if found.verdicts[bad[0]] is Verdict.OUTSIDE_REGION:
+            reason += f", which lies within {_extent(region)}"
         raise DataError(
             f"{targets}: point {bad[0] + 1} cannot be corrected: {reason}{more}; "
             "nothing was written"
         )
+
+
+def _extent(region: Region) -> str:
+    """The box about a region, in the columns of targets."""
+    low, high = 1e3 * region.vertices.min(axis=0), 1e3 * region.vertices.max(axis=0)
+    sides = zip("xyz", low, high, strict=True)
+    return ", ".join(f"{name} {least:.0f} to {most:.0f}" for name, least, most in sides) + " mm"
 
 
 def _tell_of_blended(found: Compensated, targets: Path, out: Path) -> None:

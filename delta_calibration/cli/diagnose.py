@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -23,6 +24,7 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.diagnosis import STEPS, Diagnosis, Finding, Verdict, diagnose
+from delta_calibration.diagnosis.scores import Score
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
@@ -79,11 +81,11 @@ def command(
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
-    click.echo(robot.named(describe(found.verdict)))
+    click.echo(describe(found.verdict, named=robot.named))
     for text in found.doubts:
         click.echo(f"warning: {text}")
     if verbose:
-        click.echo(robot.named(tried(found)))
+        click.echo(tried(found, robot.named))
     if json_file is not None:
         write_json(json_file, found.verdict.as_dict())
         click.echo(f"written: {json_file}")
@@ -111,10 +113,16 @@ def diagnosed(
         )
 
 
-def describe(verdict: Verdict, error: str = "3-D", of: str = "pose") -> str:
-    """The verdict, for people; what its errors are and of what it tells the noise."""
+def describe(
+    verdict: Verdict, error: str = "3-D", of: str = "pose", named: Callable[[str], str] = str
+) -> str:
+    """The verdict, for people; what its errors are and of what it tells the noise.
+
+    `named` puts the robot's own names in, before columns are aligned.
+    """
     rows = [
-        (f"{name}: {model.model}", mm(model.held_out_rms_mm)) for name, model in verdict.models()
+        (named(f"{name}: {model.model}"), mm(model.held_out_rms_mm))
+        for name, model in verdict.models()
     ]
     lines = [
         f"verdict: {verdict.sentence()}",
@@ -135,7 +143,7 @@ def describe(verdict: Verdict, error: str = "3-D", of: str = "pose") -> str:
         lines += ["", "this session cannot tell:"]
         for entry in verdict.cannot_tell:
             lines.append(f"  {' / '.join(entry.between)}: {entry.because}; {entry.next}")
-    return "\n".join(lines)
+    return named("\n".join(lines))
 
 
 def _finding(finding: Finding) -> list[str]:
@@ -162,11 +170,14 @@ def _chance(p: float) -> str:
     return f"= {p:.1e}" if p > 0 else "< 1e-300"
 
 
-def tried(found: Diagnosis) -> str:
-    """What was tried on the calibrated model, best first."""
+def tried(found: Diagnosis, named: Callable[[str], str]) -> str:
+    """What was tried on the calibrated model, the best shape of each, best first."""
+    best: dict[str, Score] = {}
+    for score in found.found.first.scores:
+        best.setdefault(named(score.candidate.label), score)
     rows = [
-        (s.candidate.label, *(f"{v:.1f}" for v in (s.gain, s.degrees, s.log_bayes, s.tries)))
-        for s in found.found.first.scores
+        (label, *(f"{v:.1f}" for v in (s.gain, s.degrees, s.log_bayes, s.tries)))
+        for label, s in best.items()
     ]
     head = ("tried on the calibrated model", "chi square", "parameters", "ln Bayes", "tries")
     return "\n" + table(head, rows)

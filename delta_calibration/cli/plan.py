@@ -41,7 +41,8 @@ _STOPS = 20  # of --separate, where --count is not given
 @robot_option
 @click.option(
     "--name", default=None, metavar="NAME",
-    help="A plan by name: line, disc, iso9283, identify, rich.",
+    help="A plan by name: line, disc, iso9283, identify, rich; the nodes and `simulate` have the "
+    "same. `identify` spreads its places over the workspace, --identify chooses them.",
 )  # fmt: skip
 @click.option(
     "--identify", is_flag=True, help="The D-optimal poses to fit the geometry, from both sides."

@@ -17,6 +17,7 @@ from delta_calibration.recording.raw import Keep, RawRecording, RawTopic
 from delta_calibration.recording.sqlite_file import SQLITE_MAGIC, read_sqlite
 
 _SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+_NAMED = 6  # recordings in a folder, in a message
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
@@ -152,10 +153,20 @@ def _of_folder(folder: Path) -> SessionFiles:
             notes.append(f"{', '.join(extra)}: not listed in {FILE_NAME}, read all the same")
     data = (*(p for p in listed if p.exists()), *(p for p in there if p not in listed))
     if not data:
-        raise RecordingError(f"{folder} holds no recording (no .mcap or .db3 file)")
+        raise RecordingError(
+            f"{folder} holds no recording (no .mcap or .db3 file){_sessions_in(folder)}"
+        )
     custom = (described.custom_data or {}) if described else {}
     mode = described.compression_mode if described else ""
     return SessionFiles(data, custom, mode, tuple(notes))
+
+
+def _sessions_in(folder: Path) -> str:
+    """The folders within that are recordings: one of them may be meant."""
+    there = sorted((p for p in folder.iterdir() if (p / FILE_NAME).is_file()), key=_natural)
+    names = ", ".join(p.name for p in there[:_NAMED])
+    more = f" and {len(there) - _NAMED} more" if len(there) > _NAMED else ""
+    return f"; recordings in it: {names}{more}" if there else ""
 
 
 def _natural(path: Path) -> tuple[object, ...]:

@@ -87,6 +87,15 @@ def decompress(data: bytes, compression: str) -> bytes:
     return data
 
 
+def _what_then(name: str) -> str:
+    """What may be meant where the name is not that of a recording."""
+    if name.lower().endswith((".csv", ".txt")):
+        return "; of a table `delta-cal import` makes a session"
+    if ".mcap" in name:
+        return ""
+    return "; a session is a folder with .mcap or .db3 files, or one of them"
+
+
 class _Scan:
     """One pass over one file."""
 
@@ -106,7 +115,7 @@ class _Scan:
         if not self._size:
             raise RecordingError("is empty (0 bytes)")
         if self._stream.read(len(MAGIC)) != MAGIC:
-            raise RecordingError("is not an MCAP file")
+            raise RecordingError(f"is not an MCAP file{_what_then(self._name)}")
         while True:
             head = self._stream.read(_HEAD.size)
             if len(head) < _HEAD.size:

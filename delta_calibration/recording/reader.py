@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -179,5 +180,17 @@ class _Assembly:
         names = listing(topic.name for topic in self._recording.topics.values())
         return RecordingError(
             f"no {what}: wanted {wanted}, recorded are {names};"
-            f" --topic {streams[0]}=NAME says where they are"
+            f" {self._where(streams)}"
         )
+
+    def _where(self, streams: Sequence[str]) -> str:
+        """How to say where they are: with the topics that are of a stream's type, if any is."""
+        fitting: dict[str, str] = {}  # stream by topic, the first that it fits
+        for stream in streams:
+            for topic in self._recording.topics.values():
+                if topic.type_name == _TYPES[stream]:
+                    fitting.setdefault(topic.name, stream)
+        options = [f"--topic {stream}={name}" for name, stream in sorted(fitting.items())]
+        if not options:
+            return f"--topic {streams[0]}=NAME says where they are"
+        return f"of that type: {' or '.join(options)}"

@@ -108,7 +108,7 @@ def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
     noise = np.array([file.verdict.noise_mm or np.nan for file in files], dtype=float)
     return Figure(
         "errors",
-        "Held-out error over time",
+        "Held-out error, verdict by verdict",
         "Verdicts in the order given.",
         (
             Panel(

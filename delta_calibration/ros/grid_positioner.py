@@ -216,6 +216,7 @@ class GridPositioner(BaseNode):
         if not self._moves:
             if not self._ready(now):
                 return
+            self.get_logger().info(f"sets off: {self._positioning.doing}")
             self._set_off()
         if self._motion:
             self._send(self._motion.pop(0))
@@ -250,8 +251,11 @@ class GridPositioner(BaseNode):
             self._found = None
             if now - self._created >= self._settings.number(limit):
                 who = f"{found} of {wanted} listened to {self._commands.topic_name}"
-                where = "no joint_states" if self._here is None else "joint_states came"
-                raise DataError(f"{who}, {where} for {self._settings.number(limit):g} s")
+                where = "no joint_states came" if self._here is None else "joint_states came"
+                raise DataError(
+                    f"in {self._settings.number(limit):g} s {who}, {where}: the way to the drives "
+                    "is through calibration_node; is it up, and the machine or simulated_tracker?"
+                )
             return False
         self._found = now if self._found is None else self._found
         return now - self._found >= SETTLE_S

@@ -60,7 +60,11 @@ class SafeLifecycleNode(Finishing, LifecycleNode):
 
     def start(self) -> None:
         """Configure and activate if `autostart` says so; a refusal leaves the node up."""
-        if self._autostart and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+        if not self._autostart:
+            self.get_logger().info(
+                "unconfigured: waits for a lifecycle manager; -p autostart:=true does without"
+            )
+        elif self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
 
     def close(self) -> None:

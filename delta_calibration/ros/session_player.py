@@ -77,7 +77,8 @@ class SessionPlayer(BaseNode):
         self._timer = self.create_timer(PERIOD_S, self._tick, clock=steady)
         self.get_logger().info(
             f"{path}: {len(self._timeline.records) - self._first} messages on "
-            f"{', '.join(self._timeline.topics)}"
+            f"{', '.join(self._timeline.topics)}, {self._length_s:.0f} s as recorded, "
+            f"{self._settings.number('rate'):g} times as fast"
         )
 
     def close(self) -> None:
@@ -123,6 +124,10 @@ class SessionPlayer(BaseNode):
             self._clock_due_ns = 0  # the end is always said
             self._say_time(now_ns, wall_ns)
             self._end_pass(wall_ns)
+
+    @property
+    def _length_s(self) -> float:
+        return (self._timeline.end_ns - self._start_ns) * 1e-9
 
     @property
     def _start_ns(self) -> int:

@@ -28,6 +28,10 @@ USAGE = "usage: python -m delta_calibration.ros.trigger SERVICE [true|false] [SE
 SETTLE_S = 0.3  # [s]
 PERIOD_S = 0.02  # [s]
 PATIENCE_S = 60.0  # [s] for the service to appear and to answer
+REMINDER_S = 20.0  # [s] of waiting after which it is said, or half the time that there is;
+# nodes on a busy machine take several to start
+# The type that a service must not have, by whether a Trigger is called.
+OTHER = {True: "std_srvs/srv/SetBool", False: "std_srvs/srv/Trigger"}
 FLAGS = {"true": True, "false": False}
 
 
@@ -48,6 +52,7 @@ class Caller(BaseNode):
         self._call = call
         self._deadline = time.monotonic() + call.seconds
         self._answer: Future | None = None
+        self._reminder = time.monotonic() + min(REMINDER_S, call.seconds / 2.0)
         self._seen: float | None = None  # when the service was first seen, by the steady clock
         kind = Trigger if call.flag is None else SetBool
         self._asked = self.create_client(kind, call.service)
@@ -58,8 +63,10 @@ class Caller(BaseNode):
     def _look(self) -> None:
         if self.finished.done():
             return
-        if self._seen is None and self._asked.service_is_ready():
-            self._seen = time.monotonic()
+        if self._seen is None:
+            self._look_for_it()
+            if self.finished.done():
+                return
         # The server may not know at once where to send its answer, which would be lost.
         settled = self._seen is not None and time.monotonic() - self._seen >= SETTLE_S
         if settled and self._answer is None:
@@ -70,10 +77,39 @@ class Caller(BaseNode):
             self.succeeded = bool(answer.success)
             self.finish()
         elif time.monotonic() > self._deadline:
-            missing = "no such service" if self._answer is None else "no answer"
+            missing = "no answer" if self._answer else f"no such service{self._others()}"
             self.fail(
                 DataError(f"{self._call.service}: {missing} within {self._call.seconds:g} s")
             )
+
+    def _look_for_it(self) -> None:
+        """Note when the service is there; one of the other type never answers, which is said."""
+        now = time.monotonic()
+        if self._asked.service_is_ready():
+            self._seen = now
+            return
+        name = self._asked.service_name
+        if OTHER[self._call.flag is None] in self._served().get(name, ()):
+            way = "takes true or false" if self._call.flag is None else "takes no true or false"
+            self.fail(InputError(f"{name}: {way}; {USAGE}"))
+        elif now >= self._reminder:
+            self._reminder = math.inf
+            self.get_logger().info(f"waiting for {name}")
+
+    def _others(self) -> str:
+        """What can be called on the same node, to find a slip in the name."""
+        node = self._asked.service_name.rpartition("/")[0] + "/"
+        there = sorted(
+            name
+            for name, types in self._served().items()
+            if name.startswith(node) and not set(types).isdisjoint(OTHER.values())
+        )
+        return f" (there are {', '.join(there)})" if there else ""
+
+    def _served(self) -> dict[str, list[str]]:
+        """Types by service; the graph also lists what is only asked for, as here."""
+        listed = self.get_service_names_and_types()
+        return {name: types for name, types in listed if self.count_services(name)}
 
     def _request(self) -> Any:
         flag = self._call.flag
