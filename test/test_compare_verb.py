@@ -125,6 +125,7 @@ def test_compare_writes_pages_tables_and_numbers(
     said = capsys.readouterr().out
     assert "may" in said
     assert "june" in said
+    assert max(map(len, said.splitlines())) < 300  # the glossary's sentences are on the page
     assert "Comparison of 2 verdicts" in page.read_text()
     assert set(json.loads((folder / "report.json").read_text())["verdicts"]) == {"may", "june"}
 

@@ -15,6 +15,7 @@ from delta_calibration.cli.options import (
 from delta_calibration.cli.report import PATH, write
 from delta_calibration.errors import InputError
 from delta_calibration.report import (
+    GLOSSARY,
     Report,
     drift_of_calibrations,
     drift_of_verdicts,
@@ -53,7 +54,7 @@ def command(
     made = _compared(files, robot_file)
     click.echo(made.sentence)
     for each in made.tables():
-        if each.rows:
+        if each.rows and each.name != GLOSSARY:  # its sentences are for the page
             click.echo("\n" + table(each.head, each.rows))
     write(made, out, figures, numbers)
 

@@ -11,6 +11,7 @@ from delta_calibration.report.drift import (
     drift_of_calibrations,
     read_calibration,
 )
+from delta_calibration.report.glossary import GLOSSARY
 from delta_calibration.report.missing import require_libraries
 from delta_calibration.report.numbers import write_numbers
 from delta_calibration.report.page import build_page, page_of, write_page
@@ -21,6 +22,7 @@ from delta_calibration.report.verdict_file import VerdictFile, read_verdict
 from delta_calibration.report.verdicts import drift_of_verdicts
 
 __all__ = [
+    "GLOSSARY",
     "CalibrationRecord",
     "Provenance",
     "Report",

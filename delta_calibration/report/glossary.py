@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from delta_calibration.report.document import Section, Table
 
+GLOSSARY = "glossary"  # name of its section and table
+
 TERMS: tuple[tuple[str, str], ...] = (
     (
         "before, calibrated, extended",
@@ -123,5 +125,5 @@ TERMS: tuple[tuple[str, str], ...] = (
 
 def glossary_section() -> Section:
     """The words at the end of a page."""
-    table = Table("glossary", "", ("word", "meaning"), TERMS, words=(0, 1))
-    return Section("glossary", "What the words mean", (), (table,))
+    table = Table(GLOSSARY, "", ("word", "meaning"), TERMS, words=(0, 1))
+    return Section(GLOSSARY, "What the words mean", (), (table,))
