@@ -211,7 +211,7 @@ def _inside(calibration: Calibration, method: str, at: Conditions) -> NDArray[np
 
 def _told(robot: Robot, rows: Rows) -> str:
     """Rows as a table, the turn's column where the joints command a turn."""
-    if robot.commanded.task_size > 3:
+    if max(robot.commanded.freedoms) >= 3:
         return table((*_HEAD, _TURN), rows) + (
             "\none reflector's places do not show how a tool is turned on its flange, nor a "
             "platform against its joints: that stays in the turn"
