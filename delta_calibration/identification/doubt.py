@@ -6,6 +6,7 @@ from delta_calibration.identification.fit import Identification
 
 _FAR = 2.0  # times the noise of a pose; a fit to enough places leaves 1.0 to 1.3 times
 _LACKING = 2.0  # chi square per degree of freedom from which it is not the number of places
+FOUND = ("least_squares", "alternating")  # methods that come to rest where the misfit is least
 DIAGNOSIS = "diagnosis"  # the method of a fit that has been asked for what it lacks
 
 
@@ -26,4 +27,9 @@ def doubt(found: Identification) -> str:
         )
     if found.effort.method == DIAGNOSIS:
         return f"{far}, and nothing known explains it: see the verdict"
+    if found.effort.method not in FOUND:
+        return (
+            f"{far}, also where it has seen the place: the search by {found.effort.method} has not "
+            f"come to rest, or the model lacks something; fit by {FOUND[0]} first"
+        )
     return f"{far}, also where it has seen the place: the model lacks something, diagnose it"
