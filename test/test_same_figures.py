@@ -246,6 +246,9 @@ def test_a_swarm_that_has_not_come_to_rest_is_not_the_model_s_fault():
     by_swarm = replace(found, effort=replace(found.effort, method="pso"))
     assert "search by pso has not come to rest" in doubt(by_swarm)
     assert "fit by least_squares first" in doubt(by_swarm)
+    assert "drawing" not in doubt(by_swarm)
+    worse = replace(found.full, held_out=2.0 * found.frame_only.held_out)
+    assert "more than that of the drawing" in doubt(replace(by_swarm, full=worse))
 
 
 def test_a_standard_error_has_a_digit():

@@ -20,6 +20,8 @@ def doubt(found: Identification) -> str:
     if ratio <= _FAR:
         return ""
     far = f"the error left is {ratio:.1f} times the noise of a pose"
+    if found.full.held_out > found.frame_only.held_out:
+        far += " and more than that of the drawing in its best frame"
     if found.chi_square <= _LACKING:
         return (
             f"{far}, as {len(found.weight)} poses are few for the {found.observability.rank} "
