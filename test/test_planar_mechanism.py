@@ -52,13 +52,15 @@ class FiveBar(Mechanism):
 
     def __init__(self, dimensions, tolerances):
         self.dimensions = dimensions
+        of_rail = tolerances.rail, "base_joint_position"
         rails = [
-            Parameter(f"rail_{axis}_{i}", "m", float(value), tolerances.rail, "base_joint_position")
+            Parameter(f"rail_{axis}_{i}", "m", float(value), *of_rail)
             for i, rail in enumerate(dimensions.rails, 1)
             for axis, value in zip("xyz", rail, strict=True)
         ]
-        strut = dimensions.strut, tolerances.strut, "arm_length"
-        self.parameters = ParameterSet((*rails, *(Parameter(f"l_{i}", "m", *strut) for i in (1, 2))))
+        of_strut = dimensions.strut, tolerances.strut, "arm_length"
+        struts = (Parameter(f"strut_{i}", "m", *of_strut) for i in (1, 2))
+        self.parameters = ParameterSet((*rails, *struts))
 
     def _along(self, q, x, g):
         rails = np.broadcast_to(g[..., :6], (len(x), 6)).reshape(-1, 2, 3)

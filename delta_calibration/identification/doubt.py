@@ -22,6 +22,11 @@ def doubt(found: Identification) -> str:
     far = f"the error left is {ratio:.1f} times the noise of a pose"
     if found.full.held_out > found.frame_only.held_out:
         far += " and more than that of the drawing in its best frame"
+    if found.effort.method not in (*FOUND, DIAGNOSIS):
+        return (
+            f"{far}: the search by {found.effort.method} has not come to rest, or what "
+            f"{FOUND[0]} leaves is as much; fit by that first"
+        )
     if found.chi_square <= _LACKING:
         return (
             f"{far}, as {len(found.weight)} poses are few for the {found.observability.rank} "
@@ -29,9 +34,4 @@ def doubt(found: Identification) -> str:
         )
     if found.effort.method == DIAGNOSIS:
         return f"{far}, and nothing known explains it: see the verdict"
-    if found.effort.method not in FOUND:
-        return (
-            f"{far}, also where it has seen the place: the search by {found.effort.method} has not "
-            f"come to rest, or the model lacks something; fit by {FOUND[0]} first"
-        )
     return f"{far}, also where it has seen the place: the model lacks something, diagnose it"
