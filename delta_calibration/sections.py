@@ -89,7 +89,7 @@ def angle(**options: Any) -> Any:
 
 def mass(**options: Any) -> Any:
     """A mass [kg]."""
-    return quantity("kg", above=0.0, **options)
+    return quantity("kg", above=0.0, most=1e5, **options)
 
 
 def tolerance(unit: str = "mm", **options: Any) -> Any:

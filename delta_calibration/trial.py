@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation import Apso, ApsoSettings
+from delta_calibration.compensation import Aim, Apso, ApsoSettings
 from delta_calibration.geometry import align, rotations
 from delta_calibration.plans import make_plan
 from delta_calibration.samples import Conditions, Poses
@@ -113,7 +113,7 @@ def true_misses(
     """
     robot, chain = machine.robot, machine.chain
     nominal, (_, _, frame) = robot.commanded, chain.split(machine.theta)
-    axes = min(nominal.task_size, 3)
+    axes = list(Aim.of(nominal, robot.tool_offset).axes)
     x = chain.pose(at, machine.theta)
     reached = calibration.tool_points(machine.reflector_points(at), at.joint)
     wanted = nominal.position(meant) + nominal.rotation(meant) @ robot.tool_offset
@@ -123,6 +123,6 @@ def true_misses(
         reached, turned = best.apply(reached), best.rotation @ turned
     left = turned @ np.swapaxes(nominal.rotation(meant), 1, 2)
     return (
-        np.linalg.norm((reached - wanted)[:, :axes], axis=1),
+        np.linalg.norm((reached - wanted)[:, axes], axis=1),
         np.linalg.norm(rotations.log(left), axis=1),
     )

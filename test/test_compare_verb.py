@@ -126,8 +126,24 @@ def test_compare_writes_pages_tables_and_numbers(
     said = capsys.readouterr().out
     assert "may" in said
     assert "june" in said
+    assert max(map(len, said.splitlines())) < 300  # the glossary's sentences are on the page
     assert "Comparison of 2 verdicts" in page.read_text()
     assert set(json.loads((folder / "report.json").read_text())["verdicts"]) == {"may", "june"}
+
+
+def test_files_of_one_name_are_told_apart(
+    verdicts: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """None takes another's place in the numbers; a file twice is a mistake."""
+    other = tmp_path / "later" / verdicts[0].name
+    other.parent.mkdir()
+    other.write_bytes(verdicts[1].read_bytes())
+    numbers = tmp_path / "numbers"
+    assert run(["compare", str(verdicts[0]), str(other), "--numbers", str(numbers)]) == 0
+    written = json.loads((numbers / "report.json").read_text())["verdicts"]
+    assert set(written) == {str(verdicts[0]), str(other)}
+    assert run(["compare", str(other), str(other)]) == 2
+    assert "named twice" in capsys.readouterr().err
 
 
 def test_one_verdict_makes_a_page(verdicts: list[Path], tmp_path: Path) -> None:

@@ -88,6 +88,21 @@ def test_a_fit_predicts_to_the_noise(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", known_robots())
+def test_a_machine_measured_twice_has_not_moved(name: str) -> None:
+    """Compared at joints that fit together, whatever their number, and where a pose exists."""
+    shift = pytest.importorskip("delta_calibration.report.drift", exc_type=ImportError).shift
+    robot, seen = measured(name, "", "identify", 40, 3)
+    first = from_identification(identify(seen.poses, robot), robot, seen.poses)
+    machine = machine_of(robot, "", 3)
+    session = simulate_session(machine, make_plan("identify", robot, count=40, seed=5), 5)
+    poses = survey(session, robot.joints.names, robot.commanded.joint_size).poses
+    found = identify(poses, robot)
+    rms, most = shift(first, from_identification(found, robot, poses))
+    assert 0.0 < rms < 4.0 * found.full.held_out
+    assert rms <= most < 20.0 * found.full.held_out
+
+
+@pytest.mark.parametrize("name", known_robots())
 def test_what_the_data_do_not_set_does_not_show(name: str) -> None:
     """A gauge: moved along a combination that is said not to be set, no reading changes."""
     found, at = fitted(name)

@@ -77,6 +77,12 @@ def test_indices_of_singular_values_that_are_known():
     assert indices == pytest.approx(expected)
 
 
+def test_no_correlation_is_beyond_one():
+    """A covariance that is known to three digits only says no more than that."""
+    pairs = strong_correlations(np.array([[1.0, -1.002], [-1.002, 1.0]]), ("a", "b"))
+    assert pairs == (("a", "b", -1.0),)
+
+
 def test_only_strong_correlations_are_named_strongest_first():
     correlation = np.array([[1, 0.96, 0.1], [0.96, 1, -0.99], [0.1, -0.99, 1]])
     sigma = np.array([1e-3, 2.0, 1e-6])

@@ -140,6 +140,18 @@ def test_joints_of_another_sign_or_swapped(cell, capsys):
     assert "q1 and q2 swapped" in said(capsys, cell, swapped)
 
 
+def test_all_units_wrong_at_once(cell, capsys):
+    """No single slip explains the points; limits tell the unit of joints that all slide."""
+    folder, robot, table = cell
+    turns = robot.joints.unit == "rad"  # some angles are within their limits by either unit
+    mapping = mapping_of(robot, "rad" if turns else "m")
+    mapping["position"]["unit"] = "m"
+    rows = [[*map(repr, row)] for row in table.tolist()]
+    text = refused(capsys, folder, head_of(robot), rows, mapping, robot.name)
+    assert "beyond the limits of" in text
+    assert turns or text.endswith("likely mm")
+
+
 def test_columns_shifted_by_one_are_beyond_the_limits(cell, capsys):
     _, robot, table = cell
     joint = robot.joints.names[-1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -15,6 +16,7 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("plotly", reason="needs the extra [report]")
 
 from delta_calibration.accuracy import IsoReport, IsoValue
+from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.verdict import Estimate
 from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import STANDARD
@@ -33,10 +35,14 @@ from delta_calibration.report.browser import plot_of, ticks_of
 from delta_calibration.report.document import Report
 from delta_calibration.report.drawing import Axis, Panel, Points, Rule, Scale
 from delta_calibration.report.judged import Judged
-from delta_calibration.report.line import along_line
+from delta_calibration.report.line import along_line, line_figure, line_table
 from delta_calibration.report.picture import draw
+from delta_calibration.report.session_report import _tests
 from delta_calibration.report.words import chance, estimate, figures, sure
 from delta_calibration.report.workspace import around, scale_of
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import survey
+from delta_calibration.simulation import draw_machine, simulate_session
 from report_bench import HOSTILE, JOINTS, NAME, PROVENANCE, ROBOT, found, hidden
 
 ISO = IsoReport(STANDARD, "calibration <x>", (IsoValue("AP", "P1", 0.862e-3, 30),))
@@ -51,6 +57,42 @@ HEADINGS = (
     "Accuracy by ISO 9283",
     "Provenance",
 )
+
+
+@cache
+def elsewhere(name: str) -> Judged:
+    """Another robot's session, diagnosed."""
+    robot = load_robot(name)
+    machine, plan = draw_machine(robot, 4), make_plan("identify", robot, count=24, seed=4)
+    seen = survey(
+        simulate_session(machine, plan, 4), robot.joints.names, robot.commanded.joint_size
+    )
+    return Judged.of(diagnose(seen, robot))
+
+
+@pytest.mark.parametrize(
+    ("name", "along"), [("five_axis", "y"), ("linear_delta", "z"), ("scara", "x")]
+)
+def test_another_robot_s_line_is_its_own(name: str, along: str) -> None:
+    """Not the Delta paper's, whose figures say nothing of it; along what it moves in."""
+    robot = load_robot(name)
+    line = along_line(elsewhere(name), robot)
+    assert line is not None
+    assert "xyz"[line.way] == along
+    assert np.ptp(line.along) > 0.05
+    assert line.inside.mean() > 0.5  # wherever the tool sits on the platform
+    shown, table = line_figure(line), line_table(line)
+    told = " ".join((shown.title, shown.caption, str(shown.panels), str(table)))
+    assert not any(word in told for word in ("paper", "Pan,", "711 mm"))
+
+
+def test_likeness_too_small_to_matter_is_not_called_chance() -> None:
+    verdict = found().verdict
+    tests = dict.fromkeys(verdict.unknown_structure.tests, 1e-9)
+    alike = replace(verdict.unknown_structure, found=False, tests=tests)
+    assert "too small" in _tests(replace(verdict, unknown_structure=alike)).caption
+    none = replace(alike, tests=dict.fromkeys(tests, 0.5))
+    assert "too small" not in _tests(replace(verdict, unknown_structure=none)).caption
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +154,7 @@ def test_the_error_that_calibration_leaves_on_the_line_is_half_the_play() -> Non
     """|J gap / 2| with J from differences of the three-sphere Delta, another mechanism."""
     line = along_line(Judged.of(found()), ROBOT)
     assert line is not None
-    plan = make_plan("line", ROBOT, count=len(line.x), both_sides=False)
+    plan = make_plan("line", ROBOT, count=len(line.target), both_sides=False)
     delta = MECHANISMS["rotary_delta"](ROBOT.dimensions, ROBOT.tolerances)
     nominal, step = delta.parameters.nominal, 1e-6
     half = np.array(list(hidden().hidden.values["backlash"].values())) / 2

@@ -18,6 +18,7 @@ from delta_calibration.cell.capture import Capture
 from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.fitting import Fitted, diagnosed, fit
 from delta_calibration.cli.diagnose import describe
+from delta_calibration.cli.fit import _digits
 from delta_calibration.cli.fit import describe as describe_fit
 from delta_calibration.cli.live_cell import at_targets
 from delta_calibration.cli.main import group, run
@@ -238,6 +239,21 @@ def test_a_model_that_lacks_something_is_to_be_diagnosed(tmp_path):
         assert "diagnose it" in where
     assert by_node("srbd_backlash").found.effort.method == DIAGNOSIS
     assert doubt(by_node("srbd_backlash").found) == ""
+
+
+def test_a_swarm_that_has_not_come_to_rest_is_not_the_model_s_fault():
+    found = fitted("srbd_backlash").found
+    by_swarm = replace(found, effort=replace(found.effort, method="pso"))
+    assert "search by pso has not come to rest" in doubt(by_swarm)
+    assert "least_squares leaves is as much" in doubt(by_swarm)
+    assert "drawing" not in doubt(by_swarm)
+    worse = replace(found.full, held_out=2.0 * found.frame_only.held_out)
+    assert "more than that of the drawing" in doubt(replace(by_swarm, full=worse))
+
+
+def test_a_standard_error_has_a_digit():
+    """Of gains, a micrometre a radian is no rounding."""
+    assert [_digits(std) for std in (12.0, 0.4, 0.004, 0.0002, 0.0)] == [3, 3, 3, 4, 3]
 
 
 def test_few_places_are_told_from_a_wrong_model():

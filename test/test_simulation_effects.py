@@ -362,6 +362,7 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
         ("joint_lag:strength=inf", "joint_lag: strength 'inf' is not a finite number"),
         ("joint_lag:value=1,strength=2", "only one of value, strength can be given"),
         ("backlash:value=-1e-4", r"gap_1 = -0.0001 rad is not possible; allowed: 0 to 0.05"),
+        ("joint_scale:value=1", r"scale_\d = 1 is not possible"),
         ("backlash:strength=1000", r"gap_\d = \S+ rad is not possible; allowed: 0 to 0.05"),
         ("transmission_error:cycles=0", "cycles 0 is not allowed; more than 0"),
         ("transmission_error:cycles=many", "cycles 'many' is not a finite number$"),

@@ -27,6 +27,7 @@ from delta_calibration.robot import Robot, Sight
 Array = NDArray[np.float64]
 
 FEWEST_FRAME_STOPS = 4
+_IN_PLANE = (0, 1)  # what a camera above it shows of a place
 _RIM = 24  # points of the plan `identify` that lie on its rim: twelve directions, two heights
 
 
@@ -128,12 +129,12 @@ class Positioning:
             _require_least("frame_stops", frame, FEWEST_FRAME_STOPS)
         self._model = robot.commanded
         _require_places(self._model, robot.name)
-        if camera is not None and self._model.task_size > 2:
+        if camera is not None and self._model.freedoms != _IN_PLANE:
             raise InputError(
                 f"robot {robot.name}: its joints command {self._model.task_size} coordinates of a "
-                "place; one image shows 2"
+                "place; one image shows 2, x and y"
             )
-        self._axes = self._model.task_size  # of a place, that the joints command
+        self._axes = list(self._model.freedoms)  # of a place, that the joints command
         self._robot, self._targets, self._settings = robot, targets, settings
         self._repeats, self._readings, self._given = repeats, readings, frame
         self._camera = camera
@@ -200,7 +201,7 @@ class Positioning:
         settings, edges = self._laid(target, command)
         found: list[GridResult] = []
         for repeat in range(1, self._repeats + 1):
-            search = GridSearch(command, target[: self._axes], settings, edges)
+            search = GridSearch(command, target[self._axes], settings, edges)
             while not search.done:
                 self.doing = (
                     f"target {number + 1} of {len(self._targets)}, search {repeat} of "
@@ -222,7 +223,7 @@ class Positioning:
                 dq=mean.dq,
                 std=mean.std,
                 before=float(np.mean([result.before for result in found])),
-                after=float(np.linalg.norm(after - target[: self._axes])),
+                after=float(np.linalg.norm(after - target[self._axes])),
                 moves=sum(result.moves for result in found) + 1,
                 stop=ends[0] if ends else Stop.FINEST,
             )
@@ -233,7 +234,7 @@ class Positioning:
         model, q = self._model, command[None]
         x, g = model.forward(q, model.parameters.nominal), model.parameters.nominal
         slope = model.point_by_pose(x, self._robot.tool_offset) @ model.velocity_jacobian(q, x, g)
-        slope = slope[0, : self._axes]
+        slope = slope[0, self._axes]
         settings = self._settings
         if settings.noise == 0.0:
             settings = replace(settings, noise=self._noise(target, slope))
@@ -258,7 +259,7 @@ class Positioning:
             point = self._given.tool_points(reading[None], joint[None])[0]
         else:
             point = self._placed.inverse().apply(reading)
-        return np.asarray(point[: self._axes])
+        return np.asarray(point[self._axes])
 
     @property
     def _placed(self) -> Frame:
@@ -311,7 +312,7 @@ def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]
 
 def _require_places(model: Mechanism, robot: str) -> None:
     """Refuse a machine whose tool is also turned, or whose joints work against each other."""
-    if model.task_size > 3 or model.joints != model.task_size:
+    if max(model.freedoms) >= 3 or model.joints != model.task_size:
         raise InputError(
             f"robot {robot}: {model.joints} joints of a {model.name} command {model.task_size} "
             "coordinates; positioning without a model is for robots whose joints command a place "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -55,12 +56,9 @@ def command(
         require_libraries()
     made = _compared(files, robot_file)
     click.echo(made.sentence)
-    for section in made.sections:
-        if section.name == GLOSSARY:  # for the page: a terminal is too narrow for sentences
-            continue
-        for each in section.tables:
-            if each.rows:
-                click.echo("\n" + table(each.head, each.rows))
+    for each in made.tables():
+        if each.rows and each.name != GLOSSARY:  # its sentences are for the page
+            click.echo("\n" + table(each.head, each.rows))
     write(made, out, figures, numbers)
 
 
@@ -79,7 +77,8 @@ def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
             )
     verdicts = [path for path in files if path.suffix.lower() == ".json"]
     if len(verdicts) == len(files):
-        return drift_of_verdicts([read_verdict(path) for path in files])
+        named = zip(_names(files), files, strict=True)
+        return drift_of_verdicts([replace(read_verdict(path), name=name) for name, path in named])
     if verdicts:
         raise InputError(
             f"{verdicts[0]} is a verdict (JSON) and others are calibrations (YAML); "
@@ -90,4 +89,19 @@ def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
     if robot_file is None:
         raise InputError("calibrations are compared by their robot: --robot FILE|NAME")
     robot = load_robot(robot_file)
-    return drift_of_calibrations([read_calibration(path, robot) for path in files])
+    named = zip(_names(files), files, strict=True)
+    return drift_of_calibrations(
+        [replace(read_calibration(path, robot), name=name) for name, path in named]
+    )
+
+
+def _names(files: tuple[Path, ...]) -> list[str]:
+    """What each file is called: its stem, or all of its path where two have the same.
+
+    Raises:
+        InputError: one file twice.
+    """
+    if len({path.resolve() for path in files}) < len(files):
+        raise InputError("a file is named twice; compare different ones")
+    stems = [path.stem for path in files]
+    return [s if stems.count(s) == 1 else str(p) for s, p in zip(stems, files, strict=True)]

@@ -83,17 +83,17 @@ def command(
     if robot.workspace is not None:
         if draw is not None:
             raise InputError(f"--draw is for a live cell; {robot.name} always hides the same")
-        _without_nodes(robot, out or Path(f"out/demo_{robot.name}"), seed, method)
+        _without_nodes(robot, robot_file, out or Path(f"out/demo_{robot.name}"), seed, method)
     else:
         _with_nodes(robot_file, out or Path("out/demo"), seed, method, draw)
 
 
-def _without_nodes(robot: Robot, out: Path, seed: int, method: str) -> None:
+def _without_nodes(robot: Robot, called: str, out: Path, seed: int, method: str) -> None:
     """The demonstration in this process."""
     require_method(robot.commanded, method, robot.name)
     _clean(out)
     say = clock()
-    write_json(out / "summary.json", machine_demo(robot, out, seed, method, say))
+    write_json(out / "summary.json", machine_demo(robot, called, out, seed, method, say))
     files = ("session", "calibration.yaml", "session_2", "extended.yaml", "verdict.json")
     click.echo(f"written: {', '.join(f'{out}/{name}' for name in (*files, 'summary.json'))}")
     say("writing the report of the second act")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
@@ -117,6 +118,7 @@ def describe(found: Identification, verbose: bool) -> str:
         else "from the robot file"
     )
     down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
+    poses = "1 pose" if down == 1 else f"{down} poses"
     lines = [
         f"noise of a pose {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); joints come to rest "
         f"within {noise.repeatability * 1e6:.1f} u{found.chain.mechanism.joint_unit}; tracker "
@@ -131,7 +133,7 @@ def describe(found: Identification, verbose: bool) -> str:
         "",
         f"error left: {found.full.held_out / noise.floor:.2f} times the noise of a pose; "
         f"chi square per degree of freedom {found.chi_square:.2f}"
-        + (f"; {down} poses believed less, {gone} of them left out" if down else ""),
+        + (f"; {poses} believed less, {gone} of them left out" if down else ""),
         *([f"warning: {doubt(found)}"] if doubt(found) else []),
         *_deviations(found),
         *_unset(found, verbose),
@@ -171,11 +173,16 @@ def _deviations(found: Identification) -> list[str]:
     parts = []
     for k in clear[:_SHOWN]:
         factor, unit = _FOR_PEOPLE.get(items[k].unit, (1.0, items[k].unit))
-        parts.append(
-            f"{items[k].name} {off[k] * factor:+.3f} +- {found.std[k] * factor:.3f} {unit}"
-        )
+        value, std = off[k] * factor, found.std[k] * factor
+        digits = _digits(std)
+        parts.append(f"{items[k].name} {value:+.{digits}f} +- {std:.{digits}f} {unit}")
     more = f", and {len(clear) - _SHOWN} more" if len(clear) > _SHOWN else ""
     return [f"differs from the drawing: {', '.join(parts)}{more}"]
+
+
+def _digits(std: float) -> int:
+    """Decimals of a value with this standard error: three, or as many as its first digit needs."""
+    return max(3, -math.floor(math.log10(std))) if std > 0.0 else 3
 
 
 def _unset(found: Identification, verbose: bool) -> list[str]:

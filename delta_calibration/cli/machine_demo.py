@@ -6,6 +6,7 @@ machine's of this kind, which is found, named and compensated as well.
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,9 +69,12 @@ _TURN = "turn, mean [mrad]"
 
 
 def machine_demo(
-    robot: Robot, out: Path, seed: int, method: str, say: Say
+    robot: Robot, called: str, out: Path, seed: int, method: str, say: Say
 ) -> dict[str, object]:
-    """Both acts; prints, writes into `out`, and returns the figures."""
+    """Both acts; prints, writes into `out`, and returns the figures.
+
+    `called` is the robot's name or file, as it was given.
+    """
     trial = _moments(robot, seed + 1)
     summary: dict[str, object] = {"first_act": _first_act(robot, out, seed, method, trial, say)}
     if robot.camera is not None:
@@ -79,6 +83,8 @@ def machine_demo(
             draw_machine(robot, seed), robot.camera, seed
         )
     summary["second_act"] = _second_act(robot, out, seed, method, trial, say)
+    again = f"--robot {shlex.quote(called)} --seed {seed} --method {method}"
+    click.echo(f"the same again: delta-cal demo {again}\n")
     summary["provenance"] = {
         "package_version": __version__,
         "robot": robot.name,
@@ -137,9 +143,6 @@ def _second_act(
     named = [effect.cause for effect in extended.chain.effects]
     click.echo(f"hidden: {cause}; found: {', '.join(named) or 'nothing'}\n")
     click.echo(hidden_and_found(machine, out / "extended.yaml") + "\n")
-    click.echo(
-        f"the same again: delta-cal demo --robot {robot.name} --seed {seed} --method {method}\n"
-    )
     return {
         "hidden": cause,
         "found": named,
@@ -211,7 +214,7 @@ def _inside(calibration: Calibration, method: str, at: Conditions) -> NDArray[np
 
 def _told(robot: Robot, rows: Rows) -> str:
     """Rows as a table, the turn's column where the joints command a turn."""
-    if robot.commanded.task_size > 3:
+    if max(robot.commanded.freedoms) >= 3:
         return table((*_HEAD, _TURN), rows) + (
             "\none reflector's places do not show how a tool is turned on its flange, nor a "
             "platform against its joints: that stays in the turn"

@@ -1,5 +1,6 @@
 """From the model of a machine as it is to the joint command that puts it right."""
 
+from delta_calibration.compensation.aim import Aim
 from delta_calibration.compensation.answer import Compensated, Verdict
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
@@ -20,6 +21,7 @@ __all__ = [
     "METHODS",
     "SOLVERS",
     "TABLE",
+    "Aim",
     "Apso",
     "ApsoSettings",
     "ApsoStep",

@@ -7,7 +7,8 @@ with p the tool point and R the platform's orientation. The distance of two plac
     sqrt(|p - p'|^2 + (2 LEVER sin(angle / 2))^2),
 
 angle that of the turn between them: a turn of a radian counts as LEVER metres. Where the joints
-command no turn the place is p alone; on an arm of two joints its x and y.
+command no turn the place is p alone, or those of its coordinates that they command: x and y of an
+arm of two joints.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Aim:
     """Which coordinates of the tool a mechanism's joints command, the tool at `tool` (3,) [m]."""
 
     tool: Array
-    axes: int  # of x, y, z
+    axes: tuple[int, ...]  # of x, y, z
     turns: bool
 
     @classmethod
@@ -40,18 +41,19 @@ class Aim:
         Where they turn the platform the whole pose counts, also what is no choice of theirs: it
         follows from the rest, for the nominal machine and the identified one alike.
         """
-        size = mechanism.task_size
-        return cls(tool, min(size, _SPACE), size > _SPACE)
+        freedoms = mechanism.freedoms
+        turns = max(freedoms) >= _SPACE
+        return cls(tool, tuple(range(_SPACE)) if turns else freedoms, turns)
 
     @property
     def size(self) -> int:
         """Coordinates of a place."""
-        return self.axes + (_SPACE * _SPACE if self.turns else 0)
+        return len(self.axes) + (_SPACE * _SPACE if self.turns else 0)
 
     def places(self, mechanism: Mechanism, x: Array) -> Array:
         """Places of the tool at poses x, (n, k) -> (n, size) [m]."""
         rotation = mechanism.rotation(x)
-        point = (mechanism.position(x) + rotation @ self.tool)[:, : self.axes]
+        point = (mechanism.position(x) + rotation @ self.tool)[:, list(self.axes)]
         if not self.turns:
             return np.asarray(point)
         arms = np.swapaxes(rotation, 1, 2).reshape(len(x), -1)  # one after the other
@@ -61,14 +63,14 @@ class Aim:
         """d(place)/dx, (n, size, k)."""
         point = mechanism.point_by_pose(x, self.tool)
         if not self.turns:
-            return np.asarray(point[:, : self.axes])
+            return np.asarray(point[:, list(self.axes)])
         arms = [mechanism.point_by_pose(x, self.tool + _ARM * e) - point for e in np.eye(_SPACE)]
         return np.concatenate([point, *arms], axis=1)
 
     def parted(self, gap: Array) -> tuple[Array, Array]:
         """Differences of places (n, size) as distance [m] and turn [rad] of the tool, 2 (n,)."""
-        far = np.linalg.norm(gap[:, : self.axes], axis=1)
-        chord = np.linalg.norm(gap[:, self.axes :], axis=1) / (2 * LEVER)
+        far = np.linalg.norm(gap[:, : len(self.axes)], axis=1)
+        chord = np.linalg.norm(gap[:, len(self.axes) :], axis=1) / (2 * LEVER)
         return far, 2 * np.arcsin(np.minimum(chord, 1.0))
 
 

@@ -25,6 +25,7 @@ from delta_calibration.description.tree import (
     Link,
     Tree,
 )
+from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism, RotaryDelta
 from delta_calibration.mechanisms.six_rod_delta import alike
@@ -46,6 +47,9 @@ def describe(robot: Robot, calibration: Calibration | None = None) -> Skeleton:
     """The robot as its file draws it, or as it was identified; what effects do is not shown.
 
     With a calibration the tracker's frame is a link as well, fixed to the base.
+
+    Raises:
+        InputError: a mechanism of another package.
     """
     if calibration is None:
         mechanism = robot.detailed
@@ -54,6 +58,11 @@ def describe(robot: Robot, calibration: Calibration | None = None) -> Skeleton:
         mechanism, geometry = calibration.chain.mechanism, calibration.geometry
     if isinstance(mechanism, RotaryDelta):
         mechanism, geometry = alike(mechanism, geometry)
+    if mechanism.name not in PARTS:
+        raise InputError(
+            f"robot {robot.name}: nothing says how a {mechanism.name} looks; its URDF has to be "
+            f"written by hand; known: {', '.join(sorted(PARTS))}"
+        )
     parts = PARTS[mechanism.name](robot, mechanism, geometry)
     more = _beyond(robot, calibration)
     return assembled(robot, mechanism, geometry, parts, more)

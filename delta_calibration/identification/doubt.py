@@ -6,6 +6,7 @@ from delta_calibration.identification.fit import Identification
 
 _FAR = 2.0  # times the noise of a pose; a fit to enough places leaves 1.0 to 1.3 times
 _LACKING = 2.0  # chi square per degree of freedom from which it is not the number of places
+FOUND = ("least_squares", "alternating")  # methods that come to rest where the misfit is least
 DIAGNOSIS = "diagnosis"  # the method of a fit that has been asked for what it lacks
 
 
@@ -19,6 +20,13 @@ def doubt(found: Identification) -> str:
     if ratio <= _FAR:
         return ""
     far = f"the error left is {ratio:.1f} times the noise of a pose"
+    if found.full.held_out > found.frame_only.held_out:
+        far += " and more than that of the drawing in its best frame"
+    if found.effort.method not in (*FOUND, DIAGNOSIS):
+        return (
+            f"{far}: the search by {found.effort.method} has not come to rest, or what "
+            f"{FOUND[0]} leaves is as much; fit by that first"
+        )
     if found.chi_square <= _LACKING:
         return (
             f"{far}, as {len(found.weight)} poses are few for the {found.observability.rank} "

@@ -114,7 +114,7 @@ def strong_correlations(
 ) -> tuple[tuple[str, str, float], ...]:
     """Pairs whose estimates lean on each other by more than `limit`, strongest first."""
     sigma = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(sigma, sigma)
+    correlation = np.clip(covariance / np.outer(sigma, sigma), -1.0, 1.0)  # beyond by rounding
     strong = np.argwhere(np.triu(np.abs(correlation) > limit, k=1)).tolist()
     pairs = [(names[a], names[b], float(correlation[a, b])) for a, b in strong]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

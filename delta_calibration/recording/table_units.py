@@ -43,6 +43,8 @@ def require_units(numbers: TableNumbers, mapping: TableMapping, robot: Robot) ->
     notes = [f"{len(rows)} rows at rest: too few to tell the units by the robot's reach"]
     if not few:
         notes = _require_reach(numbers, mapping, robot, rows)
+    if notes:  # as where the units of joints and points are both wrong
+        few = few or _all_inside(numbers.command, mapping.commands, robot)
     _require_limits(numbers, numbers.command, mapping.commands, robot, few)
     if numbers.encoder is not None:
         _require_limits(numbers, numbers.encoder, mapping.encoders, robot, True)
@@ -194,6 +196,15 @@ def _require_limits(
         f"in {columns[k].unit}: {_beyond(robot, k, float(joint[row, k]))}, as in {len(rows)} of "
         f"{len(joint)} rows; {likely}",
     )
+
+
+def _all_inside(joint: Array, columns: Sequence[Column], robot: Robot) -> bool:
+    """Whether one other unit brings all joints (n, m) within their limits, none of them before."""
+    low, high = robot.joints.lower, robot.joints.upper
+    if ((joint >= low) & (joint <= high)).any():
+        return False
+    ends = zip(joint.T, columns, low.tolist(), high.tolist(), strict=True)
+    return bool(set.intersection(*(set(_inside(*each)) for each in ends)))
 
 
 def _inside(values: Array, column: Column, low: float, high: float) -> Iterable[str]:

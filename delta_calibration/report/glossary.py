@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from delta_calibration.report.document import Section, Table
 
-GLOSSARY = "glossary"  # its section's name
+GLOSSARY = "glossary"  # name of its section and table
 
 TERMS: tuple[tuple[str, str], ...] = (
     (

@@ -1,4 +1,8 @@
-"""Error along the Delta paper's line x = -y, z = -711 mm, beside what the paper measured there."""
+"""Error along the line of the plan of that name.
+
+It is the Delta paper's, x = -y, z = -711 mm, beside what that measured there, or where the robot
+file states a workspace one through its middle.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +36,7 @@ Array = NDArray[np.float64]
 MM = 1e3
 PAPER_MAX, PAPER_MEAN, PAPER_THREE_STD = 3.305, 0.803, 2.086  # [mm] table 3, not compensated
 _POINTS = 181
+_AXES = "xyz"
 _SURE = 1.96
 _FEWEST = 3  # points that a spread is told of
 
@@ -40,11 +45,36 @@ _FEWEST = 3  # points that a spread is told of
 class AlongLine:
     """What the models say of the line; the first axis is the point."""
 
-    x: Array  # (n,) [m]
+    target: Array  # (n, 3) [m]
+    papers: bool  # whether it is the paper's
     before: Array  # (n,) [m] extended machine less drawing, root mean square of both sides
     calibrated: Array  # (n,) [m] extended less calibrated machine, likewise
     spread: Array  # (n,) [m] standard error of the extended machine's point, 3-D
     inside: NDArray[np.bool_]  # (n,) within the region that was measured
+
+    @property
+    def way(self) -> int:
+        """Which of x, y, z goes along it, 0 to 2."""
+        return int(np.argmax(np.abs(self.target[-1] - self.target[0])))
+
+    @property
+    def along(self) -> Array:
+        """That coordinate, (n,) [m]."""
+        return np.asarray(self.target[:, self.way])
+
+    @property
+    def title(self) -> str:
+        """What a page calls it."""
+        return "Along the paper's line" if self.papers else "Along a line"
+
+    @property
+    def where(self) -> str:
+        """Where it lies, for people."""
+        if self.papers:
+            return "x = −y, z = −711 mm"
+        still = (k for k in range(3) if k != self.way)
+        rest = (f"{_AXES[k]} = {_plain(MM * self.target[0, k])}" for k in still)
+        return f"{', '.join(rest)} mm"
 
 
 def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
@@ -73,14 +103,16 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
         for row, missed in enumerate((machine - base.predict(at, drawing), slope @ change)):
             square[row] += np.sum(missed**2, axis=1) / 2
     spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.covariance, slope))
-    inside = judged.region.outside(plan.target) <= 0
+    # the region is that of the platform's centre, wherever the tool sits on it
+    meant = robot.commanded.forward(plan.joint, robot.commanded.parameters.nominal)
+    inside = judged.region.outside(robot.commanded.position(meant)) <= 0
     before, calibrated = np.sqrt(square)
-    return AlongLine(plan.target[:, 0], before, calibrated, spread, inside)
+    return AlongLine(plan.target, robot.workspace is None, before, calibrated, spread, inside)
 
 
 def line_figure(line: AlongLine) -> Figure:
-    """The three errors over x, the paper's mean and largest beside them."""
-    x = MM * line.x
+    """The three errors along it; the paper's mean and largest beside them on its own line."""
+    x, axis = MM * line.along, _AXES[line.way]
     beyond = (
         f" {np.sum(~line.inside)} of {len(x)} points lie outside the region that was measured: "
         "there the models extrapolate."
@@ -88,27 +120,35 @@ def line_figure(line: AlongLine) -> Figure:
         else ""
     )
     everything = np.concatenate([line.before, line.calibrated, line.spread])
-    low = float(MM * max(everything.min(), 1e-8))
+    low, high = float(MM * max(everything.min(), 1e-8)), float(MM * everything.max())
+    measured, rules = "", _ends(x, line.inside)
+    if line.papers:
+        measured = (
+            " Dashed: what Pan, Qiu and Liu (2017) measured on their machine before compensation."
+        )
+        high = max(high, PAPER_MAX)
+        rules = (
+            Rule("the paper, largest: 3.305 mm", PAPER_MAX, PAPER, at=0.62),
+            Rule("the paper, mean: 0.803 mm", PAPER_MEAN, PAPER, at=0.62),
+            *rules,
+        )
     return Figure(
         "error_line",
-        "Along the paper's line",
-        "Errors of the tool point on x = −y, z = −711 mm as the models have them, approached from "
+        line.title,
+        f"Errors of the tool point on {line.where} as the models have them, approached from "
         "both sides under the session's median conditions. Before: the extended model less the "
         "drawing in its best frame. Calibrated: the extended model less the calibrated geometry. "
-        "Extended: its 95 % bound, from the covariance of the fit. Dashed: what Pan, Qiu and Liu "
-        f"(2017) measured on their machine before compensation.{beyond}",
+        f"Extended: its 95 % bound, from the covariance of the fit.{measured}{beyond}",
         (
             Panel(
                 "",
-                Axis("x along the line [mm]"),
-                Axis("error, 3-D [mm]", log=True, low=0.5 * low, high=2 * PAPER_MAX),
+                Axis(f"{axis} along the line [mm]"),
+                Axis("error, 3-D [mm]", log=True, low=0.5 * low, high=2 * high),
                 (
                     Line("before", x, MM * line.before, BEFORE),
                     Line("calibrated", x, MM * line.calibrated, CALIBRATED, "dash"),
                     Line("extended, 95 % bound", x, MM * _SURE * line.spread, EXTENDED, "dot"),
-                    Rule("the paper, largest: 3.305 mm", PAPER_MAX, PAPER, at=0.62),
-                    Rule("the paper, mean: 0.803 mm", PAPER_MEAN, PAPER, at=0.62),
-                    *_ends(x, line.inside),
+                    *rules,
                 ),
                 tall=1.25,
             ),
@@ -118,7 +158,7 @@ def line_figure(line: AlongLine) -> Figure:
 
 
 def _ends(x: Array, inside: NDArray[np.bool_]) -> tuple[Rule, ...]:
-    """Where the region that was measured begins and ends along x (n,) [mm], if it does."""
+    """Where the region that was measured begins and ends along the line (n,) [mm], if it does."""
     if inside.all() or not inside.any():
         return ()
     ends = ("measured from", x[inside].min()), ("to", x[inside].max())
@@ -127,16 +167,16 @@ def _ends(x: Array, inside: NDArray[np.bool_]) -> tuple[Rule, ...]:
 
 def line_table(line: AlongLine) -> Table:
     """Mean, largest and three standard deviations, as in the paper's table 3."""
-    rows: list[tuple[str, float, float, float]] = [
-        ("the paper's machine, measured", PAPER_MEAN, PAPER_MAX, PAPER_THREE_STD)
-    ]
+    rows: list[tuple[str, float, float, float]] = []
+    if line.papers:
+        rows.append(("the paper's machine, measured", PAPER_MEAN, PAPER_MAX, PAPER_THREE_STD))
     named = {
         "before": line.before,
         "calibrated": line.calibrated,
         "extended, 95 % bound": _SURE * line.spread,
     }
-    parts = {"": np.ones(len(line.x), dtype=bool)}
-    if _FEWEST <= line.inside.sum() < len(line.x):
+    parts = {"": np.ones(len(line.target), dtype=bool)}
+    if _FEWEST <= line.inside.sum() < len(line.target):
         parts[", in the region measured"] = line.inside
     for part, rows_of in parts.items():
         for name, error in named.items():
@@ -148,3 +188,8 @@ def line_table(line: AlongLine) -> Table:
         ("", "mean [mm]", "largest [mm]", "3 std [mm]"),
         tuple((name, mm(a), mm(b), mm(c)) for name, a, b, c in rows),
     )
+
+
+def _plain(value: float) -> str:
+    """A whole number with the minus of print; never −0."""
+    return f"{round(value)}".replace("-", "−")

@@ -8,6 +8,7 @@ import numpy as np
 
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.diagnosis.diagnose import Diagnosis
+from delta_calibration.diagnosis.search import ALPHA
 from delta_calibration.diagnosis.verdict import Finding, Verdict
 from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report, Section, Table
@@ -146,6 +147,12 @@ def _finding(finding: Finding) -> tuple[str, ...]:
 def _tests(verdict: Verdict) -> Table:
     unknown = verdict.unknown_structure
     told = "No structure is left that chance would not leave."
+    least = min((p for p in unknown.tests.values() if p is not None), default=1.0)
+    if least * len(unknown.tests) <= ALPHA:
+        told = (
+            "Chance would not leave as much likeness, but what is left is too small beside the "
+            "noise to matter."
+        )
     if unknown.found:
         told = capital(f"{structure(unknown)}.")
     rows = tuple((_test(name), chance(p)) for name, p in unknown.tests.items())
@@ -191,11 +198,10 @@ def _workspace(judged: Judged) -> Section:
 
 
 def _line(judged: Judged, robot: Robot) -> Section:
-    title = "Along the paper's line"
     line = along_line(judged, robot)
     if line is None:
-        return Section("line", title, ("This robot does not reach the line.",))
-    return Section("line", title, (), (line_table(line),), (line_figure(line),))
+        return Section("line", "Along a line", ("This robot does not reach the plan's line.",))
+    return Section("line", line.title, (), (line_table(line),), (line_figure(line),))
 
 
 def _causes(judged: Judged, robot: Robot) -> Section:

@@ -203,7 +203,8 @@ def _signed(effect: Effect, parameter: Parameter) -> bool:
 def _require_possible(effect: Effect, values: Array) -> None:
     for p, value in zip(effect.parameters, values.tolist(), strict=True):
         if not p.lower <= value <= p.upper:
+            unit = "" if p.unit == "1" else f" {p.unit}"
             raise InputError(
-                f"effect {effect.cause}: {p.name} = {value:g} {p.unit} is not possible; "
+                f"effect {effect.cause}: {p.name} = {value:g}{unit} is not possible; "
                 f"allowed: {p.lower:g} to {p.upper:g}"
             )
