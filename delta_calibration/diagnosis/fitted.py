@@ -66,6 +66,10 @@ class Fitted(ABC):
         """The model with these members instead."""
 
     @abstractmethod
+    def elsewhere(self) -> tuple[Fitted, ...]:
+        """Other places to begin from, where what is left out may have led the fit astray."""
+
+    @abstractmethod
     def quieter(self, found: Fitted) -> Fitted:
         """Itself with less noise, where what was found explains some of what was taken for it."""
 

@@ -199,12 +199,16 @@ def _unknown(model: Fitted, sought: Fitted, left: Audit, explained: float) -> Un
 def _mapped(
     model: Fitted, member: Candidate, tests: dict[str, float | None]
 ) -> UnknownStructure:
-    """What the map says: how large it is, and where it is largest."""
+    """What the map says: how large it is, and where it is largest.
+
+    Of its displacement what the geometry would not take up, as that of the map and what
+    bends with it elsewhere are not in the errors that people see.
+    """
     evidence = model.evidence
     moved = (columns_of(member, evidence) @ scaled(model, member)).reshape(evidence.residual.shape)
+    alone = replace(evidence, residual=moved)
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
-    shift = np.linalg.solve(evidence.whiten[rows], moved[rows, :, None])[..., 0]
-    shift -= shift.mean(axis=0)
+    shift = alone.missed(alone.best(model.misfit))[rows]
     size = np.linalg.norm(shift, axis=1)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
     family = member.effect.family if isinstance(member.effect, Unexplained) else None

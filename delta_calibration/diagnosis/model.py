@@ -22,6 +22,8 @@ Index = NDArray[np.int64]
 _ROUNDS = 4
 _QUIETER = 0.8  # of the noise before, from which a smaller one is worth another search
 _FAIR = 0.1  # of the information
+_LACKING = 4.0  # misfit of a model without a strong cause
+_STRAYED = 2.0  # standard deviations of where the file expects the reflector
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
 _SETTLING = 2  # steps at a new offset of the reflector
@@ -90,6 +92,23 @@ class Model(Fitted):
     def fitted(self, members: tuple[Candidate, ...]) -> Model:
         """The model with these members instead."""
         return fit(self, members)
+
+    def elsewhere(self) -> tuple[Model, ...]:
+        """The machine with its reflector where the file has it, if a strong cause drew it away.
+
+        Where the platform hardly tilts, an offset far off is a cheap way to follow a cause that
+        is not in the model; about it nothing is linear that would name the cause.
+        """
+        offset, problem = _offset(self), self.problem
+        off = (self.theta - problem.theta0)[offset] / np.diag(problem.basis)[offset]
+        if self.misfit < _LACKING or np.abs(off).max() < _STRAYED:
+            return ()
+        free = np.ones(len(self.theta), dtype=bool)
+        free[offset] = False
+        held = problem.only(free)
+        solution = solve(held, held.unknowns(self.theta))
+        cell = replace(self.cell, weight=solution.weight)
+        return (replace(self, theta=solution.theta, cell=cell, near=None),)
 
     def quieter(self, found: Fitted) -> Model:
         """Itself with the noise that repeats have without what the causes found do to them.

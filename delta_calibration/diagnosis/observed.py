@@ -183,6 +183,10 @@ class Observed(Fitted):
                 return now
         raise DataError(f"the fit still moves after {_ROUNDS} steps")
 
+    def elsewhere(self) -> tuple[Observed, ...]:
+        """None: no reflector's offset is fitted that could be astray."""
+        return ()
+
     def quieter(self, found: Fitted) -> Observed:
         """Itself: noise is stated, or what the fit leaves."""
         return self

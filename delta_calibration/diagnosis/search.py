@@ -186,7 +186,10 @@ def find(
         begin: members to begin with, which the search may exchange and drop.
     """
     degrees = model.noise_degrees
-    first = here = scan(model.beside, effects, degrees, rng)
+    starts = (model, *(() if begin else model.elsewhere()))
+    scans = [scan(start.beside, effects, degrees, rng) for start in starts]
+    model, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
+    here = first
     short: dict[str, Score] = {}
     seen: set[tuple[str, ...]] = {()}
     while True:
@@ -200,9 +203,19 @@ def find(
         here = scan(model.beside, effects, degrees, rng, model.members)
 
 
+def _left_by_the_best(begun: tuple[Fitted, Scan]) -> float:
+    """Chi square per degree of freedom that the best single explanation leaves."""
+    model, here = begun
+    gain = max((score.gain for score in here.scores), default=0.0)
+    return model.misfit - gain / model.beside.degrees
+
+
 def _shortlist(here: Scan) -> list[Score]:
     """What swaps and pairs are made of, the best last."""
-    return _worth_a_map(here)[:_SHORT][::-1]
+    best: dict[str, Score] = {}
+    for score in _worth_a_map(here):
+        best.setdefault(score.candidate.key, score)
+    return list(best.values())[:_SHORT][::-1]
 
 
 def _worth_a_map(here: Scan) -> list[Score]:
