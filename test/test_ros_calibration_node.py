@@ -204,9 +204,10 @@ def test_only_an_active_node_sends(bench: Bench) -> None:
     bench.spin_for(0.2)
     assert cell.nominal == []
     assert cell.diagnosed("inactive: nothing is sent", DiagnosticStatus.OK)
-    yes, said = cell.call("start_capture")
-    assert not yes
-    assert "activate it first" in said
+    for service, value in (("start_capture", None), ("enable", True)):
+        yes, said = cell.call(service, value)
+        assert not yes
+        assert "activate it first" in said
     cell.node.trigger_activate()
     assert cell.give(Q) is not None
     cell.node.trigger_deactivate()

@@ -21,6 +21,7 @@ from delta_calibration.cell.command_path import (
     ALREADY,
     BLENDED,
     HOLD,
+    LIMIT,
     LIMITED,
     PASSED,
     CommandPath,
@@ -139,6 +140,11 @@ class TrajectoryPath:
         ramp, before = copy(self._path.ramp), self._path.ramp.limited
         steps = zip(goal, sources, points.time, strict=True)
         dq = np.array([ramp.toward(g, source, float(t)) for g, source, t in steps])
+        inside = self._path.within(points.joint, points.joint + dq)
+        if inside is not None:
+            self._path.counts[LIMIT] += 1
+            dq = inside - points.joint
+            ramp.applied = dq[-1]
         # Before the first point the controller comes from where it is.
         whole = np.vstack([np.broadcast_to(self._path.ramp.applied, dq[:1].shape), dq])
         self._path.ramp = ramp

@@ -258,12 +258,20 @@ class CalibrationNode(SafeLifecycleNode):
         return response
 
     def _on_enable(self, request: Any, response: Any) -> Any:
-        return self._obey(lambda desk: desk.enable(bool(request.data)), request, response)
+        return self._obey(partial(self._enable, bool(request.data)), request, response)
+
+    def _enable(self, on: bool, desk: Desk) -> str:
+        if on:  # activated, it would be off again
+            self._require_active()
+        return desk.enable(on)
 
     def _start_capture(self, desk: Desk) -> str:
+        self._require_active()
+        return desk.start_capture(time.monotonic())
+
+    def _require_active(self) -> None:
         if not self._active:
             raise DataError(f"the node is {self.state}; activate it first")
-        return desk.start_capture(time.monotonic())
 
     def _require_desk(self) -> Desk:
         if self._desk is None:
