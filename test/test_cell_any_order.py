@@ -72,7 +72,8 @@ class Motion:
         elif event == "policy":
             path.set_options(str(rng.choice(ON_FAILURE)), RAMP_S, self.rate, 0.1)
         elif event.endswith("echo") and self.out:
-            when, meant, command, self.astray = self.out[-int(rng.integers(1, min(len(self.out), 4) + 1))]
+            last = self.out[-4:]
+            when, meant, command, self.astray = last[int(rng.integers(len(last)))]
         elif event == "nan":
             command[rng.integers(3)] = np.nan
         elif event == "late":
