@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,4 +170,4 @@ def _conditions(points: Points, around: Surroundings) -> Conditions:
         if points.velocity is not None:
             at = replace(at, velocity=points.velocity[row : row + 1])
         each.append(at)
-    return reduce(joined, each)
+    return joined(*each)
