@@ -119,6 +119,9 @@ def test_no_correction_brings_a_joint_beyond_its_limit(on_failure: str) -> None:
     assert path.counts[command_path.LIMIT] > 0
     beyond = path.send(Q + 0.2, 99, 0.3).joint[0]  # as commanded, and no farther
     assert beyond == Q[0] + 0.2
+    held = path.counts[command_path.LIMIT]
+    path.send(Q - 2.0, 100, 9.0)  # beyond by itself, and nothing to be held
+    assert path.counts[command_path.LIMIT] == held
 
 
 def test_after_a_hold_the_output_goes_back_to_the_commands_without_a_jump() -> None:

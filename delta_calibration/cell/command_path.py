@@ -235,7 +235,8 @@ class CommandPath:
         lower, upper = self._limits
         if ((joint >= lower) & (joint <= upper)).all():
             return None
-        return np.clip(joint, np.minimum(lower, q), np.maximum(upper, q))
+        inside = np.clip(joint, np.minimum(lower, q), np.maximum(upper, q))
+        return None if np.array_equal(inside, joint) else inside
 
     def _stale(self, age_s: float) -> bool:
         return 0.0 < self.timeout_s < age_s
