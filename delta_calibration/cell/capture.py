@@ -183,7 +183,7 @@ class _Rows:
     def __init__(self, width: int) -> None:
         self.width = width
         self.backward = 0  # stamps before the one before
-        self._full: list[tuple[array[int], array[float]]] = []
+        self._full: list[tuple[NDArray[np.int64], Array]] = []
         self._stamps, self._values = array("q"), array("d")
         self._last: int | None = None
 
@@ -197,7 +197,7 @@ class _Rows:
         self._stamps.append(stamp_ns)
         self._values.extend(row.tolist())
         if len(self._stamps) == _BLOCK:
-            self._full.append((self._stamps, self._values))
+            self._full.append((np.array(self._stamps), np.array(self._values)))
             self._stamps, self._values = array("q"), array("d")
 
     def frozen(self) -> _Rows:
@@ -210,10 +210,10 @@ class _Rows:
     def stamps(self) -> NDArray[np.int64]:
         """(n,) [ns]."""
         blocks = [stamps for stamps, _ in self._full]
-        return np.concatenate([np.array(b, dtype=np.int64) for b in (*blocks, self._stamps)])
+        return np.concatenate([*blocks, np.array(self._stamps, dtype=np.int64)])
 
     def values(self) -> Array:
         """(n, width)."""
         blocks = [values for _, values in self._full]
-        rows = np.concatenate([np.array(b, dtype=np.float64) for b in (*blocks, self._values)])
+        rows = np.concatenate([*blocks, np.array(self._values, dtype=np.float64)])
         return rows.reshape(-1, self.width)

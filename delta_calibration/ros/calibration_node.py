@@ -360,7 +360,7 @@ class CalibrationNode(SafeLifecycleNode):
         return doing
 
     def _look_for_others(self, desk: Desk) -> None:
-        """Tell of another that sends commands to the drives: they would be told two things in turn."""
+        """Tell of another that sends commands to the drives: they follow each in turn."""
         senders = self.count_publishers(self._out.topic_name)
         if self._active and senders > 1:
             told = f"{senders} nodes send it; the drives follow each in turn"
