@@ -25,6 +25,8 @@ from delta_calibration.texts import read_text
 Document = Mapping[str, Any]
 Schema = Mapping[str, Any]
 
+_LONGEST = 200_000  # characters: seconds of reading; a calibration of 60 parameters has 10 000
+
 
 def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[str, Any]:
     """A YAML file as plain data, valid under a schema.
@@ -38,6 +40,10 @@ def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[
             the message names the file, the entry's path, the value and what is allowed.
     """
     text = read_text(path, ConfigError)
+    if len(text) > _LONGEST:
+        raise ConfigError(
+            f"{path}: {len(text)} characters; no document of this kind has more than {_LONGEST}"
+        )
     try:
         data = _reader().load(text)
     except MarkedYAMLError as error:

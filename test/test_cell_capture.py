@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
 from delta_calibration.cell.capture import Capture
@@ -110,3 +112,29 @@ def test_streams_without_messages_are_absent() -> None:
     session = started().session("x")
     assert session.command is session.states is session.tracker is session.payload is None
     assert session.temperature == ()
+
+
+def test_what_is_frozen_stays_as_it_is_and_takes_no_time() -> None:
+    """A fit begins between two commands, whatever was captured."""
+    capture = Capture(NAMES, 1_000_000)
+    capture.start()
+    rows = np.random.default_rng(0).normal(size=(200_000, len(NAMES)))
+    for k, row in enumerate(rows):
+        capture.add_command(k, row)
+        capture.add_states(k, row)
+    capture.add_payload(0, 1.0, np.zeros(3))
+    capture.add_temperature("arm", 0, 20.0)
+    times = []
+    for _ in range(5):
+        began = time.perf_counter()
+        frozen = capture.frozen()
+        times.append(time.perf_counter() - began)
+    assert min(times) < 2e-3
+    capture.add_command(200_000, rows[0])
+    capture.add_payload(1, 2.0, np.zeros(3))
+    capture.add_temperature("arm", 1, 21.0)
+    session = frozen.session("x")
+    np.testing.assert_array_equal(session.command.position, rows)
+    assert session.command.stamp_ns.tolist() == list(range(200_000))
+    assert len(session.payload.stamp_ns) == len(session.temperature[0].stamp_ns) == 1
+    assert capture.counts["joint_command"] == 200_001

@@ -73,6 +73,57 @@ def test_a_motion_is_not_taken_for_an_echo() -> None:
     assert path.counts[command_path.ECHO] == 0
 
 
+@pytest.mark.parametrize("marked", [False, True])
+def test_an_output_that_comes_back_ends_no_ramp(marked: bool) -> None:
+    path = compensating(ramp_s=1.0)
+    for k in range(41):
+        out = path.send(Q, k, k * STEP_S)
+    for k in range(41, 60):  # a loop for a while
+        out = path.send(out.joint.copy(), k, k * STEP_S, already=marked)
+        np.testing.assert_allclose(out.joint - Q, 0.4 * DQ, atol=1e-15)
+    for k, share in ((60, 0.4), (90, 0.7), (120, 1.0), (121, 1.0)):  # from there on
+        if k == 60:
+            path.send(out.joint.copy(), k, k * STEP_S, already=marked)
+        np.testing.assert_allclose(path.send(Q, k, k * STEP_S).joint - Q, share * DQ, atol=1e-15)
+
+
+def test_an_output_that_comes_back_in_a_hold_or_after_it_is_sent_as_it_is() -> None:
+    path = compensating(HOLD, ramp_s=1.0)
+    path.send(Q, 0, -5.0)
+    path.send(Q, 0, 0.0)
+    held = path.send(outside(), 1, 0.0).joint
+    np.testing.assert_array_equal(path.send(held.copy(), 2, 0.0, already=True).joint, held)
+    away = Q + 0.4
+    np.testing.assert_allclose(path.send(away, 3, 0.0).joint, held)  # no jump to the command
+    half = path.send(away, 4, 0.5).joint
+    np.testing.assert_allclose(half, (held + away + DQ) / 2)
+    for now_s in (0.5, 0.6):  # and not the way that is left once more
+        np.testing.assert_array_equal(path.send(half.copy(), 5, now_s).joint, half)
+
+
+@pytest.mark.parametrize("on_failure", [PASS_THROUGH, HOLD])
+def test_no_correction_brings_a_joint_beyond_its_limit(on_failure: str) -> None:
+    """Where a correction goes out because the joint's limit is near, it is there for a while."""
+    limits = Q - 1.0, Q + np.array([0.1, 1.0, 1.0])
+    path = CommandPath(on_failure, ramp_s=1.0, limits=limits)
+    path.load(Fixed(np.full(3, 0.01)))
+    path.enable(True)
+    path.send(Q, 0, -5.0)
+    path.send(Q, 0, 0.0)
+    path.enable(False)
+    for k, s in enumerate(np.linspace(0.0, 0.3, 32)):  # at the limit long before it is out
+        q = Q + 0.1 * s / 0.3
+        out = path.send(q, k, s).joint
+        assert (out <= limits[1]).all()
+        np.testing.assert_allclose(path.nominal(out), q)
+    assert path.counts[command_path.LIMIT] > 0
+    beyond = path.send(Q + 0.2, 99, 0.3).joint[0]  # as commanded, and no farther
+    assert beyond == Q[0] + 0.2
+    held = path.counts[command_path.LIMIT]
+    path.send(Q - 2.0, 100, 9.0)  # beyond by itself, and nothing to be held
+    assert path.counts[command_path.LIMIT] == held
+
+
 def test_after_a_hold_the_output_goes_back_to_the_commands_without_a_jump() -> None:
     path = compensating(HOLD, ramp_s=1.0)
     path.send(Q, 0, -5.0)
@@ -189,7 +240,20 @@ def test_without_a_margin_corrections_end_at_the_region() -> None:
     done = JointCompensator(made).compensate(q)
     inside = made.region.outside(across(5)) <= 1e-9
     assert [v is Verdict.CORRECTED for v in done.verdicts] == inside.tolist()
-    assert set(done.share) == {0.0, 1.0}
+    assert done.share is None  # none in part
+
+
+def test_without_a_margin_a_correction_ends_and_begins_over_the_ramp() -> None:
+    sharp = replace(ROBOT, limits=replace(ROBOT.limits, region_margin=0.0))
+    path = CommandPath(ramp_s=1.0)
+    path.load(JointCompensator(calibration(errors(np.random.default_rng(1)), sharp, reach=0.25)))
+    path.enable(True)
+    q = drawing_joints(across(4001))  # 0.1 mm a millisecond
+    path.send(q[0], 0, -9.0)
+    added = np.array([path.send(c, k, k * 1e-3).joint - c for k, c in enumerate(q)])
+    largest = np.abs(added).max()
+    assert largest > 1e-4
+    assert np.abs(np.diff(added, axis=0)).max() < 2.0 * largest * 1e-3
 
 
 def test_each_guard_of_a_real_calibration_is_counted_on_the_path() -> None:

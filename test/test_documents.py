@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import time
 
 import pytest
 
@@ -156,3 +157,12 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
     assert path.read_text(encoding="utf-8") == TEXT
     with pytest.raises(ConfigError, match=r"none/a\.yaml: cannot be written: No such file"):
         write_document(tmp_path / "none" / "a.yaml", {"a": 1})
+
+
+def test_a_huge_file_is_refused_before_it_is_parsed(tmp_path):
+    path = tmp_path / "huge.yaml"
+    path.write_text("a: [" + "1, " * 2_000_000 + "1]")
+    began = time.monotonic()
+    with pytest.raises(ConfigError, match=r"huge\.yaml: 6000006 characters; no document"):
+        read_document(path, lambda _: {})
+    assert time.monotonic() - began < 2.0  # parsing takes minutes

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import InertiaStamped, PointStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState, Temperature
 
@@ -34,7 +35,7 @@ from calibration_bench import (  # noqa: F401
 from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cell.desk import Desk
 from delta_calibration.compensation import JointCompensator
-from delta_calibration.ros.calibration_node import MARK
+from delta_calibration.ros.calibration_node import MARK, CalibrationNode
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp, stamp_to_ns
 from delta_calibration.ros.qos import PAYLOAD, STREAM_OUT
 from delta_calibration.samples import at_rest
@@ -204,9 +205,10 @@ def test_only_an_active_node_sends(bench: Bench) -> None:
     bench.spin_for(0.2)
     assert cell.nominal == []
     assert cell.diagnosed("inactive: nothing is sent", DiagnosticStatus.OK)
-    yes, said = cell.call("start_capture")
-    assert not yes
-    assert "activate it first" in said
+    for service, value in (("start_capture", None), ("enable", True)):
+        yes, said = cell.call(service, value)
+        assert not yes
+        assert "activate it first" in said
     cell.node.trigger_activate()
     assert cell.give(Q) is not None
     cell.node.trigger_deactivate()
@@ -224,6 +226,25 @@ def test_compensation_is_off_after_every_activation(bench: Bench, file: Path) ->
     cell.node.trigger_deactivate()
     cell.node.trigger_activate()
     np.testing.assert_array_equal(positions(cell.give(Q)), Q)
+
+
+def test_another_that_sends_to_the_drives_is_told(bench: Bench) -> None:
+    cell = Cell(bench)
+    assert cell.diagnosed("passing commands through", DiagnosticStatus.OK)
+    other = cell.world.create_publisher(JointState, "joint_command_compensated", STREAM_OUT)
+    assert cell.diagnosed("/joint_command_compensated: 2 nodes send it")
+    cell.world.destroy_publisher(other)
+
+
+@pytest.mark.parametrize(
+    ("heard", "sent"),
+    [("joint_command", "joint_command_compensated"), ("joint_states", "joint_states_nominal")],
+)
+def test_a_node_that_would_answer_itself_is_refused(bench: Bench, heard: str, sent: str) -> None:
+    remapped = ["--ros-args", "-r", f"{sent}:={heard}"]
+    node = bench.add(CalibrationNode(context=bench.context, cli_args=remapped))
+    assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+    assert f"{heard} is /{heard}, which the node itself sends" in node._refused
 
 
 def test_transitions_out_of_state_are_answered_false(bench: Bench) -> None:

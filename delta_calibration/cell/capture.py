@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from delta_calibration.samples import (
 )
 
 Array = NDArray[np.float64]
+
+_BLOCK = 4096  # rows
 
 
 class Capture:
@@ -105,6 +108,15 @@ class Capture:
         self._payload_before = (stamp_ns, row)
         self._take(self._payload, stamp_ns, row)
 
+    def frozen(self) -> Capture:
+        """What is held now, at once; its session may be made on another thread."""
+        other = copy(self)
+        other._command, other._states = self._command.frozen(), self._states.frozen()
+        other._tracker = None if self._tracker is None else self._tracker.frozen()
+        other._payload = self._payload.frozen()
+        other._temperature = {part: rows.frozen() for part, rows in self._temperature.items()}
+        return other
+
     def session(self, source: str) -> Session:
         """What is held now, as a session; a copy that later messages do not change."""
         return Session(
@@ -166,27 +178,42 @@ class Capture:
 
 
 class _Rows:
-    """Stamped rows of one width in compact arrays that grow."""
+    """Stamped rows of one width in compact blocks, of which the last one grows."""
 
     def __init__(self, width: int) -> None:
         self.width = width
         self.backward = 0  # stamps before the one before
-        self._stamps = array("q")
-        self._values = array("d")
+        self._full: list[tuple[NDArray[np.int64], Array]] = []
+        self._stamps, self._values = array("q"), array("d")
+        self._last: int | None = None
 
     def __len__(self) -> int:
-        return len(self._stamps)
+        return _BLOCK * len(self._full) + len(self._stamps)
 
     def append(self, stamp_ns: int, row: Array) -> None:
-        if self._stamps and stamp_ns < self._stamps[-1]:
+        if self._last is not None and stamp_ns < self._last:
             self.backward += 1
+        self._last = stamp_ns
         self._stamps.append(stamp_ns)
         self._values.extend(row.tolist())
+        if len(self._stamps) == _BLOCK:
+            self._full.append((np.array(self._stamps), np.array(self._values)))
+            self._stamps, self._values = array("q"), array("d")
+
+    def frozen(self) -> _Rows:
+        """The same rows, to which none is added here; full blocks are shared."""
+        other = copy(self)
+        other._full = list(self._full)
+        other._stamps, other._values = self._stamps[:], self._values[:]
+        return other
 
     def stamps(self) -> NDArray[np.int64]:
         """(n,) [ns]."""
-        return np.array(self._stamps, dtype=np.int64)
+        blocks = [stamps for stamps, _ in self._full]
+        return np.concatenate([*blocks, np.array(self._stamps, dtype=np.int64)])
 
     def values(self) -> Array:
         """(n, width)."""
-        return np.array(self._values, dtype=np.float64).reshape(-1, self.width)
+        blocks = [values for _, values in self._full]
+        rows = np.concatenate([*blocks, np.array(self._values, dtype=np.float64)])
+        return rows.reshape(-1, self.width)

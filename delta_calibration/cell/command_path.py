@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.cell.echo import Echo
+from delta_calibration.cell.echo import Echo, Output
 from delta_calibration.cell.ramp import Ramp, WayBack
 from delta_calibration.compensation import Compensated, Verdict
 from delta_calibration.errors import DataError, InputError
@@ -33,6 +33,7 @@ ALREADY = "already compensated, passed unchanged"
 ECHO = "what was sent, unmarked, commanded again: passed unchanged"
 BLENDED = "correction blended out towards the edge of the region"
 LIMITED = "correction held to its rate"
+LIMIT = "correction held at a joint's limit"
 STALE = "older than the timeout"
 REFUSED = "refused: malformed"
 HELD = "held: the last good command was sent instead"
@@ -78,6 +79,8 @@ class CommandPath:
         timeout_s: age [s] beyond which a command is not sent any more; 0 for none.
         speed: fastest motion of a joint on its way back from a hold [rad/s or m/s].
         unit: of the joints, for what is told.
+        limits: lowest and highest angle of each joint, each (m,) [rad]. A correction never brings
+            a joint beyond one, nor farther beyond one than it was commanded.
     """
 
     def __init__(
@@ -88,10 +91,11 @@ class CommandPath:
         timeout_s: float = 0.0,
         speed: float = np.inf,
         unit: str = "rad",
+        limits: tuple[Array, Array] | None = None,
     ) -> None:
         self.ramp, self._unit = Ramp(ramp_s, rate), unit
         self.set_options(on_failure, ramp_s, rate, timeout_s)
-        self._speed = speed
+        self._speed, self._limits = speed, limits
         self.counts: Counter[str] = Counter()
         self.trouble: str | None = None
         self.compensator: Corrects | None = None
@@ -185,11 +189,10 @@ class CommandPath:
         if not self.takes(q, age_s):
             self.count(STALE if _finite(q) else Verdict.NOT_FINITE.value)
             return self._instead()
-        carried = self._echo.of(q)
-        if already or carried is not None:
+        again = self._echo.of(q, already)
+        if already or again is not None:
             self.count(ALREADY if already else ECHO)
-            self.ramp.set(0.0 if carried is None else carried, self.compensator)
-            return self._go(q, np.zeros_like(q), True, now_s)
+            return self._unchanged(q, again, now_s)
         if not self.enabled or self.compensator is None:
             self.counts[PASSED] += 1
             return self._ramped(q, np.zeros_like(q), None, now_s)
@@ -225,6 +228,16 @@ class CommandPath:
         """Largest correction of a joint in the last output [rad]."""
         return float(np.abs(self.ramp.applied).max())
 
+    def within(self, q: Array, joint: Array) -> Array | None:
+        """What is within limits of `joint`, asked for commands q, (..., m) [rad]; None if all."""
+        if self._limits is None:
+            return None
+        lower, upper = self._limits
+        if ((joint >= lower) & (joint <= upper)).all():
+            return None
+        inside = np.clip(joint, np.minimum(lower, q), np.maximum(upper, q))
+        return None if np.array_equal(inside, joint) else inside
+
     def _stale(self, age_s: float) -> bool:
         return 0.0 < self.timeout_s < age_s
 
@@ -250,10 +263,25 @@ class CommandPath:
         dq = self.ramp.toward(goal, source, now_s)
         if self.ramp.limited > before:
             self.counts[LIMITED] += 1
-        sent = self._go(q, dq, self.enabled or bool(np.any(dq)), now_s)
-        if self._back is None:  # else the output is on its way, and fits no pose of its own
-            self._echo.sent(sent.joint, dq)
-        return sent
+        inside = self.within(q, q + dq)
+        if inside is not None:
+            self.counts[LIMIT] += 1
+            dq = self.ramp.applied = inside - q
+        return self._go(q, dq, self.enabled or bool(np.any(dq)), now_s)
+
+    def _unchanged(self, q: Array, again: Output | None, now_s: float) -> Sent:
+        """Send what has been through here, or through another compensator, as it came."""
+        if again is None:  # whole, as far as is known
+            self.ramp.set(0.0, self.compensator)
+            return self._go(q, np.zeros_like(q), True, now_s)
+        self.ramp.resume(again.stage, now_s)
+        held = self._held
+        if self._holding and held is not None and (again.astray or again.is_at(held.joint)):
+            return held  # the commands are not back yet
+        if again.astray:
+            self._held = Sent(q, True)
+            return self._held
+        return self._go(q, np.zeros_like(q), True, now_s)
 
     def _go(self, q: Array, dq: Array, compensated: bool, now_s: float) -> Sent:
         """Send q + dq, or what lies between that and where the drives were held."""
@@ -264,7 +292,12 @@ class CommandPath:
         if self._back is not None:
             left = self._back.left(now_s)
             joint = joint + left
+            inside = self.within(q, joint)
+            joint = joint if inside is None else inside
             self._back = self._back if left.any() else None
+        astray = self._back is not None
+        if compensated or astray:
+            self._echo.sent(Output(joint, self.ramp.stage, astray))
         self._held, self._holding = Sent(joint, compensated), False
         return self._held
 

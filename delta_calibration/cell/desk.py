@@ -77,6 +77,7 @@ class Desk:
             settings.command_timeout_s,
             self.robot.joints.speed,
             self.robot.joints.unit,
+            (self.robot.joints.lower, self.robot.joints.upper),
         )
         self.trajectories = TrajectoryPath(self.path)
         self.around = Surroundings(
@@ -196,9 +197,10 @@ class Desk:
         """
         if not self.capture.held:
             raise DataError("nothing was captured; call start_capture and measure first")
-        session = self.capture.session(SOURCE)
+        held = self.capture.frozen()
 
         def work() -> tuple[Fitted, JointCompensator]:
+            session = held.session(SOURCE)
             fitted = way(session, self.robot, self._model, self.settings.seed, step)
             step(COMPENSATOR)
             return fitted, self._compensator(fitted.calibration)

@@ -19,6 +19,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Stage:
+    """A correction on its way: what is applied (m,) [rad], from what, what is left of the ramp."""
+
+    applied: Array | float
+    source: object
+    left_s: float  # [s]
+
+
 class Ramp:
     """The correction that the drives are given.
 
@@ -43,8 +52,23 @@ class Ramp:
         self.source, self._last_s = self, -np.inf
 
     def set(self, applied: Array | float, source: object) -> None:
-        """Take notice of a correction that is applied already."""
+        """Take notice of a correction that is applied already, whole, and not by this one."""
         self.applied, self.source, self._length = applied, source, 0.0
+        self._last_s = -np.inf  # nothing to be held to a rate from
+
+    @property
+    def stage(self) -> Stage:
+        """How far the correction has come that was applied last."""
+        gone_s = max(self._last_s - self._since_s, 0.0)
+        return Stage(self.applied, self.source, max(self._length - gone_s, 0.0))
+
+    def resume(self, stage: Stage, now_s: float) -> None:
+        """Go on from an earlier stage, which the drives are at again."""
+        self.applied = self._from = stage.applied
+        self._since_s = self._last_s = now_s
+        self._length = stage.left_s
+        if stage.source is not self.source:
+            self.source = self  # anew, wherever to
 
     def stands(self, applied: Array, now_s: float) -> None:
         """Take notice of how far the correction has come by now, (m,) [rad], on its ramp."""

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from delta_calibration.cell.command_path import (
     ALREADY,
     BLENDED,
     HOLD,
+    LIMIT,
     LIMITED,
     PASSED,
     CommandPath,
@@ -139,6 +139,11 @@ class TrajectoryPath:
         ramp, before = copy(self._path.ramp), self._path.ramp.limited
         steps = zip(goal, sources, points.time, strict=True)
         dq = np.array([ramp.toward(g, source, float(t)) for g, source, t in steps])
+        inside = self._path.within(points.joint, points.joint + dq)
+        if inside is not None:
+            self._path.counts[LIMIT] += 1
+            dq = inside - points.joint
+            ramp.applied = dq[-1]
         # Before the first point the controller comes from where it is.
         whole = np.vstack([np.broadcast_to(self._path.ramp.applied, dq[:1].shape), dq])
         self._path.ramp = ramp
@@ -165,4 +170,4 @@ def _conditions(points: Points, around: Surroundings) -> Conditions:
         if points.velocity is not None:
             at = replace(at, velocity=points.velocity[row : row + 1])
         each.append(at)
-    return reduce(joined, each)
+    return joined(*each)

@@ -215,7 +215,7 @@ class JointCompensator:
             whole.evaluations,
             tuple(verdicts),
             missing,
-            share,
+            self._told_share(share),
             np.where(good, turn, np.inf) if turn is not None and self._aim.turns else None,
         )
 
@@ -234,8 +234,9 @@ class JointCompensator:
             code, out = alone.correct(q[0])
             dq, evaluations = out[None, 4:7], np.array([int(out[8])])
             return Compensated(
-                q + dq, dq, out[7:8], evaluations, _ALONE[code], share=out[3:4]
-            )
+                q + dq, dq, out[7:8], evaluations, _ALONE[code],
+                share=self._told_share(out[3:4]),
+            )  # fmt: skip
         code, out = alone.judge(q[0])
         if code or out[3] < 1.0:
             return None
@@ -246,8 +247,9 @@ class JointCompensator:
         if not self._within(joint)[0]:
             return None
         return Compensated(
-            joint, found.dq, found.error, found.evaluations, _ALONE[code], share=out[3:4]
-        )
+            joint, found.dq, found.error, found.evaluations, _ALONE[code],
+            share=self._told_share(out[3:4]),
+        )  # fmt: skip
 
     def _outside(self, meant: Array) -> Array:
         """How far outside the calibrated region poses (n, k) lie, (n,) [m]; negative inside."""
@@ -263,6 +265,10 @@ class JointCompensator:
         beyond = np.maximum(outside - _ON_FACE, 0.0)
         margin = self.robot.limits.region_margin
         return np.clip(1.0 - beyond / margin, 0.0, 1.0) if margin else 1.0 * (beyond == 0.0)
+
+    def _told_share(self, share: Array) -> Array | None:
+        """The share where it goes down over a margin; None where corrections end at the region."""
+        return share if self.robot.limits.region_margin else None
 
     def _left(self, q: Array, dq: Array, part: Array) -> Array:
         """How far from the target a part (n,) of the corrections dq would move the tool, (n,) [m].

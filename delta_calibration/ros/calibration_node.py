@@ -98,6 +98,7 @@ class CalibrationNode(SafeLifecycleNode):
         self._refused = ""
 
     def _configure(self) -> None:
+        self._require_apart()
         desk = Desk(desk_settings(self._settings), self._follow)
         text, names = self._settings.text, desk.robot.joints.names
         trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
@@ -119,6 +120,14 @@ class CalibrationNode(SafeLifecycleNode):
         self.get_logger().info(f"configured for {desk.robot.name}")
         if desk.left_out:
             self.get_logger().warn(desk.left_out)
+
+    def _require_apart(self) -> None:
+        """No topic that the node sends may be one that it listens to: it would answer itself."""
+        for heard, publisher in (("joint_command", self._out), ("joint_states", self._nominal)):
+            if self.resolve_topic_name(heard) == publisher.topic_name:
+                raise InputError(
+                    f"{heard} is {publisher.topic_name}, which the node itself sends"
+                )
 
     def _listen(self) -> None:
         take: dict[str, Callable[[Desk, Any], None]] = {
@@ -258,12 +267,20 @@ class CalibrationNode(SafeLifecycleNode):
         return response
 
     def _on_enable(self, request: Any, response: Any) -> Any:
-        return self._obey(lambda desk: desk.enable(bool(request.data)), request, response)
+        return self._obey(partial(self._enable, bool(request.data)), request, response)
+
+    def _enable(self, on: bool, desk: Desk) -> str:
+        if on:  # activated, it would be off again
+            self._require_active()
+        return desk.enable(on)
 
     def _start_capture(self, desk: Desk) -> str:
+        self._require_active()
+        return desk.start_capture(time.monotonic())
+
+    def _require_active(self) -> None:
         if not self._active:
             raise DataError(f"the node is {self.state}; activate it first")
-        return desk.start_capture(time.monotonic())
 
     def _require_desk(self) -> Desk:
         if self._desk is None:
@@ -342,11 +359,19 @@ class CalibrationNode(SafeLifecycleNode):
             doing[task.name] = task.sentence(), task.values(time.monotonic())
         return doing
 
+    def _look_for_others(self, desk: Desk) -> None:
+        """Tell of another that sends commands to the drives: they follow each in turn."""
+        senders = self.count_publishers(self._out.topic_name)
+        if self._active and senders > 1:
+            told = f"{senders} nodes send it; the drives follow each in turn"
+            desk.watch.trouble(self._out.topic_name, told, time.monotonic())
+
     def _health(self) -> Health:
         if self._desk is None and self._refused:
             return Health(Level.ERROR, f"{self.state}, nothing is sent: {self._refused}", {})
         if self._desk is None:
             return Health(Level.WARN, f"{self.state}: nothing is sent", {})
+        self._look_for_others(self._desk)
         timeout_s = self._settings.number("tracker_timeout_s")
         health = self._desk.health(time.monotonic(), timeout_s)
         if not self._active:

@@ -91,12 +91,13 @@ def at_rest(joint: Array) -> Conditions:
     )
 
 
-def joined(first: Conditions, second: Conditions) -> Conditions:
-    """The samples of both, one after the other; the same sensors in both."""
-    both: dict[str, Any] = {
-        name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in _ARRAYS
+def joined(first: Conditions, *others: Conditions) -> Conditions:
+    """The samples of all, one after the other; the same sensors in all."""
+    parts = (first, *others)
+    together: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS
     }
-    return replace(first, **both)
+    return replace(first, **together)
 
 
 _ARRAYS = tuple(
