@@ -86,6 +86,14 @@ def test_a_hidden_cause_is_named_and_its_model_predicts(cause: str):
         assert abs(item["value"] - item["true"]) < 4 * item["std"]
 
 
+def test_two_causes_that_two_maps_could_draw_are_named():
+    """A drift and a growth: beside a map over time the drift has no shape to be found by."""
+    hidden = ("tracker_drift", 3057.0), ("thermal_growth_arm", 2074.0)
+    said = trial(408147, *hidden)
+    assert {f["cause"] for f in said["findings"]} == {cause for cause, _ in hidden}
+    assert not said["unknown"]
+
+
 def test_one_wrong_dimension_of_a_precise_machine_is_named_in_its_chain():
     said = trial(1010, ("forearm_length", SIGNAL), scatter=PRECISE)
     found = [(f["cause"], f["location"]) for f in said["findings"]]
@@ -127,13 +135,16 @@ def test_a_cause_taken_out_of_the_catalogue_is_not_given_another_name():
     assert not said["findings"]
 
 
-def test_the_reflector_is_found_where_the_valley_of_its_offset_has_two_floors():
-    """A search that only goes downhill from where it was led ends 0.15 m off in this session."""
-    session = hide({}, 204232, "rich").session
+@pytest.mark.parametrize("seed", [204232, 908873])
+def test_the_reflector_is_found_where_the_valley_of_its_offset_has_two_floors(seed: int):
+    """A search that only goes downhill from where it was led, or from the drawing, is 0.15 m
+    off.
+    """
+    session = hide({}, seed, "rich").session
     model = calibrated(survey(session, ROBOT.joints.names), ROBOT)
     offset = slice(model.problem.chain.geometry_size, model.problem.chain.geometry_size + 3)
-    true = hide({}, 204232, "rich").cell.tracker.reflector
-    assert abs(model.theta[offset] - true).max() < 0.02
+    true = hide({}, seed, "rich").cell.tracker.reflector
+    assert abs(model.theta[offset] - true).max() < 0.04
     assert model.misfit < 1.1
 
 

@@ -195,12 +195,36 @@ def find(
     while True:
         short.update({score.candidate.key: score for score in _shortlist(here)})
         members, begin = begin or _next_members(model, here, tuple(short.values())), ()
-        keys = tuple(sorted(m.key for m in members))
-        if keys in seen:
+        if _keys(members) in seen:
+            members = _without_maps(model, effects, rng)
+        if _keys(members) in seen:
             return Found(model, first, here, tuple(short.values()))
-        seen.add(keys)
+        seen.add(_keys(members))
         model = model.fitted(members)
         here = scan(model.beside, effects, degrees, rng, model.members)
+
+
+def _keys(members: Sequence[Candidate]) -> tuple[str, ...]:
+    return tuple(sorted(m.key for m in members))
+
+
+def _without_maps(
+    model: Fitted, effects: Sequence[Effect], rng: np.random.Generator
+) -> tuple[Candidate, ...]:
+    """The members, a cause in the place of a map wherever one is the best beside the others.
+
+    Beside the map it would have had no shape of its own to be found by.
+    """
+    members = model.members
+    for member in members:
+        others = tuple(m for m in members if m is not member)
+        if not member.unexplained or not others:
+            continue
+        bare = model.fitted(others)
+        best = _worth_it(scan(bare.beside, effects, model.noise_degrees, rng, others), bare)
+        if best is not None and not best.candidate.unexplained:
+            members = (*others, best.candidate)
+    return members
 
 
 def _left_by_the_best(begun: tuple[Fitted, Scan]) -> float:
