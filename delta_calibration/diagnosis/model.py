@@ -160,7 +160,8 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
     near = model.evidence.pose
     now = _stepped(_sharpened(replace(model, members=members, theta=theta, near=near)))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
-    now = _settled(replace(now, cell=cell, members=now.refined()))
+    # the first cause that comes in may have held the offset on another floor of its valley
+    now = _settled(replace(now, cell=cell, members=now.refined()), not model.members)
     return _joined(now) if len(model.survey.paths) else now
 
 
@@ -223,7 +224,7 @@ def _offset(model: Model) -> Index:
     return np.arange(first, first + 3)
 
 
-def _settled(model: Model) -> Model:
+def _settled(model: Model, everywhere: bool) -> Model:
     """The model at rest on the poses, what shows in motion only held where it is.
 
     Where the platform hardly tilts, the reflector's offset lies in a curved valley: steps that
@@ -241,7 +242,7 @@ def _settled(model: Model) -> Model:
         begin += size
     held = np.where(free, problem.theta0, model.theta)
     start = replace(problem, theta0=held).only(free)
-    solution = solve(start, start.unknowns(model.theta))
+    solution = solve(start, start.unknowns(model.theta), everywhere=everywhere)
     cell = replace(model.cell, weight=solution.weight)
     return replace(model, theta=solution.theta, cell=cell, near=None)
 

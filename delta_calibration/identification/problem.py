@@ -177,9 +177,16 @@ class _Loss:
 
 
 def solve(
-    problem: Problem, start: Array | None = None, robust: bool = True, settled: float = SETTLED
+    problem: Problem,
+    start: Array | None = None,
+    robust: bool = True,
+    settled: float = SETTLED,
+    everywhere: bool = False,
 ) -> Solution:
     """Minimise by Levenberg-Marquardt with Huber's loss on the distances, then Hampel's.
+
+    Where no start is given, or `everywhere` is asked for, the reflector's offset is sought on
+    every floor of its valley.
 
     The loss begins to be linear at 4 robust standard deviations of the residuals, and never under
     4 of the stated noise. They are those of the start at first, then of each fit, until they no
@@ -202,7 +209,7 @@ def solve(
             break
     if np.linalg.norm(found.residual, axis=1).max() <= _GROSS * bend:
         loss, starts = _Loss(bend), [z]
-        if start is None:  # the rounds may have led the offset onto the wrong floor of its valley
+        if start is None or everywhere:  # the rounds may have led to the wrong floor
             place = _likeliest_place(problem, loss, z, settled)
             made += place.evaluations
             starts += [first, place.z]
