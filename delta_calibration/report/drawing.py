@@ -30,6 +30,11 @@ class Axis:
     high: float | None = None
     names: tuple[str, ...] = ()  # of the places 0, 1, ... where the axis holds names
 
+    @classmethod
+    def side_by_side(cls, title: str, names: tuple[str, ...]) -> Axis:
+        """Names with room beside the first and the last, which else would be left away."""
+        return cls(title, names=names, low=-0.5, high=len(names) - 0.5)
+
 
 @dataclass(frozen=True)
 class Scale:

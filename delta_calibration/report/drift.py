@@ -92,7 +92,7 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
     names = tuple(record.name for record in records)
     return Report(
         title=f"Comparison of {len(records)} calibrations: {first.calibration.robot.name}",
-        subtitle=f"sessions recorded {first.when} to {records[-1].when}",
+        subtitle=f"sessions recorded {' to '.join(dict.fromkeys([first.when, records[-1].when]))}",
         sentence=(
             f"From {first.name} to {records[-1].name} the machine moved by {mm(MM * last)} mm "
             f"RMS, at most {mm(MM * largest)} mm, over their common region."
@@ -242,7 +242,7 @@ def _shift_figure(
         (
             Panel(
                 "",
-                Axis("calibration", names=names),
+                Axis.side_by_side("calibration", names),
                 Axis("distance [mm]"),
                 (
                     *course("RMS", place, rms, CALIBRATED, "solid", "circle"),
@@ -267,7 +267,7 @@ def _parameter_figure(records: Sequence[CalibrationRecord], order: NDArray[np.in
         panels.append(
             Panel(
                 spoken(items[k].name),
-                Axis("calibration", names=tuple(r.name for r in records)),
+                Axis.side_by_side("calibration", tuple(r.name for r in records)),
                 Axis(f"deviation [{unit}]"),
                 (Points("", place, factor * value, colour, size=7.0, error=1.96 * factor * std),),
             )

@@ -113,7 +113,7 @@ def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
         (
             Panel(
                 "",
-                Axis("verdict", names=tuple(file.name for file in files)),
+                Axis.side_by_side("verdict", tuple(file.name for file in files)),
                 Axis("held-out error, RMS [mm]", log=True),
                 (
                     *course("before", place, values("baseline"), BEFORE, "solid", "circle"),
@@ -167,5 +167,5 @@ def _values_panel(
             )
         )
     return Panel(
-        "", Axis("verdict", names=names), Axis(f"{cause} [{unit}]"), tuple(marks)
+        "", Axis.side_by_side("verdict", names), Axis(f"{cause} [{unit}]"), tuple(marks)
     )
