@@ -278,6 +278,8 @@ def test_friction_depends_on_speed_and_play_does_not() -> None:
     slow, fast = (speed > 0.015) & (speed < 0.03), speed > 0.5
     assert np.median(np.abs(shift[slow, 0])) > 0.6 * size
     assert np.median(np.abs(shift[fast, 0])) < 0.35 * size
+    play = trial.causes[0].values["play_1"]
+    assert_allclose(np.median(np.abs(shift[fast, 0])), play / 2, rtol=0.02)
     assert (shift[fast, 0] * world.velocity[fast, 0] < 0).mean() > 0.95
     assert 5 < trial.signals.still < 100  # [um] published
 

@@ -7,10 +7,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from study.judge import _true_value
 from study.page import page
 from study.statistics import Rate, calibration_error
 from study.trials import Task, tasks
@@ -109,6 +111,19 @@ def test_the_page_tells_what_an_extension_is_worth():
     assert f"take away {share:.1%} of the mean square error" in text
     assert "of a pose (about 1 um) 0.0%" in text
     assert "by more than 0.1 um 50.0%" in text
+
+
+def test_the_level_of_a_hidden_friction_is_play_that_a_finding_holds_as_well():
+    friction = {"friction_1": 20e-6, "play_1": 8e-6}
+    values = {"backlash": {"gap_1": 9e-6, "gap_2": 5e-6}, "stick_slip": friction}
+    both, alone = (
+        SimpleNamespace(hidden=SimpleNamespace(values=hidden))
+        for hidden in (values, {"backlash": values["backlash"]})
+    )
+    assert _true_value(both, "backlash", "gap", "_1") == pytest.approx(17e-6)
+    assert _true_value(both, "backlash", "gap", "_2") == pytest.approx(5e-6)
+    assert _true_value(alone, "backlash", "gap", "_1") == pytest.approx(9e-6)
+    assert _true_value(both, "backlash", "gap", "_3") is None
 
 
 def test_the_page_counts_true_values_within_stated_intervals():

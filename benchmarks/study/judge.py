@@ -24,6 +24,8 @@ from study.trials import Task
 _UM = 1e6
 _WEAKEST, _MOST = 0.01, 5.0  # strengths that a real machine could have
 _METAL = 1.7  # the same of growth: no metal's is more than 40e-6 1/K
+# part of a hidden value that lies in another cause: friction's level is a play
+_IN_OTHERS = {"backlash": ("stick_slip", "play")}
 # hidden value -> parameter of the finding that should hold it, a number for each joint appended
 _SAME = {
     "backlash": {"gap": "gap"},
@@ -184,9 +186,18 @@ def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
             for name, estimate in said[cause.name].parameters.items():
                 if name != theirs and name.rsplit("_", 1)[0] != theirs:
                     continue
-                true = cause.values.get(ours + name.removeprefix(theirs))
+                true = _true_value(trial, cause.name, ours, name.removeprefix(theirs))
                 rows.append(
                     {"of": f"{cause.name}.{name}", "true": true,
                      "value": estimate.value, "std": estimate.std}
                 )  # fmt: skip
     return [row for row in rows if row["true"] is not None]
+
+
+def _true_value(trial: Trial, cause: str, name: str, leg: str) -> float | None:
+    """A hidden value, with what of another cause is the same; None where a leg has none."""
+    values = trial.hidden.values
+    other, part = _IN_OTHERS.get(cause, ("", ""))
+    if name + leg not in values[cause]:
+        return None
+    return float(values[cause][name + leg]) + float(values.get(other, {}).get(part + leg, 0.0))

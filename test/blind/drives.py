@@ -72,7 +72,9 @@ def stick_slip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
             bent = _bristles(world.time, world.command[:, leg])
             state.joint[:, leg] -= size[leg] * bent
 
-    return Cause("stick_slip", act, of_legs("friction", size))
+    # at speed friction is all level, which is a play: as wide as the bend one way and the other
+    play = of_legs("play", 2 * _COULOMB * size)
+    return Cause("stick_slip", act, of_legs("friction", size) | play)
 
 
 def _bristles(time: Array, motor: Array) -> Array:
