@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from blind import hide
 from delta_calibration.diagnosis import Verdict, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import subsets
 from delta_calibration.diagnosis.model import _cost, fit, rested
+from delta_calibration.diagnosis.search import _without_maps, scan
 from delta_calibration.effects import catalogue
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
@@ -29,7 +31,7 @@ CAUSES = (
     "timestamp_latency", "tracker_drift", "joint_scale",
 )  # fmt: skip
 PAIRS = (
-    # beside a map over time, which is found first, the drift has no shape to be found by
+    # two maps, over time and temperature, could draw them
     (408147, (("tracker_drift", 3057.0), ("thermal_growth_arm", 2074.0))),
     # without the first, the second is taken for another, as the reflector is on the wrong floor
     (838869, (("encoder_eccentricity", 1733.0), ("forearm_compliance", 161.0))),
@@ -97,6 +99,21 @@ def test_two_causes_are_named(seed: int, hidden: tuple[tuple[str, float], ...]):
     said = trial(seed, *hidden)
     assert {f["cause"] for f in said["findings"]} == {cause for cause, _ in hidden}
     assert not said["unknown"]
+
+
+def test_causes_take_the_places_of_two_maps_that_drew_them():
+    """Beside a map over time a drift has no shape of its own to be found by."""
+    trial, _ = _scaled(Task("pair", *PAIRS[0]))
+    model = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
+    effects = catalogue(ROBOT, model.problem.chain.mechanism)
+    rng = np.random.default_rng(0)
+    tried = [s.candidate for s in scan(model.beside, effects, model.noise_degrees, rng).scores]
+    drawn = tuple(
+        next(c for c in tried if c.label == f"unexplained ({family})")
+        for family in ("temperature", "time")
+    )
+    members = _without_maps(model.fitted(drawn), effects, rng)
+    assert {m.cause for m in members} == {cause for cause, _ in PAIRS[0][1]}
 
 
 def test_one_wrong_dimension_of_a_precise_machine_is_named_in_its_chain():
