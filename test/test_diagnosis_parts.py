@@ -405,7 +405,7 @@ def test_an_audit_sees_what_goes_along_with_motions_only(moving) -> None:
 
 def reasons(evidence):
     """Why each cause cannot be told, and what would."""
-    said = unseen.unseen(evidence, catalogue(ROBOT, evidence.chain.mechanism), ())
+    said = unseen.unseen(evidence, (), catalogue(ROBOT, evidence.chain.mechanism), ())
     return {name: entry for entry in said for name in entry.between}
 
 

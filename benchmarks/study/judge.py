@@ -180,8 +180,8 @@ def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
     for cause in trial.causes:
         if cause.name not in said or cause.name not in _SAME:
             continue
-        if {other.name for other in trial.causes} & set(said[cause.name].equivalents):
-            continue  # the two together are one cause to this session
+        if {other.name for other in trial.causes} & _untold(said[cause.name], found):
+            continue  # the two together are one cause to this session, and it says so
         for ours, theirs in _SAME[cause.name].items():
             for name, estimate in said[cause.name].parameters.items():
                 if name != theirs and name.rsplit("_", 1)[0] != theirs:
@@ -192,6 +192,13 @@ def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
                      "value": estimate.value, "std": estimate.std}
                 )  # fmt: skip
     return [row for row in rows if row["true"] is not None]
+
+
+def _untold(finding: Finding, found: Diagnosis) -> set[str]:
+    """What the verdict says that a finding cannot be told from, or may hold some of."""
+    classes = (set(item.between) for item in found.verdict.cannot_tell)
+    told = [some for some in classes if finding.cause in some]
+    return set(finding.equivalents).union(*told) - {finding.cause}
 
 
 def _true_value(trial: Trial, cause: str, name: str, leg: str) -> float | None:

@@ -191,8 +191,14 @@ def _exact(outcome: Outcome) -> bool:
     return names == set(outcome["hidden"]) and not outcome["unknown"]
 
 
+def _class(outcome: Outcome, finding: Outcome) -> set[str]:
+    """A cause with all that the verdict says it cannot be told from, or may hold some of."""
+    told = [set(some) for some in outcome["cannot_tell"] if finding["cause"] in some]
+    return {finding["cause"], *finding["equivalents"]}.union(*told)
+
+
 def _exact_classes(outcome: Outcome) -> bool:
-    classes = [{f["cause"], *f["equivalents"]} for f in outcome["findings"]]
+    classes = [_class(outcome, finding) for finding in outcome["findings"]]
     hidden = set(outcome["hidden"])
     met = all(any(cause in some for some in classes) for cause in hidden)
     return met and all(hidden & some for some in classes) and not outcome["unknown"]

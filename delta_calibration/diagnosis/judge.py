@@ -7,7 +7,7 @@ measure next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,15 @@ from delta_calibration.diagnosis.findings import (
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.geometry import as_drawn, scatter_of
 from delta_calibration.diagnosis.rivals import scaled
-from delta_calibration.diagnosis.search import ALPHA, Found, find
+from delta_calibration.diagnosis.search import (
+    ALPHA,
+    MOST,
+    Found,
+    beyond_names,
+    find,
+    scanned,
+    worth_it,
+)
 from delta_calibration.diagnosis.trust import signal_of, untrusted
 from delta_calibration.diagnosis.unseen import unseen
 from delta_calibration.diagnosis.verdict import (
@@ -44,6 +52,7 @@ Array = NDArray[np.float64]
 
 # what is left must exceed these shares, of the noise and of what the members explain, to matter
 _MATERIAL, _SLIGHT = 0.3, 0.2
+_PART = 0.5
 STEPS = ("geometry", "causes", "held-out data", "what is left")
 
 
@@ -84,7 +93,7 @@ def judged(
     if quiet is not start:
         start, sought = quiet, find(quiet, effects, rng, sought.model.members)
     step(STEPS[2])
-    found, held, said = _borne_out(sought, start, rng)
+    found, held, said = _borne_out(sought, start, effects, rng)
     members = found.model.members
     findings = [f for m, f in said.items() if not m.unexplained]
     step(STEPS[3])
@@ -108,15 +117,55 @@ def judged(
         ),
         findings=tuple(findings),
         unknown_structure=unknown,
-        cannot_tell=unseen(found.model.beside, effects, findings),
+        cannot_tell=unseen(found.model.evidence, members, effects, findings),
     )
     return Judgement(verdict, found.model, found, left, held, against)
 
 
 def _borne_out(
+    found: Found, start: Fitted, effects: Sequence[Effect], rng: np.random.Generator
+) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
+    """Only the members whose names can be trusted and that hold on data not seen, one by one.
+
+    A cause that shows beside the others only once those that do not hold are gone is taken in.
+    """
+    gone: tuple[Candidate, ...] = ()
+    while True:
+        sought = found.model.members
+        found, held, said = _holding(found, start, rng)
+        gone += tuple(m for m in sought if not _among(tuple(said), m))
+        better = tuple(said)
+        if gone and said:
+            found = replace(found, last=scanned(found.model, effects, rng))
+            better = _beside_what_holds(found, gone)
+            gone += tuple(m for m in said if not _among(better, m))
+        if better == tuple(said):
+            return found, held, _in_part(said) if found.last.nameless else said
+        found = replace(found, model=found.model.fitted(better))
+
+
+def _beside_what_holds(found: Found, gone: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """The members with what only shows now that others are gone, or a map in a name's place."""
+    members = found.model.members
+    freed = worth_it(found.last, found.model) if len(members) < MOST else None
+    if freed is None or freed.candidate.unexplained or _among(gone, freed.candidate):
+        return beyond_names(found.model, found.last, found.short)
+    return (*members, freed.candidate)
+
+
+def _among(members: Sequence[Candidate], one: Candidate) -> bool:
+    return any(one.same_cause(member) for member in members)
+
+
+def _in_part(said: Mapping[Candidate, Finding]) -> dict[Candidate, Finding]:
+    """Findings beside which a map explains something: even odds that a name is a part of that."""
+    return {m: replace(f, confidence=_PART * f.confidence) for m, f in said.items()}
+
+
+def _holding(
     found: Found, start: Fitted, rng: np.random.Generator
 ) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
-    """Only the members whose names can be trusted and that hold on data not seen, one by one."""
+    """The same without a look at what is left."""
     while True:
         weak = untrusted(found.model)
         if not weak:

@@ -3,10 +3,11 @@
 The confidence in a cause and those of its class is their share of the probability among all that
 was tried in their place, the other members staying:
 
-    P = (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
+    P = 0.95 (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
-c being chi square per degree of freedom. The first factor is for what was not tried: a weak
-signal of any origin has something of some cause in it, and names need lambda of 80 to 160.
+c being chi square per degree of freedom. The first two factors are for what was not tried. Some
+causes that no catalogue has move the readings as one of it does: one in twenty. And a weak signal
+of any origin has something of some cause in it: names need lambda of 80 to 160.
 
 Two explanations are one class where the signal of the one, as found, lies within 18 degrees of
 what the other can do (cos > 0.95), after all nuisance, and the other leaves no more unexplained
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 SAME = 0.95  # cosine beyond which two explanations are one class
 _PARTED = 20.0  # chi square by which data tell two explanations apart beyond doubt
 _NAMING = 25.0
+_KNOWN = 0.95  # of what does as a cause of the catalogue does, that is that cause
 _RANK = 1e-9
 _NOTHING = ""
 
@@ -64,7 +66,7 @@ def standing(model: Fitted, member: Candidate, tried: Sequence[Score]) -> Standi
 
 def named(signal: float) -> float:
     """How far a signal of this lambda is enough for a name."""
-    return float(1 - np.exp(-signal / _NAMING))
+    return _KNOWN * float(1 - np.exp(-signal / _NAMING))
 
 
 def equivalents(

@@ -39,13 +39,14 @@ from delta_calibration.effects import Effect
 Array = NDArray[np.float64]
 
 ALPHA = 0.002  # chance that a clean session raises any alarm
-_MOST = 4  # effects at a time
+MOST = 4  # effects at a time
 _DRAWS = 64
 _THREADS = min(4, os.cpu_count() or 1)
 _SHORT = 30  # explanations that swaps and pairs are made of
 _IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 _NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
 _SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
+_PLAIN = 3.0  # ln B from which there is no doubt that something is left
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,17 @@ class Scan:
     def significant(self, score: Score) -> bool:
         """Whether chance would give this much once in 1/ALPHA sessions, of all that was asked."""
         return bool(score.log_p + np.log(self.tests) < np.log(ALPHA))
+
+    @property
+    def left(self) -> Score | None:
+        """The likeliest explanation of what is left, where that is plainly something."""
+        plain = (s for s in self.scores if s.log_bayes > _PLAIN and self.significant(s))
+        return max(plain, key=lambda score: score.log_bayes, default=None)
+
+    @property
+    def nameless(self) -> bool:
+        """Whether something is left that a map explains better than any cause."""
+        return self.left is not None and self.left.candidate.unexplained
 
     def of_cause(self, candidate: Candidate) -> Score | None:
         """The best score of the same cause."""
@@ -79,6 +91,11 @@ def scan(
         scores = [score for some in pool.map(weighed.explore, questions) for score in some]
     scores.sort(key=lambda score: -score.log_bayes)
     return Scan(tuple(scores), len(scores))
+
+
+def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
+    """What is left beside the members of a model."""
+    return scan(model.beside, effects, model.noise_degrees, rng, model.members)
 
 
 def _questions(
@@ -185,23 +202,27 @@ def find(
         rng: of the bootstrap.
         begin: members to begin with, which the search may exchange and drop.
     """
-    degrees = model.noise_degrees
     starts = (model, *(() if begin else model.elsewhere()))
-    scans = [scan(start.beside, effects, degrees, rng) for start in starts]
+    scans = [scanned(start, effects, rng) for start in starts]
     model, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
     here = first
     short: dict[str, Score] = {}
-    seen: set[tuple[str, ...]] = {()}
+    seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (model, first)}
     while True:
         short.update({score.candidate.key: score for score in _shortlist(here)})
         members, begin = begin or _next_members(model, here, tuple(short.values())), ()
+        back = seen.get(_keys(members))
         if _keys(members) in seen:
             members = _without_maps(model, effects, rng)
         if _keys(members) in seen:
+            members = beyond_names(model, here, tuple(short.values()))
+        if _keys(members) in seen:
+            if back is not None and here.left is not None and back[1].left is None:
+                model, here = back  # in a circle, each set by what the other makes of its shapes
             return Found(model, first, here, tuple(short.values()))
-        seen.add(_keys(members))
         model = model.fitted(members)
-        here = scan(model.beside, effects, degrees, rng, model.members)
+        here = scanned(model, effects, rng)
+        seen[_keys(members)] = model, here
 
 
 def _keys(members: Sequence[Candidate]) -> tuple[str, ...]:
@@ -221,10 +242,33 @@ def _without_maps(
         if not member.unexplained or not others:
             continue
         bare = model.fitted(others)
-        best = _worth_it(scan(bare.beside, effects, model.noise_degrees, rng, others), bare)
+        best = worth_it(scanned(bare, effects, rng), bare)
         if best is not None and not best.candidate.unexplained:
             members = (*others, best.candidate)
     return members
+
+
+def beyond_names(
+    model: Fitted, here: Scan, short: tuple[Score, ...]
+) -> tuple[Candidate, ...]:
+    """The members, a map in the place of a cause that needs another map's help to do as much.
+
+    Nothing is left beside the true cause. Beside one that only does nearly as what nobody has
+    described, the rest of that is left.
+    """
+    members, maps = model.members, [s for s in short if s.candidate.unexplained]
+    if here.left is None or not here.nameless or not maps:
+        return members
+    scores = [*(as_score(m, short) for m in members), here.left, *maps]
+    together, count = Together.of(model.evidence, scores), len(members)
+    best, instead = together.fit(range(count + 1))[2], members
+    for i in (i for i, member in enumerate(members) if not member.unexplained):
+        others = [j for j in range(count) if j != i]
+        for k in range(count + 1, len(scores)):
+            log_b = together.fit((*others, k))[2]
+            if log_b > best:
+                best, instead = log_b, tuple(together.candidates[j] for j in (*others, k))
+    return instead
 
 
 def _left_by_the_best(begun: tuple[Fitted, Scan]) -> float:
@@ -252,13 +296,13 @@ def _next_members(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[
 
     About a fit without the first of them nothing is linear enough for finer choices.
     """
-    best = _worth_it(here, model) if len(model.members) < _MOST else None
+    best = worth_it(here, model) if len(model.members) < MOST else None
     if not model.members:
         return () if best is None else (best.candidate,)
     return _improved(model, here, best, short)
 
 
-def _worth_it(here: Scan, model: Fitted) -> Score | None:
+def worth_it(here: Scan, model: Fitted) -> Score | None:
     """The best explanation, if chance is out of the question and its parameters pay off."""
     explained = decrease_of(model)
     good = [
@@ -334,7 +378,7 @@ def _neighbours(chosen: tuple[int, ...], count: int) -> Iterator[tuple[int, ...]
         rest = [i for i in chosen if i != out]
         if out is not None and rest:
             yield tuple(rest)
-        if out is not None or len(chosen) < _MOST:
+        if out is not None or len(chosen) < MOST:
             for i in others:
                 yield tuple(sorted([*rest, i]))
 

@@ -19,12 +19,12 @@ _CLEAR = 3.0  # standard deviations by which chi square exceeds its degrees of f
 def untrusted(model: Fitted) -> tuple[Candidate, ...]:
     """Members whose names rest on too little.
 
-    Where much remains that nothing explains, a cause that explains less than a quarter as much may
-    be a part of it under a wrong name. Where a smooth map had to be taken in, a cause that
-    explains less than the map, and that the map could have drawn as well, is a part of the map.
+    Where much remains that nothing explains, or only a smooth map, a cause that explains less than
+    a quarter as much may be a part of it under a wrong name. Where a map had to be taken in, a
+    cause that explains less than it, and that it could have drawn as well, is a part of the map.
     """
-    remains = unexplained(model)
     maps = [m for m in model.members if m.unexplained]
+    remains = unexplained(model) + sum(signal_of(model, m) for m in maps)
     return tuple(
         member
         for member in model.members

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment, visibility
+from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.geometry import offset_rows, without, without_geometry
 from delta_calibration.diagnosis.verdict import CannotTell, Finding
 from delta_calibration.effects import Effect
@@ -21,14 +22,18 @@ _HIDDEN = 20.0  # lambda under which it is not even seen
 
 
 def unseen(
-    evidence: Evidence, effects: Sequence[Effect], findings: Sequence[Finding]
+    evidence: Evidence,
+    members: tuple[Candidate, ...],
+    effects: Sequence[Effect],
+    findings: Sequence[Finding],
 ) -> tuple[CannotTell, ...]:
     """Classes among the findings, and effects that this session would not show.
 
     Args:
-        evidence: beside everything found.
+        evidence: as if nothing had been found.
+        members: what was found beyond what every calibration fits.
         effects: the catalogue.
-        findings: what was found.
+        findings: what is said of all that was found.
     """
     said = [_of_class(finding) for finding in findings if finding.equivalents]
     found = {finding.cause for finding in findings}
@@ -36,7 +41,7 @@ def unseen(
     for effect in effects:
         if effect.cause in found:
             continue
-        blind = _blind(evidence, effect)
+        blind = _blind(evidence, members, effect)
         if blind is not None:
             partners, because, following = blind
             if effect.cause in partners:  # a dimension of the same name is fitted anyway
@@ -44,7 +49,7 @@ def unseen(
             names = reasons.setdefault((because, following), [])
             names += [n for n in (effect.cause, *partners) if n not in names]
     if "smr_offset" not in found:
-        said += _reflector(evidence)
+        said += _reflector(beside(evidence, members))
     said += [
         CannotTell(tuple(names) if len(names) > 1 else (*names, _NOTHING), because, following)
         for (because, following), names in reasons.items()
@@ -53,6 +58,7 @@ def unseen(
 
 
 _NOTHING = "none"
+_COVERED = "it may be a part of what was found: they move the readings of this session alike"
 _WARMER = 1.0  # [K]
 _MOST = 0.8  # of the deviations that stand for an effect
 
@@ -79,23 +85,41 @@ def _of_class(finding: Finding) -> CannotTell:
     )
 
 
-def _blind(evidence: Evidence, effect: Effect) -> tuple[tuple[str, ...], str, str] | None:
+def _blind(
+    evidence: Evidence, members: tuple[Candidate, ...], effect: Effect
+) -> tuple[tuple[str, ...], str, str] | None:
     """Partners, reason and next experiment of an effect of typical size that would not show."""
     shape = next(effect.shapes(evidence.at), effect)
     lacking = shape.missing(evidence.at)
     if lacking:
         following = f"record it: {' and '.join(shape.needs)}"
         return (), lacking, following if "known" in lacking else "measure where that is not so"
-    bare, beside = visibility(evidence, shape)
-    if beside >= _HIDDEN:
+    whole = beside(evidence, members)
+    bare, left = visibility(whole, shape)
+    if left >= _HIDDEN:
         return None
     candidate = next(subsets(shape))
-    following = next_experiment(evidence, candidate, None)
+    covering = _covering(evidence, members, shape)
+    if covering is not None:
+        following = next_experiment(evidence, candidate, covering)
+        return (covering.cause,), _COVERED, following
+    following = next_experiment(whole, candidate, None)
     constant = _constant(evidence, shape)
     if bare < _SHOWS:
         return (), constant or "a typical one stays under the noise of this session", following
     because = constant or "on these poses the geometry can take its place"
-    return _partners(evidence, candidate), because, following
+    return _partners(whole, candidate), because, following
+
+
+def _covering(
+    evidence: Evidence, members: tuple[Candidate, ...], effect: Effect
+) -> Candidate | None:
+    """The cause found that hides an effect: without it, one of typical size would be seen."""
+    for member in members:
+        others = tuple(m for m in members if m is not member)
+        if not member.unexplained and visibility(beside(evidence, others), effect)[1] >= _SHOWS:
+            return member
+    return None
 
 
 def _constant(evidence: Evidence, effect: Effect) -> str:

@@ -105,13 +105,21 @@ def _fitted(time: Array, joint: Array, rows: Index, near: Index) -> tuple[Array,
 
 
 def _strokes(angle: Array) -> tuple[Array, Array]:
-    """Direction and travel of one joint, each (n,)."""
+    """Direction and travel of one joint, each (n,).
+
+    A turn shows only when the joint has come back far enough; all since then belongs to it.
+    """
     changed = np.flatnonzero(np.diff(angle, prepend=np.nan) != 0)
     direction, travel = np.zeros(len(changed)), np.full(len(changed), np.inf)
-    stroke = Stroke(float(angle[0]))
-    for row, value in enumerate(angle[changed].tolist()):
-        stroke = stroke.moved(value)
-        direction[row], travel[row] = stroke.direction, stroke.travel(value)
+    went = angle[changed].tolist()
+    stroke, turned = Stroke(went[0]), 0  # row after the farthest point
+    for row, value in enumerate(went):
+        before, stroke = stroke, stroke.moved(value)
+        begin = turned if stroke.direction * before.direction < 0 else row
+        direction[begin : row + 1] = stroke.direction
+        travel[begin : row + 1] = [stroke.travel(at) for at in went[begin : row + 1]]
+        if stroke.farthest == value:
+            turned = row + 1
     held = np.diff(np.append(changed, len(angle)))
     return np.repeat(direction, held), np.repeat(travel, held)
 

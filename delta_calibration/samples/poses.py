@@ -236,7 +236,8 @@ def _blocks(
     time, joint = readings.time, readings.joint
     after = np.searchsorted(moments.begin, time, side="right") - 1
     resting = (after >= 0) & (time <= moments.end[np.clip(after, 0, None)])
-    speed = np.linalg.norm(motion.at(time)[0], axis=1)
+    velocity, _, direction, _ = motion.at(time)
+    speed = np.linalg.norm(velocity, axis=1)
     period = float(np.median(np.diff(time))) if len(time) > 1 else _AROUND
     resting |= speed < _RESTING * maximum_filter1d(speed, 2 * int(_AROUND / period) + 1)
     broken = np.r_[True, (np.diff(time) > _PAUSE) | (np.diff(resting.astype(int)) != 0)]
@@ -246,11 +247,12 @@ def _blocks(
     size = np.bincount(path)
     length = np.bincount(path, weights=gone)
     good = (size[path] >= _PATH_READINGS) & (length[path] >= _PATH_LENGTH) & ~resting
-    # blocks of equal travel within each path
+    # blocks of equal travel within each path, none across a joint's turn
     along = np.cumsum(gone)
     along -= along[np.flatnonzero(broken)][path]
     step = np.floor(along / _BLOCK).astype(np.int64)
-    block = np.cumsum(np.r_[True, (np.diff(step) != 0) | broken[1:]]) - 1
+    turned = (np.diff(direction, axis=0) != 0).any(axis=1)
+    block = np.cumsum(np.r_[True, (np.diff(step) != 0) | turned | broken[1:]]) - 1
     return np.where(good, block, -1), path.astype(np.int64)
 
 
