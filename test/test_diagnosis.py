@@ -130,7 +130,7 @@ def test_what_is_always_fitted_is_named_beyond_its_priors(
     (finding,) = verdict(read_session(out)).findings
     assert finding.cause == cause
     assert len(finding.parameters) == parameters
-    assert finding.confidence > 0.99
+    assert finding.confidence > 0.94  # 0.95 at most: no catalogue is complete
     assert finding.gain > 0.9
 
 

@@ -31,6 +31,7 @@ from delta_calibration.diagnosis.search import (
     ALPHA,
     MOST,
     Found,
+    Scan,
     beyond_names,
     find,
     scanned,
@@ -53,6 +54,7 @@ Array = NDArray[np.float64]
 # what is left must exceed these shares, of the noise and of what the members explain, to matter
 _MATERIAL, _SLIGHT = 0.3, 0.2
 _PART = 0.5
+_SOME = 0.02  # of what a cause explains, that a map may explain beside it: no model is perfect
 STEPS = ("geometry", "causes", "held-out data", "what is left")
 
 
@@ -140,7 +142,7 @@ def _borne_out(
             better = _beside_what_holds(found, gone)
             gone += tuple(m for m in said if not _among(better, m))
         if better == tuple(said):
-            return found, held, _in_part(said) if found.last.nameless else said
+            return found, held, _in_part(said, found.last)
         found = replace(found, model=found.model.fitted(better))
 
 
@@ -157,9 +159,13 @@ def _among(members: Sequence[Candidate], one: Candidate) -> bool:
     return any(one.same_cause(member) for member in members)
 
 
-def _in_part(said: Mapping[Candidate, Finding]) -> dict[Candidate, Finding]:
-    """Findings beside which a map explains something: even odds that a name is a part of that."""
-    return {m: replace(f, confidence=_PART * f.confidence) for m, f in said.items()}
+def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
+    """Findings, at even odds where a map explains some beside one: it may be a part of that."""
+    beyond = last.left.gain if last.left is not None and last.nameless else 0.0
+    return {
+        m: replace(f, confidence=f.confidence * (_PART if beyond > _SOME * f.signal else 1.0))
+        for m, f in said.items()
+    }
 
 
 def _holding(
