@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +36,13 @@ PAIRS = (
     (408147, (("tracker_drift", 3057.0), ("thermal_growth_arm", 2074.0))),
     # without the first, the second is taken for another, as the reflector is on the wrong floor
     (838869, (("encoder_eccentricity", 1733.0), ("forearm_compliance", 161.0))),
+    # the search goes in a circle: about both the second is too small, about the first it is not
+    (884370, (("stick_slip", 356.53), ("ball_joint_clearance", 161.91))),
 )
 FOREIGN = (
     (1040, "cross_talk", SIGNAL),
     (43243, "drag", 1766.0),  # a hose on one side, much like one arm's encoder off its axis
+    (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
 )
 
 
@@ -155,6 +159,43 @@ def test_a_cause_taken_out_of_the_catalogue_is_not_given_another_name():
     said = trial(1050, ("transmission_error", SIGNAL), without="transmission_error")
     assert said["unknown"]
     assert not said["findings"]
+
+
+def test_a_cause_is_not_named_that_explains_little_beside_a_map():
+    """Give of the drives under payload, unknown to the diagnosis, bends by angle a little, too."""
+    said = trial(509932, ("joint_compliance", 1263.16), without="joint_compliance")
+    assert said["unknown"]
+    assert said["moves_with"] == "payload"
+    assert not said["findings"]
+
+
+def test_a_name_beside_which_a_map_explains_some_is_in_doubt():
+    """Drifting joints, unknown to the diagnosis, are nearly what growing rods are."""
+    said = trial(431522, ("joint_zero_drift", 857.14), without="joint_zero_drift")
+    assert [f["cause"] for f in said["findings"]] == ["thermal_growth_forearm"]
+    assert said["findings"][0]["confidence"] < 0.5
+
+
+def test_what_may_be_a_part_of_a_cause_found_is_said():
+    """Drives that trail by a time each, and a clock that is late: the first alone does it all."""
+    said = trial(698302, ("joint_lag", 306.66), ("timestamp_latency", 853.16))
+    assert [f["cause"] for f in said["findings"]] == ["joint_lag"]
+    assert {"joint_lag", "timestamp_latency"} in [set(some) for some in said["cannot_tell"]]
+    assert not said["intervals"]  # the values hold both, and the verdict says so
+
+
+def test_play_is_told_at_every_sample_as_the_generator_runs_it():
+    """Its play operator goes through all commands; the conditions know way and travel only."""
+    hidden = hide({"backlash": 0.1}, 230360)
+    gap = np.array([hidden.hidden.values["backlash"][f"gap_{leg}"] for leg in (1, 2, 3)])
+    at = survey(hidden.session, ROBOT.joints.names).paths.conditions
+    every = catalogue(ROBOT, ROBOT.model())
+    effect = replace(next(e for e in every if e.cause == "backlash"), width=tuple(gap))
+    world = hidden.measured.world
+    true = hidden.measured.state.joint - world.command
+    row = np.searchsorted(world.time, at.time + 1e-6) - 1  # a sample is a mean of readings
+    np.testing.assert_allclose(effect.columns(at) @ gap, true[row], atol=1e-9)
+    assert len(at) > 2000
 
 
 @pytest.mark.parametrize("seed", [204232, 908873])

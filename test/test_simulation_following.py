@@ -63,3 +63,11 @@ def test_directions_and_travel_are_those_of_the_whole_stream():
         np.testing.assert_array_equal(following.travel(angles), whole.travel[row])
         turned += np.isfinite(following.travel(angles)).all()
     assert turned > len(joint) / 2
+
+
+def test_play_turns_with_the_command_and_not_when_a_turn_is_sure():
+    """Whoever hears a stream waits for a way back beyond noise; the machine has turned by then."""
+    back = np.array([0.0, 0.1, 0.1 - 50e-6])[:, None] * np.ones(3)
+    following = followed(np.arange(3) * 0.05, back)
+    np.testing.assert_array_equal(following.direction(), -np.ones(3))
+    np.testing.assert_allclose(following.travel(back[-1]), 50e-6, atol=1e-15)

@@ -78,8 +78,8 @@ TERMS: tuple[tuple[str, str], ...] = (
     ),
     (
         "confidence",
-        "Probability that the name of a finding is right, against its rivals. Never shown as "
-        "certain: more than 99.9 % is the most that is said.",
+        "Probability that the name of a finding is right, against its rivals. 95 % is the most "
+        "that is said: what no catalogue knows may move the readings as a known cause does.",
     ),
     (
         "p",

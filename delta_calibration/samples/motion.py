@@ -131,17 +131,21 @@ class Stroke:
     farthest: float  # [rad] the stroke has come
     direction: float = 0.0
     turn: float = np.nan  # [rad] where it began; NaN before the first turn
+    least: float = TURNED  # [rad] of a way back that is a turn
 
     def moved(self, angle: float) -> Stroke:
         """The stroke after the joint has come to `angle` [rad]."""
         if self.direction == 0.0:
             gone = angle - self.farthest
-            return self if abs(gone) <= TURNED else Stroke(angle, float(np.sign(gone)))
+            return self if abs(gone) <= self.least else self._gone(angle, np.sign(gone), np.nan)
         if self.direction * (angle - self.farthest) >= 0:
-            return Stroke(angle, self.direction, self.turn)
-        if self.direction * (self.farthest - angle) <= TURNED:
+            return self._gone(angle, self.direction, self.turn)
+        if self.direction * (self.farthest - angle) <= self.least:
             return self
-        return Stroke(angle, -self.direction, self.farthest)
+        return self._gone(angle, -self.direction, self.farthest)
+
+    def _gone(self, farthest: float, direction: float, turn: float) -> Stroke:
+        return Stroke(farthest, float(direction), turn, self.least)
 
     def travel(self, angle: float) -> float:
         """How far the joint is from where it last turned [rad]; infinite before."""

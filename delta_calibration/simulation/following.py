@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 _WINDOW = 0.1  # [s] over which speeds are taken where commands are denser
 _FEWEST = 3  # commands that a parabola takes
+_LEAST = 1e-9  # [rad] back that is a turn: commands carry no noise, and play knows no patience
 _GAP = 0.25  # [s] across a longer pause there is no speed
 
 
@@ -26,7 +27,7 @@ class Following:
     @classmethod
     def standing(cls, joint: Array) -> Following:
         """Joints (m,) [rad] that have not moved yet."""
-        return cls(tuple(Stroke(angle) for angle in joint.tolist()))
+        return cls(tuple(Stroke(angle, least=_LEAST) for angle in joint.tolist()))
 
     def moved(self, joint: Array, time: float) -> Following:
         """After a command to angles (m,) [rad] at a time [s]."""
