@@ -29,7 +29,6 @@ _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
-_EXCEPTION = 0.3  # share of the poses
 MOTION, LACK_OF_FIT = "moran_motion", "lack_of_fit"
 
 
@@ -51,7 +50,7 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
         noise_degrees: of freedom of the stated noise.
         rng: of the draws.
     """
-    rows = np.flatnonzero(evidence.believed[: evidence.poses] & ~_on_the_way(evidence))
+    rows = np.flatnonzero(evidence.believed[: evidence.poses])
     drawn = evidence.weigh(evidence.draw(_DRAWS, rng))
     drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
     every, chance = evidence.left(), drawn[rows]
@@ -103,23 +102,6 @@ def _going_along(
     common = _moran(left[rows][:, :, None], along)[0] - _moran(drawn[rows], along).mean()
     whole = np.linalg.solve(evidence.whiten[rows], left[rows][..., None])[..., 0]
     return float(np.sqrt(max(0.0, common) * np.mean(np.sum(whole**2, axis=1))))
-
-
-def _on_the_way(evidence: Evidence) -> NDArray[np.bool_]:
-    """Stops on the way of a longer motion, (poses,), where they are the exception.
-
-    The joints need not have been moved to them and away from them anew: they may share one rest
-    error, which would look like structure.
-    """
-    time = evidence.at.time[: evidence.poses]
-    moving = np.sort(evidence.at.time[evidence.poses :])
-    if not moving.size:
-        return np.zeros(len(time), dtype=bool)
-    after = np.searchsorted(moving, time)
-    since = time - moving[np.clip(after - 1, 0, None)]
-    until = moving[np.clip(after, None, len(moving) - 1)] - time
-    within = (since >= 0) & (until >= 0) & (np.maximum(since, until) < _SOON / 2)
-    return np.asarray(within & (within.mean() < _EXCEPTION))
 
 
 def _neighbourhoods(evidence: Evidence, rows: Index) -> dict[str, Near]:

@@ -37,6 +37,8 @@ Index = NDArray[np.int64]
 _AROUND = 9  # readings, about each on a path
 _SPIKE = 6.0  # standard deviations from them beyond which a reading is an outlier
 _TURNING = 2e-3  # [rad] of travel after a turn
+_SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
+_EXCEPTION = 0.3  # share of the poses under which such stops are left out
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 
 
@@ -293,7 +295,8 @@ def gather(
     slope = by_joints[moving]
     whiten_paths = _whiten_paths(paths, slope, cell)
     believed = _believed(whiten_paths, off[moving], paths)
-    root = np.sqrt(cell.weight)[:, None, None]
+    apart = ~_on_the_way(at.time[: len(poses)], np.sort(at.time[moving]))
+    root = np.sqrt(cell.weight * apart)[:, None, None]
     whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
     jacobian = chain.columns(at, x, theta, by_joints, by_geometry)
     columns = whiten @ jacobian[..., :base] @ problem.basis[:base, :base]
@@ -316,6 +319,25 @@ def gather(
         by_geometry=whiten @ by_geometry,
         seen=chain.seen(at, x, theta, by_joints),
     )
+
+
+def _on_the_way(time: Array, moving: Array) -> NDArray[np.bool_]:
+    """Stops on the way of a longer motion, (n,), where they are the exception.
+
+    The joints need not have been moved to them and away from them anew: they share one rest
+    error, and taken for a draw each would say more than they know.
+
+    Args:
+        time: of the poses, (n,) [s].
+        moving: of the readings in motion, rising [s].
+    """
+    if not moving.size:
+        return np.zeros(len(time), dtype=bool)
+    after = np.searchsorted(moving, time)
+    since = time - moving[np.clip(after - 1, 0, None)]
+    until = moving[np.clip(after, None, len(moving) - 1)] - time
+    within = (since >= 0) & (until >= 0) & (np.maximum(since, until) < _SHORTLY)
+    return np.asarray(within & (within.mean() < _EXCEPTION))
 
 
 def _whiten_paths(paths: Paths, slope: Array, cell: Cell) -> Array:

@@ -31,7 +31,7 @@ from delta_calibration.diagnosis.geometry import (
     without,
     without_geometry,
 )
-from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
+from delta_calibration.diagnosis.rivals import Standing, equivalents, named, scaled, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import ALPHA, Found
 from delta_calibration.diagnosis.verdict import Estimate, Finding
@@ -130,18 +130,32 @@ def of_member(
     if not member.unexplained and stand.confidence < _LEAST_SURE:
         return None
     items = _items(model, member)
-    information = evidence.information(columns) + PRECISION * np.eye(len(items))
-    spread = np.sqrt(np.diag(np.linalg.inv(information)) * max(1.0, model.misfit))
     return _finding(
         member,
         items,
         model.values(member),
-        spread,
+        _spread(evidence, model, member),
         stand,
         _log_p(found, member, stand.signal, tried),
         sector,
         separated_by(evidence, member, stand.equivalents),
     )
+
+
+def _spread(evidence: Evidence, model: Fitted, member: Candidate) -> Array:
+    """Standard deviations of a member's values in units of the priors, (k,).
+
+    By the residuals, and by what its conditions leave open (GUM, types A and B).
+    """
+    columns = columns_of(member, evidence)
+    normal = evidence.information(columns) + PRECISION * np.eye(columns.shape[1])
+    variance = np.diag(np.linalg.inv(normal)) * max(1.0, model.misfit)
+    doubt = None if member.effect is None else member.effect.doubt()
+    if doubt is not None:
+        moved = evidence.columns(doubt)[:, list(member.rows)] @ scaled(model, member)
+        off = np.linalg.solve(normal, columns.T @ evidence.weigh(moved[:, None]))[:, 0]
+        variance = variance + off**2
+    return np.asarray(np.sqrt(variance))
 
 
 def of_dimension(

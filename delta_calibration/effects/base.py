@@ -87,6 +87,13 @@ class Effect(ABC):
         del values
         return self
 
+    def doubt(self) -> Effect | None:
+        """What a standard deviation of what its conditions leave open moves, a value a parameter.
+
+        None where they are known well enough. It widens stated intervals (GUM, type B).
+        """
+        return None
+
     @property
     def suits(self) -> bool:
         """Whether the mechanism has what it acts on."""

@@ -22,6 +22,8 @@ from delta_calibration.samples import Conditions
 
 REFERENCE = 20.0  # [deg C]
 _WARMING = 0.5  # [K] a sensor that moves less says nothing
+_BEHIND = 60.0  # [s] that a sensor on a part may be behind it, as a standard deviation
+_AROUND = 150.0  # [s] before and after, over which a rate of warming is taken
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,10 @@ class ThermalGrowth(Effect):
         for constant in TIME_CONSTANTS:
             yield replace(self, sensor="", time_constant=constant)
 
+    def doubt(self) -> Effect | None:
+        """A sensor is behind its part by a time that nobody states."""
+        return _Behind(self.robot, self.mechanism, self) if self.sensor else None
+
     def nominal_of(self, cause: str) -> Array:
         """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""
         parameters = self.mechanism.parameters
@@ -92,3 +98,28 @@ class ThermalGrowth(Effect):
     def bound_to_session(self) -> bool:
         """Growth by the clock; by a sensor it holds on."""
         return not self.sensor
+
+
+@dataclass(frozen=True)
+class _Behind(Effect):
+    """What grows more than its sensor says, by as much as it warms while that is behind."""
+
+    cause: ClassVar[str] = "sensor_behind"
+    kind: ClassVar[str] = "structure"
+    stage: ClassVar[Stage] = Stage.STRUCTURE
+
+    growth: ThermalGrowth
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Those of the growth."""
+        return self.growth.parameters
+
+    def columns(self, at: Conditions) -> Array:
+        """(n, p, 1) [m K], of all samples of a session."""
+        order = np.argsort(at.time)
+        time, celsius = at.time[order], at.of_part(self.growth.sensor)[order]
+        ends = np.clip(at.time + np.array([[-_AROUND], [_AROUND]]), time[0], time[-1])
+        rise, span = np.diff(np.interp(ends, time, celsius), axis=0)[0], np.ptp(ends, axis=0)
+        rate = np.divide(rise, span, out=np.zeros_like(rise), where=span > 0)
+        return np.asarray(_BEHIND * rate[:, None, None] * self.growth.lengths()[:, None])
