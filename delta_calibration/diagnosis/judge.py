@@ -105,7 +105,8 @@ def judged(
     unknown = _unknown(found.model, sought.model, left, explained)
     if unknown.found and not members:  # readings in motion would bend what rests on the poses
         found = replace(found, model=start)
-    findings += _of_what_is_fitted(found, held, unknown.found, rng)
+    bent = unknown.found or found.last.nameless
+    findings += _of_what_is_fitted(found, held, bent, rng)
     findings.sort(key=lambda finding: -finding.signal)
     name, compared = _drawing(start.placed) if baseline is None else baseline
     against = compared(held)
@@ -188,7 +189,7 @@ def _holding(
 
 
 def _of_what_is_fitted(
-    found: Found, held: HeldOutModels, unknown: bool, rng: np.random.Generator
+    found: Found, held: HeldOutModels, bent: bool, rng: np.random.Generator
 ) -> list[Finding]:
     """Findings among what every calibration fits: one dimension or all, and the reflector.
 
@@ -198,7 +199,7 @@ def _of_what_is_fitted(
     one = None
     if scatter.outlier is not None:
         one = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
-    if unknown:
+    if bent:
         return [] if one is None else [one]
     every = of_geometry(found, scatter, held, rng) if one is None else None
     return [f for f in (one, every, of_reflector(found, held, rng)) if f is not None]
