@@ -15,6 +15,8 @@ from delta_calibration.diagnosis import (
     audit,
     calibrated,
     confirm,
+    findings,
+    model,
     rivals,
     scores,
     search,
@@ -401,6 +403,49 @@ def test_an_audit_sees_what_goes_along_with_motions_only(moving) -> None:
     moved = np.linalg.solve(moving.whiten[rows], ripple[rows, :, None])[..., 0]
     share = left.in_motion / np.sqrt(np.mean(np.sum(moved**2, axis=1)))
     assert 0.4 < share < 1.1  # rest errors take some of it, and neighbours do not have all alike
+
+
+def test_stops_on_the_way_of_motions_are_not_draws_of_their_own(moving) -> None:
+    """A sweep stands still where it turns; the joints were not moved there anew."""
+    time, stops = moving.at.time, np.arange(moving.poses)
+    motions = np.unique(moving.rest.path[moving.poses :])
+    first, last = (
+        np.array([end(time[moving.rest.path == number]) for number in motions])
+        for end in (np.min, np.max)
+    )
+    left_out = stops[~moving.believed[: moving.poses]]
+    assert 5 <= len(left_out) < 0.3 * moving.poses
+    for row in left_out:  # a motion had ended and another began within a quarter of a minute
+        assert (np.abs(time[row] - last) < 15.0).any()
+        assert (np.abs(first - time[row]) < 15.0).any()
+    kept = time[stops[moving.believed[: moving.poses]]]
+    assert not ((kept > first.min()) & (kept < last.max())).any()
+
+
+def test_an_interval_counts_how_far_a_sensor_is_behind_its_part() -> None:
+    """By what the value becomes if the sensor's clock is put a minute back."""
+    trial = hide({"thermal_growth_arm": 1.2}, 1)
+    growth = replace(
+        next(e for e in catalogue(ROBOT, ROBOT.model()) if e.cause == "thermal_growth_arm"),
+        sensor="arm",
+    )
+    member = next(subsets(growth))
+
+    def grown(session):
+        return model.fit(calibrated(survey(session, ROBOT.joints.names), ROBOT), (member,))
+
+    late = tuple(
+        replace(stream, stamp_ns=stream.stamp_ns - 60 * 10**9)
+        for stream in trial.session.temperature
+    )
+    found, earlier = grown(trial.session), grown(replace(trial.session, temperature=late))
+    own = found.members[0]
+    whole = findings._spread(found.evidence, found, own)[0]
+    columns = columns_of(own, found.evidence)
+    alone = np.sqrt(np.linalg.inv(found.evidence.information(columns))[0, 0])
+    moved = (earlier.values(own) - found.values(own))[0] / growth.parameters.prior[0]
+    assert whole > 1.3 * alone
+    assert np.sqrt(whole**2 - alone**2) == pytest.approx(abs(moved), rel=0.25)
 
 
 def reasons(evidence):
