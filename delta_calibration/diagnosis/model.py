@@ -22,8 +22,8 @@ Index = NDArray[np.int64]
 _ROUNDS = 4
 _QUIETER = 0.8  # of the noise before, from which a smaller one is worth another search
 _FAIR = 0.1  # of the information
-_LACKING = 4.0  # misfit of a model without a strong cause
-_STRAYED = 2.0  # standard deviations of where the file expects the reflector
+_LACKING = 1.1  # misfit of a model without a strong cause
+_STRAYED = 1.0  # standard deviations of where the file expects the reflector
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
 _SETTLING = 2  # steps at a new offset of the reflector

@@ -221,8 +221,12 @@ def free_decrease(information: Array, b: Array) -> Array:
 def log_bayes(information: Array, b: Array, value: Array) -> float:
     """ln B at v: the explained part less the price of the parameters."""
     explained = b @ value - value @ information @ value / 2 - PRECISION * value @ value / 2
-    price = np.linalg.slogdet(np.eye(len(b)) + information / PRECISION)[1] / 2
-    return float(explained - price)
+    return float(explained) - price_of(information)
+
+
+def price_of(information: Array) -> float:
+    """What parameters of this information (k, k) pay for what they could have explained."""
+    return float(np.linalg.slogdet(np.eye(len(information)) + information / PRECISION)[1] / 2)
 
 
 def _tries(largest: Array, k: int) -> float:

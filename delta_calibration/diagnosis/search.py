@@ -33,6 +33,7 @@ from delta_calibration.diagnosis.scores import (
     decrease,
     log_bayes,
     most_likely,
+    price_of,
 )
 from delta_calibration.effects import Effect
 
@@ -46,6 +47,7 @@ _SHORT = 30  # explanations that swaps and pairs are made of
 _IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 _NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
 _SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
+_RIVAL, _LOOKED_AT = 0.25, 3  # of a map's ln B that a cause must have to be fitted in its place
 _PLAIN = 3.0  # ln B from which there is no doubt that something is left
 
 
@@ -220,9 +222,38 @@ def find(
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
             return Found(model, first, here, tuple(short.values()))
-        model = model.fitted(members)
+        drawn = next((s for s in first.scores if members == (s.candidate,)), None)
+        if drawn is not None and drawn.candidate.unexplained:
+            model = _likeliest_fit(model, drawn, scans)
+        else:
+            model = model.fitted(members)
         here = scanned(model, effects, rng)
-        seen[_keys(members)] = model, here
+        seen[_keys(model.members)] = model, here
+
+
+def _likeliest_fit(model: Fitted, drawn: Score, scans: Sequence[Scan]) -> Fitted:
+    """The first fit: with the map that was drawn, or with a cause if it is likelier when fitted.
+
+    What is fitted in the place of a strong cause hides it from a search about that fit.
+    """
+    named: dict[str, Score] = {}
+    for score in sorted((s for here in scans for s in here.scores), key=lambda s: -s.log_bayes):
+        if not score.candidate.unexplained:
+            named.setdefault(score.candidate.cause, score)
+    rivals = [s for s in named.values() if s.log_bayes > _RIVAL * drawn.log_bayes]
+    scores = [drawn, *rivals[:_LOOKED_AT]]
+    with ThreadPoolExecutor(_THREADS) as pool:
+        fits = list(pool.map(lambda score: model.fitted((score.candidate,)), scores))
+    samples = model.beside.degrees
+
+    def likely(which: int) -> float:
+        fit, (member,) = fits[which], fits[which].members
+        information = fit.evidence.information(columns_of(member, fit.evidence))
+        gain = samples * (model.misfit - fit.misfit)
+        price = price_of(information) + float(np.log(scores[which].tries))
+        return gain / 2 - price - shadow(member, gain)
+
+    return fits[max(range(len(fits)), key=likely)]
 
 
 def _keys(members: Sequence[Candidate]) -> tuple[str, ...]:
