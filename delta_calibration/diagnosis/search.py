@@ -47,7 +47,9 @@ _SHORT = 30  # explanations that swaps and pairs are made of
 _IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 _NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
 _SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
-_RIVAL, _LOOKED_AT = 0.25, 3  # of a map's ln B that a cause must have to be fitted in its place
+# of the ln B of a map, or of a cause, that another cause must have to be fitted in its place
+_RIVAL, _NEARLY = 0.25, 0.5
+_LOOKED_AT = 3  # such others, at most
 _PLAIN = 3.0  # ln B from which there is no doubt that something is left
 
 
@@ -206,10 +208,10 @@ def find(
     """
     starts = (model, *(() if begin else model.elsewhere()))
     scans = [scanned(start, effects, rng) for start in starts]
-    model, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
-    here = first
+    bare, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
+    model, here = bare, first
     short: dict[str, Score] = {}
-    seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (model, first)}
+    seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
     while True:
         short.update({score.candidate.key: score for score in _shortlist(here)})
         members, begin = begin or _next_members(model, here, tuple(short.values())), ()
@@ -218,42 +220,83 @@ def find(
             members = _without_maps(model, effects, rng)
         if _keys(members) in seen:
             members = beyond_names(model, here, tuple(short.values()))
-        if _keys(members) in seen:
+        if _keys(members) not in seen:
+            drawn = next((s for s in first.scores if (s.candidate,) == members), None)
+            model = _first_fit(bare, drawn, scans) if drawn is not None else model.fitted(members)
+        else:
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
-            return Found(model, first, here, tuple(short.values()))
-        drawn = next((s for s in first.scores if members == (s.candidate,)), None)
-        if drawn is not None and drawn.candidate.unexplained:
-            model = _likeliest_fit(model, drawn, scans)
-        else:
-            model = model.fitted(members)
+            swapped = _swapped(bare, model, tuple(short.values()))
+            if _keys(swapped.members) in seen:
+                return Found(model, first, here, tuple(short.values()))
+            model = swapped
         here = scanned(model, effects, rng)
         seen[_keys(model.members)] = model, here
 
 
-def _likeliest_fit(model: Fitted, drawn: Score, scans: Sequence[Scan]) -> Fitted:
-    """The first fit: with the map that was drawn, or with a cause if it is likelier when fitted.
+def _first_fit(bare: Fitted, best: Score, scans: Sequence[Scan]) -> Fitted:
+    """With the best of a scan; in the place of a map with a cause, if it is likelier when fitted.
 
     What is fitted in the place of a strong cause hides it from a search about that fit.
     """
+    if not best.candidate.unexplained:
+        return bare.fitted((best.candidate,))
     named: dict[str, Score] = {}
     for score in sorted((s for here in scans for s in here.scores), key=lambda s: -s.log_bayes):
         if not score.candidate.unexplained:
             named.setdefault(score.candidate.cause, score)
-    rivals = [s for s in named.values() if s.log_bayes > _RIVAL * drawn.log_bayes]
-    scores = [drawn, *rivals[:_LOOKED_AT]]
+    rivals = [s for s in named.values() if s.log_bayes > _RIVAL * best.log_bayes]
+    sets = [(score.candidate,) for score in (best, *rivals[:_LOOKED_AT])]
+    return _likeliest(bare, sets, (best, *rivals))
+
+
+def _swapped(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
+    """The fit with a cause in the place of another that does nearly as much, if it is likelier.
+
+    Each set is fitted from the machine without any: about the fit of one the other is astray.
+    """
+    members = model.members
+    if all(member.unexplained for member in members):
+        return model
+    own = [as_score(m, short) for m in members]
+    others = {
+        s.candidate.cause: s
+        for s in sorted(short, key=lambda s: s.log_bayes)
+        if not s.candidate.unexplained and not any(s.candidate.same_cause(m) for m in members)
+    }
+    together, count = Together.of(model.evidence, [*own, *others.values()]), len(members)
+    whole, near = together.fit(range(count))[2], []
+    for i in (i for i, member in enumerate(members) if not member.unexplained):
+        kept = tuple(j for j in range(count) if j != i)
+        least = together.fit(kept)[2]
+        for k in range(count, count + len(others)):
+            log_b = together.fit((*kept, k))[2]
+            if log_b - least > _NEARLY * (whole - least):
+                near.append((log_b, (*kept, k)))
+    near = sorted(near, reverse=True)[:_LOOKED_AT]
+    if not near:
+        return model
+    sets = [members, *(tuple(together.candidates[j] for j in chosen) for _, chosen in near)]
+    return _likeliest(bare, sets, short)
+
+
+def _likeliest(
+    bare: Fitted, sets: Sequence[tuple[Candidate, ...]], tried: Sequence[Score]
+) -> Fitted:
+    """The fit with the likeliest of some sets of explanations, each fitted in full."""
     with ThreadPoolExecutor(_THREADS) as pool:
-        fits = list(pool.map(lambda score: model.fitted((score.candidate,)), scores))
-    samples = model.beside.degrees
+        fits = list(pool.map(bare.fitted, sets))
+    samples = bare.beside.degrees
 
-    def likely(which: int) -> float:
-        fit, (member,) = fits[which], fits[which].members
-        information = fit.evidence.information(columns_of(member, fit.evidence))
-        gain = samples * (model.misfit - fit.misfit)
-        price = price_of(information) + float(np.log(scores[which].tries))
-        return gain / 2 - price - shadow(member, gain)
+    def likely(fit: Fitted) -> float:
+        """ln B by chi square per degree of freedom: fits may set other poses aside."""
+        columns = np.concatenate([columns_of(m, fit.evidence) for m in fit.members], axis=1)
+        gain = samples * (bare.misfit - fit.misfit)
+        price = price_of(fit.evidence.information(columns))
+        price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.members)
+        return gain / 2 - price - sum(shadow(m, gain) for m in fit.members)
 
-    return fits[max(range(len(fits)), key=likely)]
+    return max(fits, key=likely)
 
 
 def _keys(members: Sequence[Candidate]) -> tuple[str, ...]:
