@@ -48,7 +48,7 @@ _IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 _NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
 _SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
 # of the ln B of a map, or of a cause, that another cause must have to be fitted in its place
-_RIVAL, _NEARLY = 0.25, 0.5
+_RIVAL, _NEARLY = 0.25, 0.8
 _LOOKED_AT = 3  # such others, at most
 _PLAIN = 3.0  # ln B from which there is no doubt that something is left
 
@@ -276,16 +276,21 @@ def _swapped(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
     near = sorted(near, reverse=True)[:_LOOKED_AT]
     if not near:
         return model
-    sets = [members, *(tuple(together.candidates[j] for j in chosen) for _, chosen in near)]
-    return _likeliest(bare, sets, short)
+    sets = [tuple(together.candidates[j] for j in chosen) for _, chosen in near]
+    if len(members) == 1:  # fitted so already
+        return _likeliest(bare, sets, short, model)
+    return _likeliest(bare, [members, *sets], short)
 
 
 def _likeliest(
-    bare: Fitted, sets: Sequence[tuple[Candidate, ...]], tried: Sequence[Score]
+    bare: Fitted,
+    sets: Sequence[tuple[Candidate, ...]],
+    tried: Sequence[Score],
+    *known: Fitted,
 ) -> Fitted:
     """The fit with the likeliest of some sets of explanations, each fitted in full."""
     with ThreadPoolExecutor(_THREADS) as pool:
-        fits = list(pool.map(bare.fitted, sets))
+        fits = [*known, *pool.map(bare.fitted, sets)]
     samples = bare.beside.degrees
 
     def likely(fit: Fitted) -> float:
