@@ -330,20 +330,24 @@ def _without_maps(
 def beyond_names(
     model: Fitted, here: Scan, short: tuple[Score, ...]
 ) -> tuple[Candidate, ...]:
-    """The members, a map in the place of a cause that needs another map's help to do as much.
+    """The members, a map in the place of names that only together do as much as it.
 
-    Nothing is left beside the true cause. Beside one that only does nearly as what nobody has
-    described, the rest of that is left.
+    Nothing is left beside true causes, and each does what no map does at its price. Beside one
+    that does nearly as what nobody has described, the rest of that is left, for another map or a
+    second name.
     """
     members, maps = model.members, [s for s in short if s.candidate.unexplained]
-    if here.left is None or not here.nameless or not maps:
+    named = [i for i, member in enumerate(members) if not member.unexplained]
+    help_ = [here.left] if here.left is not None and here.nameless else []
+    groups = [*([i] for i in named if help_), *([named] if len(named) > 1 else [])]
+    if not groups or not maps:
         return members
-    scores = [*(as_score(m, short) for m in members), here.left, *maps]
-    together, count = Together.of(model.evidence, scores), len(members)
-    best, instead = together.fit(range(count + 1))[2], members
-    for i in (i for i, member in enumerate(members) if not member.unexplained):
-        others = [j for j in range(count) if j != i]
-        for k in range(count + 1, len(scores)):
+    scores = [*(as_score(m, short) for m in members), *help_, *maps]
+    together, helped = Together.of(model.evidence, scores), len(members) + len(help_)
+    best, instead = together.fit(range(helped))[2], members
+    for group in groups:
+        others = [j for j in range(len(members)) if j not in group]
+        for k in range(helped, len(scores)):
             log_b = together.fit((*others, k))[2]
             if log_b > best:
                 best, instead = log_b, tuple(together.candidates[j] for j in (*others, k))
