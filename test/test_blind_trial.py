@@ -38,7 +38,7 @@ PAIRS = (
     (838869, (("encoder_eccentricity", 1733.0), ("forearm_compliance", 161.0))),
     # the search goes in a circle: about both the second is too small, about the first it is not
     (884370, (("stick_slip", 356.53), ("ball_joint_clearance", 161.91))),
-    # without the first the reflector is 80 mm off, and about there it explains an eighth
+    # without the first the reflector is 80 mm off, and about there it explains a fifth
     (788056, (("forearm_compliance", 3093.52), ("joint_scale", 641.97))),
     # about the fit with an eccentric encoder a joint's scale does less, fitted itself it does more
     (970841, (("ball_joint_clearance", 797.22), ("joint_scale", 734.61))),
