@@ -50,6 +50,7 @@ _SHADOW = 0.9  # of what a map explains that a named cause must explain to be pr
 # of the ln B of a map, or of a cause, that another cause must have to be fitted in its place
 _RIVAL, _NEARLY = 0.25, 0.8
 _LOOKED_AT = 3  # such others, at most
+_SWAPS = 2  # rounds of them, at most
 _PLAIN = 3.0  # ln B from which there is no doubt that something is left
 
 
@@ -209,7 +210,7 @@ def find(
     starts = (model, *(() if begin else model.elsewhere()))
     scans = [scanned(start, effects, rng) for start in starts]
     bare, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
-    model, here = bare, first
+    model, here, swaps = bare, first, _SWAPS
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
     while True:
@@ -226,10 +227,10 @@ def find(
         else:
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
-            swapped = _swapped(bare, model, tuple(short.values()))
-            if _keys(swapped.members) in seen:
+            swapped = _swapped(bare, model, tuple(short.values())) if swaps else model
+            if swapped is model:
                 return Found(model, first, here, tuple(short.values()))
-            model = swapped
+            model, swaps = swapped, swaps - 1
         here = scanned(model, effects, rng)
         seen[_keys(model.members)] = model, here
 
@@ -251,12 +252,14 @@ def _first_fit(bare: Fitted, best: Score, scans: Sequence[Scan]) -> Fitted:
 
 
 def _swapped(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
-    """The fit with a cause in the place of another that does nearly as much, if it is likelier.
+    """The fit with a cause in the place of another that does nearly as much, or of a map.
 
-    Each set is fitted from the machine without any: about the fit of one the other is astray.
+    Each set is fitted from the machine without any: about the fit of one the other is astray. The
+    model itself where none is likelier.
     """
     members = model.members
-    if all(member.unexplained for member in members):
+    named = tuple(m for m in members if not m.unexplained)
+    if not named:
         return model
     own = [as_score(m, short) for m in members]
     others = {
@@ -265,21 +268,19 @@ def _swapped(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
         if not s.candidate.unexplained and not any(s.candidate.same_cause(m) for m in members)
     }
     together, count = Together.of(model.evidence, [*own, *others.values()]), len(members)
-    whole, near = together.fit(range(count))[2], []
-    for i in (i for i, member in enumerate(members) if not member.unexplained):
+    whole, sets = together.fit(range(count))[2], [] if count == 1 else [members]
+    if len(named) < count:
+        sets.append(named)
+    for i, member in enumerate(members):
         kept = tuple(j for j in range(count) if j != i)
-        least = together.fit(kept)[2]
+        least, near = together.fit(kept)[2], []
         for k in range(count, count + len(others)):
             log_b = together.fit((*kept, k))[2]
-            if log_b - least > _NEARLY * (whole - least):
+            if member.unexplained or log_b - least > _NEARLY * (whole - least):
                 near.append((log_b, (*kept, k)))
-    near = sorted(near, reverse=True)[:_LOOKED_AT]
-    if not near:
-        return model
-    sets = [tuple(together.candidates[j] for j in chosen) for _, chosen in near]
-    if len(members) == 1:  # fitted so already
-        return _likeliest(bare, sets, short, model)
-    return _likeliest(bare, [members, *sets], short)
+        chosen = [rows for _, rows in sorted(near, reverse=True)[:_LOOKED_AT]]
+        sets += [tuple(together.candidates[j] for j in rows) for rows in chosen]
+    return _likeliest(bare, sets, short, model)
 
 
 def _likeliest(
