@@ -45,7 +45,7 @@ PAIRS = (
 )
 FOREIGN = (
     (1040, "cross_talk", SIGNAL),
-    (920255, "rub", 670.49),  # a harmonic and an eccentric encoder together: less likely than a map
+    (920255, "rub", 670.49),  # a harmonic and an eccentric encoder: less likely than a map
     (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
 )
 
