@@ -53,7 +53,7 @@ Array = NDArray[np.float64]
 
 # what is left must exceed these shares, of the noise and of what the members explain, to matter
 _MATERIAL, _SLIGHT = 0.3, 0.2
-_PART = 0.5
+_PART = 0.5  # odds that a name beside which a map explains some is not a part of what the map is
 _SOME = 0.02  # of what a cause explains, that a map may explain beside it: no model is perfect
 STEPS = ("geometry", "causes", "held-out data", "what is left")
 

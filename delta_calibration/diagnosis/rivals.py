@@ -26,7 +26,7 @@ from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.scores import Score
-from delta_calibration.diagnosis.search import Together, as_score, shadow
+from delta_calibration.diagnosis.together import Together, as_score, shadow
 
 Array = NDArray[np.float64]
 

@@ -11,14 +11,13 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import (
     Candidate,
-    bounds_of,
     columns_of,
     dimensions,
     maps,
@@ -27,14 +26,11 @@ from delta_calibration.diagnosis.candidates import (
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.scores import (
-    Chance,
     Score,
     Weighed,
-    decrease,
-    log_bayes,
-    most_likely,
     price_of,
 )
+from delta_calibration.diagnosis.together import Together, as_score, shadow
 from delta_calibration.effects import Effect
 
 Array = NDArray[np.float64]
@@ -46,7 +42,6 @@ _THREADS = min(4, os.cpu_count() or 1)
 _SHORT = 30  # explanations that swaps and pairs are made of
 _IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 _NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
-_SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
 # of the ln B of a map, or of a cause, that another cause must have to be fitted in its place
 _RIVAL, _NEARLY = 0.25, 0.8
 _LOOKED_AT = 3  # such others, at most
@@ -125,56 +120,6 @@ def _covers(used: Candidate, candidate: Candidate) -> bool:
     if candidate.effect is None or used.effect is None:
         return used.effect is candidate.effect and used.rows == candidate.rows
     return used.same_cause(candidate) and set(candidate.rows) <= set(used.rows)
-
-
-@dataclass(frozen=True)
-class Together:
-    """Explanations that are weighed in any combination: their columns' products."""
-
-    candidates: tuple[Candidate, ...]
-    tries: Array  # (c,)
-    chances: tuple[Chance, ...]  # what each explains by chance
-    information: Array  # (k, k)
-    b: Array  # (k,)
-    lower: Array  # (k,)
-    upper: Array  # (k,)
-    begin: tuple[int, ...]  # (c + 1,) where each candidate's columns begin
-
-    @classmethod
-    def of(cls, evidence: Evidence, scores: Sequence[Score]) -> Together:
-        """Of the candidates of these scores."""
-        candidates = tuple(score.candidate for score in scores)
-        columns = [columns_of(c, evidence) for c in candidates]
-        every = np.concatenate(columns, axis=1)
-        bounds = [bounds_of(c, evidence) for c in candidates]
-        information = evidence.information(every)
-        begin = tuple(np.cumsum([0, *(c.shape[1] for c in columns)]).tolist())
-        own = [slice(*span) for span in pairwise(begin)]
-        return cls(
-            candidates=candidates,
-            tries=np.array([score.tries for score in scores]),
-            chances=tuple(Chance.of(information[span, span]) for span in own),
-            information=information,
-            b=(every.T @ evidence.weigh(evidence.column))[:, 0],
-            lower=np.concatenate([low for low, _ in bounds]),
-            upper=np.concatenate([high for _, high in bounds]),
-            begin=begin,
-        )
-
-    def rows(self, members: Sequence[int]) -> Array:
-        """Columns of some of the candidates."""
-        spans = [np.arange(self.begin[i], self.begin[i + 1]) for i in members]
-        return np.concatenate([np.zeros(0, dtype=np.int64), *spans]).astype(np.int64)
-
-    def fit(self, members: Sequence[int]) -> tuple[Array, float, float]:
-        """Values, decrease of chi square and ln B of some together."""
-        rows = self.rows(members)
-        if not rows.size:
-            return np.zeros(0), 0.0, 0.0
-        information, b = self.information[np.ix_(rows, rows)], self.b[rows]
-        value = most_likely(information, b, self.lower[rows], self.upper[rows])
-        price = float(np.log(self.tries[list(members)]).sum())
-        return value, decrease(information, b, value), log_bayes(information, b, value) - price
 
 
 @dataclass(frozen=True)
@@ -413,11 +358,6 @@ def _worth(score: Score) -> float:
     return score.log_bayes - shadow(score.candidate, score.gain)
 
 
-def shadow(candidate: Candidate, gain: float) -> float:
-    """What a map pays beyond its parameters: a tenth of what it explains."""
-    return (1 - _SHADOW) * gain / 2 if candidate.unexplained else 0.0
-
-
 def _improved(
     model: Fitted, here: Scan, best: Score | None, short: tuple[Score, ...]
 ) -> tuple[Candidate, ...]:
@@ -441,13 +381,6 @@ def _improved(
             held = np.isfinite(worth(chosen))
             return tuple(together.candidates[i] for i in chosen) if held else model.members
         chosen = near
-
-
-def as_score(member: Candidate, tried: Sequence[Score]) -> Score:
-    """A member to be weighed again, charged with what the search for its cause has cost."""
-    tries = max((s.tries for s in tried if s.candidate.same_cause(member)), default=1.0)
-    k = len(member.rows)
-    return Score(member, np.zeros(k), np.zeros((k, k)), 0.0, 0.0, 0.0, tries)
 
 
 def _best_pair(worth: _Worth, count: int) -> tuple[int, ...]:

@@ -22,7 +22,7 @@ from delta_calibration.samples import Conditions
 
 REFERENCE = 20.0  # [deg C]
 _WARMING = 0.5  # [K] a sensor that moves less says nothing
-_BEHIND = 60.0  # [s] that a sensor on a part may be behind it, as a standard deviation
+_BEHIND = 60.0  # [s] that a sensor may be behind its part, a standard deviation: assumed
 _AROUND = 150.0  # [s] before and after, over which a rate of warming is taken
 
 
