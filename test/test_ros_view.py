@@ -127,6 +127,21 @@ def test_a_fit_is_followed_and_its_errors_are_drawn(bench: Bench, session: Any) 
     np.testing.assert_allclose(second, first / 2, rtol=1e-6)
 
 
+def test_work_quicker_than_the_period_is_told(
+    bench: Bench, session: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("delta_calibration.ros.progress.PERIOD_S", 3600.0)
+    cell = Cell(bench, model="rotary_delta")
+    watcher = Watcher(bench)
+    assert cell.call("start_capture")[0]
+    cell.measure(session)
+    assert cell.call("stop_capture")[0]
+    assert cell.call("fit")[0]
+    assert bench.until(lambda: [s.message for s in watcher.tasks()][-1:] == ["idle"])
+    told = [s for s in watcher.tasks() if s.name == "/calibration_node/fit"]
+    assert [values(s)["steps"] for s in told] == ["3"]
+
+
 def points(watcher: Watcher) -> np.ndarray:
     return np.array([[p.x, p.y, p.z] for p in watcher.last["error measured"].points])
 

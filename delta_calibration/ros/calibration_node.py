@@ -65,11 +65,11 @@ class CalibrationNode(SafeLifecycleNode):
             JointState, "joint_states_nominal", STREAM_OUT
         )
         self._status = self.create_publisher(DiagnosticStatus, "~/status", STATUS)
-        self._jobs = Jobs(self, self._tell_of)
-        self._serve()
-        self._diagnostics = Diagnostics(self, self._report)
         self._task: Task | None = None  # the fit or diagnosis that was begun last
         self._progress = Progress(self, self._doing)
+        self._jobs = Jobs(self, self._tell_of, self._progress.publish)
+        self._serve()
+        self._diagnostics = Diagnostics(self, self._report)
         scale = partial(self._settings.number, "error_scale")
         self._markers = Markers(self, lambda: self._desk, scale)
 

@@ -37,10 +37,13 @@ class Jobs:
     Args:
         node: that offers the services.
         tell: is told the kind of a job that failed, and why.
+        changed: is called when a job has begun and when one has ended.
     """
 
-    def __init__(self, node: Node, tell: Callable[[str, str], None]) -> None:
-        self._node, self._tell = node, tell
+    def __init__(
+        self, node: Node, tell: Callable[[str, str], None], changed: Callable[[], None]
+    ) -> None:
+        self._node, self._tell, self._changed = node, tell, changed
         self._running: dict[str, _Job] = {}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._poll = node.create_timer(POLL_S, self._finish, clock=steady)
@@ -59,6 +62,7 @@ class Jobs:
                 return self._logged(response)
             self._running[kind] = job
             self._poll.reset()
+            self._changed()
             return job.waiting
 
         allow_deferred(self._node.create_service(Trigger, f"~/{name}", receive))
@@ -80,6 +84,7 @@ class Jobs:
             if job.background.done:
                 del self._running[kind]
                 job.waiting.answer(self._logged(self._answer(kind, job)))
+                self._changed()
         if not self._running:
             self._poll.cancel()
 

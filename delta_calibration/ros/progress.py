@@ -21,6 +21,8 @@ Doing = Mapping[str, tuple[str, Mapping[str, object]]]  # task -> sentence, figu
 class Progress:
     """Publishes what a node is at, twice a second while there is something, and once at its end.
 
+    What takes less than half a second is told by who calls `publish` at its beginning.
+
     Args:
         node: whose work it is; its name comes before the task's.
         doing: gives the tasks that go on now.
