@@ -11,8 +11,10 @@ import pytest
 
 from blind import hide
 from delta_calibration.calibration_file import from_diagnosis, load_calibration, save_extended
+from delta_calibration.cli.diagnose import describe
 from delta_calibration.cli.main import run
 from delta_calibration.diagnosis import diagnose
+from delta_calibration.effects import catalogue
 from delta_calibration.errors import DataError
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
@@ -154,6 +156,27 @@ def test_a_third_of_the_poses_knocked_gives_no_wrong_name(hidden) -> None:
     said = verdict(spoilt)
     assert {f.cause for f in said.findings} <= {"backlash", "stick_slip"}
     assert said.findings or said.unknown_structure.found
+
+
+def test_poses_that_no_model_follows_are_told(hidden) -> None:
+    knocked = [20, 50, 100, 170]
+    spoilt = at_stops(hidden.session, lambda k, p: p + (k in knocked) * np.array([0, 0, 2e-3]))
+    seen = survey(spoilt, ROBOT.joints.names)
+    told = diagnose(seen, ROBOT).verdict.session.rejected
+    assert told["unlike_the_model"] == seen.poses.count[knocked].sum()
+    assert told["on_the_way"] == 0
+
+
+def test_stops_that_take_no_part_are_told() -> None:
+    seen = survey(hide({}, SEED).session, ROBOT.joints.names)
+    (lag,) = (e for e in catalogue(ROBOT, ROBOT.model()) if e.cause == "joint_lag")
+    found = diagnose(seen, ROBOT, effects=(lag,))
+    evidence = found.model.evidence
+    left_out = ~evidence.believed[: evidence.poses]
+    told = found.verdict.session.rejected
+    assert told["on_the_way"] == seen.poses.count[left_out].sum() > 0
+    assert told["unlike_the_model"] == 0
+    assert f"{told['on_the_way']} on the way" in describe(found.verdict)
 
 
 def some(session: Session, keep: np.ndarray) -> Session:

@@ -124,11 +124,13 @@ def describe(
         (named(f"{name}: {model.model}"), mm(model.held_out_rms_mm))
         for name, model in verdict.models()
     ]
+    aside = verdict.session.set_aside()
     lines = [
         f"verdict: {verdict.sentence()}",
         "",
         table(("model", f"held-out error, {error} RMS [mm]"), rows),
         f"noise of a {of}: {mm(verdict.noise_mm)} mm",
+        *([f"readings set aside: {aside}"] if aside else []),
         *(line for finding in verdict.findings for line in ("", *_finding(finding))),
     ]
     unknown = verdict.unknown_structure
@@ -137,7 +139,7 @@ def describe(
         where = f"; {unknown.where}" if unknown.where else ""
         lines += [
             "",
-            f"unexplained structure{size}: moves with {unknown.moves_with}{where}",
+            f"unexplained structure{size}: moves with {unknown.moves()}{where}",
         ]
     if verdict.cannot_tell:
         lines += ["", "this session cannot tell:"]

@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
 from delta_calibration.diagnosis.confirm import HeldOut, held_out
+from delta_calibration.diagnosis.evidence import on_the_way
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import without_geometry
@@ -79,7 +80,7 @@ def diagnose(
         survey: poses and paths of a session.
         robot: drawing, tolerances, tracker.
         model: name of a mechanism; the robot file's own where not given.
-        effects: what is tried; the whole catalogue where not given.
+        effects: what is tried, one at least; the whole catalogue where not given.
         seed: of bootstraps.
         calibration: what the robot is compensated by; held against the session as the baseline in
             the place of the drawing.
@@ -99,11 +100,12 @@ def diagnose(
         start = calibrated(survey, robot, model)
         if effects is None:
             effects = catalogue(robot, start.problem.chain.mechanism)
-        found = judged(start, effects, _facts(survey), rng, against, step)
+        found = judged(start, effects, _facts(start), rng, against, step)
         assert isinstance(found.model, Model)  # it was fitted as it began
         whole = extended(found.model, seed)
+    verdict = replace(found.verdict, session=_facts(found.model))
     return Diagnosis(
-        found.verdict, found.model, found.found, found.audit, found.held, found.before, whole
+        verdict, found.model, found.found, found.audit, found.held, found.before, whole
     )
 
 
@@ -130,7 +132,7 @@ def diagnose_observations(
         stated: whether the noise that the observations state is known; else its factor is found.
         further: what else could be measured, in words, with made-up values: what the verdict
             proposes is chosen from it, the first that does.
-        effects: what is tried; where not given the whole catalogue, what acts on
+        effects: what is tried, one at least; where not given the whole catalogue, what acts on
             a tracker's readings where there is nothing else.
         seed: of bootstraps.
         step: is told of each of `STEPS` as it begins.
@@ -180,6 +182,14 @@ def _in_force(calibration: Calibration, held: HeldOutModels) -> HeldOut:
     return held_out(without_geometry(fixed), held.sectors)
 
 
-def _facts(survey: Survey) -> SessionFacts:
-    poses = survey.poses
-    return SessionFacts(poses.readings, len(poses), poses.duration, poses.rejected.counts())
+def _facts(model: Model) -> SessionFacts:
+    """What was measured; of the poses at rest, what a model makes no use of is told as well."""
+    poses, passing = model.survey.poses, on_the_way(model.survey)
+    unlike = (model.cell.weight == 0) & ~passing
+    aside = {
+        "on_the_way": int(poses.count[passing].sum()),
+        "unlike_the_model": int(poses.count[unlike].sum()),
+    }
+    return SessionFacts(
+        poses.readings, len(poses), poses.duration, poses.rejected.counts() | aside
+    )

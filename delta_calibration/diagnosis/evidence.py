@@ -295,7 +295,7 @@ def gather(
     slope = by_joints[moving]
     whiten_paths = _whiten_paths(paths, slope, cell)
     believed = _believed(whiten_paths, off[moving], paths)
-    apart = ~_on_the_way(at.time[: len(poses)], np.sort(at.time[moving]))
+    apart = ~on_the_way(survey)
     root = np.sqrt(cell.weight * apart)[:, None, None]
     whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
     jacobian = chain.columns(at, x, theta, by_joints, by_geometry)
@@ -321,16 +321,13 @@ def gather(
     )
 
 
-def _on_the_way(time: Array, moving: Array) -> NDArray[np.bool_]:
-    """Stops on the way of a longer motion, (n,), where they are the exception.
+def on_the_way(survey: Survey) -> NDArray[np.bool_]:
+    """Poses that are stops on the way of a longer motion, (n,), where they are the exception.
 
     The joints need not have been moved to them and away from them anew: they share one rest
     error, and taken for a draw each would say more than they know.
-
-    Args:
-        time: of the poses, (n,) [s].
-        moving: of the readings in motion, rising [s].
     """
+    time, moving = survey.poses.time, np.sort(survey.paths.conditions.time)
     if not moving.size:
         return np.zeros(len(time), dtype=bool)
     after = np.searchsorted(moving, time)

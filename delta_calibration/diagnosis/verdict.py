@@ -18,7 +18,11 @@ class SessionFacts:
     samples: int
     poses: int
     duration_s: float
-    rejected: Mapping[str, int]
+    rejected: Mapping[str, int]  # readings that took no part, by reason
+
+    def set_aside(self) -> str:
+        """How many readings took no part and why, as words."""
+        return listed(f"{n} {spoken(reason)}" for reason, n in self.rejected.items() if n)
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,10 @@ class UnknownStructure:
     rms_mm: float | None
     tests: Mapping[str, float | None]
 
+    def moves(self) -> str:
+        """With what its size changes, as words."""
+        return spoken(self.moves_with or "nothing that was recorded")
+
 
 @dataclass(frozen=True)
 class CannotTell:
@@ -138,7 +146,7 @@ class Verdict:
         if self.findings:
             return listed(finding.label() for finding in self.findings)
         if self.unknown_structure.found:
-            moves = spoken(self.unknown_structure.moves_with or "nothing that was recorded")
+            moves = self.unknown_structure.moves()
             return f"something that no known cause explains is left; it moves with {moves}"
         return "the calibrated geometry explains the data, and nothing else is found"
 

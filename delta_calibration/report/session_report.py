@@ -165,8 +165,7 @@ def _test(name: str) -> str:
 
 
 def _set_aside(verdict: Verdict) -> tuple[str, ...]:
-    rejected = [f"{n} {spoken(reason)}" for reason, n in verdict.session.rejected.items() if n]
-    return (f"Readings set aside: {listed(rejected) or 'none'}.",)
+    return (f"Readings set aside: {verdict.session.set_aside() or 'none'}.",)
 
 
 def _workspace(judged: Judged) -> Section:

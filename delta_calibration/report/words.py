@@ -110,9 +110,8 @@ def _mapped(verdict: Verdict) -> bool:
 def structure(unknown: UnknownStructure) -> str:
     """Structure that no cause explains: how large, what it moves with, where."""
     where = f", {unknown.where.replace('= -', '= ' + _MINUS)}" if unknown.where else ""
-    moves = spoken(unknown.moves_with or "nothing recorded")
     size = "" if unknown.rms_mm is None else f", {mm(unknown.rms_mm)} mm RMS"
-    return f"structure of no known cause{size}; it moves with {moves}{where}"
+    return f"structure of no known cause{size}; it moves with {unknown.moves()}{where}"
 
 
 def _share(finding: Finding) -> str:
