@@ -13,7 +13,7 @@ from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
 from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.model import Model, fit
-from delta_calibration.diagnosis.rivals import equivalents, scaled
+from delta_calibration.diagnosis.rivals import equivalents
 from delta_calibration.diagnosis.search import as_score
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import InputError
@@ -109,7 +109,7 @@ def _twin(finding: Finding, found: Diagnosis, task: Task, robot: Robot) -> bool:
         return False
     rest = tuple(m for m in found.model.members if m is not member)
     evidence = beside(found.model.evidence, rest)
-    signal = columns_of(member, evidence) @ scaled(found.model, member)
+    signal = columns_of(member, evidence) @ found.model.scaled(member)
     every = catalogue(robot, found.model.problem.chain.mechanism)
     effect = next(e for e in every if e.cause == task.without)
     shapes = (s for s in effect.shapes(evidence.at) if not s.missing(evidence.at))

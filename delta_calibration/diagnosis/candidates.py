@@ -41,6 +41,11 @@ class Candidate:
         return self.cause == UNEXPLAINED
 
     @property
+    def sized(self) -> bool:
+        """Whether nobody knows its size: a dimension has its tolerance, a map its own."""
+        return self.effect is not None and not self.unexplained
+
+    @property
     def label(self) -> str:
         """For people: cause, and where."""
         if isinstance(self.effect, Unexplained):

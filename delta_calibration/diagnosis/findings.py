@@ -31,7 +31,7 @@ from delta_calibration.diagnosis.geometry import (
     without,
     without_geometry,
 )
-from delta_calibration.diagnosis.rivals import Standing, equivalents, named, scaled, standing
+from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import ALPHA, Found
 from delta_calibration.diagnosis.verdict import Estimate, Finding
@@ -152,7 +152,7 @@ def _spread(evidence: Evidence, model: Fitted, member: Candidate) -> Array:
     variance = np.diag(np.linalg.inv(normal)) * max(1.0, model.misfit)
     doubt = None if member.effect is None else member.effect.doubt()
     if doubt is not None:
-        moved = evidence.columns(doubt)[:, list(member.rows)] @ scaled(model, member)
+        moved = evidence.columns(doubt)[:, list(member.rows)] @ model.scaled(member)
         off = np.linalg.solve(normal, columns.T @ evidence.weigh(moved[:, None]))[:, 0]
         variance = variance + off**2
     return np.asarray(np.sqrt(variance))

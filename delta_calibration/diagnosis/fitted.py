@@ -100,6 +100,15 @@ class Fitted(ABC):
         with_effect = [m for m in self.members if m.effect is not None]
         return np.asarray(self.effect_values[with_effect.index(member)][list(member.rows)])
 
+    def scaled(self, member: Candidate) -> Array:
+        """A member's values in units of the priors, (k,)."""
+        if member.effect is None:
+            items = self.bare.mechanism.parameters.items
+            deviation = self.values(member) - np.array([items[r].nominal for r in member.rows])
+            return np.asarray(deviation / np.array([items[r].prior for r in member.rows]))
+        prior = member.effect.parameters.prior[list(member.rows)]
+        return np.asarray(self.values(member) / prior)
+
     def refined(self) -> tuple[Candidate, ...]:
         """The members with the shapes that go with their values."""
         values = iter(self.effect_values)

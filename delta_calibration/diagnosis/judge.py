@@ -26,7 +26,6 @@ from delta_calibration.diagnosis.findings import (
 )
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.geometry import as_drawn, scatter_of
-from delta_calibration.diagnosis.rivals import scaled
 from delta_calibration.diagnosis.search import (
     ALPHA,
     MOST,
@@ -102,7 +101,7 @@ def judged(
     left = _audited(found.model, rng)
     before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
     explained = float(np.sqrt(max(0.0, before**2 - after**2)))
-    unknown = _unknown(found.model, sought.model, left, explained)
+    unknown = _unknown(found, sought.model, left, explained)
     if unknown.found and not members:  # readings in motion would bend what rests on the poses
         found = replace(found, model=start)
     bent = unknown.found or found.last.nameless
@@ -138,20 +137,21 @@ def _borne_out(
         found, held, said = _holding(found, start, rng)
         gone += tuple(m for m in sought if not _among(tuple(said), m))
         better = tuple(said)
+        if gone:
+            found = replace(found, last=scanned(found.model, effects, rng).without(gone))
         if gone and said:
-            found = replace(found, last=scanned(found.model, effects, rng))
-            better = _beside_what_holds(found, gone)
+            better = _beside_what_holds(found)
             gone += tuple(m for m in said if not _among(better, m))
         if better == tuple(said):
             return found, held, _in_part(said, found.last)
         found = replace(found, model=found.model.fitted(better))
 
 
-def _beside_what_holds(found: Found, gone: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def _beside_what_holds(found: Found) -> tuple[Candidate, ...]:
     """The members with what only shows now that others are gone, or a map in a name's place."""
     members = found.model.members
     freed = worth_it(found.last, found.model) if len(members) < MOST else None
-    if freed is None or freed.candidate.unexplained or _among(gone, freed.candidate):
+    if freed is None or freed.candidate.unexplained:
         return beyond_names(found.model, found.last, found.short)
     return (*members, freed.candidate)
 
@@ -224,19 +224,22 @@ def _name(members: tuple[Candidate, ...], placed: bool) -> str:
     return " + ".join(["geometry", *frame, *(m.label for m in members)])
 
 
-def _unknown(model: Fitted, sought: Fitted, left: Audit, explained: float) -> UnknownStructure:
+def _unknown(found: Found, sought: Fitted, left: Audit, explained: float) -> UnknownStructure:
     """Structure that a smooth map follows, or that the audit finds in what is left.
 
     A map that chance is no reason for is structure, even where it foretells too little to be of
     use and was left out of the model again.
 
     Args:
-        model: with what is borne out.
+        found: what is borne out, and what is left beside it.
         sought: where the search ended.
         left: the audit of what the model leaves.
         explained: root mean square of what its members explain [m].
     """
     tests: dict[str, float | None] = {LACK_OF_FIT: None, **left.p}
+    model, last = found.model, found.last.left
+    if last is not None and last.candidate.unexplained and not model.members:
+        sought = model.fitted((last.candidate,))  # the name in its place did not hold
     for with_map in (model, sought):
         for member in with_map.members:
             if member.unexplained:
@@ -261,7 +264,7 @@ def _mapped(
     bends with it elsewhere are not in the errors that people see.
     """
     evidence = model.evidence
-    moved = (columns_of(member, evidence) @ scaled(model, member)).reshape(evidence.residual.shape)
+    moved = (columns_of(member, evidence) @ model.scaled(member)).reshape(evidence.residual.shape)
     alone = replace(evidence, residual=moved)
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
     shift = alone.missed(alone.best(model.misfit))[rows]

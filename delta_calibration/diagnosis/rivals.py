@@ -51,7 +51,7 @@ def standing(model: Fitted, member: Candidate, tried: Sequence[Score]) -> Standi
     """How a member stands against everything that was tried in its place."""
     rest = tuple(m for m in model.members if m is not member)
     evidence = beside(model.evidence, rest)
-    signal = columns_of(member, evidence) @ scaled(model, member)
+    signal = columns_of(member, evidence) @ model.scaled(member)
     others = [s for s in tried if not s.candidate.same_cause(member)]
     others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
@@ -93,16 +93,6 @@ def reached(information: Array, along: Array) -> float:
     values, axes = np.linalg.eigh(information)
     shown = values > _RANK * max(float(values[-1]), 1e-300)
     return float(np.sum((axes[:, shown].T @ along) ** 2 / values[shown]))
-
-
-def scaled(model: Fitted, member: Candidate) -> Array:
-    """A member's values in units of the priors, (k,)."""
-    if member.effect is None:
-        items = model.bare.mechanism.parameters.items
-        deviation = model.values(member) - np.array([items[r].nominal for r in member.rows])
-        return np.asarray(deviation / np.array([items[r].prior for r in member.rows]))
-    prior = member.effect.parameters.prior[list(member.rows)]
-    return np.asarray(model.values(member) / prior)
 
 
 def _confidence(

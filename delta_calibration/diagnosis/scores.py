@@ -9,6 +9,10 @@ pays for every parameter with what it could have explained and did not.
                                         u = 1 - L^2 / (g + L)^2, g the eigenvalues of G
     ln B = b' (G + L)^-1 b / 2 - ln det(1 + G / L) / 2        v ~ N(0, 1/L)
 
+A cause has a size of its own, which its parameters share: L = 1/s^2 with ln s anywhere in three
+decades, integrated by Laplace about the s of the largest likelihood. That three joints trail
+alike much costs one size, and not three values out of all that each could be.
+
 A candidate whose shape was searched pays for the search as well: the parametric bootstrap of the
 largest D over all shapes says how many independent tries it was worth, and both answers are
 charged with that number.
@@ -19,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import log, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +36,7 @@ from delta_calibration.effects import SPREAD
 Array = NDArray[np.float64]
 
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
+_DECADES = log(1000.0)  # of a cause's size, up to SPREAD times the typical one
 _AT_A_TIME = 8  # shapes
 _EULER = 0.5772
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
@@ -159,12 +165,13 @@ class Weighed:
         """The case of a candidate at its most likely values."""
         gain = decrease(information, b, value)
         log_p = Chance.of(information).log_p(gain, self.noise_degrees)
+        spans = [slice(0, len(value))] if candidate.sized else []
         return Score(
             candidate=candidate,
             value=value,
             information=information,
             gain=gain,
-            log_bayes=log_bayes(information, b, value) - float(np.log(tries)),
+            log_bayes=log_bayes(information, b, value, spans) - float(np.log(tries)),
             log_p=min(0.0, log_p + float(np.log(tries))),
             tries=tries,
         )
@@ -218,15 +225,31 @@ def free_decrease(information: Array, b: Array) -> Array:
     return np.asarray(np.sum((axes[:, shown].T @ b) ** 2 / values[shown, None], axis=0))
 
 
-def log_bayes(information: Array, b: Array, value: Array) -> float:
+def log_bayes(
+    information: Array, b: Array, value: Array, spans: Sequence[slice] = ()
+) -> float:
     """ln B at v: the explained part less the price of the parameters."""
-    explained = b @ value - value @ information @ value / 2 - PRECISION * value @ value / 2
-    return float(explained) - price_of(information)
+    explained = float(b @ value - value @ information @ value / 2)
+    return explained - price_of(information, value, spans)
 
 
-def price_of(information: Array) -> float:
-    """What parameters of this information (k, k) pay for what they could have explained."""
-    return float(np.linalg.slogdet(np.eye(len(information)) + information / PRECISION)[1] / 2)
+def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> float:
+    """What parameters of this information (k, k) pay for what they could have been.
+
+    Args:
+        information: of the parameters, (k, k).
+        value: theirs, (k,).
+        spans: those of explanations whose size is not known, each a size of its own.
+    """
+    size, price = np.full(len(value), SPREAD), 0.0
+    for span in spans:
+        count = len(value[span])
+        rms = float(np.sqrt(np.mean(value[span] ** 2)))
+        size[span] = np.clip(rms, SPREAD * np.exp(-_DECADES), SPREAD)
+        price += log(_DECADES / np.sqrt(pi / count))
+    unlike = float(np.sum((value / size) ** 2)) / 2
+    could = np.eye(len(value)) + size[:, None] * information * size
+    return price + unlike + float(np.linalg.slogdet(could)[1]) / 2
 
 
 def _tries(largest: Array, k: int) -> float:

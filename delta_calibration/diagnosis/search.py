@@ -30,7 +30,7 @@ from delta_calibration.diagnosis.scores import (
     Weighed,
     price_of,
 )
-from delta_calibration.diagnosis.together import Together, as_score, shadow
+from delta_calibration.diagnosis.together import Together, as_score, shadow, sizes
 from delta_calibration.effects import Effect
 
 Array = NDArray[np.float64]
@@ -70,6 +70,11 @@ class Scan:
     def nameless(self) -> bool:
         """Whether something is left that a map explains better than any cause."""
         return self.left is not None and self.left.candidate.unexplained
+
+    def without(self, causes: Sequence[Candidate]) -> Scan:
+        """The scan without what is said to be of some causes."""
+        kept = (s for s in self.scores if not any(s.candidate.same_cause(c) for c in causes))
+        return Scan(tuple(kept), self.tests)
 
     def of_cause(self, candidate: Candidate) -> Score | None:
         """The best score of the same cause."""
@@ -168,11 +173,11 @@ def find(
             members = beyond_names(model, here, tuple(short.values()))
         if _keys(members) not in seen:
             drawn = next((s for s in first.scores if (s.candidate,) == members), None)
-            model = _first_fit(bare, drawn, scans) if drawn is not None else model.fitted(members)
+            model = model.fitted(members) if drawn is None else _first_fit(bare, drawn, scans)
         else:
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
-            swapped = _swapped(bare, model, tuple(short.values())) if swaps else model
+            swapped = _swapped(bare, model, here, tuple(short.values())) if swaps else model
             if swapped is model:
                 return Found(model, first, here, tuple(short.values()))
             model, swaps = swapped, swaps - 1
@@ -181,23 +186,33 @@ def find(
 
 
 def _first_fit(bare: Fitted, best: Score, scans: Sequence[Scan]) -> Fitted:
-    """With the best of a scan; in the place of a map with a cause, if it is likelier when fitted.
+    """With the best of a scan, or with what is likelier when fitted: a cause for a map, or two.
 
     What is fitted in the place of a strong cause hides it from a search about that fit.
     """
-    if not best.candidate.unexplained:
-        return bare.fitted((best.candidate,))
     named: dict[str, Score] = {}
     for score in sorted((s for here in scans for s in here.scores), key=lambda s: -s.log_bayes):
         if not score.candidate.unexplained:
             named.setdefault(score.candidate.cause, score)
-    rivals = [s for s in named.values() if s.log_bayes > _RIVAL * best.log_bayes]
-    sets = [(score.candidate,) for score in (best, *rivals[:_LOOKED_AT])]
-    return _likeliest(bare, sets, (best, *rivals))
+    enough = _RIVAL if best.candidate.unexplained else np.inf
+    rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
+    sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:_LOOKED_AT])]
+    sets += _pairs(bare, scans[0], list(named.values()), _worth(best))
+    return _likeliest(bare, sets, (best, *named.values()))
 
 
-def _swapped(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
-    """The fit with a cause in the place of another that does nearly as much, or of a map.
+def _pairs(
+    model: Fitted, here: Scan, scores: Sequence[Score], enough: float
+) -> list[tuple[Candidate, ...]]:
+    """The best two of some explanations, where both hold and are worth more than enough."""
+    worth = _Worth(Together.of(model.evidence, scores), here, model.noise_degrees)
+    pairs = sorted(combinations(range(len(scores)), 2), key=worth, reverse=True)
+    good = [pair for pair in pairs[:_LOOKED_AT] if worth(pair) > enough]
+    return [tuple(scores[i].candidate for i in pair) for pair in good]
+
+
+def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
+    """The fit with a cause, or two, in the place of one that does nearly as much, or of a map.
 
     Each set is fitted from the machine without any: about the fit of one the other is astray. The
     model itself where none is likelier.
@@ -214,17 +229,19 @@ def _swapped(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
     }
     together, count = Together.of(model.evidence, [*own, *others.values()]), len(members)
     whole, sets = together.fit(range(count))[2], [] if count == 1 else [members]
+    worth = _Worth(together, here, model.noise_degrees)
     if len(named) < count:
         sets.append(named)
     for i, member in enumerate(members):
         kept = tuple(j for j in range(count) if j != i)
-        least, near = together.fit(kept)[2], []
-        for k in range(count, count + len(others)):
-            log_b = together.fit((*kept, k))[2]
-            if member.unexplained or log_b - least > _NEARLY * (whole - least):
-                near.append((log_b, (*kept, k)))
-        chosen = [rows for _, rows in sorted(near, reverse=True)[:_LOOKED_AT]]
-        sets += [tuple(together.candidates[j] for j in rows) for rows in chosen]
+        least = together.fit(kept)[2]
+        enough = -np.inf if member.unexplained else least + _NEARLY * (whole - least)
+        new = range(count, count + len(others))
+        one = [(together.fit((*kept, k))[2], (*kept, k)) for k in new]
+        two = [(worth((*kept, *pair)), (*kept, *pair)) for pair in combinations(new, 2)]
+        for near in (one, two if len(kept) + 2 <= MOST else []):
+            chosen = sorted((c for c in near if c[0] > enough), reverse=True)[:_LOOKED_AT]
+            sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(bare, sets, short, model)
 
 
@@ -242,8 +259,10 @@ def _likeliest(
     def likely(fit: Fitted) -> float:
         """ln B by chi square per degree of freedom: fits may set other poses aside."""
         columns = np.concatenate([columns_of(m, fit.evidence) for m in fit.members], axis=1)
+        value = np.concatenate([fit.scaled(m) for m in fit.members])
         gain = samples * (bare.misfit - fit.misfit)
-        price = price_of(fit.evidence.information(columns))
+        information = fit.evidence.information(columns)
+        price = price_of(information, value, sizes(fit.members))
         price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.members)
         return gain / 2 - price - sum(shadow(m, gain) for m in fit.members)
 

@@ -65,7 +65,15 @@ class Together:
         information, b = self.information[np.ix_(rows, rows)], self.b[rows]
         value = most_likely(information, b, self.lower[rows], self.upper[rows])
         price = float(np.log(self.tries[list(members)]).sum())
-        return value, decrease(information, b, value), log_bayes(information, b, value) - price
+        log_b = log_bayes(information, b, value, sizes([self.candidates[i] for i in members]))
+        return value, decrease(information, b, value), log_b - price
+
+
+def sizes(members: Sequence[Candidate]) -> list[slice]:
+    """Which of the members' parameters, one after the other, share a size that is not known."""
+    ends = np.cumsum([0, *(len(m.rows) for m in members)]).tolist()
+    spans = zip(members, pairwise(ends), strict=True)
+    return [slice(*span) for member, span in spans if member.sized]
 
 
 def as_score(member: Candidate, tried: Sequence[Score]) -> Score:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.fitted import Fitted, beside
-from delta_calibration.diagnosis.rivals import reached, scaled
+from delta_calibration.diagnosis.rivals import reached
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def unexplained(model: Fitted) -> float:
 def signal_of(model: Fitted, member: Candidate) -> float:
     """lambda of a member: squared length of its signal beside the others."""
     evidence = beside(model.evidence, tuple(m for m in model.members if m is not member))
-    signal = columns_of(member, evidence) @ scaled(model, member)
+    signal = columns_of(member, evidence) @ model.scaled(member)
     return float(signal @ evidence.weigh(signal[:, None])[:, 0])
 
 
@@ -62,7 +62,7 @@ def _in_the_shadow(model: Fitted, member: Candidate, other: Candidate) -> bool:
     """Whether a map explains more than a member and could have made most of its signal."""
     rest = tuple(m for m in model.members if m is not member and m is not other)
     evidence = beside(model.evidence, rest)
-    signal = columns_of(member, evidence) @ scaled(model, member)
+    signal = columns_of(member, evidence) @ model.scaled(member)
     weighed = evidence.weigh(signal[:, None])[:, 0]
     columns = columns_of(other, evidence)
     drawn = reached(evidence.information(columns), columns.T @ weighed)
