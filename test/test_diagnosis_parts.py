@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import chi2, f_oneway, kstest, multivariate_normal
 
 from blind.session import hide
@@ -204,6 +205,31 @@ def test_the_bayes_factor_is_that_of_two_densities(evidence) -> None:
             multivariate_normal(np.zeros(len(r)), C).logpdf(r) for C in (V, V + 25 * X @ X.T)
         )
         assert scores.log_bayes(G, b, v) == pytest.approx(other - null, abs=1e-4)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+@pytest.mark.parametrize("size", [0.0, 0.1, 0.5, 2.0])
+def test_a_size_that_is_not_known_is_integrated_over(evidence, k: int, size: float) -> None:
+    """By densities at 400 sizes of three decades, r ~ N(0, V + s^2 X X')."""
+    proper = replace(evidence, precision=np.where(evidence.precision > 0, evidence.precision, 1.0))
+    flat = proper.nuisance.reshape(proper.size, -1)
+    V = np.eye(proper.size) + flat / proper.precision @ flat.T
+    X = columns_of(candidate(proper, "joint_compliance"), proper)[:, :k]
+    r = proper.draw(1, np.random.default_rng(4))[:, 0] + size * X @ np.linspace(0.7, 1.3, k)
+    inverse = np.linalg.inv(V)
+    G, b = X.T @ inverse @ X, X.T @ inverse @ r
+    each = np.geomspace(5.0 / 1000, 5.0, 400)
+    log_b = [
+        b @ np.linalg.solve(G + np.eye(k) / s**2, b) / 2
+        - np.linalg.slogdet(np.eye(k) + s**2 * G)[1] / 2
+        for s in each
+    ]
+    free = np.full(k, np.inf)
+    v = scores.most_likely(G, b, -free, free)
+    told = scores.log_bayes(G, b, v, [slice(0, k)])
+    exact = logsumexp(log_b) - np.log(len(each))
+    # where nothing shows the likeliest size is none, and the sharp peak that is taken is not there
+    assert told == pytest.approx(exact, abs=0.3) if exact > 10 else exact - 2 < told < exact
 
 
 @pytest.fixture(scope="module")
