@@ -42,11 +42,16 @@ PAIRS = (
     (788056, (("forearm_compliance", 3093.52), ("joint_scale", 641.97))),
     # about the fit with an eccentric encoder a joint's scale does less, fitted itself it does more
     (970841, (("ball_joint_clearance", 797.22), ("joint_scale", 734.61))),
+    # the six values of a drift of the tracker do nearly what both do together
+    (212950, (("thermal_growth_forearm", 3975.05), ("thermal_growth_base", 507.38))),
+    # three joints trail by 46, 34 and 42 us: nearly a late clock
+    (283907, (("backlash", 1092.88), ("joint_lag", 532.36))),
 )
 FOREIGN = (
     (1040, "cross_talk", SIGNAL),
     (920255, "rub", 670.49),  # a harmonic and an eccentric encoder: less likely than a map
     (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
+    (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it then refutes
 )
 
 

@@ -173,7 +173,10 @@ def find(
             members = beyond_names(model, here, tuple(short.values()))
         if _keys(members) not in seen:
             drawn = next((s for s in first.scores if (s.candidate,) == members), None)
-            model = model.fitted(members) if drawn is None else _first_fit(bare, drawn, scans)
+            if drawn is not None and not model.members:
+                model = _first_fit(bare, drawn, scans)
+            else:
+                model = model.fitted(members)
         else:
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
@@ -264,7 +267,7 @@ def _likeliest(
         information = fit.evidence.information(columns)
         price = price_of(information, value, sizes(fit.members))
         price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.members)
-        return gain / 2 - price - sum(shadow(m, gain) for m in fit.members)
+        return gain / 2 - price
 
     return max(fits, key=likely)
 
@@ -295,17 +298,18 @@ def _without_maps(
 def beyond_names(
     model: Fitted, here: Scan, short: tuple[Score, ...]
 ) -> tuple[Candidate, ...]:
-    """The members, a map in the place of names that only together do as much as it.
+    """The members, a map in the place of names that it is likelier than.
 
     Nothing is left beside true causes, and each does what no map does at its price. Beside one
     that does nearly as what nobody has described, the rest of that is left, for another map or a
-    second name.
+    second name. What a map pays beyond its parameters (`shadow`) decides what is tried first, not
+    what is true.
     """
     members, maps = model.members, [s for s in short if s.candidate.unexplained]
     named = [i for i, member in enumerate(members) if not member.unexplained]
     help_ = [here.left] if here.left is not None and here.nameless else []
-    groups = [*([i] for i in named if help_), *([named] if len(named) > 1 else [])]
-    if not groups or not maps:
+    groups = [*([i] for i in named if help_), named]
+    if not named or not maps:
         return members
     scores = [*(as_score(m, short) for m in members), *help_, *maps]
     together, helped = Together.of(model.evidence, scores), len(members) + len(help_)
