@@ -150,7 +150,8 @@ def _borne_out(
 def _beside_what_holds(found: Found) -> tuple[Candidate, ...]:
     """The members with what only shows now that others are gone, or a map in a name's place."""
     members = found.model.members
-    freed = worth_it(found.last, found.model) if len(members) < MOST else None
+    last = found.last.without(members)
+    freed = worth_it(last, found.model) if len(members) < MOST else None
     if freed is None or freed.candidate.unexplained:
         return beyond_names(found.model, found.last, found.short)
     return (*members, freed.candidate)

@@ -289,7 +289,7 @@ def _without_maps(
         if not member.unexplained or not others:
             continue
         bare = model.fitted(others)
-        best = worth_it(scanned(bare, effects, rng), bare)
+        best = worth_it(scanned(bare, effects, rng).without(others), bare)
         if best is not None and not best.candidate.unexplained:
             members = (*others, best.candidate)
     return members
