@@ -317,9 +317,12 @@ def beyond_names(
     for group in groups:
         others = [j for j in range(len(members)) if j not in group]
         for k in range(helped, len(scores)):
+            chosen = tuple(together.candidates[j] for j in (*others, k))
+            if any(one.same_cause(chosen[-1]) for one in chosen[:-1]):
+                continue
             log_b = together.fit((*others, k))[2]
             if log_b > best:
-                best, instead = log_b, tuple(together.candidates[j] for j in (*others, k))
+                best, instead = log_b, chosen
     return instead
 
 
