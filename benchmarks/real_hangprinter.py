@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.diagnosis import Judgement, Measured, Observed, diagnose_observations
 from delta_calibration.diagnosis.candidates import columns_of
-from delta_calibration.diagnosis.rivals import reached, scaled
+from delta_calibration.diagnosis.rivals import reached
 from delta_calibration.effects.drum_build_up import DrumBuildUp
 from delta_calibration.identification.closures import ClosureAtPose, ClosureWithoutPose
 from delta_calibration.mechanisms import CableRobot
@@ -144,7 +144,7 @@ def likeness(found: Judgement) -> dict[str, float]:
     """
     model = found.model
     evidence, (member, *_) = model.evidence, model.members
-    signal = columns_of(member, evidence) @ scaled(model, member)
+    signal = columns_of(member, evidence) @ model.scaled(member)
     weighed = evidence.weigh(signal[:, None])[:, 0]
     near: dict[str, float] = {}
     for score in found.found.first.scores:

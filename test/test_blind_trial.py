@@ -186,9 +186,9 @@ def test_a_cause_is_not_named_that_explains_little_beside_a_map():
 
 
 def test_a_name_beside_which_a_map_explains_some_is_in_doubt():
-    """Drifting joints, unknown to the diagnosis, are nearly what growing rods are."""
-    said = trial(431522, ("joint_zero_drift", 857.14), without="joint_zero_drift")
-    assert [f["cause"] for f in said["findings"]] == ["thermal_growth_forearm"]
+    """Rods that give, unknown to the diagnosis, are nearly what joints that give are."""
+    said = trial(854825, ("forearm_compliance", 205.31), without="forearm_compliance")
+    assert [f["cause"] for f in said["findings"]] == ["joint_compliance"]
     assert said["findings"][0]["confidence"] < 0.5
 
 

@@ -37,7 +37,7 @@ def test_a_play_found_in_a_running_cell_is_named_saved_and_corrected(
     answer = cell.ask("diagnose")
     assert bench.until(answer.done, 60.0)
     assert answer.result().success, answer.result().message
-    assert "backlash" in answer.result().message
+    assert "backlash" in answer.result().message.lower()
     assert "not enabled" in answer.result().message
     named = cell.value("effects compensated")  # at rest, play and presliding are one class
     assert named in ("backlash", "stick_slip")

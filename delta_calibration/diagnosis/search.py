@@ -46,7 +46,7 @@ _NAMED = 80.0  # lambda that a cause beside another must have, to be told from i
 _RIVAL, _NEARLY = 0.25, 0.8
 _LOOKED_AT = 3  # such others, at most
 _SWAPS = 2  # rounds of them, at most
-_PLAIN = 3.0  # ln B from which there is no doubt that something is left
+_PLAIN = 3.0  # ln B from which there is no doubt that something is left, or likelier
 
 
 @dataclass(frozen=True)
@@ -314,6 +314,8 @@ def beyond_names(
     scores = [*(as_score(m, short) for m in members), *help_, *maps]
     together, helped = Together.of(model.evidence, scores), len(members) + len(help_)
     best, instead = together.fit(range(helped))[2], members
+    if help_:  # a map is needed anyway: a name has to be plainly likelier than without it
+        best -= _PLAIN
     for group in groups:
         others = [j for j in range(len(members)) if j not in group]
         for k in range(helped, len(scores)):
