@@ -215,7 +215,9 @@ def _pairs(
 
 
 def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
-    """The fit with a cause, or two, in the place of one that does nearly as much, or of a map.
+    """The fit with a cause in the place of another that does nearly as much, or of a map.
+
+    Two take the place of one where they seem likelier already.
 
     Each set is fitted from the machine without any: about the fit of one the other is astray. The
     model itself where none is likelier.
@@ -242,8 +244,8 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
         new = range(count, count + len(others))
         one = [(together.fit((*kept, k))[2], (*kept, k)) for k in new]
         two = [(worth((*kept, *pair)), (*kept, *pair)) for pair in combinations(new, 2)]
-        for near in (one, two if len(kept) + 2 <= MOST else []):
-            chosen = sorted((c for c in near if c[0] > enough), reverse=True)[:_LOOKED_AT]
+        for near, least in ((one, enough), (two if len(kept) + 2 <= MOST else [], whole)):
+            chosen = sorted((c for c in near if c[0] > least), reverse=True)[:_LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(bare, sets, short, model)
 
