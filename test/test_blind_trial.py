@@ -51,6 +51,7 @@ FOREIGN = (
     (1040, "cross_talk", SIGNAL),
     (920255, "rub", 670.49),  # a harmonic and an eccentric encoder: less likely than a map
     (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
+    (71334, "rub", 316.79),  # a harmonic, which nothing is left beside: less likely than a map
     (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it then refutes
 )
 

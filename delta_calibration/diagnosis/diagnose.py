@@ -18,7 +18,6 @@ from threadpoolctl import threadpool_limits
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
 from delta_calibration.diagnosis.confirm import HeldOut, held_out
-from delta_calibration.diagnosis.evidence import on_the_way
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import without_geometry
@@ -26,7 +25,7 @@ from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
 from delta_calibration.diagnosis.model import Model, solved
 from delta_calibration.diagnosis.observed import Measured, Observed
 from delta_calibration.diagnosis.search import Found
-from delta_calibration.diagnosis.verdict import SessionFacts, Verdict
+from delta_calibration.diagnosis.verdict import Verdict
 from delta_calibration.effects import Effect, Stage, catalogue
 from delta_calibration.geometry import Frame
 from delta_calibration.identification import (
@@ -100,12 +99,11 @@ def diagnose(
         start = calibrated(survey, robot, model)
         if effects is None:
             effects = catalogue(robot, start.problem.chain.mechanism)
-        found = judged(start, effects, _facts(start), rng, against, step)
+        found = judged(start, effects, rng, against, step)
         assert isinstance(found.model, Model)  # it was fitted as it began
         whole = extended(found.model, seed)
-    verdict = replace(found.verdict, session=_facts(found.model))
     return Diagnosis(
-        verdict, found.model, found.found, found.audit, found.held, found.before, whole
+        found.verdict, found.model, found.found, found.audit, found.held, found.before, whole
     )
 
 
@@ -147,7 +145,7 @@ def diagnose_observations(
         if effects is None:
             every = catalogue(robot, mechanism)
             effects = [e for e in every if start.reads or e.stage is not Stage.MEASUREMENT]
-        return judged(start, effects, start.facts, np.random.default_rng(seed), step=step)
+        return judged(start, effects, np.random.default_rng(seed), step=step)
 
 
 def _alone() -> AbstractContextManager[object]:
@@ -180,16 +178,3 @@ def _in_force(calibration: Calibration, held: HeldOutModels) -> HeldOut:
         known = known + evidence.columns(effect) @ (value / effect.parameters.prior)
     fixed = replace(evidence, residual=evidence.residual - known.reshape(evidence.residual.shape))
     return held_out(without_geometry(fixed), held.sectors)
-
-
-def _facts(model: Model) -> SessionFacts:
-    """What was measured; of the poses at rest, what a model makes no use of is told as well."""
-    poses, passing = model.survey.poses, on_the_way(model.survey)
-    unlike = (model.cell.weight == 0) & ~passing
-    aside = {
-        "on_the_way": int(poses.count[passing].sum()),
-        "unlike_the_model": int(poses.count[unlike].sum()),
-    }
-    return SessionFacts(
-        poses.readings, len(poses), poses.duration, poses.rejected.counts() | aside
-    )

@@ -19,6 +19,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
+from delta_calibration.diagnosis.verdict import SessionFacts
 
 Array = NDArray[np.float64]
 
@@ -60,6 +61,11 @@ class Fitted(ABC):
     @abstractmethod
     def placed(self) -> bool:
         """Whether anything measured goes by a frame of its own."""
+
+    @property
+    @abstractmethod
+    def facts(self) -> SessionFacts:
+        """What was measured, and how much of it took no part."""
 
     @abstractmethod
     def fitted(self, members: tuple[Candidate, ...]) -> Fitted:

@@ -41,7 +41,6 @@ from delta_calibration.diagnosis.unseen import unseen
 from delta_calibration.diagnosis.verdict import (
     Finding,
     Held,
-    SessionFacts,
     UnknownStructure,
     Verdict,
 )
@@ -72,7 +71,6 @@ class Judgement:
 def judged(
     start: Fitted,
     effects: Sequence[Effect],
-    facts: SessionFacts,
     rng: np.random.Generator,
     baseline: tuple[str, Callable[[HeldOutModels], HeldOut]] | None = None,
     step: Callable[[str], None] = lambda name: None,
@@ -82,7 +80,6 @@ def judged(
     Args:
         start: the machine with its geometry identified and nothing else in the chain.
         effects: what is tried.
-        facts: of what was measured.
         rng: of bootstraps.
         baseline: what the machine is held against and how that is called; the drawing where not
             given.
@@ -110,7 +107,7 @@ def judged(
     name, compared = _drawing(start.placed) if baseline is None else baseline
     against = compared(held)
     verdict = Verdict(
-        session=facts,
+        session=found.model.facts,
         noise_mm=MM * found.model.floor,
         baseline=Held(name, held.mm(against)),
         calibrated=Held(_name((), start.placed), held.mm(held.members((), held.sectors))),

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
-from delta_calibration.diagnosis.evidence import Cell, Evidence, gather
+from delta_calibration.diagnosis.evidence import Cell, Evidence, gather, on_the_way
 from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.identification import Noise, Problem, prepare, robust_weights, solve
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey
@@ -92,6 +93,18 @@ class Model(Fitted):
     def fitted(self, members: tuple[Candidate, ...]) -> Model:
         """The model with these members instead."""
         return fit(self, members)
+
+    @property
+    def facts(self) -> SessionFacts:
+        """What was measured, and how much of it took no part."""
+        poses, passing = self.survey.poses, on_the_way(self.survey)
+        unlike = (self.cell.weight == 0) & ~passing
+        aside = {
+            "on_the_way": int(poses.count[passing].sum()),
+            "unlike_the_model": int(poses.count[unlike].sum()),
+        }
+        rejected = poses.rejected.counts() | aside
+        return SessionFacts(poses.readings, len(poses), poses.duration, rejected)
 
     def elsewhere(self) -> tuple[Model, ...]:
         """The machine with its reflector where the file has it, if a strong cause drew it away.
