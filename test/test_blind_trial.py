@@ -53,6 +53,7 @@ FOREIGN = (
     (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
     (71334, "rub", 316.79),  # a harmonic, which nothing is left beside: less likely than a map
     (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it then refutes
+    (212450, "drag", 87.0),  # an eccentric encoder, likelier than a map, that does not hold
 )
 
 
@@ -191,6 +192,8 @@ def test_a_name_beside_which_a_map_explains_some_is_in_doubt():
     said = trial(854825, ("forearm_compliance", 205.31), without="forearm_compliance")
     assert [f["cause"] for f in said["findings"]] == ["joint_compliance"]
     assert said["findings"][0]["confidence"] < 0.5
+    assert said["unknown"]
+    assert said["moves_with"] is not None
 
 
 def test_what_may_be_a_part_of_a_cause_found_is_said():

@@ -17,6 +17,7 @@ Outcome = dict[str, Any]
 _EDGES = (20.0, 40.0, 80.0, 160.0, 320.0, np.inf)  # lambda
 _NAMED, _SURE = 80.0, 160.0
 _CONFIDENT = 0.8
+_LIKELY = 0.5  # a name less sure than this is by its own words less likely than not
 _HARM = 0.1  # of the noise of a pose: a machine's owner would not notice less
 _SLIGHT_UM = 0.1
 _Z = 1.959964
@@ -211,8 +212,9 @@ def _unknown(outcomes: Sequence[Outcome]) -> str:
         own = [o for o in strong if _kind(o) == kind]
         rows.append([kind, _rate(own, _recognised), _rate(own, _confidently_wrong), _said(own)])
     return (
-        f"At lambda >= {_NAMED:g}: recognised as unknown and nothing named "
-        f"{_rate(strong, _recognised)}; named with {_CONFIDENT:.0%} confidence or more "
+        f"At lambda >= {_NAMED:g}: recognised as unknown and nothing named with {_LIKELY:.0%} "
+        f"confidence or more {_rate(strong, _recognised)}, nothing named at all "
+        f"{_rate(strong, _nameless)}; named with {_CONFIDENT:.0%} confidence or more "
         f"{_rate(strong, _confidently_wrong)}.\n\n"
         + _table(["hidden", "recognised", f"named, {_CONFIDENT:.0%} sure", "said"], rows)
     )
@@ -223,6 +225,11 @@ def _kind(outcome: Outcome) -> str:
 
 
 def _recognised(outcome: Outcome) -> bool:
+    likely = any(finding["confidence"] >= _LIKELY for finding in outcome["findings"])
+    return bool(outcome["unknown"] and not likely)
+
+
+def _nameless(outcome: Outcome) -> bool:
     return bool(outcome["unknown"] and not outcome["findings"])
 
 
@@ -236,8 +243,9 @@ def _taken_out(outcomes: Sequence[Outcome]) -> str:
     return (
         "Where what was named instead does the same in that session, the two are one class: "
         f"{len(strong) - len(told)} of {len(strong)} at lambda >= {_NAMED:g}. "
-        "Of the others, recognised as unknown and nothing named: "
-        f"{_rate(told, _recognised)}; something named with {_CONFIDENT:.0%} confidence or more "
+        f"Of the others, recognised as unknown and nothing named with {_LIKELY:.0%} confidence "
+        f"or more {_rate(told, _recognised)}, nothing named at all {_rate(told, _nameless)}; "
+        f"something named with {_CONFIDENT:.0%} confidence or more "
         f"{_rate(strong, _confidently_wrong)}.\n\n" + _table(["taken out", "n", "said"], rows)
     )
 

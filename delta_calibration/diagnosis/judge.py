@@ -98,7 +98,8 @@ def judged(
     left = _audited(found.model, rng)
     before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
     explained = float(np.sqrt(max(0.0, before**2 - after**2)))
-    unknown = _unknown(found, sought.model, left, explained)
+    open_ = not findings or any(_in_doubt(f, found.last) for f in findings)
+    unknown = _unknown(found, sought.model, left, explained, open_)
     if unknown.found and not members:  # readings in motion would bend what rests on the poses
         found = replace(found, model=start)
     bent = unknown.found or found.last.nameless
@@ -159,12 +160,16 @@ def _among(members: Sequence[Candidate], one: Candidate) -> bool:
 
 
 def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
-    """Findings, at even odds where a map explains some beside one: it may be a part of that."""
-    beyond = last.left.gain if last.left is not None and last.nameless else 0.0
+    """Findings, at even odds where they are in doubt."""
     return {
-        m: replace(f, confidence=f.confidence * (_PART if beyond > _SOME * f.signal else 1.0))
+        m: replace(f, confidence=f.confidence * (_PART if _in_doubt(f, last) else 1.0))
         for m, f in said.items()
     }
+
+
+def _in_doubt(finding: Finding, last: Scan) -> bool:
+    """Whether a map explains some beside a cause, which may be a part of what the map is."""
+    return last.nameless and last.left is not None and last.left.gain > _SOME * finding.signal
 
 
 def _holding(
@@ -222,7 +227,9 @@ def _name(members: tuple[Candidate, ...], placed: bool) -> str:
     return " + ".join(["geometry", *frame, *(m.label for m in members)])
 
 
-def _unknown(found: Found, sought: Fitted, left: Audit, explained: float) -> UnknownStructure:
+def _unknown(
+    found: Found, sought: Fitted, left: Audit, explained: float, open_: bool
+) -> UnknownStructure:
     """Structure that a smooth map follows, or that the audit finds in what is left.
 
     A map that chance is no reason for is structure, even where it foretells too little to be of
@@ -233,12 +240,12 @@ def _unknown(found: Found, sought: Fitted, left: Audit, explained: float) -> Unk
         sought: where the search ended.
         left: the audit of what the model leaves.
         explained: root mean square of what its members explain [m].
+        open_: whether no name holds, or one is in doubt for what is left beside it.
     """
     tests: dict[str, float | None] = {LACK_OF_FIT: None, **left.p}
-    model, last = found.model, found.last.left
-    if last is not None and last.candidate.unexplained and not model.members:
-        sought = model.fitted((last.candidate,))  # the name in its place did not hold
-    for with_map in (model, sought):
+    model, last = found.model, found.last.map
+    beside = [model.fitted((*model.members, last.candidate))] if last is not None and open_ else []
+    for with_map in (model, *beside, sought):
         for member in with_map.members:
             if member.unexplained:
                 return _mapped(with_map, member, tests)

@@ -63,8 +63,16 @@ class Scan:
     @property
     def left(self) -> Score | None:
         """The likeliest explanation of what is left, where that is plainly something."""
-        plain = (s for s in self.scores if s.log_bayes > _PLAIN and self.significant(s))
-        return max(plain, key=lambda score: score.log_bayes, default=None)
+        return next(self._plain(), None)
+
+    @property
+    def map(self) -> Score | None:
+        """The likeliest map of what is left, where that is plainly something."""
+        return next((s for s in self._plain() if s.candidate.unexplained), None)
+
+    def _plain(self) -> Iterator[Score]:
+        good = (s for s in self.scores if s.log_bayes > _PLAIN and self.significant(s))
+        return iter(sorted(good, key=lambda score: -score.log_bayes))
 
     @property
     def nameless(self) -> bool:

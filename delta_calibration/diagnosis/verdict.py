@@ -143,12 +143,12 @@ class Verdict:
         return f"{capital(self._what())}{errors}."
 
     def _what(self) -> str:
-        if self.findings:
-            return listed(finding.label() for finding in self.findings)
+        named = listed(finding.label() for finding in self.findings)
         if self.unknown_structure.found:
-            moves = self.unknown_structure.moves()
-            return f"something that no known cause explains is left; it moves with {moves}"
-        return "the calibrated geometry explains the data, and nothing else is found"
+            moves = f"it moves with {self.unknown_structure.moves()}"
+            beside = f"beside {named} " if named else ""
+            return f"{beside}something that no known cause explains is left; {moves}"
+        return named or "the calibrated geometry explains the data, and nothing else is found"
 
 
 def _plain(value: Any) -> Any:
