@@ -15,7 +15,8 @@ from blind import hide
 from delta_calibration.diagnosis import Verdict, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import subsets
 from delta_calibration.diagnosis.model import _cost, fit, rested
-from delta_calibration.diagnosis.search import _without_maps, scan
+from delta_calibration.diagnosis.scan import scan
+from delta_calibration.diagnosis.search import _without_maps
 from delta_calibration.effects import catalogue
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot

@@ -20,11 +20,13 @@ from delta_calibration.diagnosis import (
     model,
     rivals,
     scores,
-    search,
+    sets,
     unseen,
 )
 from delta_calibration.diagnosis.candidates import columns_of, maps, subsets
+from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Weighed
+from delta_calibration.diagnosis.together import as_score
 from delta_calibration.effects import EFFECTS, catalogue
 from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.plans import make_plan
@@ -97,9 +99,9 @@ def test_a_finer_map_takes_the_place_of_a_coarse_one_of_the_same_name() -> None:
             lambda e: e.family == "payload" and e.centres,
         )
     )
-    here = search.Scan((search.as_score(fine, ()),), 1)
+    here = Scan((as_score(fine, ()),), 1)
     model = model.fitted((coarse,))
-    members = search._improved(model, here, here.scores[0], here.scores)
+    members = sets.improved(model, here, here.scores[0], here.scores)
     assert members == (fine,)
 
 

@@ -14,7 +14,7 @@ from delta_calibration.diagnosis.candidates import Candidate, columns_of, subset
 from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.rivals import equivalents
-from delta_calibration.diagnosis.search import as_score
+from delta_calibration.diagnosis.together import as_score
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import InputError
 from delta_calibration.robot import Robot, load_robot

@@ -32,8 +32,9 @@ from delta_calibration.diagnosis.geometry import (
     without_geometry,
 )
 from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
+from delta_calibration.diagnosis.scan import ALPHA
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
-from delta_calibration.diagnosis.search import ALPHA, Found
+from delta_calibration.diagnosis.search import Found
 from delta_calibration.diagnosis.verdict import Estimate, Finding
 from delta_calibration.parameters import Parameter
 

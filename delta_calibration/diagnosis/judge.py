@@ -26,16 +26,9 @@ from delta_calibration.diagnosis.findings import (
 )
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.geometry import as_drawn, scatter_of
-from delta_calibration.diagnosis.search import (
-    ALPHA,
-    MOST,
-    Found,
-    Scan,
-    beyond_names,
-    find,
-    scanned,
-    worth_it,
-)
+from delta_calibration.diagnosis.scan import ALPHA, Scan, scanned
+from delta_calibration.diagnosis.search import Found, beyond_names, find
+from delta_calibration.diagnosis.sets import MOST, worth_it
 from delta_calibration.diagnosis.trust import signal_of, untrusted
 from delta_calibration.diagnosis.unseen import unseen
 from delta_calibration.diagnosis.verdict import (

@@ -6,8 +6,8 @@ import numpy as np
 
 from delta_calibration.diagnosis.diagnose import Diagnosis
 from delta_calibration.diagnosis.judge import Judgement
+from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Score
-from delta_calibration.diagnosis.search import Scan
 from delta_calibration.diagnosis.verdict import Finding
 from delta_calibration.report.document import Table
 from delta_calibration.report.drawing import (

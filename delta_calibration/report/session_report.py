@@ -8,7 +8,7 @@ import numpy as np
 
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.diagnosis.diagnose import Diagnosis
-from delta_calibration.diagnosis.search import ALPHA
+from delta_calibration.diagnosis.scan import ALPHA
 from delta_calibration.diagnosis.verdict import Finding, Verdict
 from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report, Section, Table

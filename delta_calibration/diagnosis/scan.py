@@ -1,0 +1,106 @@
+"""Everything that could explain a session, each by itself: how well, and whether chance would."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from delta_calibration.diagnosis.candidates import Candidate, dimensions, maps, subsets
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.scores import Score, Weighed
+from delta_calibration.effects import Effect
+
+ALPHA = 0.002  # chance that a clean session raises any alarm
+PLAIN = 3.0  # ln B from which there is no doubt that something is left, or likelier
+THREADS = min(4, os.cpu_count() or 1)
+_DRAWS = 64
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Everything tried on one evidence, best first."""
+
+    scores: tuple[Score, ...]
+    tests: int  # how many questions were asked
+
+    def significant(self, score: Score) -> bool:
+        """Whether chance would give this much once in 1/ALPHA sessions, of all that was asked."""
+        return bool(score.log_p + np.log(self.tests) < np.log(ALPHA))
+
+    @property
+    def left(self) -> Score | None:
+        """The likeliest explanation of what is left, where that is plainly something."""
+        return next(self._plain(), None)
+
+    @property
+    def map(self) -> Score | None:
+        """The likeliest map of what is left, where that is plainly something."""
+        return next((s for s in self._plain() if s.candidate.unexplained), None)
+
+    def _plain(self) -> Iterator[Score]:
+        return (s for s in self.scores if s.log_bayes > PLAIN and self.significant(s))
+
+    @property
+    def nameless(self) -> bool:
+        """Whether something is left that a map explains better than any cause."""
+        return self.left is not None and self.left.candidate.unexplained
+
+    def without(self, causes: Sequence[Candidate]) -> Scan:
+        """The scan without what is said to be of some causes."""
+        kept = (s for s in self.scores if not any(s.candidate.same_cause(c) for c in causes))
+        return Scan(tuple(kept), self.tests)
+
+    def of_cause(self, candidate: Candidate) -> Score | None:
+        """The best score of the same cause."""
+        return next((s for s in self.scores if s.candidate.same_cause(candidate)), None)
+
+
+def scan(
+    evidence: Evidence,
+    effects: Sequence[Effect],
+    noise_degrees: float,
+    rng: np.random.Generator,
+    used: Sequence[Candidate] = (),
+) -> Scan:
+    """Score every explanation that is not used already."""
+    weighed = Weighed.of(evidence, noise_degrees, _DRAWS, rng)
+    questions = list(_questions(evidence, effects, used))
+    questions.sort(key=len, reverse=True)  # the long searches first, so that no thread waits
+    with ThreadPoolExecutor(THREADS) as pool:
+        scores = [score for some in pool.map(weighed.explore, questions) for score in some]
+    scores.sort(key=lambda score: -score.log_bayes)
+    return Scan(tuple(scores), len(scores))
+
+
+def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
+    """What is left beside the members of a model."""
+    return scan(model.beside, effects, model.noise_degrees, rng, model.members)
+
+
+def _questions(
+    evidence: Evidence, effects: Sequence[Effect], used: Sequence[Candidate]
+) -> Iterator[list[list[Candidate]]]:
+    """What to explore: for each effect its shapes, for each shape the whole and its parts."""
+    for effect in effects:
+        shapes = [shape for shape in effect.shapes(evidence.at) if not shape.missing(evidence.at)]
+        groups = [
+            [c for c in subsets(shape) if not any(_covers(other, c) for other in used)]
+            for shape in shapes
+        ]
+        if groups and groups[0]:
+            yield groups
+    for group in (*([one] for one in dimensions(evidence)), *maps(evidence, effects[0])):
+        if not any(_covers(other, group[0]) for other in used):
+            yield [group]
+
+
+def _covers(used: Candidate, candidate: Candidate) -> bool:
+    """Whether all that the candidate could explain is in use."""
+    if candidate.effect is None or used.effect is None:
+        return used.effect is candidate.effect and used.rows == candidate.rows
+    return used.same_cause(candidate) and set(candidate.rows) <= set(used.rows)
