@@ -47,6 +47,9 @@ PAIRS = (
     (212950, (("thermal_growth_forearm", 3975.05), ("thermal_growth_base", 507.38))),
     # three joints trail by 46, 34 and 42 us: nearly a late clock
     (283907, (("backlash", 1092.88), ("joint_lag", 532.36))),
+    # friction that does not let go of all at speed, a clearance that is crossed by and by
+    (864184, (("joint_compliance", 643.94), ("stick_slip", 1685.18))),
+    (400447, (("ball_joint_clearance", 3587.76), ("thermal_growth_forearm", 1681.97))),
 )
 FOREIGN = (
     (1040, "cross_talk", SIGNAL),
@@ -54,6 +57,7 @@ FOREIGN = (
     (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
     (71334, "rub", 316.79),  # a harmonic, which nothing is left beside: less likely than a map
     (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it then refutes
+    (673933, "rub", 119.80),  # a harmonic, not plainly likelier than a map
     (212450, "drag", 87.0),  # an eccentric encoder, likelier than a map, that does not hold
 )
 

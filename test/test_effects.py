@@ -210,7 +210,8 @@ SEARCHED = {
     **{drift: {"time_constant", "step_at"} for drift in ("tracker_drift", "joint_zero_drift")},
     **{f"thermal_growth_{part}": {"time_constant"} for part in ("arm", "base", "forearm")},
     "transmission_error": {"cycles"},
-    "stick_slip": {"speed"},
+    "stick_slip": {"speed", "level"},
+    "ball_joint_clearance": {"force"},
 }
 
 
@@ -221,8 +222,7 @@ def test_a_searched_shape_lies_within_its_interval_and_can_be(model: str, cause:
     cold, names = replace(AT, **UNKNOWN["sensors"]), set()
     both = [EFFECTS[cause](robot, ROBOT.model(model)) for robot in (ROBOT, direct)]
     shapes = [shape for effect in both for shape in effect.shapes(cold)]
-    for shape in (shape for shape in shapes if shape.interval() is not None):
-        name, low, high = shape.interval()
+    for shape, (name, low, high) in ((s, i) for s in shapes for i in s.intervals()):
         names.add(name)
         assert low < shape.settings[name] < high
         assert low >= 0.0, "a frequency, a time, a speed below nothing"
@@ -238,9 +238,9 @@ def test_a_search_leaves_no_gap(cause: str) -> None:
     """Between two neighbours there is no shape that neither would be refined to."""
     spans: dict[str, list[tuple[float, float]]] = {}
     for shape in built(MODELS[0], cause).shapes(replace(AT, **UNKNOWN["sensors"])):
-        name, *span = shape.interval() or ("none", 0.0, 0.0)
-        spans.setdefault(name, []).append(tuple(span))
-    for name in set(spans) - {"none", "step_at"}:
+        for name, *span in shape.intervals():
+            spans.setdefault(name, []).append(tuple(span))
+    for name in set(spans) - {"step_at"}:
         for (_, end), (begin, _) in pairwise(sorted(spans[name])[1:]):
             assert begin <= end
 
@@ -276,6 +276,7 @@ def test_a_wrong_name_is_refused_with_what_there_is(cause, settings, named) -> N
         ("transmission_error", {"cycles": float("nan")}, "cycles.*nan"),
         ("stick_slip", {"speed": 0.0}, "speed.*0"),
         ("stick_slip", {"speed": -0.1}, "speed.*-0.1"),
+        ("stick_slip", {"level": 1.5}, "level.*1.5"),
         ("tracker_drift", {"time_constant": -5.0}, "time_constant.*-5"),
         ("backlash", {"width": [1e-4, 1e-4]}, "width"),
         ("thermal_growth_arm", {"sensor": 3.0}, "sensor.*3"),

@@ -189,13 +189,16 @@ def test_backlash_is_a_play_on_a_long_random_way() -> None:
 
 
 def test_friction_lets_go_by_stribecks_law() -> None:
-    """d(error)/d|v| = -error / v_s from full presliding at rest, against the motion."""
-    speed = np.linspace(0.0, 0.5, 40)
-    law = solve_ivp(lambda v, e: -e / 0.08, (0, 0.5), [1.0], t_eval=speed, rtol=1e-10, atol=1e-12)
+    """d(error)/d|v| = -2 v (error - level) / v_s^2 from full twist at rest, against the motion."""
+    speed, level = np.linspace(0.0, 0.5, 40), 0.3
+    law = solve_ivp(
+        lambda v, e: -2 * v * (e - level) / 0.08**2,
+        (0, 0.5), [1.0], t_eval=speed, rtol=1e-10, atol=1e-12, max_step=0.01,
+    )  # fmt: skip
     for sign in (1.0, -1.0):
         way = sign * np.ones((40, 3))
         at = replace(at_rest(0 * way), velocity=speed[:, None] * way, direction=way)
-        columns = np.einsum("njj->nj", effect("stick_slip", speed=0.08).columns(at))
+        columns = np.einsum("njj->nj", effect("stick_slip", speed=0.08, level=level).columns(at))
         np.testing.assert_allclose(columns, np.tile(-sign * law.y[0][:, None], 3), atol=1e-9)
 
 

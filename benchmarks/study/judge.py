@@ -24,8 +24,6 @@ from study.trials import Task
 _UM = 1e6
 _WEAKEST, _MOST = 0.01, 5.0  # strengths that a real machine could have
 _METAL = 1.7  # the same of growth: no metal's is more than 40e-6 1/K
-# part of a hidden value that lies in another cause: friction's level is a play
-_IN_OTHERS = {"backlash": ("stick_slip", "play")}
 # hidden value -> parameter of the finding that should hold it, a number for each joint appended
 _SAME = {
     "backlash": {"gap": "gap"},
@@ -202,9 +200,6 @@ def _untold(finding: Finding, found: Diagnosis) -> set[str]:
 
 
 def _true_value(trial: Trial, cause: str, name: str, leg: str) -> float | None:
-    """A hidden value, with what of another cause is the same; None where a leg has none."""
-    values = trial.hidden.values
-    other, part = _IN_OTHERS.get(cause, ("", ""))
-    if name + leg not in values[cause]:
-        return None
-    return float(values[cause][name + leg]) + float(values.get(other, {}).get(part + leg, 0.0))
+    """A hidden value; None where a leg has none."""
+    values = trial.hidden.values[cause]
+    return float(values[name + leg]) if name + leg in values else None

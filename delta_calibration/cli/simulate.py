@@ -38,14 +38,16 @@ Drive:
                         the gear ratio
   joint_scale backlash joint_compliance joint_lag
   joint_zero_drift      a ramp, of an hour; or time_constant=, step_at= [s]
-  stick_slip            gone beyond speed=0.1 [rad/s; m/s where joints slide]
+  stick_slip            beyond speed=0.1 [rad/s; m/s where joints slide] gone
+                        but for level=0 of it
 Structure:
   thermal_growth_arm thermal_growth_base
                         by sensor=arm or base, their own by default; or by
                         the clock with time_constant= [s]. The cell warms up
   thermal_growth_forearm
                         no thermometer there: by the clock, time_constant=2400
-  forearm_compliance dynamic_deflection ball_joint_clearance
+  forearm_compliance dynamic_deflection
+  ball_joint_clearance  from end to end over force=0 [N]
 By robot:
   every one             geometry smr_offset tracker_scale tracker_drift
                         timestamp_latency backlash joint_lag

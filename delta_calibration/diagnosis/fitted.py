@@ -20,6 +20,7 @@ from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
+from delta_calibration.effects import Interval
 
 Array = NDArray[np.float64]
 
@@ -139,22 +140,28 @@ def beside(evidence: Evidence, members: Sequence[Candidate]) -> Evidence:
 
 
 def _sharper(evidence: Evidence, member: Candidate) -> Candidate:
-    """The best shape within the interval about a member's, by zooming in."""
-    interval = None if member.effect is None else member.effect.interval()
-    if member.effect is None or interval is None:
-        return member
-    weighed = evidence.weigh(evidence.column)
+    """The best shape within the intervals about a member's, one field after the other."""
+    intervals = () if member.effect is None else member.effect.intervals()
+    weighed = evidence.weigh(evidence.column) if intervals else np.zeros(0)
+    for interval in intervals * len(intervals):  # what one is best at depends on the others
+        member = _zoomed(evidence, member, interval, weighed)
+    return member
+
+
+def _zoomed(
+    evidence: Evidence, member: Candidate, interval: Interval, weighed: Array
+) -> Candidate:
+    """The best shape within the interval of one field, by zooming in."""
+    assert member.effect is not None
     name, low, high = interval
-    best = member.effect
     for _ in range(_ZOOMS):
         values = np.linspace(low, high, _POINTS)
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
-        shapes = [replace(best, **field) for field in fields]
-        gains = [_gain(evidence, replace(member, effect=shape), weighed) for shape in shapes]
-        top = int(np.argmax(gains))
-        best = shapes[top]
+        shapes = [replace(member, effect=replace(member.effect, **field)) for field in fields]
+        top = int(np.argmax([_gain(evidence, shape, weighed) for shape in shapes]))
+        member = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
-    return replace(member, effect=best)
+    return member
 
 
 def _gain(evidence: Evidence, candidate: Candidate, weighed: Array) -> float:

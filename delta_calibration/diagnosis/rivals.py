@@ -26,7 +26,7 @@ from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.scores import Score
-from delta_calibration.diagnosis.together import Together, as_score, shadow
+from delta_calibration.diagnosis.together import Together, as_score
 
 Array = NDArray[np.float64]
 
@@ -111,15 +111,9 @@ def _confidence(
     for i, candidate in enumerate(together.candidates):
         if i not in kept:
             name = candidate.label if candidate.unexplained else candidate.cause
-            best[name] = max(best.get(name, -np.inf), _worth(together, i, kept))
+            best[name] = max(best.get(name, -np.inf), together.fit((i, *kept))[2])
     own = {member.label} if member.unexplained else causes
     worth = np.array(list(best.values())) / max(1.0, model.misfit)
     share = np.exp(worth - worth.max())
     among = np.array([name in own for name in best])
     return float(share[among].sum() / share.sum())
-
-
-def _worth(together: Together, one: int, kept: tuple[int, ...]) -> float:
-    """ln B of one candidate beside those that are kept."""
-    _, gain, log_b = together.fit((one, *kept))
-    return log_b - shadow(together.candidates[one], gain - together.fit(kept)[1])

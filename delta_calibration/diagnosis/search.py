@@ -209,12 +209,12 @@ def _without_maps(
 def beyond_names(
     model: Fitted, here: Scan, short: tuple[Score, ...]
 ) -> tuple[Candidate, ...]:
-    """The members, a map in the place of names that it is likelier than.
+    """The members, a map in the place of names that are not plainly likelier.
 
     Nothing is left beside true causes, and each does what no map does at its price. Beside one
     that does nearly as what nobody has described, the rest of that is left, for another map or a
-    second name. What a map pays beyond its parameters (`shadow`) decides what is tried first, not
-    what is true.
+    second name. A wrong name is worse than none. What a map pays beyond its parameters (`shadow`)
+    decides what is tried first, not what is true.
     """
     members, maps = model.members, [s for s in short if s.candidate.unexplained]
     named = [i for i, member in enumerate(members) if not member.unexplained]
@@ -224,9 +224,7 @@ def beyond_names(
         return members
     scores = [*(as_score(m, short) for m in members), *help_, *maps]
     together, helped = Together.of(model.evidence, scores), len(members) + len(help_)
-    best, instead = together.fit(range(helped))[2], members
-    if help_:  # a map is needed anyway: a name has to be plainly likelier than without it
-        best -= PLAIN
+    best, instead = together.fit(range(helped))[2] - PLAIN, members
     for group in groups:
         others = [j for j in range(len(members)) if j not in group]
         for k in range(helped, len(scores)):

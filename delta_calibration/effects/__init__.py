@@ -1,6 +1,6 @@
 """What machines do that a geometric model leaves out, each a stage of the one chain."""
 
-from delta_calibration.effects.base import SPREAD, Effect, Stage
+from delta_calibration.effects.base import SPREAD, Effect, Interval, Stage
 from delta_calibration.effects.catalogue import EFFECTS, catalogue, effect_named
 
-__all__ = ["EFFECTS", "SPREAD", "Effect", "Stage", "catalogue", "effect_named"]
+__all__ = ["EFFECTS", "SPREAD", "Effect", "Interval", "Stage", "catalogue", "effect_named"]

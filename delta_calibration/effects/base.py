@@ -31,6 +31,7 @@ from delta_calibration.samples import Conditions
 Array = NDArray[np.float64]
 Setting = float | str | tuple[float, ...]
 Limits = Mapping[str, tuple[float, float]]
+Interval = tuple[str, float, float]
 
 SPREAD = 5.0  # an effect may well be so many times its typical size, twenty are not to be expected
 
@@ -78,9 +79,9 @@ class Effect(ABC):
             return self.columns(at)
         return at.kept(self.cause, (self.robot, self.mechanism), lambda: self.columns(at))
 
-    def interval(self) -> tuple[str, float, float] | None:
-        """A searched field, and the bounds within which the best shape lies about this one."""
-        return None
+    def intervals(self) -> tuple[Interval, ...]:
+        """Searched fields, and the bounds within which the best shape lies about this one."""
+        return ()
 
     def refined(self, values: Array) -> Effect:
         """The same effect with the shape that these values of its parameters (k,) go with."""

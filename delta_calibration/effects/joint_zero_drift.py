@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Limits, Stage, diagonal
+from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage, diagonal
 from delta_calibration.effects.time_course import LIMITS, around, course_of, courses
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
@@ -45,7 +45,7 @@ class JointZeroDrift(Effect):
         for constant, step in courses(at):
             yield replace(self, time_constant=constant, step_at=step)
 
-    def interval(self) -> tuple[str, float, float] | None:
+    def intervals(self) -> tuple[Interval, ...]:
         """About the time constant or the moment of the step; a ramp has neither."""
         return around(self.time_constant, self.step_at)
 

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Limits, Stage
+from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
 from delta_calibration.effects.time_course import TIME_CONSTANTS, around, course_of
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
@@ -90,9 +90,9 @@ class ThermalGrowth(Effect):
         parameters = self.mechanism.parameters
         return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)
 
-    def interval(self) -> tuple[str, float, float] | None:
+    def intervals(self) -> tuple[Interval, ...]:
         """About the time constant, where the growth goes by the clock."""
-        return None if self.sensor else around(self.time_constant, -1.0)
+        return () if self.sensor else around(self.time_constant, -1.0)
 
     @property
     def bound_to_session(self) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.effects.base import Limits
+from delta_calibration.effects.base import Interval, Limits
 from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
@@ -46,10 +46,10 @@ def courses(at: Conditions) -> Iterator[tuple[float, float]]:
         yield 0.0, step
 
 
-def around(time_constant: float, step_at: float) -> tuple[str, float, float] | None:
+def around(time_constant: float, step_at: float) -> tuple[Interval, ...]:
     """Which of the two was searched, and where the best of it lies."""
     if step_at >= 0:
-        return "step_at", max(0.0, step_at - _NEAR), step_at + _NEAR
+        return (("step_at", max(0.0, step_at - _NEAR), step_at + _NEAR),)
     if time_constant > 0:
-        return "time_constant", time_constant / 2, 2 * time_constant
-    return None
+        return (("time_constant", time_constant / 2, 2 * time_constant),)
+    return ()

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Limits, Stage
+from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
 from delta_calibration.effects.time_course import LIMITS, around, course_of, courses
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
@@ -54,7 +54,7 @@ class TrackerDrift(Effect):
         for constant, step in courses(at):
             yield replace(self, time_constant=constant, step_at=step)
 
-    def interval(self) -> tuple[str, float, float] | None:
+    def intervals(self) -> tuple[Interval, ...]:
         """About the time constant or the moment of the step; a ramp has neither."""
         return around(self.time_constant, self.step_at)
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Limits, Stage, diagonal
+from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage, diagonal
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -62,9 +62,9 @@ class TransmissionError(Effect):
             yield replace(self, cycles=cycles)
 
 
-    def interval(self) -> tuple[str, float, float] | None:
+    def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search."""
-        return "cycles", max(_LEAST_CYCLES, self.cycles - _BETWEEN), self.cycles + _BETWEEN
+        return (("cycles", max(_LEAST_CYCLES, self.cycles - _BETWEEN), self.cycles + _BETWEEN),)
 
 
 _LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # a turn of a Delta's joint
