@@ -2,9 +2,9 @@
 
     dq = -a direction (c + (1 - c) exp(-(dq/dt / v_s)^2))
 
-Stribeck's curve in the form of Canudas de Wit, Olsson, Astrom and Lischinsky, "A new model for
-control of systems with friction", IEEE Trans. Automatic Control 40 (1995); c is Coulomb's
-level over that of static friction. A drive of finite stiffness is twisted by it.
+Stribeck's curve as in the LuGre model ("A new model for control of systems with friction", IEEE
+Trans. Automatic Control 40 (1995) 419); c is Coulomb's level over that of static friction. A drive
+of finite stiffness is twisted by it.
 """
 
 from __future__ import annotations
