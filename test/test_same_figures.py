@@ -90,6 +90,17 @@ def test_one_sentence_on_console_node_and_page(name, tmp_path, capsys):
     assert json.loads(file.read_text()) == verdict.as_dict()
 
 
+def test_a_name_and_what_it_leaves_are_in_one_sentence():
+    verdict = diagnosis("srbd_backlash").verdict
+    left = replace(verdict.unknown_structure, found=True, moves_with="joint_angle")
+    named, both = verdict.sentence(), replace(verdict, unknown_structure=left).sentence()
+    label = verdict.findings[0].label()
+    assert named.startswith(label.capitalize()[:1] + label[1:])
+    assert both.startswith(f"Beside {label} something that no known cause explains is left; ")
+    assert "it moves with joint angle:" in both
+    assert both.partition(":")[2] == named.partition(":")[2]
+
+
 @pytest.mark.parametrize("name", SESSIONS)
 def test_the_models_have_the_same_errors_everywhere(name):
     verdict, page = diagnosis(name).verdict, report(name)
