@@ -7,7 +7,7 @@ measure next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,8 +91,8 @@ def judged(
     left = _audited(found.model, rng)
     before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
     explained = float(np.sqrt(max(0.0, before**2 - after**2)))
-    open_ = not findings or any(_in_doubt(f, found.last) for f in findings)
-    unknown = _unknown(found, sought.model, left, explained, open_)
+    doubtful = not findings or any(_in_doubt(f, found.last) for f in findings)
+    unknown = _unknown(found, sought.model, left, explained, doubtful)
     if unknown.found and not members:  # readings in motion would bend what rests on the poses
         found = replace(found, model=start)
     bent = unknown.found or found.last.nameless
@@ -221,7 +221,7 @@ def _name(members: tuple[Candidate, ...], placed: bool) -> str:
 
 
 def _unknown(
-    found: Found, sought: Fitted, left: Audit, explained: float, open_: bool
+    found: Found, sought: Fitted, left: Audit, explained: float, doubtful: bool
 ) -> UnknownStructure:
     """Structure that a smooth map follows, or that the audit finds in what is left.
 
@@ -233,12 +233,11 @@ def _unknown(
         sought: where the search ended.
         left: the audit of what the model leaves.
         explained: root mean square of what its members explain [m].
-        open_: whether no name holds, or one is in doubt for what is left beside it.
+        doubtful: whether no name holds, or one is in doubt for what is left beside it.
     """
     tests: dict[str, float | None] = {LACK_OF_FIT: None, **left.p}
-    model, last = found.model, found.last.map
-    beside = [model.fitted((*model.members, last.candidate))] if last is not None and open_ else []
-    for with_map in (model, *beside, sought):
+    model = found.model
+    for with_map in _where_a_map_is(found, sought, doubtful):
         for member in with_map.members:
             if member.unexplained:
                 return _mapped(with_map, member, tests)
@@ -251,6 +250,14 @@ def _unknown(
     moves = worst.removeprefix("moran_") if worst != LACK_OF_FIT else None
     where = None if worst == MOTION else _around(left.worst)
     return UnknownStructure(True, where, moves, MM * size[worst], tests)
+
+
+def _where_a_map_is(found: Found, sought: Fitted, doubtful: bool) -> Iterator[Fitted]:
+    """Where a map may be: in the model, beside its names in doubt, where the search ended."""
+    yield found.model
+    if doubtful and found.last.map is not None:
+        yield found.model.fitted((*found.model.members, found.last.map.candidate))
+    yield sought
 
 
 def _mapped(
