@@ -1,11 +1,11 @@
 # Everything is installed into .venv; `make` alone lists the targets.
 #   make install PYTHON=python3.12      another interpreter
-#   make install EXTRAS=report,docs,test,study,dev       without the ROS wheels (other platforms; a cell that has ROS from apt)
+#   make install EXTRAS=report,docs,test,study,laws,dev  without the ROS wheels (other platforms; a cell that has ROS from apt)
 #   make test PYTEST_ARGS="-k delta"    a part of the tests
 
 SHELL := /bin/bash
 PYTHON ?= python3
-EXTRAS ?= ros,report,docs,test,study,dev
+EXTRAS ?= ros,report,docs,test,study,laws,dev
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
@@ -22,7 +22,7 @@ endif
 unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint docs bench methods study soak clean
+.PHONY: help install demo test lint laws docs bench methods study soak clean
 
 help: ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -46,6 +46,7 @@ $(STAMP): setup.cfg setup.py pyproject.toml
 	@echo "Installing into $(VENV), a minute or two (log: $(LOG))"
 	@$(PY) -m pip install --disable-pip-version-check --no-input -e '.[$(EXTRAS)]' >$(LOG) 2>&1 \
 	    || { grep -v '^WARNING' $(LOG) | tail -n 20 >&2; exit 1; }
+	@$(PY) -m delta_calibration.cli.warm
 	@touch $@
 
 demo: install ## run a simulated cell: measure, fit, compensate (out/demo*; DEMO_ARGS="--robot cdpr8")
@@ -58,6 +59,9 @@ lint: install ## ruff, mypy --strict on the package, codespell
 	@$(PY) -m ruff check .
 	@$(PY) -m mypy
 	@$(VENV)/bin/codespell
+
+laws: install ## generate the code of mechanisms and effects anew, after a change of what they say in symbols
+	@$(PY) -m delta_calibration.cli.laws
 
 docs: install ## build the API reference, a page a module (out/docs); what is missing in it is an error
 	@$(PY) docs/make_api.py out/docs

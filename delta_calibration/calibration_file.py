@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +93,7 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         raise ConfigError(f"{path}: model: {error}") from error
     chain, values = _with_effects(path, chain, robot, data.get("effects", []))
     try:
-        expected = chain.parameters.names[: chain.base_size]
+        expected = chain.parameters.names[chain.layout.base]
     except InputError as error:  # an effect that is there twice
         raise ConfigError(f"{path}: effects: {error}") from error
     found = tuple(entry["name"] for entry in data["parameters"])
@@ -213,7 +212,10 @@ def _effects(found: Identification) -> list[dict[str, Any]]:
 
 def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:
     lower, upper = found.region_joints
-    base = found.chain.base_size
+    base = found.chain.layout.base
+    fitted = zip(
+        found.parameters.items[base], found.theta[base], found.std[base], strict=True
+    )
     content = {
         "schema": 1,
         "robot": {"name": robot.name, "sha256": robot.hash},
@@ -230,7 +232,7 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
         "residuals": {"frame_only": _residuals(found.frame_only), "full": _residuals(found.full)},
         "parameters": [
             dict(name=p.name, unit=p.unit, nominal=p.nominal, value=float(v), std=float(s))
-            for p, v, s in islice(zip(found.parameters, found.theta, found.std, strict=True), base)
+            for p, v, s in fitted
         ],
         "observability": {
             "rank": found.observability.rank,

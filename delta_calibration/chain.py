@@ -8,33 +8,35 @@ Simulator, fit, verdict and compensator all use this one chain. Its parameters a
 theta: the mechanism's geometry g, the reflector's offset o in the platform, the tracker's frame
 (where the base stands in it), and those of the effects, v:
 
-    q' = q + D(c) v        g' = g + S(c) v
-    y  = R(w_T) (p(q', g') + R(x) o) + t_T        y' = y + M(c, y) v
+    q' = q + D(c, x, v)        g' = g + S(c, x, v)
+    y  = R(w_T) (p(q', g') + R(x) o) + t_T        y' = y + M(c, y, v)
 
-with c the conditions of a sample, its encoders' angles q among them. Without effects q' is q.
+with c the conditions of a sample, its encoders' angles q among them, and x the pose, at which the
+loads are that some effects take. Without effects q' is q.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.effects import SPREAD, Effect, Stage
+from delta_calibration.effects.base import stages_of, stand, terms_of
+from delta_calibration.effects.signals import Places, Signals, recorded, standing
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
+from delta_calibration.theta import Layout, Parts, frame_names, vector_names
 
 Array = NDArray[np.float64]
 
-FRAME_NAMES = tuple(f"tracker_{kind}_{axis}" for kind in ("turn", "place") for axis in "xyz")
-OFFSET_NAMES = tuple(f"reflector_{axis}" for axis in "xyz")
-
-
-_FRAME = 6  # parameters of the tracker's frame
+FRAME_NAMES = frame_names("tracker")
+OFFSET_NAMES = vector_names("reflector")
 
 
 @dataclass(frozen=True)
@@ -68,15 +70,11 @@ class Chain:
         )
         return self.mechanism.parameters + ParameterSet(offset + frame + own)
 
-    @property
-    def geometry_size(self) -> int:
-        """How many of theta's first entries are the mechanism's geometry."""
-        return len(self.mechanism.parameters)
-
-    @property
-    def base_size(self) -> int:
-        """How many of theta's first entries are not the effects'."""
-        return self.geometry_size + 3 + _FRAME
+    @cached_property
+    def layout(self) -> Layout:
+        """Which entries of theta are which."""
+        effects = tuple((effect.cause, len(effect.parameters)) for effect in self.effects)
+        return Layout(len(self.mechanism.parameters), effects)
 
     def with_effects(self, effects: tuple[Effect, ...]) -> Chain:
         """The same cell with these effects on the way."""
@@ -84,33 +82,92 @@ class Chain:
 
     def split(self, theta: Array) -> tuple[Array, Array, Frame]:
         """Geometry (p,), reflector offset (3,) [m], frame `T_tracker_base`."""
-        p = self.geometry_size
-        return theta[:p], theta[p : p + 3], Frame.from_vector(theta[p + 3 : p + 9])
+        layout = self.layout
+        frame = Frame.from_vector(theta[layout.frame])
+        return theta[layout.geometry], theta[layout.offset], frame
 
     def join(self, geometry: Array, offset: Array, frame: Frame) -> Array:
         """The vector theta of the three parts, every effect at nothing."""
-        effects = np.zeros(sum(len(effect.parameters) for effect in self.effects))
-        return np.concatenate([geometry, offset, frame.vector(), effects])
+        effects = tuple(np.zeros(size) for _, size in self.layout.effect_sizes)
+        return self.layout.join(Parts(geometry, offset, frame.vector(), effects, np.zeros(0)))
 
     def effect_values(self, theta: Array) -> tuple[Array, ...]:
         """Of each effect its part of theta, (k,)."""
-        ends = np.cumsum([self.base_size, *(len(e.parameters) for e in self.effects)])
-        return tuple(theta[begin:end] for begin, end in pairwise(ends.tolist()))
+        return tuple(theta[part] for part in self.layout.each)
 
-    def joints(self, at: Conditions, theta: Array) -> Array:
-        """Joint angles behind the drives, q', (n, m) [rad]."""
-        return at.joint + self._shift(Stage.DRIVE, at, theta, at.joint.shape)
+    def joints(self, at: Conditions, theta: Array, x: Array | None = None) -> Array:
+        """Joint angles behind the drives, q', (n, m) [rad], of a machine at poses x, (n, k)."""
+        if not self._drive:
+            return at.joint
+        return at.joint + self._shift(Stage.DRIVE, self.signals(at, theta, x), theta)
 
-    def geometry(self, at: Conditions, theta: Array) -> Array:
+    def geometry(self, at: Conditions, theta: Array, x: Array | None = None) -> Array:
         """Dimensions under these conditions, (n, p), or (p,) where all samples share them."""
-        g = theta[: self.geometry_size]
-        if not self._at_stage(Stage.STRUCTURE):
+        g = theta[self.layout.geometry]
+        if not self._structure:
             return g
-        return g + self._shift(Stage.STRUCTURE, at, theta, (len(at), len(g)))
+        return g + self._shift(Stage.STRUCTURE, self.signals(at, theta, x), theta)
 
     def pose(self, at: Conditions, theta: Array, guess: Array | None = None) -> Array:
         """Platform's pose in the base, (n, k); NaN rows out of reach."""
-        return self.mechanism.forward(self.joints(at, theta), self.geometry(at, theta), guess)
+        if not (self._drive or self._structure):
+            return self.mechanism.forward(at.joint, theta[self.layout.geometry], guess)
+        return self._stand(at, theta, guess)[1]
+
+    def signals(self, at: Conditions, theta: Array, x: Array | None = None) -> Signals:
+        """All that effects may take of samples of a machine at poses x, (n, k)."""
+        if not self.effects:
+            return recorded(self.mechanism, at)
+        if x is None:
+            return self._stand(at, theta, None)[0]
+        known, stages = recorded(self.mechanism, at), self._stages(at)
+        if not stages.stands:
+            return known
+        # loads are those of the joints behind the drives: settled with the pose, so a round does
+        g = theta[self.layout.geometry]
+        robot = self.effects[0].robot
+        here = standing(known, robot, self.mechanism, x, g, stages.asked)
+        joint = at.joint + self._shift(Stage.DRIVE, here, theta)
+        own = g if not self._structure else g + self._shift(Stage.STRUCTURE, here, theta)
+        return standing(known, robot, self.mechanism, x, own, stages.asked, joint)
+
+    def body(self) -> Any:
+        """The mechanism as the compiled chain takes it, with what it carries."""
+        masses = self.effects[0].robot.masses if self.effects else None
+        return self.mechanism.body(masses)
+
+    def stages(self, parts: tuple[str, ...]) -> Any:
+        """Effects of drives and structure as the compiled chain takes them (model/stand.py).
+
+        Args:
+            parts: of which temperatures are recorded.
+        """
+        places = Places.of(self.mechanism, parts)
+        return stages_of(self.effects, tuple(self.layout.each), places)
+
+    def _stages(self, at: Conditions) -> Any:
+        return self.stages(at.temperature_parts)
+
+    def _stand(
+        self, at: Conditions, theta: Array, guess: Array | None
+    ) -> tuple[Signals, Array]:
+        """Signals and poses (n, k) of the machine."""
+        known = recorded(self.mechanism, at)
+        x = np.zeros((len(at), self.mechanism.pose_size))
+        near = guess is not None and not self.mechanism.exact
+        if near:
+            x[:] = guess
+        g = np.ascontiguousarray(theta[self.layout.geometry])
+        stand(self.body(), self._stages(at), known.rows, g, theta, near, x)
+        return known, x
+
+    @property
+    def _drive(self) -> bool:
+        return any(effect.stage is Stage.DRIVE for effect in self.effects)
+
+    @property
+    def _structure(self) -> bool:
+        return any(effect.stage is Stage.STRUCTURE for effect in self.effects)
 
     def reading(self, at: Conditions, x: Array, theta: Array) -> Array:
         """What the tracker says of a platform at x, (n, 3) [m] in the tracker's frame."""
@@ -118,9 +175,8 @@ class Chain:
         if not self._at_stage(Stage.MEASUREMENT):
             return frame.apply(self.point(x, offset))
         before = self.seen(at, x, theta)
-        return before.reading + self._shift(
-            Stage.MEASUREMENT, before, theta, before.reading.shape
-        )
+        signals = recorded(self.mechanism, before)
+        return before.reading + self._shift(Stage.MEASUREMENT, signals, theta)
 
     def predict(self, at: Conditions, theta: Array) -> Array:
         """What the tracker will say under these conditions, (n, 3) [m]; NaN rows out of reach."""
@@ -137,10 +193,9 @@ class Chain:
     def point_by_joints(self, at: Conditions, x: Array, theta: Array) -> Array:
         """d(reflector in the base)/dq', (n, 3, m) [m/rad]."""
         _, offset, _ = self.split(theta)
-        slope = self.mechanism.velocity_jacobian(
-            self.joints(at, theta), x, self.geometry(at, theta)
-        )
-        return self.point_by_pose(x, offset) @ slope
+        joints, geometry = self._here(at, x, theta)
+        by_pose = self.point_by_pose(x, offset)
+        return self.mechanism.moved_by(joints, x, geometry, by_pose)[0]
 
     def jacobian(self, at: Conditions, x: Array, theta: Array) -> Array:
         """d(reading)/d(theta), (n, 3, P), at constant encoder angles."""
@@ -152,29 +207,49 @@ class Chain:
         """The same with d(reading) by joints and geometry known, as `slopes` gives them."""
         _, offset, frame = self.split(theta)
         point = self.point(x, offset)
-        first = self.geometry_size + 3
-        turn = np.broadcast_to(theta[first : first + 3], point.shape)
-        parts = [
+        turn = np.broadcast_to(theta[self.layout.turn], point.shape)
+        by_effects = self.by_effects(at, x, theta, by_joints, by_geometry)
+        return self.layout.columns(
             by_geometry,
             frame.rotation @ self.mechanism.rotation(x),
             rotations.exp_times_derivative(turn, point),
             np.broadcast_to(np.eye(3), (len(at), 3, 3)),
-        ]
-        for effect in self.effects:
+            by_effects,
+        )
+
+    def by_effects(
+        self, at: Conditions, x: Array, theta: Array, by_joints: Array, by_geometry: Array
+    ) -> list[Array]:
+        """d(reading) by the parameters of each effect, (n, 3, k) each, at their values."""
+        if not self.effects:
+            return []
+        signals, found = self.signals(at, theta, x), []
+        values = self.effect_values(theta)
+        for effect, value in zip(self.effects, values, strict=True):
             if effect.stage is Stage.MEASUREMENT:
-                parts.append(effect.columns(self.seen(at, x, theta, by_joints)))
-            elif effect.stage is Stage.STRUCTURE:
-                parts.append(by_geometry @ effect.columns_kept(at))
+                seen = recorded(self.mechanism, self.seen(at, x, theta, by_joints))
+                found.append(effect.columns_of(seen, value))
             else:
-                parts.append(by_joints @ effect.columns_kept(at))
-        return np.concatenate(parts, axis=-1)
+                slope = by_geometry if effect.stage is Stage.STRUCTURE else by_joints
+                found.append(slope @ effect.columns_of(signals, value))
+        return found
 
     def slopes(self, at: Conditions, x: Array, theta: Array) -> tuple[Array, Array]:
         """d(reading) by joint angles behind the drives, (n, 3, m), and by geometry, (n, 3, p)."""
         _, offset, frame = self.split(theta)
-        joints, geometry = self.joints(at, theta), self.geometry(at, theta)
+        joints, geometry = self._here(at, x, theta)
         by_pose = frame.rotation @ self.point_by_pose(x, offset)
         return self.mechanism.moved_by(joints, x, geometry, by_pose)
+
+    def _here(self, at: Conditions, x: Array, theta: Array) -> tuple[Array, Array]:
+        """Joints behind the drives and dimensions of a machine at poses x."""
+        if not (self._drive or self._structure):
+            return at.joint, theta[self.layout.geometry]
+        signals, geometry = self.signals(at, theta, x), theta[self.layout.geometry]
+        joints = at.joint + self._shift(Stage.DRIVE, signals, theta)
+        if self._structure:
+            geometry = geometry + self._shift(Stage.STRUCTURE, signals, theta)
+        return joints, geometry
 
     def seen(
         self, at: Conditions, x: Array, theta: Array, by_joints: Array | None = None
@@ -195,10 +270,11 @@ class Chain:
     def _at_stage(self, stage: Stage) -> list[tuple[int, Effect]]:
         return [(i, effect) for i, effect in enumerate(self.effects) if effect.stage is stage]
 
-    def _shift(self, stage: Stage, at: Conditions, theta: Array, shape: tuple[int, ...]) -> Array:
-        """What the effects of a stage add together, (n, size of the stage)."""
-        values = self.effect_values(theta)
-        shift = np.zeros(shape)
-        for i, effect in self._at_stage(stage):
-            shift += effect.columns_kept(at) @ values[i]
-        return shift
+    def _shift(self, stage: Stage, signals: Signals, theta: Array) -> Array:
+        """What the effects of a stage add together, (n, size of the stage); 0 without any."""
+        own = [(e, theta[part]) for e, part in zip(self.effects, self.layout.each, strict=True)]
+        here = [(effect, values) for effect, values in own if effect.stage is stage]
+        if not here:
+            return np.zeros((len(signals), 1))
+        terms = terms_of([effect for effect, _ in here], signals.places)
+        return terms.shifts(signals, np.concatenate([values for _, values in here]))

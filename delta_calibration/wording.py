@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from datetime import datetime, timezone
 from math import floor, log10
 
-from delta_calibration.effects.unexplained import UNEXPLAINED
+from delta_calibration.effects import called
 from delta_calibration.samples import SIMULATED_NS
 
 NO_VALUE = "–"
@@ -52,9 +53,10 @@ def sure(confidence: float) -> str:
 
 
 def spoken(name: str) -> str:
-    """A cause or part by its fixed name, as words."""
-    words = ["SMR" if word == "smr" else word for word in name.split("_")]
-    return " ".join(words).replace(UNEXPLAINED, "smooth map")
+    """A cause or part by its fixed name, as words; a cause as its effect says it is called."""
+    for cause, own in called().items():
+        name = re.sub(rf"\b{re.escape(cause)}\b", own, name)
+    return " ".join("SMR" if word == "smr" else word for word in name.split("_"))
 
 
 def listed(items: Iterable[str]) -> str:

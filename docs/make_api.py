@@ -1,6 +1,6 @@
 """API reference of the whole package, from its docstrings: `python docs/make_api.py FOLDER`.
 
-A page a module, with search; it opens offline. What pdoc warns of (an annotation that cannot be
+A page a module, with search; it opens offline. Generated code has none. What pdoc warns of (an annotation that cannot be
 resolved, a module that cannot be imported) is an error here. Where rclpy is missing the nodes are
 left out, and this is said.
 """
@@ -22,20 +22,22 @@ from pdoc.extract import walk_specs
 import delta_calibration
 
 ROS = "delta_calibration.ros"
+GENERATED = "delta_calibration.model.generated"
 
 
 def modules() -> list[str]:
     """Every module of the package; those of nodes only where they can be imported."""
     package = delta_calibration.__name__
-    left_out = []
+    left_out = [f"!{GENERATED}"]
     if importlib.util.find_spec("rclpy") is None:
         sys.stderr.write(f"no rclpy: without {ROS}\n")
-        left_out = [f"!{ROS}"]
+        left_out.append(f"!{ROS}")
     # pdoc finds by itself what no `__all__` leaves out
     found = {*walk_specs([package, *left_out])}
     every = pkgutil.walk_packages(delta_calibration.__path__, f"{package}.")
     names = [item.name for item in every]
-    kept = [name for name in names if not left_out or not f"{name}.".startswith(f"{ROS}.")]
+    without = tuple(f"{name[1:]}." for name in left_out)
+    kept = [name for name in names if not f"{name}.".startswith(without)]
     return [package, *(name for name in kept if name not in found), *left_out]
 
 

@@ -16,9 +16,10 @@ pytest.importorskip("pdoc", reason="needs pdoc (the extra [docs]), which is not 
 
 
 def modules_in(folder: Path, suffix: str) -> set[Path]:
-    """Modules by their paths, less those of the nodes, which need rclpy."""
+    """Modules by their paths, less those of the nodes, which need rclpy, and generated ones."""
     paths = (path.relative_to(folder).with_suffix("") for path in folder.rglob(f"*.{suffix}"))
-    return {path for path in paths if path.name != "__init__" and path.parts[0] != "ros"}
+    left_out = {"ros", "generated"}
+    return {path for path in paths if path.name != "__init__" and not left_out & {*path.parts}}
 
 
 @pytest.mark.slow

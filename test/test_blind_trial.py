@@ -230,7 +230,7 @@ def test_the_reflector_is_found_where_the_valley_of_its_offset_has_two_floors(se
     """
     session = hide({}, seed, "rich").session
     model = calibrated(survey(session, ROBOT.joints.names), ROBOT)
-    offset = slice(model.problem.chain.geometry_size, model.problem.chain.geometry_size + 3)
+    offset = model.layout.offset
     true = hide({}, seed, "rich").cell.tracker.reflector
     assert abs(model.theta[offset] - true).max() < 0.04
     assert model.misfit < 1.1

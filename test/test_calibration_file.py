@@ -358,7 +358,7 @@ def test_effects_come_back_with_their_shapes_values_and_standard_errors(extended
     assert read.chain.parameters.names == found.parameters.names
     data = content_of(with_effects)
     assert data["provenance"]["method"] == "diagnosis"
-    assert len(data["parameters"]) == found.chain.base_size
+    assert len(data["parameters"]) == found.chain.layout.base.stop
     gap = data["effects"][0]["parameters"][1]
     row = found.parameters.row("backlash.gap_2")
     assert gap == {

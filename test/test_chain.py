@@ -65,7 +65,7 @@ def test_jacobian_by_offset_and_frame(model):
     theta[-6:] = [0.3, -0.2, 1.9, -2.0, 1.0, 0.5]
     x = c.pose(at_rest(q), theta)
     jacobian = c.jacobian(at_rest(q), x, theta)
-    for column in range(c.geometry_size, len(theta)):
+    for column in range(c.layout.offset.start, len(theta)):
         d = h * (np.arange(len(theta)) == column)
         up, down = (c.reading(at_rest(q), x, theta + s * d) for s in (1, -1))
         slope = (up - down) / (2 * h)

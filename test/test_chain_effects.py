@@ -14,6 +14,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Conditions, at_rest
+from delta_calibration.theta import entries
 from six_rods import SixRods, workspace
 
 ROBOT = load_robot("srbd")
@@ -65,8 +66,8 @@ def crooked(model: str, *effects: Effect, size: float = 1.0, seed: int = 2):
     chain, rng = Chain(ROBOT.model(model), OFFSET, 0.05, effects), np.random.default_rng(seed)
     p = chain.mechanism.parameters
     theta = chain.join(p.nominal + p.prior * rng.standard_normal(len(p)), OFFSET, FRAME)
-    prior = chain.parameters.prior[chain.base_size :] / 5
-    theta[chain.base_size :] = size * prior * rng.uniform(0.5, 1.5, len(prior))
+    prior = chain.parameters.prior[chain.layout.effects] / 5
+    theta[chain.layout.effects] = size * prior * rng.uniform(0.5, 1.5, len(prior))
     return chain, theta
 
 
@@ -82,17 +83,17 @@ def test_the_jacobian_is_that_of_the_prediction(model: str, cause: str) -> None:
     chain, theta = crooked(model, effect(model, cause))
     jacobian = chain.jacobian(at, chain.pose(at, theta), theta)
     assert jacobian.shape == (len(at), 3, len(theta))
-    for column in range(chain.base_size, len(theta)):
+    for column in entries(chain.layout.effects):
         step = chain.parameters.prior[column] / 5
         slope = slope_of(lambda t: chain.predict(at, t), theta, column, step)
         scale = np.abs(slope).max()
         np.testing.assert_allclose(jacobian[..., column], slope, rtol=0, atol=1e-5 * scale + 1e-12)
     if chain.effects[0].stage is Stage.MEASUREMENT:
-        theta[chain.base_size :] = (
+        theta[chain.layout.effects] = (
             0.0  # its own part of the other slopes is left out: parts in 1e3
         )
     jacobian = chain.jacobian(at, chain.pose(at, theta), theta)
-    for column in (*range(8), *range(chain.geometry_size, chain.base_size)):
+    for column in (*range(8), *range(chain.layout.offset.start, chain.layout.base.stop)):
         slope = slope_of(lambda t: chain.predict(at, t), theta, column, 1e-6)
         np.testing.assert_allclose(jacobian[..., column], slope, atol=1e-7)
 
@@ -103,12 +104,12 @@ def test_slopes_are_by_what_is_behind_the_drives(model: str, cause: str) -> None
     at = conditions()
     before = effect(model, cause)
     chain, theta = crooked(model, before, effect(model, "joint_zero_drift", step_at=0.0))
-    theta[chain.base_size :][: len(before.parameters)] *= before.stage is not Stage.MEASUREMENT
+    theta[chain.layout.effects][: len(before.parameters)] *= before.stage is not Stage.MEASUREMENT
     by_joints, by_geometry = chain.slopes(at, chain.pose(at, theta), theta)
     for joint in range(3):
         slope = slope_of(lambda t: chain.predict(at, t), theta, len(theta) - 3 + joint, 1e-6)
         np.testing.assert_allclose(by_joints[..., joint], slope, atol=1e-7)
-    for column in range(0, chain.geometry_size, 5):
+    for column in range(0, chain.layout.geometry_size, 5):
         slope = slope_of(lambda t: chain.predict(at, t), theta, column, 1e-6)
         np.testing.assert_allclose(by_geometry[..., column], slope, atol=1e-7)
 
@@ -118,7 +119,7 @@ def test_a_stage_shifts_in_proportion_and_not_at_all_at_zero(model: str, cause: 
     """Joints, dimensions or reading of a chain that holds it alone."""
     at = conditions()
     chain, theta = crooked(model, effect(model, cause))
-    alone, base = chain.with_effects(()), chain.base_size
+    alone, base = chain.with_effects(()), chain.layout.base.stop
     x, bare = alone.pose(at, theta[:base]), theta[:base]
 
     def stages(size: float) -> tuple[np.ndarray, ...]:
@@ -130,7 +131,7 @@ def test_a_stage_shifts_in_proportion_and_not_at_all_at_zero(model: str, cause: 
         )
 
     zero, one, three = stages(0.0), stages(1.0), stages(3.0)
-    without = (at.joint, np.tile(bare[: chain.geometry_size], (10, 1)), alone.reading(at, x, bare))
+    without = (at.joint, np.tile(bare[chain.layout.geometry], (10, 1)), alone.reading(at, x, bare))
     moved = list(Stage).index(chain.effects[0].stage)
     for stage in range(3):
         np.testing.assert_allclose(zero[stage], without[stage], rtol=0, atol=1e-15)
@@ -145,7 +146,7 @@ def test_what_a_machine_does_is_seen_through_the_slopes_of_its_stage(model, caus
     at = conditions()
     chain, theta = crooked(model, effect(model, cause))
     (one,) = chain.effects
-    bare, v = theta[: chain.base_size], theta[chain.base_size :]
+    bare, v = theta[chain.layout.base], theta[chain.layout.effects]
     alone = chain.with_effects(())
     seen = chain.predict(at, theta) - alone.predict(at, bare)
     if one.stage is Stage.MEASUREMENT:
@@ -176,7 +177,7 @@ def test_stages_follow_each_other_as_in_the_machine() -> None:
     chain = Chain(ROBOT.model(model), OFFSET, 0.05, each)
     theta = chain.join(chain.mechanism.parameters.nominal, OFFSET, FRAME)
     scale, alpha, gap, ratio = 4e-4, 3e-5, np.array([3e-4, 2e-4, 1e-4]), np.array([2e-3, 0, -1e-3])
-    theta[chain.base_size :] = [scale, alpha, *gap, *ratio]
+    theta[chain.layout.effects] = [scale, alpha, *gap, *ratio]
     play = -gap / 2 * at.direction * np.clip(2 * at.travel / gap - 1, -1, 1)
     joint = at.joint + play + ratio * at.joint  # both by the encoder: neither sees the other
     point = []
@@ -199,7 +200,7 @@ def test_two_effects_add_in_either_order(model: str, one: str, other: str) -> No
     """At the same stage exactly; through different ones but for products of both."""
     at, pair = conditions(), (effect(model, one), effect(model, other))
     chain, theta = crooked(model, *pair)
-    turned, base = chain.with_effects(pair[::-1]), chain.base_size
+    turned, base = chain.with_effects(pair[::-1]), chain.layout.base.stop
     v, w = chain.effect_values(theta)
     both = chain.predict(at, theta)
     other_way = turned.predict(at, np.concatenate([theta[:base], w, v]))
@@ -219,7 +220,7 @@ def test_theta_holds_the_effects_in_their_order_behind_the_cell() -> None:
     model, causes = "six_rod_delta", ("stick_slip", "tracker_drift", "forearm_compliance")
     chain, theta = crooked(model, *(effect(model, cause) for cause in causes))
     sizes = [3, 6, 1]
-    assert (chain.geometry_size, chain.base_size, len(theta)) == (60, 69, 79)
+    assert (chain.layout.geometry_size, chain.layout.base.stop, len(theta)) == (60, 69, 79)
     names = chain.parameters.names
     assert names[:69] == chain.with_effects(()).parameters.names
     assert names[69:72] == ("stick_slip.stick_1", "stick_slip.stick_2", "stick_slip.stick_3")

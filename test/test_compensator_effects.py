@@ -67,7 +67,7 @@ def calibration(*causes: str, model: str | None = None, scatter: float = 1.0) ->
     drawn = scatter * parameters.prior * rng.standard_normal(len(parameters))
     theta = chain.join(parameters.nominal + drawn, np.zeros(3), Frame.identity())
     values = [CASES[e.cause][1] * np.ones(len(e.parameters)) for e in effects]
-    theta[chain.base_size :] = np.concatenate([np.zeros(0), *values])
+    theta[chain.layout.effects] = np.concatenate([np.zeros(0), *values])
     turn = np.linspace(0, 2 * np.pi, 40)
     rim = [[0.66 * np.cos(a), 0.66 * np.sin(a), z] for a in turn for z in (-0.95, -0.55)]
     lower, upper = ROBOT.joints.lower, ROBOT.joints.upper
@@ -78,7 +78,7 @@ def calibration(*causes: str, model: str | None = None, scatter: float = 1.0) ->
 
 def with_values(made: Calibration, values: object) -> Calibration:
     theta = made.theta.copy()
-    theta[made.chain.base_size :] = values
+    theta[made.chain.layout.effects] = values
     return replace(made, theta=theta)
 
 

@@ -47,7 +47,7 @@ def predicted(effects, values, at, geometry=None):
     chain = Chain(ROBOT.model(), np.zeros(3), 0.05, tuple(effects))
     g = chain.mechanism.parameters.nominal if geometry is None else geometry
     theta = chain.join(g, np.zeros(3), Frame.identity())
-    theta[chain.base_size :] = np.concatenate([np.atleast_1d(value) for value in values])
+    theta[chain.layout.effects] = np.concatenate([np.atleast_1d(value) for value in values])
     return chain.predict(at, theta)
 
 

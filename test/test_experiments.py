@@ -55,9 +55,9 @@ def dimension(cause, evidence, location="joint_1"):
 
 def contrast(evidence, first, second):
     pair = Pair(first, second)
-    size = evidence.chain.base_size
+    layout = evidence.chain.layout
     return pair.contrast(
-        pair.products(evidence), evidence.precision[:size], evidence.chain.geometry_size
+        pair.products(evidence), evidence.precision[layout.base], layout.geometry
     )
 
 
@@ -139,7 +139,7 @@ def test_products_of_parts_add_up_to_the_evidences_own(poor):
     both = measured(make_plan("rich", ROBOT, count=14, dwell=0.3))
     for evidence in (poor, both):
         columns = columns_of(effect("encoder_eccentricity", evidence), evidence)
-        every = np.ones(evidence.chain.base_size, dtype=bool)
+        every = np.ones(evidence.chain.layout.base.stop, dtype=bool)
         precision = evidence.precision[: len(every)]
         whole = Products.of(evidence, columns).information(precision, every)
         np.testing.assert_allclose(whole, evidence.information(columns), rtol=1e-6, atol=1e-6)

@@ -89,7 +89,7 @@ def test_a_machine_as_drawn_stays_as_drawn():
     poses = cell.measure(np.repeat(workspace(30, rng), 2, axis=0), rng)
     solution = solve(problem_of(poses))
     chain, theta = solution.problem.chain, solution.theta
-    assert np.abs(solution.z[: chain.geometry_size]).max() < 2
+    assert np.abs(solution.z[chain.layout.geometry]).max() < 2
     q = workspace(100, rng)
     assert rms(chain.predict(at_rest(q), theta) - cell.reading(q)) < 8e-6
 

@@ -18,11 +18,13 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 # A module may import those before it.
 LAYERS = [
     "errors",
+    "model",
     "processes",
     "texts",
     "documents",
     "tables",
     "parameters",
+    "theta",
     "sections",
     "registry",
     "swarm_law",
@@ -31,6 +33,7 @@ LAYERS = [
     "mechanisms",
     "robot",
     "effects",
+    "laws",
     "wording",
     "chain",
     "region",

@@ -267,7 +267,7 @@ def predicted(effects, values, at):
     """Platform's centre by the chain with these effects of these sizes, (n, 3) [m]."""
     chain = Chain(ROBOT.model(), np.zeros(3), 0.05, tuple(effects))
     theta = chain.join(chain.mechanism.parameters.nominal, np.zeros(3), Frame.identity())
-    theta[chain.base_size :] = values
+    theta[chain.layout.effects] = values
     return chain.predict(at, theta)
 
 

@@ -173,8 +173,8 @@ def test_a_fit_to_optimal_poses_is_more_certain_and_nearer_the_truth(best):
     for plan in (one_side, *chance):
         poses = collect(simulate_session(machine, plan, 3), ROBOT.joints.names)
         found = identify(poses, ROBOT)
-        size = found.chain.geometry_size
-        scaled = np.diag(found.covariance)[:size] / found.chain.parameters.prior[:size] ** 2
+        own = found.chain.layout.geometry
+        scaled = np.diag(found.covariance)[own] / found.chain.parameters.prior[own] ** 2
         uncertain.append(float(np.log(scaled).mean()))
         at = make_plan("identify", ROBOT, count=60, both_sides=False, seed=9).joint
         wrong.append(error_of(found, machine, at))

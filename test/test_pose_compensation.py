@@ -111,7 +111,7 @@ def test_effects_take_part(name: str, effect: str) -> None:
     robot = load_robot(name)
     machine, q = draw_machine(robot, 4, 1.0, [effect_options(effect)]), places(robot)
     plain = replace(machine, chain=machine.chain.with_effects(()))
-    plain = replace(plain, theta=machine.theta[: plain.chain.base_size])
+    plain = replace(plain, theta=machine.theta[plain.chain.layout.base])
     at = standing(q)
     meant, _ = tool(plain, JointCompensator(known(plain)).compensate(q, at).joint)
     done = JointCompensator(known(machine)).compensate(q, at)

@@ -53,7 +53,7 @@ def calibration(
     theta[:60] += np.array([wrong.get(name, 0.0) for name in mechanism.parameters.names])
     values = [size * np.ones(len(e.parameters)) for e, (_, size) in
               zip(made, (effects or {}).values(), strict=True)]  # fmt: skip
-    theta[chain.base_size :] = np.concatenate([np.zeros(0), *values])
+    theta[chain.layout.effects] = np.concatenate([np.zeros(0), *values])
     lower, upper = ROBOT.joints.lower, ROBOT.joints.upper
     return Calibration(ROBOT, chain, theta, region, lower, upper, 1e-5, "made", "0" * 64)
 

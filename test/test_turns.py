@@ -145,7 +145,7 @@ def test_what_is_left_of_the_turns_is_their_noise(cell, found):
     machine, _, poses = cell
     x, theta = machine.chain.pose(poses.conditions, machine.theta), machine.theta
     slope = machine.chain.mechanism.turn_by_pose(x) @ machine.chain.mechanism.velocity_jacobian(
-        poses.joint, x, theta[: machine.chain.geometry_size]
+        poses.joint, x, theta[machine.chain.layout.geometry]
     )
     rest = SRBD.joints.repeatability**2 * np.sum(slope**2) / len(poses)
     expected = np.sqrt(3 * TURN**2 / poses.count.mean() + rest)

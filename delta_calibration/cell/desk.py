@@ -84,6 +84,7 @@ class Desk:
             len(self.robot.joints.names),
             settings.temperature_timeout_s,
             settings.payload_timeout_s,
+            self.robot.commanded.joint_size,
         )
         self._by_conditions, self._way = False, settings.method
         self.watch = Watch()
@@ -333,7 +334,7 @@ class Desk:
     ) -> JointCompensator:
         method, seed = self.settings.method, self.settings.seed
         compensator = JointCompensator(
-            calibration, method, seed, compiled=True, table=table, follow=self._follow
+            calibration, method, seed, table=table, follow=self._follow
         )
         # The first use is slow (imports, buffers), and so not left to the first command.
         compensator.compensate(self.robot.model().home[None])

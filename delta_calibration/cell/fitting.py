@@ -87,7 +87,7 @@ def fit(
         CalibrationError: the session does not hold the answer; says why.
     """
     step(POSES)
-    poses = collect(session, robot.joints.names)
+    poses = collect(session, robot.joints.names, robot.commanded.joint_size)
     step(GEOMETRY)
     found = identify(poses, robot, model, seed)
     return Fitted(found, poses, from_identification(found, robot, poses))

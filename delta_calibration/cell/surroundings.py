@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.samples import Conditions, Stroke, at_rest
+from delta_calibration.samples.motion import TURNED
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,7 @@ class Surroundings:
         temperature_timeout_s: age [s] beyond which a temperature is not known any more.
         payload_timeout_s: the same for the payload; 0 for none, as what is on the platform is
             said once and holds.
+        joint_size: of the joints' unit, that does what one radian does on a Delta.
     """
 
     def __init__(
@@ -40,9 +42,10 @@ class Surroundings:
         joints: int,
         temperature_timeout_s: float = TEMPERATURE_TIMEOUT_S,
         payload_timeout_s: float = 0.0,
+        joint_size: float = 1.0,
     ) -> None:
         self.set_timeouts(temperature_timeout_s, payload_timeout_s)
-        self._joints = joints
+        self._joints, self._turned = joints, TURNED * joint_size
         self._carried: tuple[float, Array, float] | None = None  # [kg], [m], heard at [s]
         self._warm: dict[str, tuple[float, float]] = {}  # part -> celsius, heard at [s]
         self.reset()
@@ -67,7 +70,7 @@ class Surroundings:
 
     def moved(self, q: Array, stamp_ns: int) -> None:
         """Take notice of a command (m,) [rad]; one that is not newer than the last begins anew."""
-        strokes = self._strokes or [Stroke(angle) for angle in q.tolist()]
+        strokes = self._strokes or self._standing(q)
         pairs = zip(strokes, q.tolist(), strict=True)
         self._strokes = [stroke.moved(angle) for stroke, angle in pairs]
         if self._past and not 0 < (stamp_ns - self._past[-1][0]) * 1e-9 <= _PAUSE:
@@ -85,7 +88,7 @@ class Surroundings:
     def at(self, q: Array, now_s: float) -> Conditions:
         """The conditions of the command (m,) [rad] that was noticed last, as one sample."""
         velocity, acceleration = self._speeds()
-        strokes = self._strokes or [Stroke(angle) for angle in q.tolist()]
+        strokes = self._strokes or self._standing(q)
         parts = tuple(sorted(self._warm))
         mass, centre = self._payload(now_s)
         return replace(
@@ -99,6 +102,10 @@ class Surroundings:
             temperature_parts=parts,
             temperature=np.array([[self._temperature(part, now_s) for part in parts]]),
         )
+
+    def _standing(self, q: Array) -> list[Stroke]:
+        """Strokes of joints (m,) [rad] that have not moved yet."""
+        return [Stroke(angle, least=self._turned) for angle in q.tolist()]
 
     def _payload(self, now_s: float) -> tuple[float, Array]:
         if self._carried is None or now_s - self._carried[2] > self._payload_timeout_s:

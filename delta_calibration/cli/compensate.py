@@ -31,7 +31,6 @@ from delta_calibration.compensation import (
     require_method,
 )
 from delta_calibration.effects.catalogue import catalogue
-from delta_calibration.effects.thermal_growth import ThermalGrowth
 from delta_calibration.errors import DataError, InputError, ReachError
 from delta_calibration.plans import read_targets
 from delta_calibration.region import Region
@@ -118,8 +117,8 @@ def command(
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
-        compensator = JointCompensator(calibration, method, seed, compiled=len(nominal) > _BATCH)
-    at = _conditions(nominal, payload, warm)
+        compensator = JointCompensator(calibration, method, seed)
+    at = _conditions(nominal, payload, warm, robot.commanded.joint_size)
     parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
     found = Compensated.joined(
         [
@@ -186,14 +185,16 @@ def _sensors(calibration: Calibration) -> tuple[set[str], list[str]]:
     """Parts whose temperature the calibration goes by, and with them all that can grow."""
     asked = {str(effect.settings.get("sensor", "")) for effect, _ in calibration.live} - {""}
     effects = catalogue(calibration.robot, calibration.chain.mechanism)
-    growing = {effect.part for effect in effects if isinstance(effect, ThermalGrowth)}
+    growing = {effect.part for effect in effects if effect.part}
     return asked, sorted(asked | growing)
 
 
-def _conditions(joint: Array, payload: float | None, warm: dict[str, float]) -> Conditions:
+def _conditions(
+    joint: Array, payload: float | None, warm: dict[str, float], joint_size: float
+) -> Conditions:
     """Stops at joints (n, m) [rad], one after the other."""
     n = len(joint)
-    stops = motion_of(np.arange(n, dtype=float), joint)
+    stops = motion_of(np.arange(n, dtype=float), joint, joint_size)
     at = replace(at_rest(joint), direction=stops.direction, travel=stops.travel)
     if payload is not None:
         at = replace(at, payload=np.full(n, payload), payload_centre=np.zeros((n, 3)))

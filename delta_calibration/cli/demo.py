@@ -191,10 +191,11 @@ def _evaluate(
 ) -> dict[str, object]:
     """Before and after, from the recorded session; printed, and as data."""
     recorded = read_session(out / "session")
-    poses = collect(recorded, robot.joints.names)
+    names, size = robot.joints.names, robot.commanded.joint_size
+    poses = collect(recorded, names, size)
     calibration = load_calibration(out / "calibration.yaml", robot)
     # what the node fitted: the same poses, and so the same figures
-    found = identify(collect(recorded.between(*captured), robot.joints.names), robot)
+    found = identify(collect(recorded.between(*captured), names, size), robot)
     click.echo("\n" + describe(found, verbose=False) + "\n")
     registered = replace(calibration, chain=found.chain, theta=found.frame_only_theta)
     machine = draw_machine(robot, seed)
@@ -204,7 +205,7 @@ def _evaluate(
         plan = make_plan(name, robot, count=STOPS[name], both_sides=False, radius=RADIUS)
         parts: dict[str, object] = {}
         for when, seen_by in (("before", registered), ("after", calibration)):
-            stops = at_targets(part_of(poses, begun, f"{name}_{when}"), plan)
+            stops = at_targets(part_of(poses, begun, f"{name}_{when}"), plan, joint_size=size)
             true = true_errors(seen_by, machine, stops, plan.target)
             measured = measured_errors(seen_by, stops, plan.target)
             parts[when] = {**true.in_mm(), "measured": measured.in_mm()}

@@ -85,7 +85,8 @@ def command(
         require_folder(out)
     chosen = method_named(method, particles, iterations, order)
     robot = load_robot(robot_file)
-    poses = collect(read_session(session, Topics.from_options(topics)), robot.joints.names)
+    recorded = read_session(session, Topics.from_options(topics))
+    poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     with counter(most_evaluations(chosen, robot, model), "machine") as count:
         found = identify(poses, robot, model, seed, chosen, count)
     click.echo(describe_poses(poses))
@@ -163,10 +164,10 @@ def _residuals(found: Identification) -> str:
 
 def _deviations(found: Identification) -> list[str]:
     """Parameters that differ clearly from the drawing, strongest first."""
-    geometry = found.chain.geometry_size
-    items = list(found.parameters)[:geometry]
-    off = (found.theta - found.parameters.nominal)[:geometry]
-    ratio = np.abs(off) / found.std[:geometry]
+    geometry = found.chain.layout.geometry
+    items = found.parameters.items[geometry]
+    off = (found.theta - found.parameters.nominal)[geometry]
+    ratio = np.abs(off) / found.std[geometry]
     clear = [int(k) for k in np.argsort(-ratio) if ratio[k] > _CLEAR]
     if not clear:
         return ["no single parameter differs clearly from the drawing"]

@@ -53,9 +53,10 @@ def command(
     robot = load_robot(robot_file)
     calibration = None if calibration_file is None else load_calibration(calibration_file, robot)
     recorded = read_session(session, Topics.from_options(topics))
+    names, size = robot.joints.names, robot.commanded.joint_size
     report = evaluate(
-        collect(recorded, robot.joints.names),
-        match(recorded, robot.joints.names),
+        collect(recorded, names, size),
+        match(recorded, names, size),
         robot,
         _CONDITIONS[conditions],
         calibration,

@@ -22,7 +22,7 @@ RADIUS = 0.45  # [m] of the disc
 STOPS = {"identify": 48, "line": 37, "disc": 36}
 _RAMP = 0.2  # [s] over which corrections come in: before the first stop is reached
 _DWELL = 0.25  # [s]
-_NEAR = 0.6 * APPROACH  # [rad] of a target; a way in turns round farther off
+_NEAR = 0.6 * APPROACH  # [rad of a Delta] of a target; a way in turns round farther off
 _TIMEOUT = 200.0  # [s] of one plan
 
 Say = Callable[[str], None]
@@ -98,13 +98,16 @@ def part_of(poses: Poses, begun: dict[str, int], part: str) -> Poses:
     return poses.take(keep)
 
 
-def at_targets(poses: Poses, plan: Plan, sides: int = 1) -> Poses:
-    """One stop a side for each target: what stands still elsewhere (the way in) is left out."""
+def at_targets(poses: Poses, plan: Plan, sides: int = 1, joint_size: float = 1.0) -> Poses:
+    """One stop a side for each target: what stands still elsewhere (the way in) is left out.
+
+    `joint_size` is how many of the joints' unit do what one radian does on a Delta.
+    """
     # Uncompensated or compensated, the joints are nearer to the plan's than any way in is. Where
     # a busy machine lost a stop, the way in would be the next best.
     distance = np.abs(poses.joint[:, None] - plan.joint).max(axis=-1)
     rows = np.unique(np.argsort(distance, axis=0)[:sides])
-    return poses.take(rows[distance[rows].min(axis=1) < _NEAR])
+    return poses.take(rows[distance[rows].min(axis=1) < _NEAR * joint_size])
 
 
 def clock() -> Say:

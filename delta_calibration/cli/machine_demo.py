@@ -31,6 +31,7 @@ from delta_calibration.cli.live_cell import Say
 from delta_calibration.cli.options import progress, table, write_json
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.effects import catalogue
+from delta_calibration.effects.demo import Demo
 from delta_calibration.errors import DataError
 from delta_calibration.identification import identify
 from delta_calibration.plans import Plan, legs, make_plan
@@ -50,14 +51,6 @@ from delta_calibration.trial import Errors, true_misses
 Array = NDArray[np.float64]
 Rows = list[tuple[str, ...]]
 
-# A cause of each kind of machine, the first that suits; the plan and stops that show it.
-_OWN = {
-    "cable_elasticity": ("identify", 24),
-    "slider_pitch": ("identify", 24),
-    "reducer_compliance": ("rich", 12),
-    "encoder_eccentricity": ("identify", 40),
-}
-_STRENGTH = 3.0  # typical sizes
 _STOPS = 40  # of the first measurement
 _TRIED = 40  # places of the trial
 _CIRCLE = "circle_2.5_s"
@@ -102,7 +95,8 @@ def _first_act(
     machine = draw_machine(robot, seed)
     _measure(machine, make_plan("identify", robot, count=_STOPS, seed=seed), seed, out, "session")
     say("fitting")
-    poses = collect(read_session(out / "session"), robot.joints.names)
+    recorded = read_session(out / "session")
+    poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     found = identify(poses, robot)
     save_calibration(out / "calibration.yaml", found, robot, poses)
     calibration = load_calibration(out / "calibration.yaml", robot)
@@ -118,12 +112,12 @@ def _second_act(
     robot: Robot, out: Path, seed: int, method: str, trial: Conditions, say: Say
 ) -> dict[str, object]:
     """An effect of its own: found, named, compensated."""
-    causes = {effect.cause for effect in catalogue(robot, robot.detailed)}
-    cause = next(name for name in _OWN if name in causes)
-    plan, count = _OWN[cause]
+    cause, shown = _shown(robot)
     say(f"second act: {cause} hidden in the machine")
-    machine = draw_machine(robot, seed, 1.0, [effect_options(f"{cause}:strength={_STRENGTH:g}")])
-    _measure(machine, make_plan(plan, robot, count=count, seed=seed), seed, out, "session_2")
+    options = effect_options(f"{cause}:strength={shown.strength:g}")
+    machine = draw_machine(robot, seed, 1.0, [options])
+    plan = make_plan(shown.plan, robot, count=shown.count, seed=seed)
+    _measure(machine, plan, seed, out, "session_2")
     say("diagnosing")
     recorded = read_session(out / "session_2")
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
@@ -150,6 +144,19 @@ def _second_act(
         "calibrated": by_geometry.figures(),
         "extended": by_all.figures(),
     }
+
+
+def _shown(robot: Robot) -> tuple[str, Demo]:
+    """The cause to hide in this robot, and how it is shown.
+
+    Raises:
+        DataError: no effect that the robot can have has a demonstration.
+    """
+    effects = catalogue(robot, robot.detailed)
+    shown = [(effect.cause, effect.demo) for effect in effects if effect.demo is not None]
+    if not shown:
+        raise DataError(f"robot {robot.name}: no effect that it can have has a demonstration")
+    return min(shown, key=lambda each: each[1].general)
 
 
 class _Trial:
@@ -247,7 +254,8 @@ def _moments(robot: Robot, seed: int) -> Conditions:
     lengths = [len(way.time) for way in ways]
     begin = np.repeat(np.cumsum([0, *lengths[:-1]]) / _RATE, lengths)
     joint = np.concatenate([way.joint for way in ways])
-    motion = motion_of(begin + np.concatenate([way.time for way in ways]), joint)
+    time = begin + np.concatenate([way.time for way in ways])
+    motion = motion_of(time, joint, robot.commanded.joint_size)
     moving = ~np.concatenate([way.resting for way in ways])
     first = sum(lengths[:-1])
     stops = np.cumsum(lengths)[: len(plan)] - 1

@@ -52,7 +52,9 @@ def _standard(
 ) -> IsoReport | str:
     """The standard's criteria by its own cycles, else by the paper's; or why there are none."""
     names = robot.joints.names
-    poses, readings, why = collect(session, names), match(session, names), ""
+    size = robot.commanded.joint_size
+    poses, readings = collect(session, names, size), match(session, names, size)
+    why = ""
     for conditions in (STANDARD, DELTA_PAPER):
         try:
             return evaluate(poses, readings, robot, conditions, calibration)

@@ -13,19 +13,13 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.hidden import hidden_and_found
 from delta_calibration.cli.live_cell import RADIUS, STOPS, LiveCell, Say, at_targets, part_of
 from delta_calibration.cli.options import table
+from delta_calibration.effects import catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import Robot
 from delta_calibration.samples import collect
 from delta_calibration.simulation import Machine, draw_machine, effect_options
 from delta_calibration.trial import Errors, true_errors
-
-# What stops from both sides under one payload can show; strengths of a real machine.
-_HIDDEN = (
-    "backlash:strength=1.0",
-    "transmission_error:strength=0.8",
-    "encoder_eccentricity:strength=1.5",
-)
 
 
 def second_act(
@@ -53,7 +47,8 @@ def second_act(
         What came of it, as data; begin and end of what was diagnosed [ns].
     """
     draw = time.time_ns() % 2**31 if draw is None else draw
-    effect = _HIDDEN[int(np.random.default_rng(draw).integers(len(_HIDDEN)))]
+    shown = _shown(robot)
+    effect = shown[int(np.random.default_rng(draw).integers(len(shown)))]
     files = out / "session_2", out / "extended.yaml"
     with LiveCell(robot_file, robot, *files, seed, method, (effect,)) as cell:
         say("second act: something is hidden in the machine that no geometry explains")
@@ -92,14 +87,21 @@ def second_act(
     return {"draw": draw, "hidden": effect, "found": found, "right": right, **figures}, captured
 
 
+def _shown(robot: Robot) -> tuple[str, ...]:
+    """Effects, as the simulator's options, that this demonstration may hide."""
+    effects = [effect for effect in catalogue(robot, robot.detailed) if effect.live_strength]
+    return tuple(f"{effect.cause}:strength={effect.live_strength}" for effect in effects[::-1])
+
+
 def _compared(
     robot: Robot, out: Path, machine: Machine, begun: dict[str, int]
 ) -> tuple[list[tuple[str, str, str, str]], dict[str, dict[str, float | int]]]:
     """Errors against the truth with geometry and with the extended model."""
-    poses = collect(read_session(out / "session_2"), robot.joints.names)
+    recorded = read_session(out / "session_2")
+    poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     extended = load_calibration(out / "extended.yaml", robot)
     plain = replace(extended, chain=extended.chain.with_effects(()))
-    plain = replace(plain, theta=extended.theta[: plain.chain.base_size])
+    plain = replace(plain, theta=extended.theta[plain.chain.layout.base])
     plan = make_plan("line", robot, count=STOPS["line"], both_sides=False, radius=RADIUS)
     rows, figures = [], {}
     names = {"calibrated": "geometry compensated", "extended": "extended model"}

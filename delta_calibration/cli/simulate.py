@@ -38,8 +38,9 @@ Drive:
                         the gear ratio
   joint_scale backlash joint_compliance joint_lag
   joint_zero_drift      a ramp, of an hour; or time_constant=, step_at= [s]
-  stick_slip            beyond speed=0.1 [rad/s; m/s where joints slide] gone
-                        but for level=0 of it
+  stick_slip            beyond speed= [rad/s; m/s where joints slide] gone but
+                        for level=0 of it; by default a Delta's 0.1 rad/s or
+                        what moves as fast
 Structure:
   thermal_growth_arm thermal_growth_base
                         by sensor=arm or base, their own by default; or by
@@ -152,7 +153,8 @@ def command(
     if tracker is not None:
         seconds = float(tracker.stamp_ns[-1] - tracker.stamp_ns[0]) * 1e-9
         stops = f"{len(measured)} stops and {len(measured.paths)} paths"
-        still = len(collect(session, robot.joints.names))  # the ends of paths as well
+        # the ends of paths as well
+        still = len(collect(session, robot.joints.names, robot.commanded.joint_size))
         click.echo(
             f"written: {out} ({stops}: {still} poses at rest, {len(tracker.stamp_ns)} readings, "
             f"{duration(seconds)})"

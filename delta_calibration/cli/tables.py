@@ -62,7 +62,7 @@ class TableOptions:
         there = file is not None and file.exists()
         table = self._loaded(file, calibration) if file and there else self._settings()
         made = JointCompensator(
-            calibration, TABLE, seed, compiled=True, table=table, follow=_bar
+            calibration, TABLE, seed, table=table, follow=_bar
         )
         said = f"corrections by {made.way}"
         if file and there:

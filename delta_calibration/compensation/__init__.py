@@ -9,10 +9,13 @@ from delta_calibration.compensation.machine import (
     METHODS,
     SOLVERS,
     TABLE,
+    Machine,
+    Newton,
+    Swarm,
     methods_for,
     require_method,
 )
-from delta_calibration.compensation.newton import Newton, NewtonSettings
+from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import Table
 from delta_calibration.compensation.table_build import Follow, TableSettings
 from delta_calibration.compensation.table_file import load_table, save_table
@@ -30,9 +33,11 @@ __all__ = [
     "Correction",
     "Follow",
     "JointCompensator",
+    "Machine",
     "Newton",
     "NewtonSettings",
     "Table",
+    "Swarm",
     "TableSettings",
     "Verdict",
     "load_table",

@@ -1,165 +1,325 @@
-"""One command through guards and Newton's method in one compiled call: the stream's own way.
+"""Commands through guards, correction and limits: compiled, one command or many, any mechanism.
 
-`JointCompensator.compensate` says the same of many commands at once, by numpy and for any machine;
-here the order of the guards and what is told of a command are repeated number by number. Both
-functions put into `out`
-
-    0-2 target [m]   3 share of the correction that is applied there
-
-and, where the command is corrected as well, 4-6 the correction [rad], 7 the distance from the
-target that is left by the model [m], 8 evaluations of it.
-
-    legs (3, 10)     the commanded drawing's spheres, see kernel.py
-    planes (f, 4)    faces of the calibrated region: n . p + d <= 0 inside
-    joints (2, m)    lower and upper limits [rad]
-    tool (3,)        tool centre point on the drawing's platform [m]
-    limits           see `Limits`
+What is decided of a command stands here once: a stream's single commands and batches go the same
+way, and so do corrections that were found otherwise, by a swarm or a table.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.compensation import kernel, newton_kernel
-from delta_calibration.compensation.jit import compiled
-from delta_calibration.compensation.kernel import Scratch
+from delta_calibration.compensation.backward_kernel import (
+    Machine,
+    Place,
+    Search,
+    correct,
+    reached,
+    scratch,
+    stands,
+)
+from delta_calibration.model.jit import compiled
+from delta_calibration.model.kernels import FULL, K, M, T, moved, place
+from delta_calibration.model.loads import PULLS, bear, point_at
 
 Array = NDArray[np.float64]
-Limits = tuple[float, float, float, float, float, float]
-"""Condition; the typical gain it compares with [m/rad]; the region's margin [m]; how near a point
-on its face is to it [m]; largest correction [rad]; largest distance that counts as reached [m]."""
+Index = NDArray[np.int64]
 
-OUT = 9  # numbers that `out` holds
-PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, NOT_REACHED = range(7)
+(PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, SLACK,
+ NOT_REACHED) = range(8)  # fmt: skip
+SHARE, LEFT, TURN, COUNT = range(4)  # numbers that are told of a command
+
+
+class Guards(NamedTuple):
+    """What a command and its correction must keep to."""
+
+    planes: Array  # (f, 4) faces of the calibrated region: n . p + d <= 0 inside
+    lower: Array  # (m,) of the joints
+    upper: Array  # (m,)
+    condition: float  # of the drawing's machine, at most
+    typical: float  # gain that it compares with [m/rad]
+    margin: float  # [m] beyond the region over which corrections are blended out
+    on_face: float  # [m] how near a point on a face of the region is to it
+    correction: float  # largest of a joint
+    reached: float  # [m] distance that counts as reached
+    stepped: float  # [m] the same where a clearance is crossed by the correction itself
+    pulls: bool  # whether limbs can pull only
+
+
+class CommandRoom(NamedTuple):
+    """Scratch for one command after the other."""
+
+    drawn: Place
+    own: Place
+    signals: Array  # of the drawing's machine
+    centre: Array  # workspace of the law of a point
+    origin: Array  # (3,)
+    task: Array  # (t, k) first rows of one
+    by_q: Array  # (t, m)
+    by_g: Array  # (t, p)
+    told: Array  # (m,)
 
 
 @compiled()
-def _within(joints: Array, q: Array, dq: Array, share: float) -> bool:
-    """Whether q + share dq [rad] is within the joints' limits."""
-    good = True
-    for k in range(3):
-        angle = q[k] + share * dq[k]
-        good = good and joints[0, k] <= angle <= joints[1, k]
-    return good
+def command_room(drawn: Machine, machine: Machine, of_drawn: int, of_own: int) -> CommandRoom:
+    """Scratch; the sizes are those of a sample's signals for either machine."""
+    sizes = drawn.body.limbs.sizes
+    return CommandRoom(
+        scratch(drawn, of_drawn),
+        scratch(machine, of_own),
+        np.zeros(of_drawn),
+        np.zeros(drawn.body.bearing.point_at[4]),
+        np.zeros(3),
+        np.eye(sizes[T], sizes[K]),
+        np.zeros((sizes[T], sizes[M])),
+        np.zeros((sizes[T], len(drawn.g))),
+        np.zeros(sizes[M]),
+    )
 
 
 @compiled()
-def _outside(planes: Array, x: float, y: float, z: float) -> float:
+def _within(guards: Guards, q: Array, dq: Array) -> bool:
+    """Whether q + dq is within the joints' limits."""
+    for i in range(len(q)):
+        if not guards.lower[i] <= q[i] + dq[i] <= guards.upper[i]:
+            return False
+    return True
+
+
+@compiled()
+def _finite(values: Array) -> bool:
+    for value in values:
+        if not np.isfinite(value):
+            return False
+    return True
+
+
+@compiled()
+def _outside(guards: Guards, point: Array) -> float:
     """How far outside the region a point lies [m]; negative inside."""
     most = -np.inf
-    for f in range(len(planes)):
-        most = max(most, planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z + planes[f, 3])
+    for face in guards.planes:
+        most = max(most, face[0] * point[0] + face[1] * point[1] + face[2] * point[2] + face[3])
     return most
 
 
-@compiled(None, kernel)
-def _judged(
-    legs: Array,
-    planes: Array,
-    joints: Array,
-    tool: Array,
-    limits: Limits,
-    q: Array,
-    out: Array,
-    room: tuple[Scratch, Array, Array],
-) -> int:
-    """The first guard that a command fails, `PASSED` where it passes all; its target and share.
+@compiled()
+def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
+    """Whether the drawing's machine, as it stands, is far enough from a singularity."""
+    own = room.drawn
+    place(drawn.body.limbs, own.state.joint, own.x, FULL, own.state.room)
+    moved(drawn.body.limbs, room.task, own.state.room, room.by_q, room.by_g)
+    for row in range(room.by_q.shape[0]):
+        if not _finite(room.by_q[row]):
+            return False
+    gains = np.linalg.svd(room.by_q)[1]
+    most, least = max(gains[0], guards.typical), min(gains[-1], guards.typical)
+    return bool(most <= guards.condition * least and least > 0.0)
 
-    `room` is for a pose, U S over V and a Jacobian.
+
+@compiled()
+def _borne(drawn: Machine, payload: float, centre: Array, room: CommandRoom) -> bool:
+    """Whether every cable pulls, a payload that is not known being none."""
+    own, still = room.drawn, np.zeros(len(room.told))
+    known = payload == payload and _finite(centre)
+    where = centre if known else room.origin
+    bear(
+        drawn.body.limbs, drawn.body.bearing, PULLS, own.state.joint, own.x, still, still,
+        payload if known else 0.0, where, own.state.room, own.state.carried,
+    )  # fmt: skip
+    for pull in own.state.carried.pull:
+        if not pull > 0.0:
+            return False
+    return True
+
+
+@compiled()
+def judged(
+    drawn: Machine,
+    guards: Guards,
+    q: Array,
+    payload: float,
+    centre: Array,
+    target: Array,
+    told: Array,
+    room: CommandRoom,
+) -> int:
+    """The first guard that a command (m,) fails, `PASSED` where it passes all.
+
+    Its target goes into `target` (a,), the share of its correction that is to be applied there
+    into `told`.
     """
-    condition, typical, margin, on_face, _, _ = limits
-    scratch, a, slope = room
-    rods, still = np.empty((0, 7)), np.zeros(3)
-    finite = bool(np.isfinite(q[0]) and np.isfinite(q[1]) and np.isfinite(q[2]))
-    known = q if finite else still
-    reached = kernel._point(legs, rods, tool, known, out[:3], scratch)
-    x, y, z = -tool[0], -tool[1], -tool[2]
-    if reached:
-        x, y, z = out[0] + x, out[1] + y, out[2] + z
-    beyond = _outside(planes, x, y, z) - on_face
-    if margin > 0.0:
-        out[3] = min(max(1.0 - max(beyond, 0.0) / margin, 0.0), 1.0)
-    else:
-        out[3] = 1.0 if beyond <= 0.0 else 0.0
-    if not finite:
+    told[SHARE] = 0.0
+    target[:] = np.nan
+    beyond = np.inf
+    if not _finite(q):
         return NOT_FINITE
-    if not _within(joints, q, still, 0.0):
-        return JOINT_LIMIT
-    if not reached:
+    good = stands(drawn, q, room.signals, False, room.drawn)
+    if good:
+        target[:] = room.drawn.place
+        point_at(drawn.body.bearing, room.drawn.x, room.origin, room.centre)
+        first = drawn.body.bearing.point_at[2]
+        beyond = _outside(guards, room.centre[first : first + 3]) - guards.on_face
+        if guards.margin > 0.0:
+            told[SHARE] = min(max(1.0 - max(beyond, 0.0) / guards.margin, 0.0), 1.0)
+        else:
+            told[SHARE] = 1.0 if beyond <= 0.0 else 0.0
+    for i in range(len(q)):
+        if not guards.lower[i] <= q[i] <= guards.upper[i]:
+            return JOINT_LIMIT
+    if not good:
         return OUT_OF_REACH
-    if not beyond <= margin:
+    if not beyond <= guards.margin:
         return OUTSIDE_REGION
-    if not kernel._slope_here(legs, rods, still, True, slope, scratch):
+    if not _regular(drawn, guards, room):
         return SINGULAR
-    largest, smallest = kernel._decompose(slope, a)
-    if not max(largest, typical) / min(smallest, typical) <= condition:  # infinite over zero
-        return SINGULAR
+    if guards.pulls and not _borne(drawn, payload, centre, room):
+        return SLACK
     return PASSED
 
 
-@compiled(None, kernel)
-def _left(machine: tuple[Array, Array, Array], q: Array, dq: Array, slope: Array) -> float:
-    """How far a correction moves the tool, to first order [m]."""
-    if not kernel._slope(machine[0], machine[1], machine[2], q, slope, kernel._scratch()):
-        return np.nan
-    square = 0.0
-    for i in range(3):
-        moved = slope[i, 0] * dq[0] + slope[i, 1] * dq[1] + slope[i, 2] * dq[2]
-        square += moved * moved
-    return float(np.sqrt(square))
-
-
-_GUARDS = "f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], UniTuple(f8, 6)"
-_MACHINE = "f8[:, ::1], f8[:, ::1], f8[::1]"  # legs, rods, offset: see kernel.py
-_SETTINGS = "Tuple((f8, f8, f8, i8, i8))"  # of `NewtonSettings`
-
-
-@compiled(f"i8({_GUARDS}, f8[::1], f8[::1])", kernel)
-def judge(
-    legs: Array, planes: Array, joints: Array, tool: Array, limits: Limits, q: Array, out: Array
-) -> int:
-    """Guards of a command q (3,) [rad], before it is corrected."""
-    room = kernel._scratch(), np.empty((6, 3)), np.empty((3, 3))
-    return _judged(legs, planes, joints, tool, limits, q, out, room)
-
-
-@compiled(
-    f"i8({_GUARDS}, {_MACHINE}, {_SETTINGS}, f8[::1], f8[::1])", kernel, newton_kernel
-)
-def correct(
-    legs: Array,
-    planes: Array,
-    joints: Array,
-    tool: Array,
-    limits: Limits,
-    own_legs: Array,
-    own_rods: Array,
-    own_offset: Array,
-    settings: newton_kernel.Settings,
+@compiled()
+def finished(
+    machine: Machine,
+    guards: Guards,
     q: Array,
-    out: Array,
+    signals: Array,
+    target: Array,
+    dq: Array,
+    told: Array,
+    room: CommandRoom,
 ) -> int:
-    """Guards and Newton's correction of a command q (3,) [rad] for the identified machine."""
-    room = newton_kernel._room()
-    out[4:9] = 0.0
-    out[7] = np.inf
-    code = _judged(
-        legs, planes, joints, tool, limits, q, out, (room[0], room[1], room[2])
-    )
+    """What becomes of a correction that was found, dq (m,): its share is applied, or nothing.
+
+    Judged by the whole chain run forward. The distance from the target that is left goes into
+    `told`, and the turn.
+    """
+    share, bounded = told[SHARE], True
+    told[LEFT], told[TURN] = np.inf, np.inf
+    for i in range(len(q)):
+        room.told[i] = q[i] + dq[i]
+        bounded = bounded and abs(dq[i]) <= guards.correction
+    error = reached(machine, room.told, signals, target, False, room.own)
+    good = error <= guards.reached or (machine.reshaped and error <= guards.stepped)
+    code = PASSED if good and bounded else NOT_REACHED
+    if code == PASSED:
+        for i in range(len(q)):
+            dq[i] *= share
+            room.told[i] = q[i] + dq[i]
+        if not _within(guards, q, dq):
+            code = JOINT_LIMIT
     if code != PASSED:
-        return code
-    machine, share, dq = (own_legs, own_rods, own_offset), out[3], out[4:7]
-    error, out[8] = newton_kernel._search(machine, q, out[:3], settings, dq, room)
-    reached = error <= limits[5]
-    for k in range(3):
-        reached = reached and abs(dq[k]) <= limits[4]
-    if not (reached and _within(joints, q, dq, share)):
         dq[:] = 0.0
-        return JOINT_LIMIT if reached else NOT_REACHED
-    out[7] = error
+        return code
     if share < 1.0:
-        out[7] += (1.0 - share) * _left(machine, q, dq, room[2])
-        for k in range(3):
-            dq[k] *= share
+        error = reached(machine, room.told, signals, target, False, room.own)
+    told[LEFT] = error
+    if machine.aim.turns:
+        far, chord = 0.0, 0.0
+        for i in range(len(target)):
+            square = (room.own.place[i] - target[i]) ** 2
+            far, chord = (far + square, chord) if i < 3 else (far, chord + square)
+        told[LEFT] = np.sqrt(far)
+        told[TURN] = 2 * np.arcsin(min(np.sqrt(chord) / 0.6, 1.0))
     return PASSED
+
+
+@compiled()
+def commanded(
+    drawn: Machine,
+    machine: Machine,
+    guards: Guards,
+    search: Search,
+    q: Array,
+    signals: Array,
+    payload: float,
+    centre: Array,
+    usable: bool,
+    target: Array,
+    dq: Array,
+    told: Array,
+    room: CommandRoom,
+) -> int:
+    """Guards and correction of one command q (m,) under its signals; see `Guards`."""
+    dq[:] = 0.0
+    told[:] = 0.0
+    told[LEFT], told[TURN] = np.inf, np.inf
+    code = judged(drawn, guards, q, payload, centre, target, told, room)
+    if code != PASSED or not usable:
+        return code
+    _, told[COUNT] = correct(machine, search, q, signals, target, dq, room.own)
+    return finished(machine, guards, q, signals, target, dq, told, room)
+
+
+@compiled()
+def every(
+    drawn: Machine,
+    machine: Machine,
+    guards: Guards,
+    search: Search,
+    of_drawn: int,
+    q: Array,
+    signals: Array,
+    payload: Array,
+    centre: Array,
+    usable: NDArray[np.bool_],
+) -> tuple[Index, Array, Array, Array]:
+    """The same of n commands: codes (n,), targets (n, a), dq (n, m), what is told (n, 4)."""
+    n, m = q.shape
+    room = command_room(drawn, machine, of_drawn, signals.shape[1])
+    count = len(room.drawn.place)
+    code, target = np.zeros(n, dtype=np.int64), np.empty((n, count))
+    dq, told = np.zeros((n, m)), np.zeros((n, 4))
+    for row in range(n):
+        code[row] = commanded(
+            drawn, machine, guards, search, q[row], signals[row], payload[row], centre[row],
+            usable[row], target[row], dq[row], told[row], room,
+        )  # fmt: skip
+    return code, target, dq, told
+
+
+@compiled()
+def verified(
+    drawn: Machine,
+    machine: Machine,
+    guards: Guards,
+    of_drawn: int,
+    q: Array,
+    signals: Array,
+    target: Array,
+    dq: Array,
+    told: Array,
+) -> Index:
+    """What becomes of corrections found otherwise, (n,); dq (n, m) and `told` are changed."""
+    n = len(q)
+    room, code = command_room(drawn, machine, of_drawn, signals.shape[1]), np.zeros(n, dtype=np.int64)
+    for row in range(n):
+        code[row] = finished(
+            machine, guards, q[row], signals[row], target[row], dq[row], told[row], room
+        )
+    return code
+
+
+@compiled()
+def judge_every(
+    drawn: Machine,
+    machine: Machine,
+    guards: Guards,
+    of_drawn: int,
+    of_own: int,
+    q: Array,
+    payload: Array,
+    centre: Array,
+) -> tuple[Index, Array, Array]:
+    """Guards of n commands alone: codes (n,), targets (n, a), what is told (n, 4)."""
+    n, room = len(q), command_room(drawn, machine, of_drawn, of_own)
+    code, told = np.zeros(n, dtype=np.int64), np.zeros((n, 4))
+    target = np.empty((n, len(room.drawn.place)))
+    for row in range(n):
+        told[row, LEFT], told[row, TURN] = np.inf, np.inf
+        code[row] = judged(
+            drawn, guards, q[row], payload[row], centre[row], target[row], told[row], room
+        )
+    return code, target, told

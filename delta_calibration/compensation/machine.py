@@ -1,27 +1,26 @@
-"""A machine at one geometry: where its tool is, and how a command for it is found."""
+"""A machine as the compiled functions take it: where its tool is, and how a command is found."""
 
 from __future__ import annotations
 
-from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.compensation.aim import Aim
-from delta_calibration.compensation.apso import Apso, ApsoSettings
-from delta_calibration.compensation.base import Compensator
-from delta_calibration.compensation.by_pose import ByPose
-from delta_calibration.compensation.compiled import (
-    CompiledApso,
-    CompiledGeometry,
-    CompiledNewton,
-    available,
-)
-from delta_calibration.compensation.newton import Newton, NewtonSettings
-from delta_calibration.compensation.table import AXES, Table, Tabulated
+from delta_calibration.compensation.apso import ApsoSettings, first_places, stream
+from delta_calibration.compensation.base import Correction, checked_commands
+from delta_calibration.compensation.newton import NewtonSettings
+from delta_calibration.compensation.table import AXES
+from delta_calibration.effects import Stage
+from delta_calibration.effects.signals import JOINT, TRAVEL, Places, Signals, recorded
 from delta_calibration.errors import InputError
-from delta_calibration.mechanisms import Mechanism
+from delta_calibration.mechanisms import Mechanism, RotaryDelta
+from delta_calibration.samples import Conditions
+from delta_calibration.swarm_law import entropy_terms
 
 Array = NDArray[np.float64]
 
@@ -59,90 +58,243 @@ def require_method(mechanism: Mechanism, method: str, robot: str) -> None:
         )
 
 
+@dataclass(frozen=True)
 class Machine:
-    """Model and solver at one geometry, compiled where that is wanted and can be had.
+    """A chain with its parameters and a tool on its platform, for commands to be found for.
 
-    Args:
-        chain: whose mechanism it is.
-        geometry: its parameters (p,).
-        tool: tool centre point in the platform's frame (3,) [m].
-        method: one of `SOLVERS`.
-        bound: largest correction of a joint [rad].
-        seed: of the swarm.
-        compiled: whether geometry and solver are to be compiled.
+    Effects of the measurement are the tracker's and do not enter.
+    """
+
+    chain: Chain
+    theta: Array  # (P,)
+    tool: Array  # (3,) [m] in the platform's frame
+    masses: Any = None  # the robot's, where loads count
+    parts: tuple[str, ...] = ()  # of which temperatures are known
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Its mechanism."""
+        return self.chain.mechanism
+
+    @cached_property
+    def aim(self) -> Aim:
+        """What of the tool its joints command."""
+        return Aim.of(self.mechanism, self.tool)
+
+    @cached_property
+    def reshaping(self) -> tuple[str, ...]:
+        """Causes by which the dimensions change from command to command."""
+        return tuple(e.cause for e in self.chain.effects if e.stage is Stage.STRUCTURE)
+
+    @cached_property
+    def by_pose(self) -> bool:
+        """Whether a command is found by way of the pose, see backward_kernel.py."""
+        m = self.mechanism
+        whole = m.task_size == m.pose_size
+        return whole and (self.aim.turns or m.joints > m.task_size)
+
+    @cached_property
+    def bare(self) -> Machine:
+        """The same geometry without effects."""
+        base = self.theta[self.chain.layout.base]
+        return replace(self, chain=self.chain.with_effects(()), theta=base)
+
+    @cached_property
+    def places(self) -> Places:
+        """Where the signals of a sample stand."""
+        return Places.of(self.mechanism, self.parts)
+
+    @cached_property
+    def compiled(self) -> Any:
+        """As the compiled functions take it: `backward_kernel.Machine`."""
+        kernel = _kernel()
+        aim = kernel.Aimed(
+            np.array(self.tool, dtype=float), np.array(self.aim.axes), bool(self.aim.turns)
+        )
+        theta = np.array(self.theta, dtype=float)
+        g = theta[self.chain.layout.geometry].copy()
+        stages = self.chain.stages(self.parts)
+        reshaped = bool(self.reshaping)
+        body = self.mechanism.body(self.masses)
+        return kernel.Machine(body, stages, g, theta, aim, self.by_pose, reshaped)
+
+    def with_parts(self, parts: tuple[str, ...]) -> Machine:
+        """The same where the temperatures of these parts are known."""
+        return self if parts == self.parts else replace(self, parts=parts)
+
+    def signals(self, at: Conditions) -> Signals:
+        """What was recorded of commands; any play is taken to be crossed by the correction."""
+        found = recorded(self.mechanism, at)
+        found.of(TRAVEL)[:] = np.inf
+        return found
+
+    def resting(self, q: Array) -> Signals:
+        """The same of commands (n, m) at rest, nothing else being known."""
+        rows = np.zeros((len(q), self.places.size))
+        found = Signals(self.places, rows)
+        found.of(JOINT)[:] = q
+        found.of(TRAVEL)[:] = np.inf
+        return found
+
+    def stand(self, q: Array, at: Conditions | None = None) -> tuple[Array, Array]:
+        """Places of the tool (n, a), see aim.py, and poses (n, k); NaN where there is none."""
+        known = self.resting(q) if at is None else self.signals(replace(at, joint=q))
+        places, x = _kernel().targets(self.compiled, known.rows)
+        return places, x
+
+    def point(self, q: Array, at: Conditions | None = None) -> Array:
+        """Places of the tool, (..., m) -> (..., a) [m]; NaN without a pose."""
+        places, _ = self.stand(q.reshape(-1, q.shape[-1]), at)
+        return places.reshape((*q.shape[:-1], -1))
+
+    def jacobian(self, q: Array) -> Array:
+        """d(place)/dq of the mechanism, (..., m) -> (..., a, m) [m/rad]."""
+        flat = q.reshape(-1, q.shape[-1])
+        found = _kernel().slopes(self.compiled, self.resting(flat).rows)
+        return np.asarray(found.reshape((*q.shape[:-1], *found.shape[1:])))
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Newton's method as a `Compensator`: through the whole chain, see backward_kernel.py."""
+
+    machine: Machine
+    settings: NewtonSettings = field(default_factory=NewtonSettings)
+
+    @property
+    def numbers(self) -> Any:
+        """Settings as the compiled functions take them."""
+        s = self.settings
+        steps = int(s.iterations), int(s.halvings)
+        return _kernel().Search(float(s.bound_rad), float(s.tolerance), *steps)
+
+    def correct(
+        self,
+        q: Array,
+        target: Array,
+        signals: Signals | None = None,
+        start: Array | None = None,
+    ) -> Correction:
+        """Find the correction of every command.
+
+        Args:
+            q: nominal commands (n, m) [rad].
+            target: places they mean (n, a) [m].
+            signals: of the commands; at rest where not given.
+            start: corrections to begin from (n, m) [rad].
+
+        Raises:
+            InputError: the shapes do not belong together.
+        """
+        q, target, usable = checked_commands(q, target, self.machine.aim.size)
+        known = self.machine.resting(q) if signals is None else signals
+        known = known.take(usable)
+        begin = np.zeros_like(q) if start is None else start
+        dq, error, count = _kernel().corrections(
+            self.machine.compiled, self.numbers, np.ascontiguousarray(known.rows),
+            np.ascontiguousarray(target[usable]), np.ascontiguousarray(begin[usable]),
+        )  # fmt: skip
+        good = error <= self.settings.tolerance
+        return Correction(dq, error, count, converged=good).spread(usable)
+
+
+@dataclass(frozen=True)
+class Swarm:
+    """APSO as a `Compensator`, through the whole chain: the swarms of `Apso`, compiled.
+
+    The corrections are those of `Apso` but for rounding (1e-12 rad where the target is reached),
+    and depend on neither row nor neighbours, to the last bit.
+    """
+
+    machine: Machine
+    settings: ApsoSettings = field(default_factory=ApsoSettings)
+
+    def correct(
+        self,
+        q: Array,
+        target: Array,
+        signals: Signals | None = None,
+        start: Array | None = None,
+    ) -> Correction:
+        """Search the correction of every command; see `Newton.correct`. `start` does not count."""
+        del start
+        q, target, usable = checked_commands(q, target, self.machine.aim.size)
+        known = (self.machine.resting(q) if signals is None else signals).take(usable)
+        s, m = self.settings, q.shape[1]
+        out = _swarm_kernel().search(
+            self.machine.compiled, self._legs, np.ascontiguousarray(known.rows),
+            np.ascontiguousarray(target[usable]), *drawn_beforehand(s, m),
+            (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social),
+        )  # fmt: skip
+        dq, error, count = out[:, :m].copy(), out[:, m].copy(), out[:, m + 1].astype(np.int64)
+        return Correction(dq, error, count, converged=error <= s.tolerance).spread(usable)
+
+    @cached_property
+    def _legs(self) -> Array:
+        """Spheres of a Delta of three, without effects; none of any other machine."""
+        machine = self.machine
+        if type(machine.mechanism) is not RotaryDelta or machine.chain.effects:
+            return np.zeros((0, 10))
+        g = machine.theta[machine.chain.layout.geometry]
+        return spheres(machine.mechanism, g)
+
+
+def spheres(mechanism: RotaryDelta, g: Array) -> Array:
+    """Spheres about the elbows, (3, 10): c, u, v, l with centre c + u cos q + v sin q [m].
+
+    Read off the elbows that the mechanism's own law gives at three angles.
+    """
+    angles = np.repeat(np.array([[0.0], [np.pi / 2], [np.pi]]), mechanism.joints, axis=1)
+    ahead, quarter, back = mechanism.mass_places(angles, np.zeros((3, 3)), g)[:, 1:]
+    centre = (ahead + back) / 2
+    rod = g.reshape(mechanism.joints, -1)[:, -1:]
+    return np.hstack([centre, (ahead - back) / 2, quarter - centre, rod])
+
+
+@lru_cache(maxsize=8)
+def drawn_beforehand(s: ApsoSettings, joints: int = 3) -> tuple[Array, Array, Array]:
+    """First places, random numbers and gains of entropy: see swarm_kernel.py.
+
+    All random numbers that a search can use up are a quarter of a megabyte at the usual settings.
+    """
+    draws = stream(s)
+    start = first_places(draws, joints, s).ravel()
+    moves = draws.random(s.iterations * 2 * start.size)
+    gains = np.diff(entropy_terms(s.particles)) / np.log(s.particles)
+    return start, moves, gains
+
+
+def solver_of(machine: Machine, method: str, bound: float, seed: int) -> Newton | Swarm:
+    """What finds commands for a machine by one of `SOLVERS`.
 
     Raises:
         InputError: no such solver.
     """
+    if method not in SOLVERS:
+        raise InputError(f"no solver {method!r}; choose from: {', '.join(SOLVERS)}")
+    if method == "apso":
+        return Swarm(machine, ApsoSettings(bound_rad=bound, seed=seed))
+    return Newton(machine, NewtonSettings(bound_rad=bound))
 
-    def __init__(
-        self,
-        chain: Chain,
-        geometry: Array,
-        tool: Array,
-        method: str = "newton",
-        bound: float = 0.03,
-        seed: int = 0,
-        *,
-        compiled: bool = False,
-    ) -> None:
-        if method not in SOLVERS:
-            raise InputError(f"no solver {method!r}; choose from: {', '.join(SOLVERS)}")
-        self._mechanism, self._geometry = chain.mechanism, geometry
-        self.aim = Aim.of(chain.mechanism, tool)
-        self._method, self._bound, self._seed = method, bound, seed
-        self.fast: CompiledGeometry | None = None
-        if compiled and available(chain.mechanism):
-            self.fast = CompiledGeometry(chain.mechanism, geometry, tool)
-        self.solver = self._make_solver()
 
-    def at(self, geometry: Array) -> Machine:
-        """The same machine with other dimensions (p,)."""
-        other = copy(self)
-        other._geometry = geometry
-        other.fast = None if self.fast is None else self.fast.at(geometry)
-        other.solver = other._make_solver()
-        return other
+def drawn(mechanism: Mechanism, tool: Array, masses: Any = None) -> Machine:
+    """The drawing's machine, without effects."""
+    chain = Chain(mechanism, np.zeros(3), 1.0)
+    theta = np.concatenate([mechanism.parameters.nominal, np.zeros(9)])
+    return Machine(chain, theta, tool, masses)
 
-    def within(self, bound: float) -> Machine:
-        """The same machine with another largest correction [rad]."""
-        other = copy(self)
-        other._bound = bound
-        other.solver = other._make_solver()
-        return other
 
-    def tabulated(self, table: Table) -> Machine:
-        """The same machine with a table of its corrections; with other dimensions it has none."""
-        other = copy(self)
-        other.solver = Tabulated(table, self.point)
-        return other
 
-    def point(self, q: Array) -> Array:
-        """Tool points, (..., m) -> (..., d) [m], see aim.py; NaN without a pose."""
-        if self.fast is not None:
-            return self.fast.point(q)
-        x = self._mechanism.forward(q.reshape(-1, q.shape[-1]), self._geometry)
-        return self.aim.places(self._mechanism, x).reshape((*q.shape[:-1], -1))
 
-    def jacobian(self, q: Array) -> Array:
-        """d(tool point)/dq, (..., m) -> (..., d, m) [m/rad]."""
-        if self.fast is not None:
-            return self.fast.jacobian(q)
-        flat = q.reshape(-1, q.shape[-1])
-        x = self._mechanism.forward(flat, self._geometry)
-        slope = self.aim.slopes(self._mechanism, x)
-        slope = slope @ self._mechanism.velocity_jacobian(flat, x, self._geometry)
-        return slope.reshape((*q.shape[:-1], self.aim.size, q.shape[-1]))
+def _kernel() -> Any:
+    """The compiled chain, backward; numba is loaded with the first use."""
+    from delta_calibration.compensation import backward_kernel  # noqa: PLC0415
 
-    def _make_solver(self) -> Compensator:
-        if self._method == "apso":
-            law = ApsoSettings(bound_rad=self._bound, seed=self._seed)
-            return Apso(self.point, law) if self.fast is None else CompiledApso(self.fast, law)
-        mechanism = self._mechanism
-        settings = NewtonSettings(bound_rad=self._bound, freedoms=mechanism.task_size)
-        if self.fast is not None:
-            return CompiledNewton(self.fast, settings)
-        all_of_it = mechanism.task_size == mechanism.pose_size
-        if all_of_it and (self.aim.turns or mechanism.joints > mechanism.task_size):
-            return ByPose(mechanism, self._geometry, self.aim)
-        return Newton(self.point, self.jacobian, settings)
+    return backward_kernel
+
+
+def _swarm_kernel() -> Any:
+    """The compiled swarm."""
+    from delta_calibration.compensation import swarm_kernel  # noqa: PLC0415
+
+    return swarm_kernel

@@ -1,12 +1,12 @@
-"""Compiled swarm over a Delta's geometry: the law of apso.py, particle by particle.
+"""Compiled swarm of APSO over any machine, its effects included: the law of apso.py by particles.
 
-Importing this module compiles, or loads what an earlier process compiled; `CompiledApso` does so
-when it is made. Arrays are by component: (3 m,) holds a joint of all m particles of one target,
-then the next joint. All are used again for all targets of a call. Loops run along the particles
-and become vector instructions, but for what depends on chance and is rarely so.
+Arrays are by component: (j m,) holds a joint of all m particles of one target, then the next of j
+joints. All are used again for all targets of a call. A place is judged by the whole chain run
+forward (backward_kernel.py).
 
-Three spheres in a box up to `SHORT` take the least arithmetic. Each arm is turned to the command
-once for a target and by the small d of a particle from there,
+Three spheres without effects, in a box up to `SHORT`, take the least arithmetic, along the
+particles in vector instructions. Each arm is turned to the command once for a target and by the
+small d of a particle from there,
 
     u cos(q + d) + v sin(q + d) = u' cos d + v' sin d,
 
@@ -14,7 +14,6 @@ with cos d and sin d by their series to d^6 and d^7: off by less than 2e-17 up t
 the rounding of either. Centres are taken from the target, so that the meeting point is the gap.
 Products and sums are contracted there: distances only decide which place is the better one, the
 places themselves are rounded as numpy has it.
-All other machines are asked for their point as kernel.py has it.
 
 Random numbers are drawn beforehand, by the same generator as in apso.py (numpy's Philox 4x64-10,
 counter-based), and read by every target from their beginning: no state is left to share.
@@ -25,8 +24,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.compensation import kernel
-from delta_calibration.compensation.jit import compiled
+from delta_calibration.compensation.backward_kernel import Machine, Place, reached, scratch
+from delta_calibration.model.jit import compiled
+from delta_calibration.model.kernels import M
+from delta_calibration.model.stand import JOINT
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -37,13 +38,13 @@ SHORT = 0.03  # [rad] largest |d| whose cosine and sine the series gives
 
 
 @compiled()
-def _leg(legs: Array, i: int, offset: Array, q: Array, target: Array) -> Leg:
+def _leg(legs: Array, i: int, tool: Array, q: Array, target: Array) -> Leg:
     """Sphere of leg i with its arm at the command: c seen from the target, u', v', l^2 [m]."""
     cos, sin = np.cos(q[i]), np.sin(q[i])
     return (
-        legs[i, 0] + (offset[0] - target[0]),
-        legs[i, 1] + (offset[1] - target[1]),
-        legs[i, 2] + (offset[2] - target[2]),
+        legs[i, 0] + (tool[0] - target[0]),
+        legs[i, 1] + (tool[1] - target[1]),
+        legs[i, 2] + (tool[2] - target[2]),
         cos * legs[i, 3] + sin * legs[i, 6],
         cos * legs[i, 4] + sin * legs[i, 7],
         cos * legs[i, 5] + sin * legs[i, 8],
@@ -78,7 +79,7 @@ def _centre(leg: Leg, d: float) -> tuple[float, float, float]:
 def _short_squares(first: Leg, second: Leg, third: Leg, x: Array, square: Array) -> None:
     """Squared distances (m,) [m^2] of three spheres' meeting points, NaN where there are none.
 
-    The equations are those of `_meet` in kernel.py.
+    The equations are those of mechanisms/spheres.py.
     """
     r2 = first[9]
     more_a, more_b = r2 - second[9], r2 - third[9]
@@ -99,22 +100,24 @@ def _short_squares(first: Leg, second: Leg, third: Leg, x: Array, square: Array)
         square[i] = px * px + py * py + pz * pz
 
 
-@compiled(None, kernel)
+@compiled()
 def _squares(
-    machine: tuple[Array, Array, Array],
+    machine: Machine,
     q: Array,
+    signals: Array,
     target: Array,
     x: Array,
+    there: Array,
     square: Array,
+    room: Place,
 ) -> None:
-    """Squared distances (m,) [m^2] of any machine of kernel.py, infinite without a pose."""
-    legs, rods, offset = machine
-    there, gap, scratch = np.empty(3), np.empty(3), kernel._scratch()
-    m = len(square)
+    """Squared distances (m,) [m^2] of any machine, infinite where it cannot stand."""
+    m, near = len(square), False
     for i in range(m):
-        for k in range(3):
+        for k in range(len(q)):
             there[k] = q[k] + x[k * m + i]
-        far = kernel._distance(legs, rods, offset, there, target, gap, scratch)
+        far = reached(machine, there, signals, target, near, room)
+        near = far < np.inf
         square[i] = far * far
 
 
@@ -125,7 +128,8 @@ def _remember(x: Array, square: Array, own: Array, fitness: Array) -> tuple[int,
     for i in range(m):
         if square[i] < fitness[i]:
             fitness[i] = square[i]
-            own[i], own[m + i], own[2 * m + i] = x[i], x[m + i], x[2 * m + i]
+            for k in range(i, len(x), m):
+                own[k] = x[k]
     winner, least = 0, fitness[0]
     for i in range(1, m):
         if fitness[i] < least:
@@ -140,9 +144,12 @@ def _inertia(x: Array, bound: float, gains: Array, bins: Counts, counts: Counts)
     `gains` (m,) is what a bin's share of E grows by with one particle more in it.
     """
     m = len(bins)
-    width, half = 3 * bound, 0.5 * m
+    width, half = len(x) // m * bound, 0.5 * m
     for i in range(m):
-        along = (x[i] + x[m + i] + x[2 * m + i]) / width
+        along = 0.0
+        for k in range(i, len(x), m):
+            along += x[k]
+        along /= width
         bins[i] = min(max(int((along + 1.0) * half), 0), m - 1)
     for i in range(m):
         counts[i] = 0
@@ -161,19 +168,20 @@ def _move(
     goal: Array,
     draws: Array,
     move: int,
+    joints: int,
     winner: int,
     w: float,
     settings: Settings,
 ) -> None:
     """Move every particle by (10), with the draws of this move; the box is a wall.
 
-    `goal` (3 m,) takes p_g, once for each particle.
+    `goal` (j m,) takes p_g, once for each particle.
     """
     bound, _, velocity_fraction, cognitive, social = settings
     most = velocity_fraction * 2.0 * bound
     size = len(x)
-    m = size // 3
-    for k in range(3):
+    m = size // joints
+    for k in range(joints):
         leader = own[k * m + winner]
         for i in range(m):
             goal[k * m + i] = leader
@@ -187,65 +195,64 @@ def _move(
         x[i] = min(max(x[i] + step, -bound), bound)
 
 
-_MACHINE = "Tuple((f8[:, ::1], f8[:, ::1], f8[::1]))"  # legs, rods, offset: see kernel.py
-_DRAWN = "f8[::1], f8[::1], f8[::1]"  # start, draws, gains
-_SETTINGS = "UniTuple(f8, 5)"
-
-
-@compiled(
-    f"f8[:, ::1]({_MACHINE}, f8[:, ::1], f8[:, ::1], {_DRAWN}, {_SETTINGS})",
-    kernel,
-)
+@compiled()
 def search(
-    machine: tuple[Array, Array, Array],
-    q: Array,
+    machine: Machine,
+    legs: Array,
+    signals: Array,
     target: Array,
     start: Array,
     draws: Array,
     gains: Array,
     settings: Settings,
 ) -> Array:
-    """Corrections [rad] (0-2), distance [m] (3) and evaluations (4) of each, (n, 5): see apso.py.
+    """Corrections (0 to j - 1), distance [m] (j) and evaluations (j + 1) of each, (n, j + 2).
 
     Args:
-        machine: legs, rods and offset as in kernel.py.
-        q: commands (n, 3) [rad].
-        target: points they mean (n, 3) [m].
-        start: first places (3 m,) [rad].
-        draws: r1 (3 m,) and r2 (3 m,) of each move, one after the other.
+        machine: with its effects.
+        legs: of three spheres without effects c, u, v, l each (3, 10): centre c + u cos q +
+            v sin q, radius l [m]; none (0, 10) for any other machine.
+        signals: of the commands, (n, S).
+        target: places they mean (n, a) [m].
+        start: first places (j m,).
+        draws: r1 (j m,) and r2 (j m,) of each move, one after the other.
         gains: see `_inertia`, (m,).
         settings: bound, tolerance, velocity_fraction, cognitive, social.
     """
-    legs, rods, offset = machine
     bound, tolerance = settings[0], settings[1]
-    n, m = len(q), len(gains)
-    iterations = len(draws) // (6 * m)
-    out = np.zeros((n, 5))
-    room, whole = np.empty(14 * m), np.empty(2 * m, dtype=np.int64)  # two are made sooner than six
-    x, v, own = room[: 3 * m], room[3 * m : 6 * m], room[6 * m : 9 * m]
-    goal, square, fitness = room[9 * m : 12 * m], room[12 * m : 13 * m], room[13 * m :]
+    n, m, joints = len(signals), len(gains), machine.body.limbs.sizes[M]
+    size, at = joints * m, machine.stages.at[JOINT]
+    iterations = len(draws) // (2 * size)
+    out = np.zeros((n, joints + 2))
+    space, whole = np.empty(4 * size + 2 * m), np.empty(2 * m, dtype=np.int64)
+    x, v, own = space[:size], space[size : 2 * size], space[2 * size : 3 * size]
+    goal, square, fitness = space[3 * size : 4 * size], space[4 * size : -m], space[-m:]
     bins, counts = whole[:m], whole[m:]
-    short = len(rods) == 0 and bound <= SHORT
+    short = len(legs) == 3 and bound <= SHORT
+    room, there = scratch(machine, signals.shape[1]), np.empty(joints)
     for row in range(n):
-        first = _leg(legs, 0, offset, q[row], target[row])
-        second = _leg(legs, 1, offset, q[row], target[row])
-        third = _leg(legs, 2, offset, q[row], target[row])
-        for i in range(3 * m):
+        q, goes = signals[row, at : at + joints], target[row]
+        if short:
+            first = _leg(legs, 0, machine.aim.tool, q, goes)
+            second = _leg(legs, 1, machine.aim.tool, q, goes)
+            third = _leg(legs, 2, machine.aim.tool, q, goes)
+        for i in range(size):
             x[i], v[i], own[i] = start[i], 0.0, start[i]
         for i in range(m):
             fitness[i] = np.inf
+        winner = 0
         for iteration in range(iterations + 1):
             if short:
                 _short_squares(first, second, third, x, square)
             else:
-                _squares(machine, q[row], target[row], x, square)
+                _squares(machine, q, signals[row], goes, x, there, square, room)
             winner, least = _remember(x, square, own, fitness)
-            out[row, 3] = np.sqrt(least)
-            out[row, 4] += m
-            if out[row, 3] <= tolerance or iteration == iterations:
+            out[row, joints] = np.sqrt(least)
+            out[row, joints + 1] += m
+            if out[row, joints] <= tolerance or iteration == iterations:
                 break
             w = _inertia(x, bound, gains, bins, counts)
-            _move(x, v, own, goal, draws, iteration, winner, w, settings)
-        for k in range(3):
+            _move(x, v, own, goal, draws, iteration, joints, winner, w, settings)
+        for k in range(joints):
             out[row, k] = own[k * m + winner]
     return out

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.compensation.jit import compiled
+from delta_calibration.model.jit import compiled
 
 Array = NDArray[np.float64]
 Spline = tuple[int, float, float, float, float]

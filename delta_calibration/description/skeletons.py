@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.description.deltas import linear_delta, rotary_delta
+from delta_calibration.description.looks import LOOKS
 from delta_calibration.description.parts import Parts
-from delta_calibration.description.serial import serial_arm
 from delta_calibration.description.skeleton import Skeleton, on_strut
-from delta_calibration.description.struts import cable_robot, five_axis
 from delta_calibration.description.tree import (
     BASE,
     FIXED,
@@ -27,19 +24,11 @@ from delta_calibration.description.tree import (
 )
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
-from delta_calibration.mechanisms import Mechanism, RotaryDelta
-from delta_calibration.mechanisms.six_rod_delta import alike
+from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-PARTS: dict[str, Callable[[Robot, Mechanism, Array], Parts]] = {
-    "six_rod_delta": rotary_delta,
-    "linear_delta": linear_delta,
-    "cable_robot": cable_robot,
-    "five_axis": five_axis,
-    "serial_arm": serial_arm,
-}
 _TIP = 0.004  # [m] radius of what leads from the platform to the tool
 
 
@@ -49,21 +38,21 @@ def describe(robot: Robot, calibration: Calibration | None = None) -> Skeleton:
     With a calibration the tracker's frame is a link as well, fixed to the base.
 
     Raises:
-        InputError: a mechanism of another package.
+        InputError: a mechanism of another package that adds no look.
     """
     if calibration is None:
         mechanism = robot.detailed
         geometry = mechanism.parameters.nominal
     else:
         mechanism, geometry = calibration.chain.mechanism, calibration.geometry
-    if isinstance(mechanism, RotaryDelta):
-        mechanism, geometry = alike(mechanism, geometry)
-    if mechanism.name not in PARTS:
+    if mechanism.name not in LOOKS:
         raise InputError(
             f"robot {robot.name}: nothing says how a {mechanism.name} looks; its URDF has to be "
-            f"written by hand; known: {', '.join(sorted(PARTS))}"
+            f"written by hand; known: {', '.join(sorted(LOOKS))}"
         )
-    parts = PARTS[mechanism.name](robot, mechanism, geometry)
+    look = LOOKS[mechanism.name]()
+    mechanism, geometry = look.model(mechanism, geometry)
+    parts = look.parts(robot, mechanism, geometry)
     more = _beyond(robot, calibration)
     return assembled(robot, mechanism, geometry, parts, more)
 

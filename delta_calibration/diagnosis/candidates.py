@@ -48,8 +48,9 @@ class Candidate:
     @property
     def label(self) -> str:
         """For people: cause, and where."""
-        if isinstance(self.effect, Unexplained):
-            return f"{self.cause} ({self.effect.family})"
+        family = self.effect.moves_with if self.effect is not None else None
+        if family is not None:
+            return f"{self.cause} ({family})"
         return self.cause if self.location is None else f"{self.cause} at {self.location}"
 
     @property
@@ -113,5 +114,6 @@ def maps(evidence: Evidence, any_effect: Effect) -> Iterator[list[Candidate]]:
         for reach in reaches(family):
             widest = Unexplained.over(any_effect, family, joint, reach=reach)
             rows = tuple(range(len(widest.parameters)))
-            effects = [replace(widest, size=size) for size in SIZES]
+            own = widest.mechanism.joint_size
+            effects = [replace(widest, size=size * own) for size in SIZES]
             yield [Candidate(UNEXPLAINED, "unknown", None, effect, rows) for effect in effects]

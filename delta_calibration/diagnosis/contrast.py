@@ -72,27 +72,29 @@ class Pair:
         """Of the columns of both."""
         return Products.of(evidence, self.columns(evidence))
 
-    def contrast(self, products: Products, precision: Array, geometry: int) -> Contrast:
+    def contrast(self, products: Products, precision: Array, geometry: slice) -> Contrast:
         """Of samples with these products.
 
         Args:
             products: of this pair, over any samples.
             precision: of what the samples share, (s,).
-            geometry: how many of those are the mechanism's dimensions.
+            geometry: which of those are the mechanism's dimensions.
         """
         alone, left = self.signals(products, precision, geometry)
         if alone <= 0:
             return Contrast(1.0, 0.0)
         return Contrast(float(np.sqrt(np.clip(1 - left / alone, 0, 1))), max(left, 0.0))
 
-    def signals(self, products: Products, precision: Array, geometry: int) -> tuple[float, float]:
+    def signals(
+        self, products: Products, precision: Array, geometry: slice
+    ) -> tuple[float, float]:
         """Signal of the first by itself, and beside the second."""
         nuisance = self.nuisance(len(precision))
         k = len(self.first.rows)
         information = products.information(precision, nuisance)
         alone = left = information[:k, :k]
         if self.second is None:
-            nuisance[:geometry] = False
+            nuisance[geometry] = False
             alone = products.information(precision, nuisance)
         else:
             across = information[:k, k:]

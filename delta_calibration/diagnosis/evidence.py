@@ -36,7 +36,7 @@ Index = NDArray[np.int64]
 
 _AROUND = 9  # readings, about each on a path
 _SPIKE = 6.0  # standard deviations from them beyond which a reading is an outlier
-_TURNING = 2e-3  # [rad] of travel after a turn
+_TURNING = 2e-3  # [rad of a Delta] of travel after a turn
 _SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
 _EXCEPTION = 0.3  # share of the poses under which such stops are left out
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
@@ -119,7 +119,7 @@ class Evidence:
     @property
     def geometry(self) -> Array:
         """Whitened columns of the mechanism's dimensions in units of their priors, (d n, p)."""
-        return self._flat[:, : self.chain.geometry_size]
+        return self._flat[:, self.chain.layout.geometry]
 
     @property
     def column(self) -> Array:
@@ -285,7 +285,7 @@ def gather(
         cell: noise, robot and what is believed.
         guess: the platform's poses, nearly, (n, k).
     """
-    chain, base = problem.chain, problem.chain.base_size
+    chain, base = problem.chain, problem.chain.layout.base
     poses, paths = survey.poses, survey.paths
     at = survey.conditions
     x = chain.pose(at, theta, guess)
@@ -294,16 +294,18 @@ def gather(
     by_joints, by_geometry = chain.slopes(at, x, theta)
     slope = by_joints[moving]
     whiten_paths = _whiten_paths(paths, slope, cell)
-    believed = _believed(whiten_paths, off[moving], paths)
+    size = chain.mechanism.joint_size
+    believed = _believed(whiten_paths, off[moving], paths, _TURNING * size)
     apart = ~on_the_way(survey)
     root = np.sqrt(cell.weight * apart)[:, None, None]
     whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
     jacobian = chain.columns(at, x, theta, by_joints, by_geometry)
-    columns = whiten @ jacobian[..., :base] @ problem.basis[:base, :base]
+    columns = whiten @ jacobian[..., base] @ problem.basis[base, base]
     path = np.concatenate([np.full(len(poses), AT_REST), paths.path])
-    rest = Rest.of(path, at, whiten @ by_joints * cell.noise.repeatability)
-    z = np.linalg.solve(problem.basis, theta - problem.theta0)[:base]
-    effects = jacobian[..., base:] @ theta[base:]
+    rest = Rest.of(path, at, whiten @ by_joints * cell.noise.repeatability, size)
+    z = np.linalg.solve(problem.basis, theta - problem.theta0)[base]
+    own = chain.layout.effects
+    effects = jacobian[..., own] @ theta[own]
     return Evidence(
         chain=chain,
         theta=theta,
@@ -313,7 +315,7 @@ def gather(
         residual=(whiten @ (off + effects)[..., None])[..., 0] + columns @ z,
         nuisance=columns,
         rest=rest,
-        precision=problem.has_prior[:base].astype(float),
+        precision=problem.has_prior[base].astype(float),
         poses=len(poses),
         by_joints=whiten @ by_joints,
         by_geometry=whiten @ by_geometry,
@@ -346,15 +348,16 @@ def _whiten_paths(paths: Paths, slope: Array, cell: Cell) -> Array:
     return whitening(covariance / paths.count[:, None, None])
 
 
-def _believed(whiten: Array, missed: Array, paths: Paths) -> Array:
+def _believed(whiten: Array, missed: Array, paths: Paths, turning_travel: float) -> Array:
     """1 for readings like their neighbours on the path, 0 for spikes, (n, 1, 1).
 
     A reading is compared with the median of those around it: what a model leaves out goes on for
     longer than a reading or two. Where a joint has just turned round, an average over a stretch of
-    the path says nothing of either side and is left out as well.
+    the path says nothing of either side and is left out as well: less than `turning_travel` of
+    the joints' unit after the turn.
     """
     path, at = paths.path, paths.conditions
-    turning = ((at.velocity != 0) & (at.travel < _TURNING)).any(axis=1)
+    turning = ((at.velocity != 0) & (at.travel < turning_travel)).any(axis=1)
     whitened = (whiten @ missed[..., None])[..., 0]
     distance = np.zeros(len(path))
     for number in np.unique(path):

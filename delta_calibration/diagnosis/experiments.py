@@ -55,9 +55,9 @@ def visibility(evidence: Evidence, effect: Effect) -> tuple[float, float]:
     """
     rows = tuple(range(len(effect.parameters)))
     pair = Pair(Candidate(effect.cause, effect.kind, None, effect, rows), None)
-    size = evidence.chain.base_size
+    layout = evidence.chain.layout
     return pair.signals(
-        pair.products(_filled(evidence)), evidence.precision[:size], evidence.chain.geometry_size
+        pair.products(_filled(evidence)), evidence.precision[layout.base], layout.geometry
     )
 
 
@@ -141,10 +141,10 @@ class Outlook:
                 yield sentence + over, Contrast(alike.cosine, after.signal - distrusted)
 
     @property
-    def _shared(self) -> tuple[Array, int]:
-        """Precision of what all samples share, and how much of it is geometry."""
-        chain = self.measured.chain
-        return self.measured.precision[: chain.base_size], chain.geometry_size
+    def _shared(self) -> tuple[Array, slice]:
+        """Precision of what all samples share, and which of it is geometry."""
+        layout = self.measured.chain.layout
+        return self.measured.precision[layout.base], layout.geometry
 
     def _added(self, columns: Array, number: int) -> Products:
         """What one experiment tells of columns over all of them, (d n, k)."""

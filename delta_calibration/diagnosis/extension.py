@@ -19,6 +19,7 @@ from delta_calibration.identification import (
     strong_correlations,
 )
 from delta_calibration.region import Region
+from delta_calibration.theta import entries
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def extended(model: Model, seed: int) -> Identification:
             problem.whiten @ jacobian, np.diag(model.problem.basis), base.parameters.names
         ),
         correlations=strong_correlations(
-            covariance[: base.base_size, : base.base_size], base.parameters.names
+            covariance[base.layout.base, base.layout.base], base.parameters.names
         ),
         frame_only=_residuals(as_drawn(model.evidence), model, seed),
         full=_residuals(model.beside, model, seed),
@@ -63,19 +64,15 @@ def extended(model: Model, seed: int) -> Identification:
 def covariance_of(model: Model) -> Array:
     """Covariance of theta given data and priors, (P, P); of what is not free it is zero."""
     evidence, problem = model.beside, model.extended
-    base, sizes = problem.chain.base_size, [len(m.rows) for m in model.members]
-    whole = np.zeros((len(model.theta), len(evidence.precision)))
-    whole[:base, :base] = problem.basis[:base, :base]
-    column, begin = len(evidence.precision) - sum(sizes), base
-    for member, size in zip(model.members, sizes, strict=True):
-        rows = np.array(member.rows)
-        columns = column + np.arange(size)
+    base, layout = model.layout.base, model.column_layout
+    whole = np.zeros((model.layout.size, layout.size))
+    whole[base, base] = problem.basis[base, base]
+    for member, own, part in zip(model.members, model.layout.each, layout.each, strict=True):
+        rows, columns = np.array(member.rows), entries(part)
         if member.effect is None:
             whole[rows, columns] += np.diag(problem.basis)[rows]
         else:
-            whole[begin + rows, columns] = member.effect.parameters.prior[rows]
-            begin += len(member.effect.parameters)
-        column += size
+            whole[entries(own)[rows], columns] = member.effect.parameters.prior[rows]
     return np.asarray(whole @ evidence.covariance() @ whole.T * max(1.0, model.misfit))
 
 

@@ -37,6 +37,7 @@ from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import Found
 from delta_calibration.diagnosis.verdict import Estimate, Finding
 from delta_calibration.parameters import Parameter
+from delta_calibration.theta import entries
 
 Array = NDArray[np.float64]
 
@@ -200,7 +201,7 @@ def of_geometry(
     """What is said of a machine whose parts are farther off the drawing than they may be."""
     if scatter.log_p > np.log(ALPHA) or scatter.tau < _BEYOND:
         return None
-    rows = np.arange(found.model.bare.geometry_size)
+    rows = entries(found.model.bare.layout.geometry)
     return _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
 
 

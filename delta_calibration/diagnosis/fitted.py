@@ -21,6 +21,7 @@ from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Interval
+from delta_calibration.theta import Layout
 
 Array = NDArray[np.float64]
 
@@ -95,6 +96,20 @@ class Fitted(ABC):
         return self.beside.misfit
 
     @property
+    def layout(self) -> Layout:
+        """Which entries of theta are which; each member is an effect, empty if a dimension."""
+        return theta_layout(self.bare, self.members)
+
+    @property
+    def column_layout(self) -> Layout:
+        """Which columns of `beside` are which; each member is an effect with its free parameters.
+
+        Those of a dimension are columns of its own, beside the geometry's.
+        """
+        sizes = [(m.cause, len(m.rows)) for m in self.members]
+        return self.bare.layout.with_effects(sizes)
+
+    @property
     def effect_values(self) -> tuple[Array, ...]:
         """Of each member that is an effect all parameters, (k,), in their own units."""
         effects = tuple(m.effect for m in self.members if m.effect is not None)
@@ -104,8 +119,8 @@ class Fitted(ABC):
         """A member's free parameters, (k,), in their own units."""
         if member.effect is None:
             return np.asarray(self.theta[list(member.rows)])
-        with_effect = [m for m in self.members if m.effect is not None]
-        return np.asarray(self.effect_values[with_effect.index(member)][list(member.rows)])
+        own = self.layout.effect(self.members.index(member))
+        return np.asarray(self.theta[own][list(member.rows)])
 
     def scaled(self, member: Candidate) -> Array:
         """A member's values in units of the priors, (k,)."""
@@ -129,6 +144,24 @@ class Fitted(ABC):
             sharper = _sharper(beside(self.evidence, rest), member)
             members = (*members[:i], sharper, *members[i + 1 :])
         return members
+
+
+def theta_layout(bare: Chain, members: Sequence[Candidate]) -> Layout:
+    """Layout of theta with these members: each is an effect, empty if it is a dimension.
+
+    Args:
+        bare: the chain without effects.
+        members: in the order of their effects in the chain.
+    """
+    sizes = [(m.cause, 0 if m.effect is None else len(m.effect.parameters)) for m in members]
+    return bare.layout.with_effects(sizes)
+
+
+def without_effects(theta: Array, layout: Layout) -> Array:
+    """Geometry, offset and frame of theta in a vector of this layout, every effect at nothing."""
+    base = np.zeros(layout.size)
+    base[layout.base] = theta[layout.base]
+    return base
 
 
 def beside(evidence: Evidence, members: Sequence[Candidate]) -> Evidence:

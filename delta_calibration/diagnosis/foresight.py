@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-_REST = 50e-6  # [rad] by which the joints may be off their command along a path
+_REST = 50e-6  # [rad of a Delta] by which the joints may be off their command along a path
 _COMPARED = 400  # samples of a session among which the nearest is looked for
 
 
@@ -72,9 +72,9 @@ class Foresight:
     @classmethod
     def about(cls, evidence: Evidence) -> Foresight:
         """About the fit of a session, with noise like that of its samples nearby."""
-        chain, size = evidence.chain, evidence.chain.base_size
+        chain, base = evidence.chain, evidence.chain.layout.base
         return cls(
-            chain, evidence.theta, _scale(evidence), evidence.precision[:size], _Noise(evidence)
+            chain, evidence.theta, _scale(evidence), evidence.precision[base], _Noise(evidence)
         )
 
     def pose(self, samples: Samples) -> Array:
@@ -86,9 +86,10 @@ class Foresight:
         at, whiten = samples.at, self.whiten(samples, x)
         by_joints, by_geometry = self.chain.slopes(at, x, self.theta)
         slope = self.chain.columns(at, x, self.theta, by_joints, by_geometry)
-        columns = whiten @ slope[..., : len(self.precision)] @ self.scale
+        columns = whiten @ slope[..., self.chain.layout.base] @ self.scale
         seen = self.chain.seen(at, x, self.theta, by_joints)
         by_joints, by_geometry = whiten @ by_joints, whiten @ by_geometry
+        size = self.chain.mechanism.joint_size
         return Evidence(
             chain=self.chain,
             theta=self.theta,
@@ -97,7 +98,7 @@ class Foresight:
             whiten=whiten,
             residual=np.zeros((len(at), 3)),
             nuisance=columns,
-            rest=Rest.of(samples.path, at, _REST * by_joints),
+            rest=Rest.of(samples.path, at, _REST * size * by_joints, size),
             precision=self.precision,
             poses=int(np.sum(samples.path == AT_REST)),
             by_joints=by_joints,
@@ -131,15 +132,15 @@ class _Noise:
 
 def _scale(evidence: Evidence) -> Array:
     """S with d(theta) = S z of the nuisance's first columns, read off one sample."""
-    chain, size = evidence.chain, evidence.chain.base_size
+    chain, layout = evidence.chain, evidence.chain.layout
     row = [int(np.flatnonzero(evidence.believed)[0])]
     slope = chain.jacobian(evidence.at.take(np.array(row)), evidence.pose[row], evidence.theta)[0]
-    scaled = np.linalg.solve(evidence.whiten[row[0]], evidence.nuisance[row[0], :, :size])
-    offset, shift = slice(size - 9, size - 6), slice(size - 3, size)
-    prior = chain.parameters.prior[:size]
-    step = float(scaled[:, shift].trace() / 3)  # a shift of the frame shifts the reading
+    scaled = np.linalg.solve(evidence.whiten[row[0]], evidence.nuisance[row[0], :, layout.base])
+    offset, place = layout.offset, layout.place
+    prior = chain.parameters.prior[layout.base]
+    step = float(scaled[:, place].trace() / 3)  # a shift of the frame shifts the reading
     scale = np.diag(np.where(np.isfinite(prior), prior, step))
-    scale[shift, offset] = scaled[:, offset] - slope[:, offset] @ scale[offset, offset]
+    scale[place, offset] = scaled[:, offset] - slope[:, offset] @ scale[offset, offset]
     return scale
 
 
@@ -154,7 +155,7 @@ class Products:
     @classmethod
     def of(cls, evidence: Evidence, columns: Array) -> Products:
         """Of columns (d n, k); nuisance beyond what all samples share is projected out."""
-        size, every = evidence.chain.base_size, len(evidence.precision)
+        size, every = evidence.chain.layout.base.stop, len(evidence.precision)
         nuisance = evidence.nuisance.reshape(len(columns), -1)
         whole = evidence.rest.inner(np.concatenate([nuisance, columns], axis=1))
         others = np.arange(size, every)

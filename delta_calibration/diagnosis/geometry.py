@@ -20,6 +20,7 @@ from scipy.stats import chi2
 from delta_calibration.diagnosis.candidates import Candidate, dimensions
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.scores import PRECISION
+from delta_calibration.theta import entries
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ def displaced(evidence: Evidence) -> float:
 
 def offset_rows(evidence: Evidence) -> NDArray[np.int64]:
     """Entries of the nuisance that are the reflector's offset, (3,)."""
-    return evidence.chain.geometry_size + np.arange(3)
+    return entries(evidence.chain.layout.offset)
 
 
 def without(evidence: Evidence, rows: NDArray[np.int64]) -> Evidence:
@@ -101,7 +102,7 @@ def without(evidence: Evidence, rows: NDArray[np.int64]) -> Evidence:
 
 def without_geometry(evidence: Evidence) -> Evidence:
     """The evidence of a machine whose dimensions are those of the drawing."""
-    return without(evidence, np.arange(evidence.chain.geometry_size))
+    return without(evidence, entries(evidence.chain.layout.geometry))
 
 
 def as_drawn(evidence: Evidence) -> Evidence:
@@ -113,13 +114,13 @@ def as_drawn(evidence: Evidence) -> Evidence:
     rows = offset_rows(evidence)
     there = evidence.nuisance[:, :, rows] @ evidence.best(evidence.misfit)[rows]
     fixed = replace(evidence, residual=evidence.residual - there)
-    return without(fixed, np.arange(evidence.chain.geometry_size + len(rows)))
+    return without(fixed, entries(evidence.chain.layout.dimensions))
 
 
 def at_scatter(evidence: Evidence, tau: float) -> Evidence:
     """The evidence with dimensions that deviate by so much of their tolerances."""
     precision = evidence.precision.copy()
-    precision[: evidence.chain.geometry_size] = tau**-2
+    precision[evidence.chain.layout.geometry] = tau**-2
     return replace(evidence, precision=precision)
 
 

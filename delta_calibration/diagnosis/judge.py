@@ -38,7 +38,6 @@ from delta_calibration.diagnosis.verdict import (
     Verdict,
 )
 from delta_calibration.effects import Effect
-from delta_calibration.effects.unexplained import Unexplained
 
 Array = NDArray[np.float64]
 
@@ -275,7 +274,7 @@ def _mapped(
     shift = alone.missed(alone.best(model.misfit))[rows]
     size = np.linalg.norm(shift, axis=1)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
-    family = member.effect.family if isinstance(member.effect, Unexplained) else None
+    family = member.effect.moves_with if member.effect is not None else None
     where = _around(place[int(np.argmax(size))])
     return UnknownStructure(True, where, family, MM * float(np.sqrt(np.mean(size**2))), tests)
 

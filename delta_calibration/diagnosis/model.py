@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather, on_the_way
-from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.identification import Noise, Problem, prepare, robust_weights, solve
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey
+from delta_calibration.theta import entries, length
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -47,17 +48,18 @@ class Model(Fitted):
         """The problem with the members' effects in its chain."""
         effects = tuple(m.effect for m in self.members if m.effect is not None)
         chain = self.problem.chain.with_effects(effects)
-        own = chain.parameters.prior[chain.base_size :]
-        size, base = len(own) + chain.base_size, chain.base_size
-        basis = np.diag(np.concatenate([np.ones(base), own]))
-        basis[:base, :base] = self.problem.basis
+        layout, prior = chain.layout, chain.parameters.prior
+        base, own = layout.base, prior[layout.effects]
+        basis = np.zeros((layout.size, layout.size))
+        basis[base, base] = self.problem.basis
+        basis[layout.effects, layout.effects] = np.diag(own)
         return replace(
             self.problem,
             chain=chain,
             theta0=np.concatenate([self.problem.theta0, np.zeros(len(own))]),
             basis=basis,
             has_prior=np.concatenate([self.problem.has_prior, np.ones(len(own), dtype=bool)]),
-            free=np.ones(size, dtype=bool),
+            free=np.ones(layout.size, dtype=bool),
         )
 
     @cached_property
@@ -142,12 +144,9 @@ class Model(Fitted):
     def moved_by_causes(self) -> Array:
         """How far the named effects move each pose's reading, (n, 3) [m]."""
         chain, without = self.extended.chain, self.theta.copy()
-        begin = chain.base_size
-        for member in self.members:
-            size = 0 if member.effect is None else len(member.effect.parameters)
+        for member, own in zip(self.members, self.layout.each, strict=True):
             if not member.unexplained:
-                without[begin : begin + size] = 0.0
-            begin += size
+                without[own] = 0.0
         at = self.extended.at
         return np.asarray(chain.predict(at, self.theta) - chain.predict(at, without))
 
@@ -167,9 +166,7 @@ def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
 
     Shapes that go with values (the width of a play) are set to them on the way.
     """
-    base = model.problem.chain.base_size
-    extra = sum(len(m.effect.parameters) for m in members if m.effect is not None)
-    theta = np.concatenate([model.theta[:base], np.zeros(extra)])
+    theta = without_effects(model.theta, theta_layout(model.bare, members))
     near = model.evidence.pose
     now = _stepped(_sharpened(replace(model, members=members, theta=theta, near=near)))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
@@ -218,8 +215,8 @@ def rested(model: Model) -> Model:
 
 def _cost(model: Model, misfit: float) -> float:
     """What the fit makes least: chi square of readings and priors."""
-    problem, base = model.extended, model.problem.chain.base_size
-    own = np.linalg.solve(problem.basis, model.theta - problem.theta0)[:base]
+    problem, base = model.extended, model.layout.base
+    own = np.linalg.solve(problem.basis, model.theta - problem.theta0)[base]
     parts = []
     for member in model.members:
         if member.effect is None:
@@ -233,8 +230,7 @@ def _cost(model: Model, misfit: float) -> float:
 
 def _offset(model: Model) -> Index:
     """Entries of the reflector's offset."""
-    first = model.problem.chain.geometry_size
-    return np.arange(first, first + 3)
+    return entries(model.layout.offset)
 
 
 def _settled(model: Model, everywhere: bool) -> Model:
@@ -243,16 +239,12 @@ def _settled(model: Model, everywhere: bool) -> Model:
     Where the platform hardly tilts, the reflector's offset lies in a curved valley: steps that
     take everything for linear end beside its floor. The search of the fit follows it.
     """
-    problem, base = model.extended, model.problem.chain.base_size
-    free = np.ones(len(model.theta), dtype=bool)
-    begin = base
-    for member in model.members:
+    problem, free = model.extended, np.ones(len(model.theta), dtype=bool)
+    for member, own in zip(model.members, model.layout.each, strict=True):
         if member.effect is None:
             continue
-        size = len(member.effect.parameters)
         shows = _shows_at_rest(model.evidence, member)
-        free[begin : begin + size] = [row in member.rows and shows for row in range(size)]
-        begin += size
+        free[own] = [row in member.rows and shows for row in range(length(own))]
     held = np.where(free, problem.theta0, model.theta)
     start = replace(problem, theta0=held).only(free)
     solution = solve(start, start.unknowns(model.theta), everywhere=everywhere)
@@ -276,22 +268,19 @@ def _moved(model: Model, held: Index = _NOTHING) -> Model:
 
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
     """One Gauss-Newton step of geometry, frame and members; some of the base's unknowns held."""
-    problem, base = model.extended, model.problem.chain.base_size
+    problem, base = model.extended, model.layout.base
     now = np.asarray(np.linalg.solve(problem.basis, model.theta - problem.theta0), dtype=float)
     z = model.beside.best(model.misfit, held, now[held])
     theta = problem.theta0.copy()
-    theta[:base] += problem.basis[:base, :base] @ z[:base]
-    sizes = [len(m.rows) for m in model.members]
-    parts = np.split(z[len(z) - sum(sizes) :], np.cumsum(sizes)[:-1]) if sizes else []
-    begin = base
-    for member, v in zip(model.members, parts, strict=True):
-        rows = np.array(member.rows)
+    theta[base] += problem.basis[base, base] @ z[base]
+    parts = zip(model.members, model.layout.each, model.column_layout.each, strict=True)
+    for member, own, columns in parts:
+        rows, v = np.array(member.rows), z[columns]
         if member.effect is None:
             theta[rows] += np.diag(problem.basis)[rows] * v
         else:
             v = np.clip(v, *bounds_of(member, model.evidence))  # no gap is less than none
-            theta[begin + rows] = member.effect.parameters.prior[rows] * v
-            begin += len(member.effect.parameters)
+            theta[entries(own)[rows]] = member.effect.parameters.prior[rows] * v
     return replace(model, theta=theta, near=model.evidence.pose)
 
 

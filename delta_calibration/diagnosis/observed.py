@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from scipy.stats import chi2
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.pooling import apart, together, weighted
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -152,8 +151,7 @@ class Observed(Fitted):
     @cached_property
     def placed(self) -> bool:
         """Whether anything measured goes by a frame of its own."""
-        first = self.cell.geometry_size + 3
-        return bool(np.any(self.evidence.nuisance[:, :, first : first + 6]))
+        return bool(np.any(self.evidence.nuisance[:, :, self.cell.layout.frame]))
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -170,9 +168,7 @@ class Observed(Fitted):
         Raises:
             DataError: no rest.
         """
-        base = self.cell.base_size
-        extra = sum(len(m.effect.parameters) for m in members if m.effect is not None)
-        theta = np.concatenate([self.theta[:base], np.zeros(extra)])
+        theta = without_effects(self.theta, theta_layout(self.cell, members))
         now = replace(self, members=members, theta=theta)
         now = replace(now, members=now.sharpened())
         for _ in range(_ROUNDS):
@@ -227,12 +223,11 @@ class Observed(Fitted):
 
     def _stepped(self) -> Observed:
         """One step of everything, and of the noise where it is not known."""
-        base, (scale, _) = self.cell.base_size, self._scale
+        layout, (scale, _) = self.column_layout, self._scale
         z = self.beside.best()
-        theta = self.cell.parameters.nominal + scale * z[:base]
-        ends = np.cumsum([base, *(len(m.rows) for m in self.members)])
-        for member, (begin, end) in zip(self.members, pairwise(ends.tolist()), strict=True):
-            v, rows = z[begin:end], np.array(member.rows)
+        theta = self.cell.parameters.nominal + scale * z[layout.base]
+        for member, columns in zip(self.members, layout.each, strict=True):
+            v, rows = z[columns], np.array(member.rows)
             if member.effect is None:
                 theta[rows] += scale[rows] * v
                 continue
@@ -270,15 +265,17 @@ class Observed(Fitted):
             assert isinstance(moved, PointMeasured)
             seen = replace(at, reading=moved.point - off)
             off = off - self._shift(seen)
-        n, d, p = len(off), off.shape[1], self.cell.geometry_size
+        n, d = off.shape
         scale, precision = self._scale
-        none = np.zeros((n, d, 3))  # a reflector's offset is the observation's own
         whiten = np.broadcast_to(np.diag(1 / (moved.sigma * self.factor)), (n, d, d))
-        slopes = np.concatenate([slopes[..., :p], none, slopes[..., p:]], axis=-1)
+        layout, own = self.cell.layout, machine.layout
+        slopes = layout.columns(  # a reflector's offset is the observation's own
+            slopes[..., own.geometry], turn=slopes[..., own.turn], place=slopes[..., own.place]
+        )
         columns = whiten @ (slopes * scale)
         precision = np.where(columns.any(axis=(0, 1)), precision, 1.0)
         by_joints = whiten @ _by_joints(moved, machine)
-        base = slice(0, self.cell.base_size)
+        base = layout.base
         z = (self.theta[base] - self.cell.parameters.nominal) / self._sizes[base]
         evidence = Evidence(
             chain=self.cell.with_effects(self._effects),
@@ -292,7 +289,7 @@ class Observed(Fitted):
             precision=precision,
             poses=n,
             by_joints=by_joints,
-            by_geometry=whiten @ slopes[..., :p],
+            by_geometry=whiten @ slopes[..., layout.geometry],
             seen=seen,
         )
         effects = evidence.chain.effect_values(self.theta)

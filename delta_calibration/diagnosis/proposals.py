@@ -26,7 +26,7 @@ Index = NDArray[np.int64]
 _TEN = 10
 _STOP = 40.0  # [s] from stop to stop
 _HOUR = 3600.0  # [s]
-_SHORT = 0.01  # [rad] how far short of a stop the joints turn round
+_SHORT = 0.01  # [rad of a Delta] how far short of a stop the joints turn round
 _PAYLOAD = 2.0  # [kg]
 _WARMING = 10.0  # [K]
 _COOLING = 1200.0  # [s] time constant
@@ -34,7 +34,7 @@ _REGULAR = 10.0  # largest condition of a pose worth measuring
 _RADII = (0.2, 0.1, 0.05)  # [m] of the circles
 _ROUND = (10.0, 5.0, 2.5)  # [s] a turn
 _ON_CIRCLE = 24
-_SWEEP_STEP, _SWEEP_SPEED = 0.04, 0.03  # [rad], [rad/s]
+_SWEEP_STEP, _SWEEP_SPEED = 0.04, 0.03  # [rad], [rad/s] of a Delta
 _DRAWN = 256
 
 
@@ -71,7 +71,7 @@ class Session:
             temperature=np.repeat(self.at.temperature[-1:], len(at), axis=0),
             velocity=still,
             acceleration=still,
-            travel=np.full(at.joint.shape, _SHORT),
+            travel=np.full(at.joint.shape, _SHORT * self.mechanism.joint_size),
         )
 
     def elsewhere(self, joint: Array, begin: float = _STOP) -> Conditions:

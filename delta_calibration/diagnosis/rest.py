@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 AT_REST = -1  # path of the poses
-_PAUSE, _AWAY = 5.0, 0.02  # [s], [rad] between paths in a row, at most
+_PAUSE, _AWAY = 5.0, 0.02  # [s], [rad of a Delta] between paths in a row, at most
 _LONG = 120.0  # [s] between motions of an episode, at most
 
 
@@ -45,20 +45,23 @@ class Rest:
     passing: Array  # (n, 3, m) of one that goes from half less to half more
 
     @classmethod
-    def of(cls, path: Index, at: Conditions, by_joints: Array) -> Rest:
+    def of(
+        cls, path: Index, at: Conditions, by_joints: Array, joint_size: float = 1.0
+    ) -> Rest:
         """Of the paths of samples.
 
         Args:
             path: number of each sample's path (n,), `AT_REST` for poses.
             at: joint angles and times.
             by_joints: whitened d(reading) by the joints' rest errors in their spread, (n, 3, m).
+            joint_size: of the joints' unit, that does what one radian does on a Delta.
         """
         course = np.zeros(len(path))
         for number in np.unique(path[path != AT_REST]):
             on = path == number
             course[on] = np.linspace(-0.5, 0.5, int(on.sum()))
         passing = np.sqrt(2) * course[:, None, None] * by_joints  # two draws differ by so much
-        return cls(path, _rows(path, at), _episodes(path, at), by_joints, passing)
+        return cls(path, _rows(path, at, joint_size), _episodes(path, at), by_joints, passing)
 
     def take(self, rows: NDArray[np.intp]) -> Rest:
         """Of some of the samples."""
@@ -147,11 +150,11 @@ def _episodes(path: Index, at: Conditions) -> Index:
     return np.cumsum(other & (resting | new | long))
 
 
-def _rows(path: Index, at: Conditions) -> Index:
+def _rows(path: Index, at: Conditions, joint_size: float) -> Index:
     """Number of each sample's paths in a row, (n,)."""
     pause = np.diff(at.time, prepend=at.time[:1])
     away = np.abs(np.diff(at.joint, axis=0, prepend=at.joint[:1])).max(axis=1, initial=0.0)
     resting = (path == AT_REST) | (np.roll(path, 1) == AT_REST)
     other = np.diff(path, prepend=path[:1]) != 0
-    apart = (np.abs(pause) > _PAUSE) | (away > _AWAY) | resting
+    apart = (np.abs(pause) > _PAUSE) | (away > _AWAY * joint_size) | resting
     return np.cumsum(other & apart)

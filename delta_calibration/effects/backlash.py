@@ -12,7 +12,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.regressor import Groups, by_direction
+from delta_calibration.effects.signals import DIRECTION, TRAVEL
+from delta_calibration.model.symbols import Symbol, maximum, minimum
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -25,6 +28,7 @@ class Backlash(Effect):
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
+    live_strength: ClassVar[float] = 1.0
 
     width: tuple[float, ...] = ()  # (m,) [rad] of travel over which the play is crossed
 
@@ -33,11 +37,22 @@ class Backlash(Effect):
         """Gap of each joint [rad]: planetary gears 1 to 5 arc minutes, RV 1, harmonic under 1."""
         return self.each_joint("gap", "rad", 0.3e-3, 0.0, 0.05)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m)."""
-        width = np.clip(self.width or np.zeros(at.travel.shape[1]), _LEAST, None)
-        crossed = np.clip(2 * at.travel / width - 1, -1.0, 1.0)
-        return diagonal(-at.direction * crossed / 2)
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """By the direction in which the joint last went."""
+        return by_direction(at, joint)
+
+    takes: ClassVar[tuple[str, ...]] = (DIRECTION, TRAVEL,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-(gap / 2) play."""
+        crossed = minimum(maximum(2 * s[1] / c[0] - 1, -1.0), 1.0)
+        return -v[0] * s[0] * crossed / 2
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """Width of the play."""
+        width = self.width[joint] if self.width else 0.0
+        return (max(width, _LEAST * self.mechanism.joint_size),)
 
     def wrong(self) -> str:
         """A width for each joint or none, none of them negative."""
@@ -51,4 +66,4 @@ class Backlash(Effect):
         return replace(self, width=tuple(np.clip(values, 0.0, None).tolist()))
 
 
-_LEAST = 1e-9  # [rad]
+_LEAST = 1e-9  # [rad of a Delta]

@@ -12,11 +12,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
-from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
-from delta_calibration.effects.rods import lengthened, tensions
+from delta_calibration.effects.base import Effect, Interval, Limits, Stage
+from delta_calibration.effects.rods import lengthened, pairs, pulls
+from delta_calibration.effects.signals import LOAD, Places
 from delta_calibration.mechanisms.delta_leg import DeltaModel
+from delta_calibration.model.symbols import Symbol, maximum, sign, tanh, where
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -44,10 +45,18 @@ class BallJointClearance(Effect):
         """c [m]: 5 to 50 um."""
         return self.shared("clearance", "m", 20e-6, 0.0, 1e-3)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, p, 1)."""
-        sides = (self._side(pull) for pull in tensions(self.robot, self.mechanism, at))
-        return lengthened(self.mechanism, *sides)[:, :, None]
+    takes: ClassVar[tuple[str, ...]] = (LOAD,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """c tanh(N / N_0) of the rods of a pair; N_0 = 0 is a sharp step."""
+        soft = maximum(c[0], 1e-12)
+        a, b = (where(c[0] > 0, tanh(pull / soft), sign(pull)) for pull in pulls(s))
+        return lengthened(v[0] * a, v[0] * b)
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each pair of rods."""
+        return pairs(self.mechanism, places, (self.force,))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """A sharp step, and wider ones [N]."""
@@ -58,7 +67,3 @@ class BallJointClearance(Effect):
     def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search; a sharp step is one."""
         return (("force", self.force / 2, 2 * self.force),) if self.force else ()
-
-    def _side(self, pull: Array) -> Array:
-        """Where in its clearance a rod sits, -1 pushed to 1 pulled."""
-        return np.tanh(pull / self.force) if self.force else np.sign(pull)

@@ -1,13 +1,12 @@
 """What an effect is: one stage of the chain of measurement that a geometric model leaves out.
 
-An effect adds to what a stage hands on, in proportion to its parameters v:
-
-    shift = columns(conditions) @ v
-
-at the joint angles behind the encoders (DRIVE), at the mechanism's geometry (STRUCTURE) or at the
-tracker's reading (MEASUREMENT). What does not enter in proportion (a frequency, a time constant,
-the moment of a step) is a field of the effect: `shapes` gives the ones worth trying. The columns
-are so the derivative as well, and simulator, fit, verdict and compensator share them.
+An effect adds to what a stage hands on: to the joint angles behind the encoders (DRIVE), to the
+mechanism's geometry (STRUCTURE) or to the tracker's reading (MEASUREMENT). How much is its `law`,
+written once, in symbols, for one term (a joint, a dimension, the reading): a function of signals of
+the sample (angle, rate, torque, temperature, ...), of its parameters v and of constants. Simulator,
+fit, verdict and compensator evaluate what is generated from it, derivatives by v among it. What is
+no parameter (a frequency, a time constant, the moment of a step) is a field of the effect: `shapes`
+gives the ones worth trying.
 
 One file each; a line in `catalogue.py` makes an effect known everywhere.
 """
@@ -15,15 +14,42 @@ One file each; a line in `catalogue.py` makes an effect known everywhere.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
-from typing import ClassVar
+from functools import cache
+from itertools import accumulate, chain, pairwise
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.regressor import ANGLE, Groups, Regressor, all_together
+from delta_calibration.effects.signals import (
+    ACCELERATION,
+    CENTRE,
+    GEOMETRY,
+    GRAVITY,
+    INERTIA,
+    JOINT,
+    LOAD,
+    PAYLOAD,
+    POSE,
+    PULL,
+    PULL_HOME,
+    RATE,
+    Places,
+    Signals,
+    asked_of,
+    nominal,
+    recorded,
+    standing_asked,
+)
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.mechanisms.base import STRAY
+from delta_calibration.model.law import Law
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
@@ -33,6 +59,7 @@ Setting = float | str | tuple[float, ...]
 Limits = Mapping[str, tuple[float, float]]
 Interval = tuple[str, float, float]
 
+SENSOR = "sensor"  # the setting that names the part whose thermometer an effect goes by
 SPREAD = 5.0  # an effect may well be so many times its typical size, twenty are not to be expected
 
 
@@ -53,8 +80,19 @@ class Effect(ABC):
     stage: ClassVar[Stage]
     needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
     limits: ClassVar[Limits] = {}  # of settings that are numbers
+    # those of them in the joints' unit: limits are a Delta's, and wider where its joints need it
+    of_joints: ClassVar[tuple[str, ...]] = ()
     # what no more of the same cell's own motion can part it from, and what would
     outside: ClassVar[str] = ""
+    called: ClassVar[str] = ""  # in sentences; by default its cause, as words
+    part: ClassVar[str] = ""  # of the machine, whose temperature it goes with
+
+    # What the simulator makes of it: settings of which only one can be given, whether a value may
+    # as well be negative where its bounds allow that; and how the demonstrations show it.
+    one_of: ClassVar[tuple[str, ...]] = ()
+    either_sign: ClassVar[bool] = True
+    demo: ClassVar[Demo | None] = None
+    live_strength: ClassVar[float] = 0.0  # in the Delta's live demonstration; 0: not shown there
 
     robot: Robot
     mechanism: Mechanism
@@ -64,20 +102,113 @@ class Effect(ABC):
     def parameters(self) -> ParameterSet:
         """What it is measured by: unit, expected size as prior about zero, physical bounds."""
 
-    @abstractmethod
+    # Signals of a sample that one term of the law takes, see signals.py.
+    takes: ClassVar[tuple[str, ...]] = ()
+
+    @staticmethod
+    def law(s: Any, v: Any, c: Any) -> Any:
+        """What one term adds to its stage, in symbols (model/symbols.py).
+
+        Args:
+            s: its signals, as `takes` names them.
+            v: its parameters.
+            c: its constants.
+        """
+        raise NotImplementedError(s, v, c)
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """Constants of a joint's term: numbers of the shape."""
+        del joint
+        return ()
+
+    @property
+    def variant(self) -> str:
+        """Of the law, where mechanisms differ in what a term takes."""
+        return ""
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """What the law is evaluated on: once for each joint, or once for the reading.
+
+        A joint's term takes the joint's own of each signal that joints have, its own parameters
+        and those that all share, and moves that joint.
+        """
+        of_joints, m = places.of_joints, self.mechanism.joints
+        if self.stage is Stage.MEASUREMENT:
+            every = (range(places.begin(n), places.begin(n) + places.count(n)) for n in self.takes)
+            values = tuple(range(len(self.parameters)))
+            yield Term(tuple(chain.from_iterable(every)), values, (0, 1, 2), self.constants(0))
+            return
+        where = [p.location for p in self.parameters]
+        for j in range(m):
+            own = (None, f"{self.mechanism.limb}_{j + 1}")
+            signals = tuple(places.begin(n) + j * (n in of_joints) for n in self.takes)
+            values = tuple(i for i, place in enumerate(where) if place in own)
+            yield Term(signals, values, (j,), self.constants(j))
+
+    @property
+    def about(self) -> Array:
+        """Values about which the effect is linear, (k,): only of matter where it is not."""
+        return np.zeros(len(self.parameters))
+
+    @property
+    def stage_size(self) -> int:
+        """Numbers of its stage."""
+        sizes = {
+            Stage.DRIVE: self.mechanism.joints,
+            Stage.STRUCTURE: len(self.mechanism.parameters),
+            Stage.MEASUREMENT: 3,
+        }
+        return sizes[self.stage]
+
+    def columns_of(self, signals: Signals, values: Array | None = None) -> Array:
+        """d(stage)/d(parameters) at each sample, (n, size of the stage, k).
+
+        Args:
+            signals: of the samples.
+            values: at which parameters, (k,); `about` where not given.
+        """
+        at = self.about if values is None else np.ascontiguousarray(values)
+        return terms_of((self,), signals.places).columns(signals, at)
+
+    def nominal(self, at: Conditions) -> Signals:
+        """The signals of the drawing's machine under these conditions."""
+        asked = asked_of(self.takes)
+        if self.stage is Stage.MEASUREMENT or (not asked and not standing_asked(self.takes)):
+            return recorded(self.mechanism, at)
+        return nominal(self.robot, self.mechanism, at, asked)
+
     def columns(self, at: Conditions) -> Array:
-        """d(stage)/d(parameters) at each sample, (n, size of the stage, k)."""
+        """The same of the drawing's machine under these conditions."""
+        return self.columns_of(self.nominal(at))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """The same effect with each shape that such data could tell; itself alone by default."""
         del at
         yield self
 
-    def columns_kept(self, at: Conditions) -> Array:
-        """The columns, computed once for these conditions where no shape is searched."""
-        if self.settings or self.stage is Stage.MEASUREMENT:
-            return self.columns(at)
-        return at.kept(self.cause, (self.robot, self.mechanism), lambda: self.columns(at))
+    def regressor(self, at: Conditions) -> Regressor:
+        """Quantity that gives it away: the horizontal axis of its picture in the report."""
+        del at
+        return ANGLE
+
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """Samples that its picture tells apart by colour, for the panel of a joint (index)."""
+        del joint
+        return all_together(at)
+
+    def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
+        """Settings that it has in a simulated machine where none are given.
+
+        Args:
+            thermometers: parts of the machine whose temperature is measured.
+        """
+        del thermometers
+        return {}
+
+    @property
+    def moves_with(self) -> str | None:
+        """What a map that claims no cause moves with; None for an effect that is a cause."""
+        return None
 
     def intervals(self) -> tuple[Interval, ...]:
         """Searched fields, and the bounds within which the best shape lies about this one."""
@@ -108,11 +239,20 @@ class Effect(ABC):
 
     def wrong(self) -> str:
         """What its shape cannot be: setting, value, what is allowed; empty where it can be."""
-        for name, (low, high) in self.limits.items():
+        for name in self.limits:
+            low, high = self._limits(name)
             value = self.settings[name]
             if not (isinstance(value, float) and low <= value <= high):
                 return f"{name}: {value} is not allowed; {low:g} to {high:g}"
         return ""
+
+    def _limits(self, name: str) -> tuple[float, float]:
+        """Smallest and largest value of a setting on this mechanism."""
+        low, high = self.limits[name]
+        if name not in self.of_joints:
+            return low, high
+        size = self.mechanism.joint_size
+        return low * min(1.0, size), high * max(1.0, size)
 
     def missing(self, at: Conditions) -> str:
         """Why these conditions do not do to evaluate it; empty where they do."""
@@ -145,6 +285,12 @@ class Effect(ABC):
             )
         )
 
+    def _take_usual(self, **usual: float) -> None:
+        """Give settings that are None their usual value on a Delta, times the joint size."""
+        for name, value in usual.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value * self.mechanism.joint_size)
+
     def _of_joints(self, unit: str) -> tuple[str, float]:
         """The unit for these joints, and how many of it do what one radian does."""
         if not unit.startswith("rad"):
@@ -158,6 +304,109 @@ class Effect(ABC):
         return ParameterSet((Parameter(name, unit, 0.0, prior, self.cause, None, lower, upper),))
 
 
-def diagonal(values: Array) -> Array:
-    """Each joint moved by its own parameter: (n, m) -> (n, m, m)."""
-    return np.asarray(values[:, :, None] * np.eye(values.shape[1]))
+@dataclass(frozen=True)
+class StageTerms:
+    """What some effects of one stage do together, compiled."""
+
+    table: Any  # model.terms.Table
+    size: int  # of the stage
+    asked: int  # loads that they need, see signals.py
+    stands: bool  # whether they need a machine that stands somewhere
+    laws: tuple[Law, ...]  # that were compiled for them
+
+    def shifts(self, signals: Signals, values: Array) -> Array:
+        """What they add with these values (k,) at every sample, (n, size)."""
+        return np.asarray(_terms().shifts(self.table, signals.rows, values, self.size))
+
+    def columns(self, signals: Signals, values: Array) -> Array:
+        """Derivatives of the stage by their values (k,), (n, size, k)."""
+        return np.asarray(_terms().columns(self.table, signals.rows, values, self.size))
+
+
+def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) -> Any:
+    """Effects of drives and structure, whose values stand in theta, for the compiled chain."""
+    tables = []
+    for stage in (Stage.DRIVE, Stage.STRUCTURE):
+        here = [(e, part) for e, part in zip(effects, each, strict=True) if e.stage is stage]
+        tables.append(_terms().table_of(_parts(here, places)))
+    names = [n for e in effects if e.stage is not Stage.MEASUREMENT for n in e.takes]
+    signals = (JOINT, RATE, ACCELERATION, GRAVITY, INERTIA, PULL, PULL_HOME, POSE, GEOMETRY, LOAD,
+               PAYLOAD, CENTRE)  # fmt: skip
+    at = np.array([places.begin(name) for name in signals])
+    return _stand().Stages(*tables, asked_of(names), standing_asked(names), at)
+
+
+def stand(
+    body: Any, stages: Any, signals: Array, g: Array, values: Array, near: bool, x: Array
+) -> tuple[Array, Array]:
+    """Where a machine stands under n samples' signals, see `model/stand.py`.
+
+    Args:
+        body: the mechanism.
+        stages: its effects.
+        signals: (n, S); what the machine makes of them is filled in.
+        g: dimensions, (p,).
+        values: theta, in which the effects' values are.
+        near: whether x holds poses nearby.
+        x: poses, (n, k), filled in.
+
+    Returns:
+        Joints behind the drives (n, m), and dimensions (n, p), or (1, p) where all share them.
+    """
+    theta = np.ascontiguousarray(values)
+    found = _stand().stand_all(body, stages, signals, g, theta, near, STRAY, x)
+    joint, geometry = found
+    return joint, geometry
+
+
+def _parts(
+    effects: Sequence[tuple[Effect, slice]], places: Places
+) -> list[tuple[Law, tuple[Term, ...], int]]:
+    """Law, terms and begin of the values of each effect."""
+    parts = []
+    for effect, part in effects:
+        terms = tuple(effect.terms(places))
+        if terms:
+            first = terms[0]
+            sizes = (
+                len(first.signals), len(first.values), len(first.constants), len(first.outputs)
+            )  # fmt: skip
+            law = law_of(effect.law, f"effect_{effect.cause}{effect.variant}", sizes)
+            parts.append((law, terms, int(part.start)))
+    return parts
+
+
+def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:
+    """The terms of effects of one stage; their values follow each other."""
+    ends = accumulate((len(effect.parameters) for effect in effects), initial=0)
+    spans = [slice(*span) for span in pairwise(ends)]
+    parts = _parts(list(zip(effects, spans, strict=True)), places)
+    names = [name for effect in effects for name in effect.takes]
+    return StageTerms(
+        _terms().table_of(parts),
+        effects[0].stage_size if effects else 0,
+        asked_of(names),
+        standing_asked(names),
+        tuple(law for law, _, _ in parts),
+    )
+
+
+@cache
+def law_of(express: Callable[..., Any], name: str, sizes: tuple[int, int, int, int]) -> Law:
+    """An effect's law; sizes of its signals, parameters, constants and outputs."""
+    groups = tuple(zip("svc", sizes[:3], strict=True))
+    return Law(name, groups, sizes[3], express, full=("v",))
+
+
+def _stand() -> Any:
+    """The compiled chain."""
+    from delta_calibration.model import stand
+
+    return stand
+
+
+def _terms() -> Any:
+    """The compiled loops; numba is loaded with the first use."""
+    from delta_calibration.model import terms
+
+    return terms

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array
-from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.cables import CableEffect, cable, length
+from delta_calibration.effects.demo import Demo
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,16 @@ class CableElasticity(CableEffect):
     cause: ClassVar[str] = "cable_elasticity"
     kind: ClassVar[str] = "structure"
     needs: ClassVar[tuple[str, ...]] = ("payload",)
+    demo: ClassVar[Demo | None] = Demo("identify", 24)
 
     @property
     def parameters(self) -> ParameterSet:
         """1/EA [1/N], one kind of cable: EA is 2e5 to 8e5 N."""
         return self.shared("compliance", "1/N", 3e-6, 0.0, 1e-3)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, 1) [rad N]."""
-        home = self.at_home()
-        stretch = self.tensions(at) * self.lengths(at)
-        return self.as_angle(stretch - self.tensions(home) * self.lengths(home))[..., None]
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """(T l - T_0 l_0) / EA, as an angle."""
+        own = cable(s, c)
+        stretch = own.pull * length(own.at) - own.pull_home * length(own.home)
+        return v[0] * stretch / own.gain

@@ -10,17 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from delta_calibration.effects.base import Array
-from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.cables import CableEffect, cable, length, level
+from delta_calibration.effects.signals import Signals
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
 
-def slack_of_sag(chord: Array, level: Array, tension: Array) -> Array:
+def slack_of_sag(chord: Symbol, level: Symbol, pull: Symbol) -> Symbol:
     """Arc less chord [m] for a weight of 1 N/m; chord and its horizontal part `level` [m]."""
-    return np.asarray(level**2 * chord / (24 * tension**2))
+    return level**2 * chord / (24 * pull**2)
 
 
 @dataclass(frozen=True)
@@ -36,22 +36,23 @@ class CableSag(CableEffect):
         """w^2 [N^2/m^2], in which the effect is linear: steel of 4 mm weighs 0.6 N/m."""
         return self.shared("weight_squared", "N^2/m^2", 1.0, 0.0, 1e4)
 
-    def columns(self, at: Conditions) -> Array:
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """Arc less chord, as an angle that lets out less."""
+        own = cable(s, c)
+        more = slack_of_sag(length(own.at), level(own.at), own.pull)
+        return -v[0] * (more - slack_of_sag(length(own.home), level(own.home), own.pull_home)) / own.gain
+
+    def columns_of(self, signals: Signals, values: Array | None = None) -> Array:
         """(n, m, 1) [rad m^2/N^2].
 
         Raises:
             ReachError: a cable is slack at the mechanism's pretension.
         """
-        return -self.as_angle(self._slack(at) - self._slack(self.at_home()))[..., None]
+        self.cables.require_taut(self.pulls(signals))
+        return super().columns_of(signals, values)
 
     def missing(self, at: Conditions) -> str:
         """The payload, or tension in every cable."""
         said = super().missing(at)
-        return said or ("a cable is slack" if (self.tensions(at) <= 0).any() else "")
-
-    def _slack(self, at: Conditions) -> Array:
-        tension, chord = self.tensions(at), self.lengths(at)
-        self.cables.require_taut(tension)
-        u = self.cables.directions(self.poses(at), self.mechanism.parameters.nominal)
-        level = chord * np.hypot(u[..., 0], u[..., 1])
-        return slack_of_sag(chord, level, tension)
+        return said or ("a cable is slack" if (self.pulls(self.nominal(at)) <= 0).any() else "")

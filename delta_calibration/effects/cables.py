@@ -4,28 +4,39 @@
 
 Whatever changes the length between anchor and platform acts as the angle dl / k behind the
 encoder, so all of these are of the chain's first stage. What it does at home went into the
-counter's zero. Loads and lengths are those of the nominal machine: deviations of a thousandth
-change an effect by a thousandth.
+counter's zero.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from delta_calibration.effects.base import Array, Effect, Stage
-from delta_calibration.effects.loads import pose_of, weight
+from delta_calibration.effects.signals import (
+    GEOMETRY,
+    JOINT,
+    POSE,
+    PULL,
+    PULL_HOME,
+    Places,
+    Signals,
+)
 from delta_calibration.mechanisms import CableRobot
-from delta_calibration.samples import Conditions, at_rest
+from delta_calibration.model.symbols import Symbol, norm, rotation, sqrt
+from delta_calibration.model.terms import Term
+
+_PULLS = 3  # signals of a cable before its pose: joint, pull and pull at home
+WINCH = 2  # constants of a cable before its home pose: gear and tackle
 
 
 @dataclass(frozen=True)
 class CableEffect(Effect):
-    """Base of the effects on cables."""
+    """Base of the effects on cables; one parameter for all of them."""
 
     stage: ClassVar[Stage] = Stage.DRIVE
+    takes: ClassVar[tuple[str, ...]] = (JOINT, PULL, PULL_HOME, POSE, GEOMETRY)
 
     @property
     def suits(self) -> bool:
@@ -38,25 +49,59 @@ class CableEffect(Effect):
         assert isinstance(self.mechanism, CableRobot)
         return self.mechanism
 
-    def as_angle(self, length: Array) -> Array:
-        """Motor angle that lets out as much, (n, m) [m] -> (n, m) [rad]."""
-        return np.asarray(length / self.cables.dimensions.gain)
+    @property
+    def variant(self) -> str:
+        """A point or a body."""
+        return self.mechanism.variant
 
-    def poses(self, at: Conditions) -> Array:
-        """Of the nominal machine, (n, k)."""
-        return pose_of(self.mechanism, at)
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each cable: what it carries, its pose and dimensions; its winch and its home."""
+        d, shared = self.cables.dimensions, len(self.parameters) == 1
+        pose = range(places.begin(POSE), places.begin(POSE) + self.mechanism.pose_size)
+        for i, limb in enumerate(self.mechanism.limbs):
+            own = (places.begin(name) + i for name in (JOINT, PULL, PULL_HOME))
+            known = [n for n in limb.dimensions if n < len(self.mechanism.parameters)]
+            dimensions = [places.begin(GEOMETRY) + n for n in known[: self.mechanism.pose_size + 1]]
+            constants = (float(d.gear[i]), float(d.tackle[i]), *d.home.tolist())
+            yield Term((*own, *pose, *dimensions), (0 if shared else i,), (i,), constants)
 
-    def lengths(self, at: Conditions) -> Array:
-        """Of the nominal machine's cables, (n, m) [m]."""
-        return self.cables.lengths(self.poses(at), self.mechanism.parameters.nominal)
-
-    def tensions(self, at: Conditions) -> Array:
+    def pulls(self, signals: Signals) -> Array:
         """Pull of each cable under platform and payload, (n, m) [N]."""
-        x = self.poses(at)
-        load = weight(self.robot, self.mechanism, at, x)
-        return self.cables.tensions(x, self.mechanism.parameters.nominal, load)
+        return signals.of(PULL)
 
-    def at_home(self) -> Conditions:
-        """Where and under what the counters were set to zero: at home, no payload."""
-        at = at_rest(np.zeros((1, self.mechanism.joints)))
-        return replace(at, payload=np.zeros(1), payload_centre=np.zeros((1, 3)))
+
+@dataclass(frozen=True)
+class Cable:
+    """A cable's signals and constants by their names, in symbols."""
+
+    angle: Symbol  # of the motor [rad]
+    pull: Symbol  # [N]
+    pull_home: Symbol  # [N]
+    at: Symbol  # vector from anchor to platform joint [m]
+    home: Symbol  # the same at home
+    gain: Symbol  # k [m/rad]
+    gear: Symbol
+    tackle: Symbol
+
+
+def cable(s: Symbol, c: Symbol) -> Cable:
+    """The cable of a term."""
+    size = c.shape[0] - WINCH  # of the pose
+    x, g = s[_PULLS : _PULLS + size], s[_PULLS + size :]
+    ends = [_end(pose, g) - g[0:3] for pose in (x, c[WINCH:])]
+    return Cable(s[0], s[1], s[2], *ends, g[size], c[0], c[1])
+
+
+def length(v: Symbol) -> Symbol:
+    """Of a vector [m]."""
+    return norm(v)
+
+
+def level(v: Symbol) -> Symbol:
+    """Horizontal part of a vector [m]."""
+    return sqrt(v[0] ** 2 + v[1] ** 2)
+
+
+def _end(x: Symbol, g: Symbol) -> Symbol:
+    """Where the cable ends on the platform [m]."""
+    return x[0:3] + rotation(x[3:6]) @ g[3:6] if x.shape[0] == 6 else x[0:3]

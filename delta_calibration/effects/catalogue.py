@@ -77,6 +77,12 @@ def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:
     return tuple(effect for effect in every if effect.suits)
 
 
+def called() -> dict[str, str]:
+    """What causes are called in sentences, of those that have a name for that."""
+    every: tuple[type[Effect], ...] = (*EFFECTS.values(), Unexplained)
+    return {effect.cause: effect.called for effect in every if effect.called}
+
+
 def effect_named(
     cause: str, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]
 ) -> Effect:

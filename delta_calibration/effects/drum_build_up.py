@@ -11,17 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from delta_calibration.effects.base import Array
-from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.cables import CableEffect, cable
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
-def let_out(turn: Array, radius: Array, build_up: float) -> Array:
+def let_out(turn: Symbol, radius: Symbol, build_up: Symbol) -> Symbol:
     """Length that leaves a drum turned by `turn` [rad] from where it has `radius` [m]; [m]."""
-    return np.asarray(radius * turn - build_up * turn**2 / 4)
+    return radius * turn - build_up * turn**2 / 4
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,8 @@ class DrumBuildUp(CableEffect):
         """c [m^2/m]: a millimetre of cable in layers that are 10 mm wide gives 0.03 mm^2/mm."""
         return self.shared("build_up", "m", 50e-6, 0.0, 5e-3)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, 1) [rad/m]."""
-        winch = self.cables.dimensions
-        missing = let_out(at.joint / winch.gear, np.zeros_like(winch.gear), 1.0)
-        return self.as_angle(missing / winch.tackle)[..., None]
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-c phi^2 / 4 of the drum, through the tackle, as an angle."""
+        own = cable(s, c)
+        return let_out(own.angle / own.gear, 0.0, v[0]) / own.tackle / own.gain

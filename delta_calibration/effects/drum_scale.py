@@ -5,13 +5,16 @@ dl = s k theta
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, diagonal
+from delta_calibration.effects.base import Effect
 from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.signals import JOINT, Places
+from delta_calibration.model.symbols import Symbol
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,19 @@ class DrumScale(CableEffect):
         """s of each drum [1]."""
         return self.each_joint("scale", "1", 2e-3, -0.1, 0.1)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m) [rad]."""
-        return diagonal(at.joint)
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """s theta."""
+        del c
+        return v[0] * s[0]
+
+    @property
+    def variant(self) -> str:
+        """None: it asks for nothing of a cable's."""
+        return ""
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each joint."""
+        return Effect.terms(self, places)

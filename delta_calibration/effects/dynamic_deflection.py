@@ -8,15 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from delta_calibration.effects.base import Array, Effect, Stage
-from delta_calibration.effects.loads import (
-    carried_mass,
-    platform_acceleration,
-    pose_of,
-)
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.regressor import ACCELERATION, Regressor
+from delta_calibration.effects.signals import INERTIA
 from delta_calibration.mechanisms.delta_leg import DeltaModel
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -40,11 +36,15 @@ class DynamicDeflection(Effect):
         """1/k [rad/(N m)], the same for all joints."""
         return self.shared("dynamic_compliance", "rad/(N m)", 4e-5, 0.0, 1e-2)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, 1) [N m]."""
-        x = pose_of(self.mechanism, at)
-        nominal = self.mechanism.parameters.nominal
-        by_pose = self.mechanism.point_by_pose(x, np.zeros(3))
-        slope = by_pose @ self.mechanism.velocity_jacobian(at.joint, x, nominal)
-        force = carried_mass(self.robot, at)[:, None] * platform_acceleration(self.mechanism, at)
-        return np.asarray(-np.einsum("nk,nkm->nm", force, slope)[:, :, None])
+    def regressor(self, at: Conditions) -> Regressor:
+        """Acceleration of the joint."""
+        del at
+        return ACCELERATION
+
+    takes: ClassVar[tuple[str, ...]] = (INERTIA,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-J^T M a / k."""
+        del c
+        return -v[0] * s[0]

@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.signals import JOINT
+from delta_calibration.model.symbols import Symbol, cos, sin
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class EncoderEccentricity(Effect):
     cause: ClassVar[str] = "encoder_eccentricity"
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    demo: ClassVar[Demo | None] = Demo("identify", 40, general=True)
+    live_strength: ClassVar[float] = 1.5
 
     @property
     def suits(self) -> bool:
@@ -34,7 +36,10 @@ class EncoderEccentricity(Effect):
         sine = self.each_joint("sine", "rad", 0.2e-3, -0.02, 0.02)
         return sine + self.each_joint("cosine", "rad", 0.2e-3, -0.02, 0.02)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, 2 m)."""
-        parts = [diagonal(np.sin(at.joint)), diagonal(np.cos(at.joint))]
-        return np.concatenate(parts, axis=-1)
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """a sin q + b cos q."""
+        del c
+        return v[0] * sin(s[0]) + v[1] * cos(s[0])

@@ -5,12 +5,17 @@ dl = N(pose, payload) / k
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, Effect, Stage
-from delta_calibration.effects.rods import lengthened, tensions
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.regressor import LOAD, Groups, Regressor, by_payload
+from delta_calibration.effects.rods import lengthened, pairs, pulls
+from delta_calibration.effects.signals import LOAD, Places
 from delta_calibration.mechanisms.delta_leg import DeltaModel
+from delta_calibration.model.symbols import Symbol
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -34,7 +39,25 @@ class ForearmCompliance(Effect):
         """1/k of a rod [m/N]: k is 1 to 10 N/um."""
         return self.shared("rod_compliance", "m/N", 3e-7, 0.0, 1e-4)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, p, 1) [N]."""
-        a, b = tensions(self.robot, self.mechanism, at)
-        return lengthened(self.mechanism, a, b)[:, :, None]
+    def regressor(self, at: Conditions) -> Regressor:
+        """Payload."""
+        del at
+        return LOAD
+
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """By payload."""
+        del joint
+        return by_payload(at)
+
+    takes: ClassVar[tuple[str, ...]] = (LOAD,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """N / k of the rods of a pair."""
+        del c
+        a, b = pulls(s)
+        return lengthened(v[0] * a, v[0] * b)
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each pair of rods."""
+        return pairs(self.mechanism, places)

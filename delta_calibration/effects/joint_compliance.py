@@ -8,9 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
-from delta_calibration.effects.loads import gravity_torque
+from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.regressor import Groups, Regressor, by_payload
+from delta_calibration.effects.signals import GRAVITY
 from delta_calibration.mechanisms.delta_leg import DeltaModel
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -34,6 +36,24 @@ class JointCompliance(Effect):
         """1/k of each joint [rad/(N m)]: k is 25 000 to 44 000 N m/rad."""
         return self.each_joint("compliance", "rad/(N m)", 4e-5, 0.0, 1e-2)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m) [N m]."""
-        return diagonal(-gravity_torque(self.robot, self.mechanism, at))
+    def regressor(self, at: Conditions) -> Regressor:
+        """Torque of weight on the joint, of the nominal machine."""
+        del at
+        return Regressor("torque of weight on the joint [N m]", self._torque)
+
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """By payload."""
+        del joint
+        return by_payload(at)
+
+    takes: ClassVar[tuple[str, ...]] = (GRAVITY,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-tau / k."""
+        del c
+        return -v[0] * s[0]
+
+    def _torque(self, at: Conditions, joint: int) -> Array:
+        """About one joint, (n,) [N m]."""
+        return self.nominal(at).of(GRAVITY)[:, joint]

@@ -13,41 +13,49 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from delta_calibration.effects.base import SPREAD, Array, Effect, Limits, Stage
+from delta_calibration.effects.signals import JOINT, Places
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.model.symbols import Symbol, maximum, minimum, where
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
 
 _DEGREE = 3
+_WIDTH, _SIZE = 0.07, 0.15e-3  # [rad of a Delta] between splines, of a weight
 
 
 @dataclass(frozen=True)
 class JointCurve(Effect):
     """Error curves of all joints over their ranges; `lower`, `upper` (m,) in a row.
 
-    Outside its range a curve is taken to be nothing.
+    Outside its range a curve is taken to be nothing. Where width or size are not given they are
+    `_WIDTH` and `_SIZE` times the mechanism's joint size.
     """
 
     cause: ClassVar[str] = "joint_error_curve"
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     limits: ClassVar[Limits] = {"width": (1e-4, 10.0), "size": (1e-7, 1e-1)}
+    of_joints: ClassVar[tuple[str, ...]] = ("width", "size")
 
-    width: float = 0.07  # [rad] between splines
-    size: float = 0.15e-3  # [rad] expected of a weight
+    # in the joints' unit; known once the mechanism is
+    width: float = None  # type: ignore[assignment]  # between splines
+    size: float = None  # type: ignore[assignment]  # expected of a weight
     lower: tuple[float, ...] = ()
     upper: tuple[float, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Take the usual width and size where none are given."""
+        self._take_usual(width=_WIDTH, size=_SIZE)
+
     @classmethod
     def over(cls, robot: Robot, mechanism: Mechanism, joint: Array, width: float) -> JointCurve:
-        """Of joints that were seen at these angles (n, m) [rad]."""
+        """Of joints that were seen at these places (n, m); `width` is in the same unit."""
         low, high = joint.min(axis=0), joint.max(axis=0)
         return cls(
             robot, mechanism, width, lower=tuple(low.tolist()), upper=tuple(high.tolist())
@@ -55,21 +63,29 @@ class JointCurve(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Weights [rad] of each joint's splines."""
-        return _weights(tuple(len(k) - _DEGREE - 1 for k in self._knots()), self.size / SPREAD)
+        """Weights of each joint's splines, in the joints' unit."""
+        counts = tuple(len(k) - _DEGREE - 1 for k in self._knots())
+        mechanism = self.mechanism
+        return _weights(counts, self.size / SPREAD, mechanism.joint_unit, mechanism.limb)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, sum of the joints' splines)."""
-        knots = list(self._knots())
-        ends = np.cumsum([0, *(len(k) - _DEGREE - 1 for k in knots)]).tolist()
-        columns = np.zeros((*at.joint.shape, ends[-1]))
-        for j, (k, (begin, end)) in enumerate(zip(knots, pairwise(ends), strict=True)):
-            angle = at.joint[:, j]
-            known = (angle >= self.lower[j]) & (angle <= self.upper[j])
-            inside = np.clip(angle, self.lower[j], self.upper[j])
-            design = BSpline.design_matrix(inside, k, _DEGREE).toarray()
-            columns[:, j, begin:end] = known[:, None] * design
-        return columns
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """w B(q) of one spline, whose first knot and step are known, within the joint's range."""
+        first, step, lower, upper = c[0], c[1], c[2], c[3]
+        inside = minimum(maximum(s[0], lower), upper)
+        known = where(s[0] >= lower, where(s[0] <= upper, 1.0, 0.0), 0.0)
+        return v[0] * known * _spline((inside - first) / step)
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each spline of each joint."""
+        row, joint = 0, places.begin(JOINT)
+        for j, knots in enumerate(self._knots()):
+            step = float(knots[1] - knots[0])
+            for first in knots[: len(knots) - _DEGREE - 1].tolist():
+                yield Term((joint + j,), (row,), (j,), (first, step, self.lower[j], self.upper[j]))
+                row += 1
 
     def wrong(self) -> str:
         """A range for each joint."""
@@ -90,12 +106,20 @@ class JointCurve(Effect):
             yield np.concatenate([low - beyond[::-1], inner, high + beyond])
 
 
+def _spline(u: Symbol) -> Symbol:
+    """Cubic B-spline over the knots 0 to 4."""
+    w = 2.0 - where(u < 2, 2.0 - u, u - 2.0)  # from the nearer end
+    outer = maximum(w, 0.0) ** 3 / 6
+    inner = maximum(w - 1.0, 0.0)
+    return outer - 4.0 / 6.0 * inner**3
+
+
 @lru_cache
-def _weights(counts: tuple[int, ...], prior: float) -> ParameterSet:
+def _weights(counts: tuple[int, ...], prior: float, unit: str, limb: str) -> ParameterSet:
     """Of each joint's splines; there are many, and they are asked for often."""
     return ParameterSet(
         tuple(
-            Parameter(f"curve_{j}_{f}", "rad", 0.0, prior, JointCurve.cause, f"joint_{j}")
+            Parameter(f"curve_{j}_{f}", unit, 0.0, prior, JointCurve.cause, f"{limb}_{j}")
             for j, count in enumerate(counts, start=1)
             for f in range(1, count + 1)
         )

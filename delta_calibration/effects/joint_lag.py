@@ -8,7 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.regressor import VELOCITY, Regressor
+from delta_calibration.effects.signals import RATE
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -26,6 +29,15 @@ class JointLag(Effect):
         """T of each joint [s]."""
         return self.each_joint("lag", "s", 5e-3, 0.0, 0.2)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m) [rad/s]."""
-        return diagonal(-at.velocity)
+    def regressor(self, at: Conditions) -> Regressor:
+        """Speed of the joint."""
+        del at
+        return VELOCITY
+
+    takes: ClassVar[tuple[str, ...]] = (RATE,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-T dq/dt."""
+        del c
+        return -v[0] * s[0]

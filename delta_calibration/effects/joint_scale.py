@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.signals import JOINT
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,10 @@ class JointScale(Effect):
         """s of each joint [1]."""
         return self.each_joint("scale", "1", 200e-6, -0.05, 0.05)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m)."""
-        return diagonal(at.joint)
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """s q."""
+        del c
+        return v[0] * s[0]

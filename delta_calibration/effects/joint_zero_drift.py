@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
-from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage, diagonal
-from delta_calibration.effects.time_course import LIMITS, around, course_of, courses
+from delta_calibration.effects.base import Effect, Interval, Limits, Stage
+from delta_calibration.effects.regressor import CLOCK, Regressor
+from delta_calibration.effects.signals import TIME
+from delta_calibration.effects.time_course import EITHER, LIMITS, around, course, courses
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -26,6 +27,7 @@ class JointZeroDrift(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
     outside: ClassVar[str] = "return to one reference pose every ten minutes, over cooling as well"
     limits: ClassVar[Limits] = LIMITS
+    one_of: ClassVar[tuple[str, ...]] = EITHER
 
     time_constant: float = 0.0  # [s]; 0: ramp
     step_at: float = -1.0  # [s]; negative: no step
@@ -35,10 +37,22 @@ class JointZeroDrift(Effect):
         """c of each joint [rad]: of an hour, of the whole settling or of the step."""
         return self.each_joint("drift", "rad", 0.1e-3, -0.02, 0.02)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m)."""
-        course = course_of(at.time, self.time_constant, self.step_at)
-        return diagonal(np.repeat(course[:, None], self.mechanism.joints, axis=1))
+    def regressor(self, at: Conditions) -> Regressor:
+        """Time."""
+        del at
+        return CLOCK
+
+    takes: ClassVar[tuple[str, ...]] = (TIME,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """c h(time)."""
+        return v[0] * course(s[0], c[0], c[1])
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """Time constant and moment of the step."""
+        del joint
+        return self.time_constant, self.step_at
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """A ramp, settlings from minutes to an hour, steps."""

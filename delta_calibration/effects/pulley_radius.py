@@ -15,53 +15,54 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.effects.base import Array, Limits
-from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.cables import CableEffect, cable, length, level
+from delta_calibration.model.symbols import Symbol, atan2, sqrt
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
-
-_LEAST = 1e-6  # [m] radius whose excess is its derivative
 
 
-def excess(level: Array, above: Array, radius: float) -> Array:
+def excess(away: Symbol, radius: Symbol) -> Symbol:
     """Length over the pulley less the straight distance [m].
 
     Args:
-        level: h, horizontal distance of the platform joint from the anchor [m], over 2 r.
-        above: z, its height over the anchor [m].
+        away: from the anchor to the platform joint [m]; level with it over 2 r.
         radius: r [m].
     """
-    tangent = np.sqrt((level - radius) ** 2 + above**2 - radius**2)
-    wrap = np.arctan2(level - radius, above) + np.arctan2(radius, tangent)
-    return np.asarray(radius * wrap + tangent - np.hypot(level, above))
+    across, above = level(away) - radius, away[2]
+    tangent = sqrt(across**2 + above**2 - radius**2)
+    wrap = atan2(across, above) + atan2(radius, tangent)
+    return radius * wrap + tangent - length(away)
 
 
 @dataclass(frozen=True)
 class PulleyRadius(CableEffect):
-    """Pulleys of one radius at all anchors; not proportional to it, so `radius` is the shape."""
+    """Pulleys of one radius at all anchors.
+
+    The effect is not proportional to the radius: columns are slopes at `radius`, which follows the
+    value that is found.
+    """
 
     cause: ClassVar[str] = "pulley_radius"
     kind: ClassVar[str] = "structure"
     limits: ClassVar[Limits] = {"radius": (0.0, 0.5)}
 
-    radius: float = 0.0  # [m] at which the excess is taken, in proportion about it
+    radius: float = 0.0  # [m] about which the effect is taken as linear
 
     @property
     def parameters(self) -> ParameterSet:
         """r [m]."""
         return self.shared("radius", "m", 30e-3, 0.0, 0.5)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, 1) [rad/m]."""
-        return -self.as_angle(self._excess(at) - self._excess(self.at_home()))[..., None]
+    @property
+    def about(self) -> Array:
+        """The radius about which it is linear."""
+        return np.array([self.radius])
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """Length over the pulley beyond the straight one, as an angle that lets out less."""
+        own = cable(s, c)
+        return -(excess(own.at, v[0]) - excess(own.home, v[0])) / own.gain
 
     def refined(self, values: Array) -> PulleyRadius:
         """Exact at the radius that was found."""
         return replace(self, radius=float(max(values[0], 0.0)))
-
-    def _excess(self, at: Conditions) -> Array:
-        """For a metre of radius, (n, m) [m/m]."""
-        radius = max(self.radius, _LEAST)
-        x, nominal = self.poses(at), self.mechanism.parameters.nominal
-        down = -self.lengths(at)[..., None] * self.cables.directions(x, nominal)
-        level = np.hypot(down[..., 0], down[..., 1])
-        return excess(level, down[..., 2], radius) / radius

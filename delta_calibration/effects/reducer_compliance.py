@@ -8,11 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.arm_loads import joint_torque
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.signals import GRAVITY, INERTIA
 from delta_calibration.mechanisms import SerialArm
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class ReducerCompliance(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("payload",)
+    demo: ClassVar[Demo | None] = Demo("rich", 12)
 
     @property
     def suits(self) -> bool:
@@ -38,7 +40,10 @@ class ReducerCompliance(Effect):
         """1/k of each joint [rad/(N m)]: reducers of such arms have 1e4 to 1e5 N m/rad."""
         return self.each_joint("compliance", "rad/(N m)", 4e-5, 0.0, 1e-2)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m) [N m]."""
-        assert isinstance(self.mechanism, SerialArm)
-        return diagonal(-joint_torque(self.mechanism, at))
+    takes: ClassVar[tuple[str, ...]] = (GRAVITY, INERTIA,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-tau / k, of weight and of inertia."""
+        del c
+        return -v[0] * (s[0] + s[1])

@@ -8,9 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, Effect, Stage, diagonal
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.signals import JOINT
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class SliderPitch(Effect):
     cause: ClassVar[str] = "slider_pitch"
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    demo: ClassVar[Demo | None] = Demo("identify", 24)
 
     @property
     def suits(self) -> bool:
@@ -35,6 +38,10 @@ class SliderPitch(Effect):
         """s of each slider [1]: some hundredths of a millimetre over the travel."""
         return self.each_joint("pitch", "1", 50e-6, -2e-3, 2e-3)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m) [m]."""
-        return diagonal(at.joint)
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """s q."""
+        del c
+        return v[0] * s[0]

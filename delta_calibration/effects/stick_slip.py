@@ -14,41 +14,62 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import ClassVar
 
-import numpy as np
-
-from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage, diagonal
+from delta_calibration.effects.base import Effect, Interval, Limits, Stage
+from delta_calibration.effects.regressor import Groups, by_direction
+from delta_calibration.effects.signals import DIRECTION, RATE
+from delta_calibration.model.symbols import Symbol, exp
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)
 class StickSlip(Effect):
-    """Twist of a drive: full at creeping speed, `level` of it beyond `speed` [rad/s]."""
+    """Twist of a drive: full at creeping speed, `level` of it beyond `speed` [rad/s or m/s].
+
+    Where no speed is given it is `_USUAL` times the mechanism's joint size.
+    """
 
     cause: ClassVar[str] = "stick_slip"
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
     limits: ClassVar[Limits] = {"speed": (1e-6, 100.0), "level": (0.0, 1.0)}
+    of_joints: ClassVar[tuple[str, ...]] = ("speed",)
 
-    speed: float = 0.1
+    speed: float = None  # type: ignore[assignment]  # known once the mechanism is
     level: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take the usual speed where none is given."""
+        self._take_usual(speed=_USUAL)
 
     @property
     def parameters(self) -> ParameterSet:
         """a of each joint [rad]."""
         return self.each_joint("stick", "rad", 50e-6, 0.0, 0.01)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, m)."""
-        let_go = np.exp(-((at.velocity / self.speed) ** 2))
-        return diagonal(-at.direction * (self.level + (1 - self.level) * let_go))
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """By the direction in which the joint last went."""
+        return by_direction(at, joint)
+
+    takes: ClassVar[tuple[str, ...]] = (DIRECTION, RATE,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """Stribeck's curve."""
+        let_go = exp(-((s[1] / c[0]) ** 2))
+        return -v[0] * s[0] * (c[1] + (1 - c[1]) * let_go)
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """v_s and c."""
+        del joint
+        return self.speed, self.level
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """Speeds from creeping to brisk, with little left beyond them and with some."""
         del at
-        for speed, level in product((0.01, 0.03, 0.1, 0.3), (_LEVEL, 3 * _LEVEL)):
-            yield replace(self, speed=speed, level=level)
+        for speed, level in product(_SPEEDS, (_LEVEL, 3 * _LEVEL)):
+            yield replace(self, speed=speed * self.mechanism.joint_size, level=level)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search."""
@@ -58,4 +79,5 @@ class StickSlip(Effect):
         )
 
 
+_USUAL, _SPEEDS = 0.1, (0.01, 0.03, 0.1, 0.3)  # [rad/s of a Delta]
 _LEVEL = 0.15

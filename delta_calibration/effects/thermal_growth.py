@@ -9,14 +9,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
-from delta_calibration.effects.time_course import TIME_CONSTANTS, around, course_of
+from delta_calibration.effects.base import SENSOR, Array, Effect, Interval, Limits, Setting, Stage
+from delta_calibration.effects.regressor import CLOCK, Regressor, temperature
+from delta_calibration.effects.signals import TIME, Places, Signals
+from delta_calibration.effects.time_course import TIME_CONSTANTS, WARM_UP, around, course
+from delta_calibration.model.symbols import Symbol, where
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -35,6 +39,8 @@ class ThermalGrowth(Effect):
     needs: ClassVar[tuple[str, ...]] = ("temperature",)
     part: ClassVar[str]
     limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9)}
+    one_of: ClassVar[tuple[str, ...]] = (SENSOR, "time_constant")
+    either_sign: ClassVar[bool] = False  # a cell that warms up does not shrink
 
     sensor: str = ""  # whose temperature; none: by the clock
     time_constant: float = 0.0  # [s] of the warming by the clock
@@ -55,13 +61,31 @@ class ThermalGrowth(Effect):
             return self.shared("expansion", "1/K", 15e-6, 0.0, 40e-6)
         return self.shared("growth", "1", 150e-6, -1e-3, 1e-3)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, p, 1) [m K] or [m]."""
-        if self.sensor:
-            course = at.of_part(self.sensor) - REFERENCE
-        else:
-            course = course_of(at.time, self.time_constant, -1.0)
-        return np.asarray(course[:, None, None] * self.lengths()[:, None])
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """alpha L (T - 20 deg C), or growth L h(time), of one dimension."""
+        length, by_sensor, time_constant = c[0], c[1], c[2]
+        warm = where(by_sensor > 0, s[0] - REFERENCE, course(s[0], time_constant, -1.0))
+        return v[0] * length * warm
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each dimension that grows."""
+        signal = places.temperature(self.sensor) if self.sensor else places.begin(TIME)
+        by_sensor, lengths = float(bool(self.sensor)), self.lengths()
+        for row in np.flatnonzero(lengths).tolist():
+            constants = (float(lengths[row]), by_sensor, self.time_constant)
+            yield Term((signal,), (0,), (row,), constants)
+
+    def regressor(self, at: Conditions) -> Regressor:
+        """The sensor's temperature, or time."""
+        del at
+        return temperature(self.sensor) if self.sensor else CLOCK
+
+    def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
+        """By the part's own thermometer; by the clock where it has none."""
+        if self.part in thermometers:
+            return {SENSOR: self.part}
+        return {"time_constant": WARM_UP}
 
     def missing(self, at: Conditions) -> str:
         """The sensor it goes by."""
@@ -115,11 +139,13 @@ class _Behind(Effect):
         """Those of the growth."""
         return self.growth.parameters
 
-    def columns(self, at: Conditions) -> Array:
+    def columns_of(self, signals: Signals, values: Array | None = None) -> Array:
         """(n, p, 1) [m K], of all samples of a session."""
-        order = np.argsort(at.time)
-        time, celsius = at.time[order], at.of_part(self.growth.sensor)[order]
-        ends = np.clip(at.time + np.array([[-_AROUND], [_AROUND]]), time[0], time[-1])
+        clock = signals.of(TIME)[:, 0]
+        order = np.argsort(clock)
+        begin = signals.places.temperature(self.growth.sensor)
+        time, celsius = clock[order], signals.rows[order, begin]
+        ends = np.clip(clock + np.array([[-_AROUND], [_AROUND]]), time[0], time[-1])
         rise, span = np.diff(np.interp(ends, time, celsius), axis=0)[0], np.ptp(ends, axis=0)
         rate = np.divide(rise, span, out=np.zeros_like(rise), where=span > 0)
         return np.asarray(_BEHIND * rate[:, None, None] * self.growth.lengths()[:, None])

@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.effects.base import Interval, Limits
+from delta_calibration.model.symbols import Symbol, exp, maximum, where
 from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 
 HOUR = 3600.0  # [s]
+WARM_UP = 2400.0  # [s] time constant of a machine that was switched on
+EITHER = ("time_constant", "step_at")  # settings of which only one can be given
 LIMITS: Limits = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9)}  # [s]
 TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; a longer one is a ramp to a session
 _STEPS = 24
@@ -20,19 +23,17 @@ _NEAR = 300.0  # [s] of a step of the search
 _LEAST = 8  # samples either side of a step
 
 
-def course_of(time: Array, time_constant: float, step_at: float) -> Array:
-    """h(time), (n,): hours, the share of a settling that is over, or 0 before a step and 1 after.
+def course(time: Symbol, time_constant: Symbol, step_at: Symbol) -> Symbol:
+    """h(time): hours, the share of a settling that is over, or 0 before a step and 1 after.
 
     Args:
-        time: since the session's start, (n,) [s].
+        time: since the session's start [s].
         time_constant: of the settling [s]; 0 for a ramp.
         step_at: moment of the step [s]; negative for none.
     """
-    if step_at >= 0:
-        return np.asarray((time >= step_at).astype(float))
-    if time_constant > 0:
-        return np.asarray(1 - np.exp(-np.clip(time, 0.0, None) / time_constant))
-    return time / HOUR
+    settled = 1 - exp(-maximum(time, 0.0) / maximum(time_constant, 1e-9))
+    smooth = where(time_constant > 0, settled, time / HOUR)
+    return where(step_at >= 0, where(time >= step_at, 1.0, 0.0), smooth)
 
 
 def courses(at: Conditions) -> Iterator[tuple[float, float]]:

@@ -8,7 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.regressor import READING_SPEED, Regressor
+from delta_calibration.effects.signals import READING_RATE
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -27,6 +30,15 @@ class TimestampLatency(Effect):
         """T [s], either sign."""
         return self.shared("latency", "s", 5e-3, -0.1, 0.1)
 
-    def columns(self, at: Conditions) -> Array:
-        """Minus the reading's speed, (n, 3, 1) [m/s]."""
-        return -at.reading_velocity[:, :, None]
+    def regressor(self, at: Conditions) -> Regressor:
+        """Speed of the reflector."""
+        del at
+        return READING_SPEED
+
+    takes: ClassVar[tuple[str, ...]] = (READING_RATE,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-(dy/dt) T."""
+        del c
+        return -v[0] * s[0:3]

@@ -5,14 +5,22 @@ dy = (t + w x y) h(time)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
-from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
-from delta_calibration.effects.time_course import LIMITS, around, course_of, courses
+from delta_calibration.effects.base import Effect, Interval, Limits, Setting, Stage
+from delta_calibration.effects.regressor import CLOCK, Regressor
+from delta_calibration.effects.signals import READING, TIME
+from delta_calibration.effects.time_course import (
+    EITHER,
+    LIMITS,
+    WARM_UP,
+    around,
+    course,
+    courses,
+)
+from delta_calibration.model.symbols import Symbol, cross
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -26,6 +34,7 @@ class TrackerDrift(Effect):
     stage: ClassVar[Stage] = Stage.MEASUREMENT
     outside: ClassVar[str] = "measure three reflectors fixed to the floor, every ten minutes"
     limits: ClassVar[Limits] = LIMITS
+    one_of: ClassVar[tuple[str, ...]] = EITHER
 
     time_constant: float = 0.0  # [s]
     step_at: float = -1.0  # [s]; negative: no step
@@ -42,12 +51,27 @@ class TrackerDrift(Effect):
             )
         )
 
-    def columns(self, at: Conditions) -> Array:
-        """[1, -[y]x] h, (n, 3, 6)."""
-        course = course_of(at.time, self.time_constant, self.step_at)
-        turn = np.stack([np.cross(axis, at.reading) for axis in np.eye(3)], axis=-1)
-        shift = np.broadcast_to(np.eye(3), turn.shape)
-        return np.asarray(np.concatenate([shift, turn], axis=-1) * course[:, None, None])
+    def regressor(self, at: Conditions) -> Regressor:
+        """Time."""
+        del at
+        return CLOCK
+
+    def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
+        """Settles as the stand warms up with the machine."""
+        del thermometers
+        return {"time_constant": WARM_UP}
+
+    takes: ClassVar[tuple[str, ...]] = (READING, TIME,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """(t + w x y) h(time)."""
+        return (v[0:3] + cross(v[3:6], s[0:3])) * course(s[3], c[0], c[1])
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """Time constant and moment of the step."""
+        del joint
+        return self.time_constant, self.step_at
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """A ramp, settlings from minutes to an hour, steps."""

@@ -8,7 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.regressor import DISTANCE, Regressor
+from delta_calibration.effects.signals import READING
+from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -27,6 +30,15 @@ class TrackerScale(Effect):
         """s [1]: tens of ppm at the worst."""
         return self.shared("scale", "1", 20e-6, -1e-3, 1e-3)
 
-    def columns(self, at: Conditions) -> Array:
-        """The reading itself, (n, 3, 1) [m]."""
-        return at.reading[:, :, None]
+    def regressor(self, at: Conditions) -> Regressor:
+        """Distance from the tracker."""
+        del at
+        return DISTANCE
+
+    takes: ClassVar[tuple[str, ...]] = (READING,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """s y."""
+        del c
+        return v[0] * s[0:3]

@@ -5,13 +5,21 @@ dq = a sin(n q) + b cos(n q)        q unwrapped; n of the gear: 1x and 2x of a m
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage, diagonal
+from delta_calibration.effects.base import (
+    Effect,
+    Interval,
+    Limits,
+    Setting,
+    Stage,
+)
+from delta_calibration.effects.signals import JOINT
+from delta_calibration.model.symbols import Symbol, cos, sin
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -24,6 +32,7 @@ class TransmissionError(Effect):
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     limits: ClassVar[Limits] = {"cycles": (0.1, 1e5)}
+    live_strength: ClassVar[float] = 0.8
 
     cycles: float = 33.0
 
@@ -38,10 +47,23 @@ class TransmissionError(Effect):
         sine = self.each_joint("sine", "rad", 0.15e-3, -0.01, 0.01)
         return sine + self.each_joint("cosine", "rad", 0.15e-3, -0.01, 0.01)
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, 2 m)."""
-        phase = self.cycles * at.joint
-        return np.concatenate([diagonal(np.sin(phase)), diagonal(np.cos(phase))], axis=-1)
+    def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
+        """Once a turn of the motor: the gear of the robot's file."""
+        del thermometers
+        return {"cycles": self.robot.joints.gear_ratio}
+
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """a sin(n q) + b cos(n q)."""
+        phase = c[0] * s[0]
+        return v[0] * sin(phase) + v[1] * cos(phase)
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """n."""
+        del joint
+        return (self.cycles,)
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """The file's gear once and twice; then all that the joints' range can part.
@@ -64,7 +86,9 @@ class TransmissionError(Effect):
 
     def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search."""
-        return (("cycles", max(_LEAST_CYCLES, self.cycles - _BETWEEN), self.cycles + _BETWEEN),)
+        size = self.mechanism.joint_size
+        low = max(_LEAST_CYCLES / size, self.cycles - _BETWEEN / size)
+        return (("cycles", low, self.cycles + _BETWEEN / size),)
 
 
 _LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # a turn of a Delta's joint

@@ -8,6 +8,10 @@ one condition times a plane over the joints:
                                      condition(c) * (1, q_1, ..., q_m)       (all others), or
                                      condition(c) * bumps about places       (payload)
 
+with q and its rate in units of `joint_size` s (q of sliders from home), and w of the order of
+`SIZES` times s: with s the mechanism's own, a map of a given size moves the platform of any
+mechanism by about as much.
+
 Joint space serves for all: where the mechanism is regular, any displacement of its platform is
 one of its joints. The bumps with a normal prior on their weights are a Gaussian process seen from
 its inducing points.
@@ -15,17 +19,31 @@ its inducing points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
+from delta_calibration.effects import signals
 from delta_calibration.effects.base import SPREAD, Array, Effect, Stage
+from delta_calibration.effects.regressor import (
+    ANGLE,
+    CLOCK,
+    LOAD,
+    VELOCITY,
+    Groups,
+    Regressor,
+    all_together,
+    by_direction,
+    temperature,
+)
+from delta_calibration.effects.signals import NOTHING, Places
 from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.effects.time_course import HOUR
+from delta_calibration.model.symbols import Symbol, exp, square, where
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
 
@@ -41,24 +59,37 @@ POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = (
 )
 FAMILIES = (POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED)
 _CENTRES = 40
-SIZES = (3e-6, 10e-6, 30e-6, 100e-6, 300e-6)  # [rad]
+SIZES = (3e-6, 10e-6, 30e-6, 100e-6, 300e-6)  # [rad of a Delta]: times the joint size
 WIDE, NARROW, FLAT = 0.5, 0.25, 0.0  # width of a bump over the spread of the places; 0: a plane
 _BUMPS = {POSITION: (WIDE, NARROW), PAYLOAD: (FLAT, NARROW)}
+_AGAINST = {SPEED: VELOCITY, TIME: CLOCK, PAYLOAD: LOAD}  # what a map is drawn against
+_SIGNALS = {  # what a map moves with
+    DIRECTION: signals.DIRECTION, SPEED: signals.RATE, PAYLOAD: signals.PAYLOAD,
+    TIME: signals.TIME, TEMPERATURE: signals.TEMPERATURE,
+}  # fmt: skip
+_SCALES = {TIME: (0.0, 1 / HOUR), TEMPERATURE: (REFERENCE, 0.1)}  # offset and scale
 _ALONG = 12  # bumps along a joint's angle
 
 
 @dataclass(frozen=True)
 class Unexplained(Effect):
-    """A smooth map over `family`; `centres` are the places of its bumps, (f m,) in a row."""
+    """A smooth map over `family`; `centres` are the places of its bumps, (f m,) in a row.
+
+    Files of versions that knew no `joint_size` hold none: theirs is 0, for places and speeds taken
+    as they are and weights said to be in rad.
+    """
 
     cause: ClassVar[str] = UNEXPLAINED
     kind: ClassVar[str] = "unknown"
+    called: ClassVar[str] = "smooth map"
     stage: ClassVar[Stage] = Stage.DRIVE
 
     family: str = POSITION
-    size: float = SIZES[-1]  # [rad] standard deviation of a weight, before anything is known
-    width: float = 0.0  # [rad] of a bump
+    # all in the joints' unit
+    size: float = SIZES[-1]  # standard deviation of a weight, before anything is known
+    width: float = 0.0  # of a bump
     centres: tuple[float, ...] = ()
+    joint_size: float = 0.0  # that counts as one where a feature is a place or a speed
 
     @classmethod
     def over(
@@ -69,16 +100,18 @@ class Unexplained(Effect):
         size: float = SIZES[-1],
         reach: float | None = None,
     ) -> Unexplained:
-        """The map of a family over a session's places, (n, m) [rad].
+        """The map of a family over a session's places, (n, m) in the joints' unit.
 
         Args:
             effect_of: any effect on the mechanism.
             family: what it moves with.
             joint: the places.
-            size: of its weights [rad].
+            size: of its weights [rad of a Delta].
             reach: width of its bumps over the spread of the places, one of `reaches`; 0 for none.
         """
-        bare = cls(effect_of.robot, effect_of.mechanism, family, size)
+        mechanism = effect_of.mechanism
+        own = mechanism.joint_size
+        bare = cls(effect_of.robot, mechanism, family, size * own, joint_size=own)
         if family == JOINT:
             low, high = joint.min(axis=0), joint.max(axis=0)
             step = float((high - low).max()) / (_ALONG - 1)
@@ -96,11 +129,12 @@ class Unexplained(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Weights [rad] of each feature at each joint."""
+        """Weights of each feature at each joint, in the joints' unit."""
         m = self.mechanism.joints
         count = len(self.centres) if self.family == JOINT else len(self.centres) // m
         count = count or self._conditions * (m + 1)
-        return _weights(self.family.replace(" ", "_"), count, m, self.size / SPREAD)
+        unit = self.mechanism.joint_unit if self.joint_size else "rad"
+        return _weights(self.family.replace(" ", "_"), count, m, self.size / SPREAD, unit)
 
     def wrong(self) -> str:
         """A family that there is, and bumps where it has any."""
@@ -110,6 +144,8 @@ class Unexplained(Effect):
         for name, value in (("size", self.size), ("width", self.width)):
             if not 0 < value < np.inf and (bumps or name == "size"):
                 return f"{name}: {value} is not allowed; more than 0"
+        if not 0 <= self.joint_size < np.inf:
+            return f"joint_size: {self.joint_size} is not allowed; 0 or more"
         wanted = {POSITION: (True,), JOINT: (True,), PAYLOAD: (True, False)}
         whole = len(self.centres) % self.mechanism.joints == 0
         fitting = bumps in wanted.get(self.family, (False,))
@@ -132,53 +168,107 @@ class Unexplained(Effect):
         return ""
 
     @property
+    def moves_with(self) -> str | None:
+        """Its family."""
+        return self.family
+
+    def regressor(self, at: Conditions) -> Regressor:
+        """What it moves with; the joint's angle for maps over joints, places or directions."""
+        if self.family == TEMPERATURE:
+            return temperature(at.temperature_parts[0])
+        return _AGAINST.get(self.family, ANGLE)
+
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """By direction where it moves with that."""
+        return by_direction(at, joint) if self.family == DIRECTION else all_together(at)
+
+    @property
     def _conditions(self) -> int:
         return self.mechanism.joints if self.family in (DIRECTION, SPEED) else 1
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, f m)."""
-        features = self._features(at)
-        each = features[:, None, :, None] * np.eye(at.joint.shape[1])[:, None, :]
-        return np.asarray(each.reshape(len(at), at.joint.shape[1], -1))
+    @property
+    def _unit(self) -> float:
+        """What counts as one of places and speeds, in the joints' unit."""
+        return self.joint_size or 1.0
 
-    def _features(self, at: Conditions) -> Array:
-        """(n, f)."""
+    @property
+    def takes(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Places, and what it moves with; see `terms`."""
+        return (signals.JOINT, _SIGNALS.get(self.family, NOTHING))
+
+    @property
+    def variant(self) -> str:
+        """Bumps over so many joints, along one joint, or a plane."""
         if self.family == JOINT:
-            centres = np.reshape(self.centres, (-1, at.joint.shape[1]))
-            apart = at.joint[:, :, None] - centres.T
-            return np.asarray(np.exp(-(apart**2) / (2 * self.width**2)).reshape(len(at), -1))
-        if self.family == POSITION:
-            return self._shape(at)
-        each = self._condition(at)[:, :, None] * self._shape(at)[:, None, :]
-        return np.asarray(each.reshape(len(at), -1))
+            return "_bump_1"
+        return f"_bump_{self.mechanism.joints}" if self.centres else "_plane"
 
-    def _shape(self, at: Conditions) -> Array:
-        """Bumps, or a plane where there are none, over the joints, (n, f)."""
-        if not self.centres:
-            return np.column_stack([np.ones(len(at)), at.joint])
-        centres = np.reshape(self.centres, (-1, at.joint.shape[1]))
-        near = cdist(at.joint, centres, "sqeuclidean")
-        return np.asarray(np.exp(-near / (2 * self.width**2)))
+    @property
+    def law(self) -> Callable[..., Any]:  # type: ignore[override]
+        """Of a bump or of a plane."""
+        return _bump if self.centres else _plane
 
-    def _condition(self, at: Conditions) -> Array:
-        """(n, conditions), of the order of one."""
-        if self.family == DIRECTION:
-            return at.direction
-        if self.family == SPEED:
-            return at.velocity
-        if self.family == PAYLOAD:
-            return at.payload[:, None]
-        if self.family == TEMPERATURE:
-            return (at.temperature[:, :1] - REFERENCE) / 10.0
-        return at.time[:, None] / HOUR
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each weight: a feature that moves a joint."""
+        m = self.mechanism.joints
+        features = self._bumps(places) if self.centres else self._planes(places)
+        for f, (own, constants) in enumerate(features):
+            for j in range(m):
+                yield Term(own, (f * m + j,), (j,), constants)
+
+    def _bumps(self, places: Places) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
+        """Signals and constants of each bump: places, condition; whether that counts."""
+        m, first = self.mechanism.joints, places.begin(signals.JOINT)
+        narrow = 1 / (2 * self.width**2)
+        centres = np.reshape(self.centres, (-1, m))
+        if self.family == JOINT:
+            nothing = places.begin(NOTHING)
+            for j in range(m):
+                for centre in centres[:, j].tolist():
+                    yield (first + j, nothing), (centre, narrow, 0.0)
+            return
+        condition = places.begin(_SIGNALS.get(self.family, NOTHING))
+        counts = float(self.family == PAYLOAD)
+        for own in centres.tolist():
+            yield (*range(first, first + m), condition), (*own, narrow, counts)
+
+    def _planes(self, places: Places) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
+        """Of each condition the plane's features: 1, then each joint; offsets and scales."""
+        m, first, nothing = self.mechanism.joints, places.begin(signals.JOINT), places.begin(NOTHING)
+        begin, middle = places.begin(_SIGNALS[self.family]), self._middle
+        offset, scale = _SCALES.get(self.family, (0.0, 1.0))
+        scale = 1 / self._unit if self.family == SPEED else scale
+        for i in range(self._conditions):
+            yield (begin + i, nothing), (offset, scale, -1.0, 1.0)
+            for j in range(m):
+                yield (begin + i, first + j), (offset, scale, middle[j], 1 / self._unit)
+
+    @property
+    def _middle(self) -> list[float]:
+        """Where each joint counts as 0 in a plane: sliders at home, whose zero is far."""
+        slides = self.joint_size and self.mechanism.joint_unit == "m"
+        return (self.mechanism.home if slides else np.zeros(self.mechanism.joints)).tolist()
+
+
+def _bump(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+    """w exp(-|q - c|^2 / 2 width^2), times the condition if that counts."""
+    m = s.shape[0] - 1
+    counts = c[m + 1]
+    condition = where(counts > 0, s[m], 1.0)
+    return v[0] * condition * exp(-square(s[:m] - c[:m]) * c[m])
+
+
+def _plane(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+    """w times condition and feature, each less its middle and in its unit."""
+    return v[0] * (s[0] - c[0]) * c[1] * ((s[1] - c[2]) * c[3])
 
 
 @lru_cache
-def _weights(word: str, features: int, joints: int, prior: float) -> ParameterSet:
+def _weights(word: str, features: int, joints: int, prior: float, unit: str) -> ParameterSet:
     """Of each feature at each joint; there are many, and they are asked for often."""
     return ParameterSet(
         tuple(
-            Parameter(f"{word}_{f}_{j}", "rad", 0.0, prior, UNEXPLAINED, None)
+            Parameter(f"{word}_{f}_{j}", unit, 0.0, prior, UNEXPLAINED, None)
             for f in range(1, features + 1)
             for j in range(1, joints + 1)
         )

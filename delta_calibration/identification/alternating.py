@@ -70,7 +70,7 @@ def alternate(
         DataError: too few poses, poses out of reach, or no rest within `rounds`.
     """
     now = _start(problem, frame)
-    geometry = np.arange(len(problem.names)) < len(now.geometry)
+    geometry = problem.layout.mask(problem.layout.geometry)
     moved = np.inf
     for count in range(1, rounds + 1):
         last = now
@@ -191,7 +191,7 @@ def _step(problem: JointProblem, now: _State, moving: Mask) -> Array:
     slope = problem.whiten @ (problem.slopes(now.geometry, now.frame) * problem.scale)
     white = (problem.whiten @ now.residual[..., None])[..., 0]
     prior = np.isfinite(problem.mechanism.parameters.prior) & problem.priors
-    rows = np.concatenate([slope.reshape(-1, size), np.eye(size)[: len(prior)][prior]])
+    rows = np.concatenate([slope.reshape(-1, size), np.eye(size)[problem.layout.geometry][prior]])
     right = np.append(white.reshape(-1), -_prior_misses(problem, now.geometry)[prior])
     step = np.zeros(size)
     step[moving] = np.linalg.lstsq(rows[:, moving], right, rcond=_SHOWN)[0]
@@ -199,9 +199,9 @@ def _step(problem: JointProblem, now: _State, moving: Mask) -> Array:
 
 
 def _moved(problem: JointProblem, now: _State, step: Array) -> _State:
-    change = step * problem.scale
-    geometry = now.geometry + change[:-6]
-    frame = now.frame @ Frame.from_vector(change[-6:])
+    change = problem.layout.split(step * problem.scale)
+    geometry = now.geometry + change.geometry
+    frame = now.frame @ Frame.from_vector(change.frame)
     return _state(problem, geometry, frame, now.evaluations, now.slopes)
 
 

@@ -19,7 +19,7 @@ from delta_calibration.identification.observability import (
     strong_correlations,
 )
 from delta_calibration.identification.problem import Problem, Solution, build_problem, solve
-from delta_calibration.identification.turns import MOUNT_NAMES, Turns, pose_covariance
+from delta_calibration.identification.turns import Turns, pose_covariance
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
@@ -107,8 +107,10 @@ def chain_of(robot: Robot, model: str | None = None) -> Chain:
 
 def most_evaluations(method: Method, robot: Robot, model: str | None = None) -> int:
     """What `identify` tells its watch of at most, with the fits that hold parts out."""
-    mount = 0 if robot.tracker.turn is None else len(MOUNT_NAMES)  # where turns take part
-    return (1 + _FOLDS) * method.most(chain_of(robot, model).base_size + mount)
+    layout = chain_of(robot, model).layout
+    if robot.tracker.turn is not None:  # where turns take part
+        layout = layout.mounted
+    return (1 + _FOLDS) * method.most(layout.size)
 
 
 def identify(
@@ -139,10 +141,10 @@ def identify(
     """
     require_poses(poses, _FEWEST)
     chain = chain_of(robot, model)
-    start, noise, problem = prepare(poses, robot, chain)
+    _, noise, problem = prepare(poses, robot, chain)
     problem = _with_turns(problem, poses, robot, noise)
-    frame_free = np.zeros(len(problem.theta0), dtype=bool)
-    frame_free[chain.base_size - 6 :] = True  # and the probe's mount, where turns take part
+    layout = problem.layout
+    frame_free = layout.mask(layout.frame, layout.mount)
     registered = solve(problem.only(frame_free), robust=False)
     require_this_robot(problem, poses, robot)
     rng = np.random.default_rng([seed, 1])
@@ -157,7 +159,7 @@ def identify(
             "the drawing singular where it was measured?"
         )
     drawing = full.theta.copy()
-    drawing[: len(start)] = chain.join(*_nominal_but_frame(chain, full.theta))
+    drawing[layout.chain] = chain.join(*_nominal_but_frame(chain, full.theta))
     observability = observe(
         problem.whiten @ problem.jacobian(drawing, chain.pose(poses.conditions, drawing)),
         np.diag(problem.basis),
@@ -166,14 +168,14 @@ def identify(
     nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
     return Identification(
         chain=chain,
-        theta=full.theta[: len(start)],
+        theta=full.theta[layout.chain],
         covariance=covariance,
         noise=noise,
         observability=observability,
         correlations=strong_correlations(covariance, chain.parameters.names),
         frame_only=_residuals(registered, folds, counted, _LEAST_SQUARES, rng, watch),
         full=_residuals(full, folds, counted, method, rng, watch),
-        frame_only_theta=registered.theta[: len(start)],
+        frame_only_theta=registered.theta[layout.chain],
         weight=full.weight,
         chi_square=chi_square,
         region=Region.of(chain.mechanism.position(nominal)),
@@ -332,8 +334,7 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
     degrees = max(numbers * np.count_nonzero(solution.weight) - used, 1.0)
     chi_square = float(np.sum((solution.weight[:, None] * solution.residual) ** 2) / degrees)
     spread = inverse @ (max(1.0, chi_square) * information + prior) @ inverse
-    size = len(problem.chain.parameters)
-    basis = problem.basis[:size]
+    basis = problem.basis[problem.layout.chain]
     return basis @ spread @ basis.T, chi_square
 
 
@@ -352,11 +353,11 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     Raises:
         DataError: another robot, or other units.
     """
-    size = problem.chain.geometry_size
-    solution = solve(problem.only(np.arange(len(problem.theta0)) >= size), robust=False)
+    geometry = problem.layout.geometry
+    solution = solve(problem.only(~problem.layout.mask(geometry)), robust=False)
     # about the drawing: a reflector that was sent far off would magnify what parts can do
     drawn = problem.chain.pose(problem.at, problem.theta0)
-    slope = problem.chain.jacobian(problem.at, drawn, problem.theta0)[..., :size]
+    slope = problem.chain.jacobian(problem.at, drawn, problem.theta0)[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))

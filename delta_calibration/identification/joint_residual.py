@@ -19,10 +19,11 @@ from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame, align, rotations
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.mechanisms.base import solve
+from delta_calibration.theta import Layout, frame_names
 
 Array = NDArray[np.float64]
 
-FRAME_NAMES = tuple(f"robot_{kind}_{axis}" for kind in ("turn", "place") for axis in "xyz")
+FRAME_NAMES = frame_names("robot")
 FRAME_STEP = 1e-3  # typical size of a frame's coordinate, which has no prior [rad, m]
 
 
@@ -68,10 +69,17 @@ class JointProblem:
         return self.mechanism.parameters.names + FRAME_NAMES
 
     @property
+    def layout(self) -> Layout:
+        """Which of the unknowns are which: no reflector's offset is among them."""
+        return Layout(len(self.mechanism.parameters), has_offset=False)
+
+    @property
     def scale(self) -> Array:
         """Expected size of each unknown, (p + 6,): the priors, a millimetre or milliradian."""
         prior = self.mechanism.parameters.prior
-        return np.append(np.where(np.isfinite(prior), prior, FRAME_STEP), np.full(6, FRAME_STEP))
+        scale = np.full(self.layout.size, FRAME_STEP)
+        scale[self.layout.geometry] = np.where(np.isfinite(prior), prior, FRAME_STEP)
+        return scale
 
     def in_robot(self, frame: Frame) -> Array:
         """The measured poses in the robot's frame, (n, k); `frame` is `T_device_robot`."""
@@ -93,7 +101,8 @@ class JointProblem:
         by_joints = self.mechanism.closure_by_joints(q, x, geometry)
         by_geometry = -solve(by_joints, self.mechanism.closure_by_geometry(q, x, geometry))
         by_pose = -solve(by_joints, self.mechanism.closure_by_pose(q, x, geometry))
-        return np.concatenate([by_geometry, by_pose @ _pose_by_frame(x)], axis=-1)
+        by_turn, by_place = np.split(by_pose @ _pose_by_frame(x), 2, axis=-1)
+        return self.layout.columns(by_geometry, turn=by_turn, place=by_place)
 
     def start_frame(self) -> Frame:
         """`T_device_robot` that fits the nominal machine's positions best.

@@ -168,7 +168,7 @@ class Alternating(InRounds):
     ) -> Found:
         """See `InRounds.search`; the frame first."""
         del rng, watch
-        device = np.arange(len(problem.free)) >= problem.chain.geometry_size
+        device = ~problem.layout.mask(problem.layout.geometry)
         return in_turn(line, device[problem.free], start, _TURNS)
 
 

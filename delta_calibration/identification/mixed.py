@@ -19,8 +19,9 @@ from scipy.optimize import least_squares
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification.observability import Observability, observe
-from delta_calibration.identification.observations import FRAME_SIZE, Machine, Observation
+from delta_calibration.identification.observations import Machine, Observation, unknowns
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.theta import frame_names
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -29,7 +30,7 @@ _STEP = 1e-3  # typical size of an unknown without prior [m, rad]
 _NONE = 1e-8  # singular values under this share of the largest are none
 _PART = 1e-6  # of an unknown in a combination that does not show
 _SPARE = 1e-6  # degrees of freedom under which nothing is left to judge the noise by
-FRAME_NAMES = tuple(f"device_{kind}_{axis}" for kind in ("turn", "place") for axis in "xyz")
+FRAME_NAMES = frame_names("device")
 
 
 @dataclass(frozen=True)
@@ -134,8 +135,9 @@ class _Problem:
     def machine(self, z: Array) -> Machine:
         change = np.zeros(len(self.free))
         change[self.free] = self.scale * z
-        frame = Frame.from_vector(self.start.frame.vector() + change[-FRAME_SIZE:])
-        geometry = self.start.geometry + change[:-FRAME_SIZE]
+        parts = self.start.layout.split(change)
+        frame = Frame.from_vector(self.start.frame.vector() + parts.frame)
+        geometry = self.start.geometry + parts.geometry
         return Machine(self.start.mechanism, geometry, frame)
 
     def rows(self, z: Array) -> Array:
@@ -171,8 +173,12 @@ def _problem(
         )
     parameters = mechanism.parameters
     chosen = np.ones(len(parameters), dtype=bool) if free is None else free
-    every = np.append(chosen, np.full(FRAME_SIZE, placed))
-    expected = np.append(parameters.prior, np.full(FRAME_SIZE, np.inf))[every]
+    layout = unknowns(len(parameters))
+    every = np.full(layout.size, placed)
+    every[layout.geometry] = chosen
+    expected = np.full(layout.size, np.inf)
+    expected[layout.geometry] = parameters.prior
+    expected = expected[every]
     scale = np.where(np.isfinite(expected), expected, _STEP)
     prior = expected if priors else np.full(len(expected), np.inf)
     numbers = sum(len(o.joint) * len(o.sigma) for o in observations)

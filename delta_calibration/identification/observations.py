@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.theta import Layout
 
 Array = NDArray[np.float64]
-
-FRAME_SIZE = 6
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,11 @@ class Machine:
     mechanism: Mechanism
     geometry: Array  # (p,)
     frame: Frame  # T_device_base
+
+    @property
+    def layout(self) -> Layout:
+        """Which of the unknowns are which: no reflector's offset is among them."""
+        return unknowns(len(self.mechanism.parameters))
 
     def poses(self, joint: Array) -> Array:
         """Of the platform in the base, (n, k); NaN rows out of reach."""
@@ -46,13 +50,10 @@ class Machine:
         """Derivative of a platform's point in the device, by all unknowns, (n, 3, p + 6)."""
         point = self.points(joint, offset)
         turn = np.broadcast_to(rotations.log(self.frame.rotation), point.shape)
-        return np.concatenate(
-            [
-                self.frame.rotation @ self.points_by_geometry(joint, offset),
-                rotations.exp_times_derivative(turn, point),
-                np.broadcast_to(np.eye(3), (len(point), 3, 3)),
-            ],
-            axis=-1,
+        return self.layout.columns(
+            self.frame.rotation @ self.points_by_geometry(joint, offset),
+            turn=rotations.exp_times_derivative(turn, point),
+            place=np.broadcast_to(np.eye(3), (len(point), 3, 3)),
         )
 
     def points_by_geometry(self, joint: Array, offset: Array) -> Array:
@@ -161,15 +162,10 @@ class PoseMeasured(PointMeasured):
 
     def slopes(self, machine: Machine) -> Array:
         """(n, 6, p + 6); of the turn to first order in what is left."""
-        n = len(self.joint)
         by_turn = rotations.left_jacobian(rotations.log(machine.frame.rotation))
-        turn = np.concatenate(
-            [
-                machine.frame.rotation @ machine.turns_by_geometry(self.joint),
-                np.broadcast_to(by_turn, (n, 3, 3)),
-                np.zeros((n, 3, 3)),
-            ],
-            axis=-1,
+        turn = machine.layout.columns(
+            machine.frame.rotation @ machine.turns_by_geometry(self.joint),
+            turn=np.broadcast_to(by_turn, (len(self.joint), 3, 3)),
         )
         return np.concatenate([super().slopes(machine), turn], axis=1)
 
@@ -248,9 +244,14 @@ class DistanceBetween(Observation):
         return machine.points(self.other, zero) - machine.points(self.joint, zero)
 
 
+def unknowns(geometry_size: int) -> Layout:
+    """Layout of the unknowns of a fit of observations: geometry (p,) and frame (6,)."""
+    return Layout(geometry_size, has_offset=False)
+
+
 def without_frame(slope: Array) -> Array:
     """Columns of zeros for the device's frame.  (n, d, p) -> (n, d, p + 6)."""
-    return np.concatenate([slope, np.zeros((*slope.shape[:2], FRAME_SIZE))], axis=-1)
+    return unknowns(slope.shape[-1]).columns(slope)
 
 
 def require_shapes(observation: Observation, **shapes: tuple[int, ...]) -> None:

@@ -18,6 +18,7 @@ three more unknowns behind those of the chain.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.errors import DataError
 from delta_calibration.identification.turns import MOUNT_NAMES, Turns
 from delta_calibration.samples import Conditions
+from delta_calibration.theta import Layout
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -59,6 +61,11 @@ class Problem:
     free: Mask  # (P,) what is fitted; the rest keeps its theta0
     turns: Turns | None = None
 
+    @cached_property
+    def layout(self) -> Layout:
+        """Which entries of theta are which."""
+        return self.chain.layout if self.turns is None else self.chain.layout.mounted
+
     @property
     def names(self) -> tuple[str, ...]:
         """Of theta, (P,)."""
@@ -73,10 +80,10 @@ class Problem:
             x: poses at the start, (n, k).
         """
         start = np.append(self.theta0, turns.mount(self.chain, x, self.theta0))
-        size = len(start)
-        basis = np.diag(np.full(size, _FRAME_STEP))
-        basis[: size - 3, : size - 3] = self.basis
-        unknown = np.zeros(3, dtype=bool)
+        basis = np.diag(np.full(len(start), _FRAME_STEP))
+        own = self.chain.layout.chain
+        basis[own, own] = self.basis
+        unknown = np.zeros(len(MOUNT_NAMES), dtype=bool)
         return Problem(
             self.chain, self.at, self.y, whiten, start, basis,
             np.append(self.has_prior, unknown), np.append(self.free, ~unknown), turns,
@@ -118,14 +125,13 @@ class Problem:
         positions = self.chain.jacobian(self.at, x, theta)
         if self.turns is None:
             return positions
-        padded = np.pad(positions, ((0, 0), (0, 0), (0, len(theta) - positions.shape[-1])))
+        padded = np.zeros((*positions.shape[:-1], len(theta)))
+        padded[..., self.layout.chain] = positions
         return np.concatenate([padded, self.turns.slopes(self.chain, self.at, x, theta)], axis=1)
 
     def offset_rows(self) -> Mask:
         """Which of the free unknowns are the reflector's offset, (F,)."""
-        rows = np.zeros(len(self.free), dtype=bool)
-        rows[self.chain.geometry_size : self.chain.geometry_size + 3] = True
-        return np.asarray(rows[self.free])
+        return np.asarray(self.layout.mask(self.layout.offset)[self.free])
 
 
 @dataclass(frozen=True)
@@ -149,9 +155,9 @@ def build_problem(
     prior = chain.parameters.prior
     finite = np.isfinite(prior)
     basis = np.diag(np.where(finite, prior, _FRAME_STEP))
-    offset = slice(chain.geometry_size, chain.geometry_size + 3)
-    shift = slice(chain.base_size - 3, chain.base_size)
-    basis[shift, offset] = -chain.split(start)[2].rotation * chain.offset_prior
+    basis[chain.layout.place, chain.layout.offset] = (
+        -chain.split(start)[2].rotation * chain.offset_prior
+    )
     return Problem(chain, at, y, whiten, start, basis, finite, np.ones(len(prior), dtype=bool))
 
 

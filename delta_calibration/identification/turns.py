@@ -20,10 +20,11 @@ from delta_calibration.geometry import rotations
 from delta_calibration.identification.noise import Noise
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions, Poses
+from delta_calibration.theta import vector_names
 
 Array = NDArray[np.float64]
 
-MOUNT_NAMES = tuple(f"probe_turn_{axis}" for axis in "xyz")
+MOUNT_NAMES = vector_names("probe_turn")
 
 
 @dataclass(frozen=True)
@@ -69,26 +70,21 @@ class Turns:
     def missed(self, chain: Chain, x: Array, theta: Array) -> Array:
         """e, (n, 3) [rad]."""
         frame = chain.split(theta)[2]
-        predicted = frame.rotation @ chain.mechanism.rotation(x) @ rotations.exp(theta[-3:])
+        mount = rotations.exp(theta[chain.layout.mounted.mount])
+        predicted = frame.rotation @ chain.mechanism.rotation(x) @ mount
         return rotations.log(self.rotation @ np.swapaxes(predicted, 1, 2))
 
     def slopes(self, chain: Chain, at: Conditions, x: Array, theta: Array) -> Array:
         """d(predicted turn)/d(theta), (n, 3, P + 3) [rad]; to first order in e."""
-        frame, n = chain.split(theta)[2], len(at)
+        frame, layout = chain.split(theta)[2], chain.layout.mounted
         by_pose = frame.rotation @ chain.mechanism.turn_by_pose(x)
         joints, geometry = chain.joints(at, theta), chain.geometry(at, theta)
-        first = chain.geometry_size + 3
-        by_frame = rotations.left_jacobian(theta[first : first + 3])
+        by_frame = rotations.left_jacobian(theta[layout.turn])
         platform = frame.rotation @ chain.mechanism.rotation(x)
-        return np.concatenate(
-            [
-                by_pose @ chain.mechanism.identification_jacobian(joints, x, geometry),
-                np.zeros((n, 3, 3)),  # where the reflector is
-                np.broadcast_to(by_frame, (n, 3, 3)),
-                np.zeros((n, 3, 3)),  # where the base is
-                platform @ rotations.left_jacobian(theta[-3:]),
-            ],
-            axis=-1,
+        return layout.columns(
+            by_pose @ chain.mechanism.identification_jacobian(joints, x, geometry),
+            turn=np.broadcast_to(by_frame, (len(at), 3, 3)),
+            mount=platform @ rotations.left_jacobian(theta[layout.mount]),
         )
 
 
@@ -109,7 +105,7 @@ def pose_covariance(
     """
     sigma = robot.tracker.turn or 0.0
     x, at = chain.pose(poses.conditions, theta), poses.conditions
-    by_joints = chain.mechanism.velocity_jacobian(at.joint, x, theta[: chain.geometry_size])
+    by_joints = chain.mechanism.velocity_jacobian(at.joint, x, theta[chain.layout.geometry])
     turn = chain.split(theta)[2].rotation @ chain.mechanism.turn_by_pose(x) @ by_joints
     both = np.concatenate([slope, turn], axis=1)
     covariance = noise.repeatability**2 * both @ np.swapaxes(both, 1, 2)

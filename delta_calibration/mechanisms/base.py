@@ -1,8 +1,9 @@
 """A mechanism is its closure equation f(q, x, g) = 0; everything else follows from it.
 
 q: joint coordinates (n, m); x: pose (n, k); g: geometry, (p,) for all samples or (n, p) where it
-changes from sample to sample (temperature, load). A mechanism writes f and its three derivatives;
-this base class makes of them, for all samples at once, the direct and the inverse problem and, by
+changes from sample to sample (temperature, load). A mechanism writes f once, in symbols, for one
+sample of one of its limbs (`equation`), and says which joints, dimensions and rows of f each limb
+has. From it are generated and compiled (see `model`) the direct and the inverse problem and, by
 the implicit function theorem,
 
     dx/dq = -f_x^-1 f_q   (velocity Jacobian)        dx/dg = -f_x^-1 f_g   (identification
@@ -14,21 +15,48 @@ in the least-squares sense where f has more rows than x has coordinates.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from functools import cached_property
-from typing import Any, ClassVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import ReachError, SingularityError
 from delta_calibration.geometry import rotations
+from delta_calibration.model import symbols
+from delta_calibration.model.law import Law
 from delta_calibration.parameters import ParameterSet
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
-_NEWTON_STEPS = 25
-_NEWTON_TOLERANCE = 1e-13  # largest last step, in coordinates of the order of one
-_STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
+STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
+_STAGES = 4  # of the way from home, where no opening is known
+_MOST_SLOPES = 6  # what follows a pose: a point, a place and a turn
+_UNREACHED = 1e-12  # the same of the inverse problem, where steps are damped [m, rad]
+
+
+@dataclass(frozen=True)
+class Limb:
+    """What a limb takes of its mechanism, all limbs of one law alike.
+
+    A number of a dimension beyond those of the mechanism's parameters means one of its `fixed`
+    numbers: what the drawing says and no measurement is to change.
+    """
+
+    joints: tuple[int, ...]
+    dimensions: tuple[int, ...]
+    rows: tuple[int, ...]  # of the closure
+    constants: tuple[float, ...] = ()
+
+
+class _Compiled(NamedTuple):
+    """A mechanism as the compiled loops take it."""
+
+    limbs: Any  # model.kernels.Limbs
+    size: int  # of a limb's workspace
 
 
 class Mechanism(ABC):
@@ -56,6 +84,9 @@ class Mechanism(ABC):
     joints: int  # m
     pose_size: int  # k: 3, or 6 with a rotation vector behind the position
     task_size: int  # the first so many pose coordinates are what the joints command
+    variant: str = ""  # of the law, where it differs from machine to machine of this name
+    exact: ClassVar[bool] = False  # whether `opening` is the solution itself
+    damped: ClassVar[bool] = False  # whether the inverse problem starts far from its solution
 
     parameters: ParameterSet
 
@@ -63,89 +94,161 @@ class Mechanism(ABC):
     def __init__(self, dimensions: Any, tolerances: Any) -> None:
         """From the drawing and the expected errors of the parts."""
 
-    # --- what a mechanism writes
-    # -------------------------------------------------------------------------
+    # --- what a mechanism writes, in the vocabulary of model/symbols.py --------------------------
 
+    @staticmethod
     @abstractmethod
-    def closure(self, q: Array, x: Array, g: Array) -> Array:
-        """Closure f, (n, r); zero where joints, pose and geometry fit together."""
+    def equation(q: Any, x: Any, g: Any, c: Any) -> Any:
+        """Closure of one limb, a column of its rows; zero where all fits together.
 
-    @abstractmethod
-    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
-        """df/dx, (n, r, k)."""
+        Args:
+            q: its joints.
+            x: pose of the platform (k).
+            g: its dimensions.
+            c: its constants.
+        """
 
-    @abstractmethod
-    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
-        """df/dq, (n, r, m)."""
+    # opening(q, g, c): a pose near the wanted assembly mode, by joints, dimensions and constants
+    # of every limb (lists of them, in order); without it the direct problem starts at `home_pose`.
+    opening: ClassVar[Any] = None
+    # reaching(x, g, c): joints of a limb near the wanted working mode, by pose, dimensions and
+    # constants as `equation`; without it the inverse problem starts at `home`.
+    reaching: ClassVar[Any] = None
 
-    @abstractmethod
-    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
-        """df/dg, (n, r, p)."""
+    @staticmethod
+    def point(x: Any, o: Any) -> Any:
+        """A point fixed to the platform at o (3), in the base [m], at pose x."""
+        if x.shape[0] == 3:
+            return x + o
+        return x[0:3] + symbols.rotation(x[3:6]) @ o
 
-    @abstractmethod
-    def start(self, q: Array, g: Array) -> Array:
-        """A pose near the wanted assembly mode, (n, k): where the direct problem starts."""
+    # masses(x, q, g, c): places of all masses but the payload, one after the other (3 numbers
+    # each) [m], by pose, and joints, dimensions and constants of every limb (lists); without it
+    # all is at the centre.
+    masses: ClassVar[Any] = None
 
-    @abstractmethod
-    def start_joints(self, task: Array, g: Array) -> Array:
-        """Joints near the wanted working mode, (n, m): where the inverse problem starts."""
+    def weights(self, masses: Any) -> Array:
+        """Sizes of the robot's own masses [kg]; one at the platform's centre by default."""
+        return np.array([0.0 if masses is None else masses.on_platform])
+
+    @property
+    def moving(self) -> Array:
+        """Which of the masses count where they are accelerated, 1 or 0 each."""
+        return np.ones(1)
+
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """The limbs; one that has everything where a mechanism does not say."""
+        every = tuple(range(len(self.parameters) + len(self.fixed)))
+        return (Limb(tuple(range(self.joints)), every, tuple(range(self.pose_size))),)
+
+    @property
+    def fixed(self) -> Array:
+        """Numbers of the drawing that the equation needs beside the parameters, (c,)."""
+        return np.zeros(0)
+
+    @property
+    def home_pose(self) -> Array:
+        """A pose in the middle of the workspace, (k,)."""
+        return np.zeros(self.pose_size)
 
     @property
     def home(self) -> Array:
         """Joints of a pose in the middle of the workspace, (m,)."""
         return np.zeros(self.joints)
 
-    # --- what follows
-    # ------------------------------------------------------------------------------------
+    @property
+    def most_misfit(self) -> Array:
+        """Largest closure of each row at which the machine is whole, (R,)."""
+        return np.full(self._closures, np.inf)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is computed on first use: addresses of code hold in one process only."""
+        kind = type(self)
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if not isinstance(getattr(kind, name, None), cached_property)
+        }
+
+    # --- what follows ----------------------------------------------------------------------------
+
+    def closure(self, q: Array, x: Array, g: Array) -> Array:
+        """Closure f, (n, R); zero where joints, pose and geometry fit together."""
+        return self._closed(q, x, g, derivatives=False)[0]
+
+    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
+        """df/dx, (n, R, k)."""
+        return self._closed(q, x, g, derivatives=False)[1]
+
+    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
+        """df/dq, (n, R, m)."""
+        return self._closed(q, x, g, derivatives=True)[2]
+
+    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
+        """df/dg, (n, R, p)."""
+        return self._closed(q, x, g, derivatives=True)[3]
+
+    def start(self, q: Array, g: Array) -> Array:
+        """A pose near the wanted assembly mode, (n, k): where the direct problem starts."""
+        x = np.tile(self.home_pose, (len(q), 1))
+        if self._opening is not None:
+            every = self.limbs
+            joints, dimensions = (
+                [number for limb in every for number in getattr(limb, name)]
+                for name in ("joints", "dimensions")
+            )
+            constants = np.array([c for limb in every for c in limb.constants])
+            _started(self._opening, q[:, joints], self._known(g)[:, dimensions], constants, x)
+        return x
+
+    def start_joints(self, task: Array, g: Array) -> Array:
+        """Joints near the wanted working mode, (n, m): where the inverse problem starts."""
+        if self.reaching is None:
+            return np.tile(self.home, (len(task), 1))
+        x = np.tile(self.home_pose, (len(task), 1))
+        x[:, : self.task_size] = task
+        return self._reached(x, g)
 
     def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
-        """Pose of the platform at joints q, (n, k); NaN rows where it cannot be assembled."""
-        x = self.start(q, g) if guess is None else np.array(guess, dtype=float)
-        for _ in range(_NEWTON_STEPS):
-            f, slope = self.linearised(q, x, g)
-            step = solve(slope, f[..., None])[..., 0]
-            x = x - step
-            if _settled(step):
-                break
-        return _without_strays(x, self.missed(q, x, g))
+        """Pose of the platform at joints q, (n, k); NaN rows where it cannot be assembled.
 
-    def linearised(self, q: Array, x: Array, g: Array) -> tuple[Array, Array]:
-        """Closure (n, r) and its derivative by the pose (n, r, k), by what they have in common."""
-        return self.closure(q, x, g), self.closure_by_pose(q, x, g)
-
-    def missed(self, q: Array, x: Array, g: Array) -> Array:
-        """What of the closure another pose could take away, (n, r); zero at a solution.
-
-        All of it where there are as many rows as coordinates; a redundant mechanism keeps the
-        rest, and x is then the pose of least squares.
+        By Newton's method from `guess`, which should be of the same assembly mode, or from
+        `start`; in stages from home where no law says where to start.
         """
-        f = self.closure(q, x, g)
-        if f.shape[1] == self.pose_size:
-            return f
-        slope = self.closure_by_pose(q, x, g)
-        return np.asarray((slope @ solve(slope, f[..., None]))[..., 0])
+        near = guess is not None and not self.exact
+        x = np.array(guess, dtype=float, order="C") if near else self.start(q, g)
+        stages = 1 if near or self.opening is not None else _STAGES
+        c, home = self._compiled, self._home_joints
+        q, x, g = self._samples(q, x, g)
+        _kernels().poses(c.limbs, c.size, home, stages, q, g, x, STRAY)
+        return x
+
+    @cached_property
+    def _home_joints(self) -> Array:
+        return np.array(self.home, dtype=float)
 
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
-        """Joints that bring the commanded coordinates to `task`, (n, m); NaN rows out of reach."""
-        q = self.start_joints(task, g) if guess is None else np.array(guess, dtype=float)
-        missed = np.zeros_like(task)
-        for _ in range(_NEWTON_STEPS):
-            x = self.forward(q, g)
-            missed = x[:, : self.task_size] - task
-            slope = self.velocity_jacobian(q, x, g)[:, : self.task_size]
-            step = solve(slope, missed[..., None])[..., 0]
-            q = q - step
-            if _settled(step):
-                break
-        return _without_strays(q, missed)
+        """Joints that bring the commanded coordinates to `task`, (n, m); NaN rows out of reach.
+
+        By Newton's method from `guess`, or from `start_joints`.
+        """
+        near = guess is not None and (self.damped or self.reaching is None)
+        q = np.array(guess, dtype=float, order="C") if near else self.start_joints(task, g)
+        whole = self.task_size == self.pose_size
+        x = np.array(task, dtype=float, order="C") if whole else self.forward(q, g)
+        c, stray = self._compiled, _UNREACHED if self.damped else STRAY
+        task, g = _rows(task, self.task_size, len(q)), self._geometry(g, len(q))
+        _kernels().joints_for(c.limbs, c.size, task, g, q, x, stray, self.damped)
+        return q
 
     def velocity_jacobian(self, q: Array, x: Array, g: Array) -> Array:
         """dx/dq, (n, k, m) [m/rad, rad/rad]."""
-        return -solve(self.closure_by_pose(q, x, g), self.closure_by_joints(q, x, g))
+        return self.moved_by(q, x, g, self._every_coordinate(len(q)))[0]
 
     def identification_jacobian(self, q: Array, x: Array, g: Array) -> Array:
         """dx/dg, (n, k, p), at constant joints."""
-        return -solve(self.closure_by_pose(q, x, g), self.closure_by_geometry(q, x, g))
+        return self.moved_by(q, x, g, self._every_coordinate(len(q)))[1]
 
     def moved_by(self, q: Array, x: Array, g: Array, by_pose: Array) -> tuple[Array, Array]:
         """Derivatives by joints, (n, c, m), and geometry, (n, c, p), of what follows the pose.
@@ -153,8 +256,227 @@ class Mechanism(ABC):
         `by_pose` (n, c, k) is its derivative by the pose. The same as the products with the two
         Jacobians, but with c systems to solve for each sample instead of m + p.
         """
-        back = -divide(by_pose, self.closure_by_pose(q, x, g))
-        return back @ self.closure_by_joints(q, x, g), back @ self.closure_by_geometry(q, x, g)
+        c, q, x, g = self._compiled, *self._samples(q, x, g)
+        slopes = np.require(by_pose, np.float64, ["C", "A", "W"])
+        if slopes.shape[::2] != (len(q), self.pose_size) or slopes.shape[1] > _MOST_SLOPES:
+            raise ValueError(
+                f"by_pose of shape {slopes.shape} is not allowed; ({len(q)}, up to {_MOST_SLOPES},"
+                f" {self.pose_size})"
+            )
+        by_q, by_g = _kernels().slopes(c.limbs, c.size, q, x, g, slopes)
+        return by_q, by_g
+
+    def _samples(self, q: Array, x: Array, g: Array) -> tuple[Array, Array, Array]:
+        """Joints, poses and dimensions as the compiled loops take them, which check nothing."""
+        q = _rows(q, self.joints)
+        return q, _rows(x, self.pose_size, len(q)), self._geometry(g, len(q))
+
+    def _geometry(self, g: Array, n: int) -> Array:
+        """Dimensions, one row for all samples or one each."""
+        shared = np.ndim(g) == 1 or len(g) == 1
+        return _rows(g, len(self.parameters), 1 if shared else n)
+
+    def _every_coordinate(self, n: int) -> Array:
+        return np.tile(np.eye(self.pose_size), (n, 1, 1))
+
+    def _closed(
+        self, q: Array, x: Array, g: Array, derivatives: bool
+    ) -> tuple[Array, Array, Array, Array]:
+        c = self._compiled
+        found = _kernels().closures(c.limbs, c.size, *self._samples(q, x, g), derivatives)
+        f, by_x, by_q, by_g = found
+        return f, by_x, by_q, by_g
+
+    @cached_property
+    def _closures(self) -> int:
+        return 1 + max(row for limb in self.limbs for row in limb.rows)
+
+    @property
+    def law_name(self) -> str:
+        """Of the generated files."""
+        return self.name + self.variant
+
+    @cached_property
+    def laws(self) -> tuple[Law, ...]:
+        """What is generated for it: the closure, and where the two problems start."""
+        every = self._closure, self._opening, self._reaching, self._point, self._masses
+        return tuple(law for law in every if law)
+
+    @cached_property
+    def _groups(self) -> tuple[tuple[str, int], ...]:
+        one = self.limbs[0]
+        sizes = len(one.joints), self.pose_size, len(one.dimensions), len(one.constants)
+        return tuple(zip("qxgc", sizes, strict=True))
+
+    @cached_property
+    def _closure(self) -> Law:
+        rows = len(self.limbs[0].rows)
+        fixed, near = ("g", "c"), ("x", "q")
+        return Law(
+            self.law_name, self._groups, rows, self.equation, fixed, ("x",), near, ("g",)
+        )
+
+    @cached_property
+    def _opening(self) -> Law | None:
+        own = type(self).opening
+        if own is None:
+            return None
+        count = len(self.limbs)
+        groups = tuple((name, count * size) for name, size in self._groups if name != "x")
+        law = partial(_of_limbs, own, groups, count)
+        return Law(
+            f"{self.law_name}_opening", groups, self.pose_size, law, ("g", "c")
+        )
+
+    @cached_property
+    def _reaching(self) -> Law | None:
+        own = type(self).reaching
+        if own is None:
+            return None
+        name, joints = f"{self.law_name}_reaching", len(self.limbs[0].joints)
+        return Law(name, self._groups[1:], joints, own, ("g", "c"))
+
+    @cached_property
+    def _point(self) -> Law:
+        shared = type(self).point is Mechanism.point
+        name = f"point_{self.pose_size}" if shared else f"{self.law_name}_point"
+        groups = (("x", self.pose_size), ("o", 3))
+        return Law(name, groups, 3, type(self).point, (), (), (), ("x", "o"))
+
+    @cached_property
+    def _masses(self) -> Law:
+        own, count = type(self).masses, len(self.moving)
+        if own is None:
+            groups: tuple[tuple[str, int], ...] = (("x", self.pose_size), ("q", 0), ("g", 0))
+            law, name = partial(_at_centre, type(self).point), f"{self._point.name}_centre"
+            return Law(name, groups, 3, law, (), (), (), ("x", "q"))
+        limbs = len(self.limbs)
+        sizes = tuple((name, limbs * size) for name, size in self._groups if name != "x")
+        law = partial(_of_limbs_and_pose, own, sizes, limbs)
+        groups = (("x", self.pose_size), *sizes)
+        return Law(f"{self.law_name}_masses", groups, 3 * count, law, (), (), (), ("x", "q"))
+
+    def _known(self, g: Array) -> Array:
+        """Dimensions with the fixed numbers behind them, (n or 1, p + c)."""
+        rows = _rows(g, len(self.parameters))
+        return np.hstack([rows, np.tile(self.fixed, (len(rows), 1))])
+
+    @cached_property
+    def _compiled(self) -> _Compiled:
+        closure, each = self._closure, self.limbs
+        offsets, law = closure.offsets, closure.compiled
+        places = [offsets[name] for name in ("q", "x", "g", "c", "f", "f_x", "f_q", "f_g")]
+        sizes = self.joints, self.pose_size, len(self.parameters), self._closures, self.task_size
+        limbs = _kernels().Limbs(
+            law=np.array(law.addresses),
+            at=np.array([*places, *law.shared]),
+            joints=np.array([limb.joints for limb in each]),
+            params=np.array([limb.dimensions for limb in each]),
+            rows=np.array([limb.rows for limb in each]),
+            consts=np.array([limb.constants for limb in each], dtype=float),
+            fixed=np.array(self.fixed, dtype=float),
+            sizes=np.array(sizes),
+            most=np.array(self.most_misfit, dtype=float),
+        )
+        return _Compiled(limbs, law.size)
+
+    def _reached(self, x: Array, g: Array) -> Array:
+        """Joints by `reaching`, limb by limb, (n, m)."""
+        assert self._reaching is not None
+        q, known = np.empty((len(x), self.joints)), self._known(g)
+        for limb in self.limbs:
+            found, constants = np.empty((len(x), len(limb.joints))), np.array(limb.constants)
+            _started(self._reaching, x, known[:, list(limb.dimensions)], constants, found)
+            q[:, list(limb.joints)] = found
+        return q
+
+    def loads(
+        self,
+        masses: Any,
+        asked: int,
+        q: Array,
+        x: Array,
+        g: Array,
+        rate: Array,
+        acceleration: Array,
+        payload: Array,
+        centre: Array,
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Forces that the machine carries, see model/loads.py; zeros where not asked for.
+
+        Args:
+            masses: the robot's.
+            asked: flags of what is wanted.
+            q: joints, (n, m).
+            x: poses, (n, k).
+            g: dimensions, (p,) or (n, p).
+            rate: of the joints [1/s], (n, m).
+            acceleration: of the joints [1/s^2], (n, m).
+            payload: [kg], (n,).
+            centre: of the payload in the platform [m], (n, 3).
+
+        Returns:
+            Torques of weight and of inertia on the joints, (n, m) each, dU/dg (n, p), pulls of
+            the limbs and their pulls at home, (n, R) each.
+        """
+        c, bearing = self._compiled, self.bearing(masses)
+        n, m = len(q), self.joints
+        found = _loads().every(
+            c.limbs, c.size, bearing, asked, *self._samples(q, x, g), _rows(rate, m, n),
+            _rows(acceleration, m, n), _rows(payload[:, None], 1, n)[:, 0], _rows(centre, 3, n),
+        )  # fmt: skip
+        weight, inertia, load, pull, home = found
+        return weight, inertia, load, pull, home
+
+    def mass_places(self, q: Array, x: Array, g: Array) -> Array:
+        """Places of all masses but the payload, (n, K, 3) [m], of poses x (n, k)."""
+        c = self._compiled
+        found = _loads().places(c.limbs, self.bearing(None), _rows(q), _rows(x), _rows(g))
+        return np.asarray(found)
+
+    def body(self, masses: Any) -> Any:
+        """The mechanism as the compiled chain takes it (model/stand.py)."""
+        stand, c = _stand(), self._compiled
+        law, every = self._opening, self.limbs
+        none = np.zeros(0, dtype=np.int64)
+        opening = stand.Opening(none, np.zeros(5, dtype=np.int64), none, none, np.zeros(0))
+        if law is not None:
+            places = [law.offsets[name] for name in "qgcf"]
+            opening = stand.Opening(
+                np.array(law.compiled.addresses),
+                np.array([*places, law.compiled.size]),
+                np.array([j for limb in every for j in limb.joints]),
+                np.array([d for limb in every for d in limb.dimensions]),
+                np.array([v for limb in every for v in limb.constants], dtype=float),
+            )
+        bearing, home = self.bearing(masses), self._home_joints
+        return stand.Body(c.limbs, c.size, bearing, opening, home, _STAGES)
+
+    def bearing(self, masses: Any) -> Any:
+        """What it carries and where, as the compiled loops take it (model/loads.py)."""
+        point, mass = self._point, self._masses
+        every = self.limbs if type(self).masses is not None else ()
+        dims = [number for limb in every for number in limb.dimensions]
+        of_point = [point.offsets[name] for name in ("x", "o", "f", "f_x")]
+        of_mass = [mass.offsets[name] for name in ("x", "q", "g", "f", "f_x", "f_q")]
+        return _loads().Bearing(
+            np.array(point.compiled.addresses),
+            np.array([*of_point, point.compiled.size]),
+            np.array(mass.compiled.addresses),
+            np.array([*of_mass, mass.compiled.size]),
+            np.array(dims, dtype=np.int64),
+            np.array(self.weights(masses), dtype=float),
+            np.array(self.moving, dtype=float),
+            np.array(self.home_pose, dtype=float),
+            float(self.pretension),
+            np.array([c for limb in every for c in limb.constants]),
+            np.array([j for limb in every for j in limb.joints], dtype=np.int64),
+        )
+
+    @property
+    def pretension(self) -> float:
+        """Pull that is kept in every limb that can only pull [N]."""
+        return 0.0
 
     def condition(self, q: Array, x: Array, g: Array) -> Array:
         """How far a pose is from being regular, (n,): 1 is as good as home, infinite is singular.
@@ -164,14 +486,14 @@ class Mechanism(ABC):
         gains a freedom (f_x singular), where it loses one (f_q singular), and also where it loses
         all at once, which the plain condition number does not see.
         """
-        typical = self._typical_gain
+        typical = self.typical_gain
         gains = self._singular_values(self.velocity_jacobian(q, x, g))
         most, least = np.fmax(gains[:, 0], typical), np.fmin(gains[:, -1], typical)
         return np.divide(most, least, out=np.full_like(most, np.inf), where=least > 0)
 
     @cached_property
-    def _typical_gain(self) -> float:
-        """Mean gain of the nominal machine at home [m/rad]."""
+    def typical_gain(self) -> float:
+        """Mean gain of the nominal machine at home [m/rad], that `condition` compares with."""
         home, nominal = self.home[None], self.parameters.nominal
         slope = self.velocity_jacobian(home, self.forward(home, nominal), nominal)
         gains = self._singular_values(slope)
@@ -325,12 +647,74 @@ def divide(left: Array, matrix: Array) -> Array:
     return np.swapaxes(matrix @ solve(turned @ matrix, np.swapaxes(left, -1, -2)), -1, -2)
 
 
-def _settled(step: Array) -> bool:
-    """Whether no sample moves any more; unsolvable ones (NaN) do not hold up the others."""
-    return bool(np.max(np.nan_to_num(np.abs(step)), initial=0.0) <= _NEWTON_TOLERANCE)
+def _of_limbs(
+    law: Callable[[Any, Any, Any], Any],
+    groups: tuple[tuple[str, int], ...],
+    count: int,
+    *every: Any,
+) -> Any:
+    """A law that takes lists by limb, of symbols that hold all limbs one after the other."""
+    parts = []
+    for values, (_, size) in zip(every, groups, strict=True):
+        own = size // count
+        parts.append([values[own * limb : own * (limb + 1)] for limb in range(count)])
+    return law(*parts)
 
 
-def _without_strays(solution: Array, missed: Array) -> Array:
-    """The solution with NaN in the rows where the equation is not met."""
-    good = np.isfinite(solution).all(axis=1) & (np.abs(missed).max(axis=1) < _STRAY)
-    return np.where(good[:, None], solution, np.nan)
+def _of_limbs_and_pose(
+    law: Callable[..., Any], groups: tuple[tuple[str, int], ...], count: int, x: Any, *every: Any
+) -> Any:
+    """The same of a law that takes the pose before the lists."""
+    return _of_limbs(partial(law, x), groups, count, *every)
+
+
+def _at_centre(point: Callable[[Any, Any], Any], x: Any, q: Any, g: Any) -> Any:
+    """One mass at the platform's centre."""
+    del q, g
+    return point(x, symbols.column(0, 0, 0))
+
+
+def _started(law: Law, q: Array, g: Array, c: Array, found: Array) -> None:
+    """Evaluate a law of three groups (joints or poses, dimensions, constants), into `found`."""
+    groups = [name for name, _ in law.groups]
+    places = np.array([law.offsets[name] for name in (*groups, "f")])
+    code, size = np.array(law.compiled.addresses), law.compiled.size
+    sizes = [count for _, count in law.groups]
+    n = len(found)
+    known = _rows(g, sizes[1], 1 if len(g) == 1 else n)
+    _kernels().started(code, places, size, c, _rows(q, sizes[0], n), known, found)
+
+
+def _rows(values: Array, size: int, n: int | None = None) -> Array:
+    """Values (n, size), or (size,) as one row, in memory as the compiled loops take it.
+
+    Raises:
+        ValueError: they are not so many; compiled loops would read what lies behind them.
+    """
+    rows = np.require(values, np.float64, ["C", "A", "W"])
+    rows = rows[None] if rows.ndim == 1 else rows
+    if rows.ndim != 2 or rows.shape[1] != size or (n is not None and len(rows) != n):
+        some = "n" if n is None else n
+        raise ValueError(f"values of shape {np.shape(values)} are not allowed; ({some}, {size})")
+    return rows
+
+
+def _loads() -> Any:
+    """The compiled forces."""
+    from delta_calibration.model import loads
+
+    return loads
+
+
+def _stand() -> Any:
+    """The compiled chain."""
+    from delta_calibration.model import stand
+
+    return stand
+
+
+def _kernels() -> Any:
+    """The compiled loops; numba is loaded with the first use."""
+    from delta_calibration.model import kernels
+
+    return kernels

@@ -10,12 +10,13 @@ from scipy.optimize import nnls
 
 from delta_calibration.errors import ReachError
 from delta_calibration.geometry import rotations
-from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.mechanisms.base import Limb, Mechanism
 from delta_calibration.mechanisms.cable_dimensions import (
     CableDimensions,
     CableMasses,
     CableTolerances,
 )
+from delta_calibration.model.symbols import Symbol, norm, rotation
 from delta_calibration.parameters import Parameter, ParameterSet
 
 Array = NDArray[np.float64]
@@ -63,59 +64,54 @@ class CableRobot(Mechanism):
         self.pose_size = self.task_size = len(dimensions.home)
         self.joint_size = _LEVER / float(dimensions.gain.mean())
         self._is_body = self.pose_size == 6
+        self.variant = "_body" if self._is_body else "_point"
         self._gain = 6 if self._is_body else 3  # column of k among a cable's parameters
         self._size = self._gain + 1 + self.free_zeros
         each = (self._cable_parameters(i) for i in range(self.joints))
         self.parameters = ParameterSet(tuple(p for cable in each for p in cable))
 
-    def closure(self, q: Array, x: Array, g: Array) -> Array:
-        """Distance of anchor and platform joint less the length let out, (n, m) [m]."""
-        return np.asarray(self.lengths(x, g) - self._let_out(q, g))
+    @property
+    def fixed(self) -> Array:
+        """The zero of a counter that has none to be wrong."""
+        return np.zeros(1)
 
-    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
-        """-[u, u . d(R b)/dw] with u from platform to anchor, (n, m, k)."""
-        return self._lengths_by_pose(x, g)
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """The cables: a, b of a body, k, z; where the counters are zero."""
+        p = self.joints * self._size
+        home = tuple(self.dimensions.home.tolist())
+        return tuple(
+            Limb(
+                (i,),
+                (*range(self._size * i, self._size * (i + 1)), *(() if self.free_zeros else (p,))),
+                (i,),
+                home,
+            )
+            for i in range(self.joints)
+        )
 
-    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
-        """Diagonal: each motor lets out its own cable, (n, m, m) [m/rad]."""
-        gain = np.broadcast_to(self._cables(g)[..., self._gain], q.shape)
-        return np.asarray(-gain[..., None] * np.eye(self.joints))
+    @property
+    def home_pose(self) -> Array:
+        """Whose assembly mode all other poses share, (k,)."""
+        return np.array(self.dimensions.home)
 
-    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
-        """df/dg, (n, m, p): a cable's own parameters on the diagonal."""
+    @property
+    def most_misfit(self) -> Array:
+        """By how much of its length at home each cable may be off before it tears, (m,) [m]."""
         home = self.dimensions.home[None]
-        u, at_home = self.directions(x, g), self.directions(home, g)
-        block = np.empty((*q.shape, self._size))
-        block[..., :3] = u - at_home
-        if self._is_body:  # v @ R is R^T v
-            block[..., 3:6] = at_home @ self.rotation(home) - u @ self.rotation(x)
-        block[..., self._gain] = -q
-        block[..., self._gain + 1 :] = -1.0
-        spread = block[:, :, None, :] * np.eye(self.joints)[:, :, None]
-        return np.asarray(spread.reshape(*q.shape, -1))
+        return np.asarray(_TORN * self.lengths(home, self.parameters.nominal)[0])
 
-    def start(self, q: Array, g: Array) -> Array:
-        """The home pose, whose assembly mode all others share."""
-        return np.tile(self.dimensions.home, (len(q), 1))
+    @staticmethod
+    def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Distance of anchor and platform joint less the length let out [m]."""
+        gain, zero = g[-2], g[-1]
+        return _distance(x, g) - _distance(c, g) - zero - gain * q
 
-    def start_joints(self, task: Array, g: Array) -> Array:
-        """The solution itself: the inverse problem is closed."""
-        return self.inverse(task, g)
-
-    def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
-        """Pose of least squared misfit of the lengths, (n, k); NaN where cables would be torn."""
-        x = super().forward(q, g, guess)
-        misfit = np.abs(self.closure(q, x, g)) / self.lengths(x, g)
-        return np.where(misfit.max(axis=1, keepdims=True) < _TORN, x, np.nan)
-
-    def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
-        """Motor angles theta = (l - l_0) / k, (n, m) [rad]; paper 002 (2), (3).
-
-        `guess` is not needed and not used.
-        """
-        gain = self._cables(g)[..., self._gain]
-        nothing = np.zeros((len(task), self.joints))
-        return np.asarray((self.lengths(task, g) - self._let_out(nothing, g)) / gain)
+    @staticmethod
+    def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Motor angle theta = (l - l_0) / k [rad]; paper 002 (2), (3)."""
+        gain, zero = g[-2], g[-1]
+        return (_distance(x, g) - _distance(c, g) - zero) / gain
 
     def lengths(self, x: Array, g: Array) -> Array:
         """Distance of anchor and platform joint of each cable, (n, m) [m]."""
@@ -138,7 +134,7 @@ class CableRobot(Mechanism):
             g: geometry.
             load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
         """
-        structure = np.swapaxes(self._lengths_by_pose(x, g), 1, 2)
+        structure = np.swapaxes(self.closure_by_pose(self._still(x), x, g), 1, 2)
         inverse = np.linalg.pinv(np.nan_to_num(structure))  # where it is NaN `missed` is, too
         wished = np.full((len(x), self.joints, 1), self.dimensions.pretension)
         missed = -load[..., None] - structure @ wished
@@ -174,7 +170,7 @@ class CableRobot(Mechanism):
         if not bad.size:
             return
         row = slice(bad[0], bad[0] + 1)
-        structure = self._lengths_by_pose(x[row], g)[0].T
+        structure = self.closure_by_pose(self._still(x[row]), x[row], g)[0].T
         missed = nnls(structure, -load[bad[0]])[1]  # [N, N m]
         if missed > _BORNE * np.linalg.norm(load[bad[0]]):
             raise ReachError(
@@ -197,19 +193,14 @@ class CableRobot(Mechanism):
         turned = self._joints(g) @ np.swapaxes(self.rotation(x), 1, 2)
         return np.asarray(self._cables(g)[..., :3] - x[:, None, :3] - turned)
 
-    def _lengths_by_pose(self, x: Array, g: Array) -> Array:
-        u = self.directions(x, g)
-        if not self._is_body:
-            return -u
-        turn = rotations.exp_times_derivative(x[:, None, 3:], self._joints(g))
-        return -np.concatenate([u, (u[..., None, :] @ turn)[..., 0, :]], axis=-1)
+    def _still(self, x: Array) -> Array:
+        """Joints, of no matter for how the lengths change with the pose, (n, m)."""
+        return np.zeros((len(x), self.joints))
 
-    def _let_out(self, q: Array, g: Array) -> Array:
-        """l_0 + k theta, (n, m) [m]."""
-        cable = self._cables(g)
-        zero = cable[..., self._gain + 1] if self.free_zeros else 0.0
-        home = self.lengths(self.dimensions.home[None], g)
-        return np.asarray(home + zero + cable[..., self._gain] * q)
+    @property
+    def pretension(self) -> float:
+        """That the drives keep every cable near [N]."""
+        return self.dimensions.pretension
 
     def _cable_parameters(self, row: int) -> list[Parameter]:
         d, t = self.dimensions, self.tolerances
@@ -234,3 +225,9 @@ class CableRobot(Mechanism):
                 Parameter(f"zero_{number}", "m", 0.0, t.zero, "joint_zero_offset", **rest)
             )
         return parameters
+
+
+def _distance(x: Symbol, g: Symbol) -> Symbol:
+    """|a - P - R(w) b| [m]; of a point b is nothing."""
+    turned = rotation(x[3:6]) @ g[3:6] if x.shape[0] == 6 else 0.0
+    return norm(g[0:3] - x[0:3] - turned)

@@ -16,14 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.geometry import rotations
-from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.model.symbols import Symbol, about_z, column, cos, sin, tilt
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.sections import as_written, length, mass, quantity, refused, tolerance
 
 Array = NDArray[np.float64]
 
 LEGS = 3
-LEG_FRAMES: Array = rotations.about_z(2 * np.pi / 3 * np.arange(LEGS))  # (3, 3, 3)
+_STANDS = 2 * np.pi / 3 * np.arange(LEGS)  # [rad] about z
+LEG_FRAMES: Array = rotations.about_z(_STANDS)  # (3, 3, 3)
+LEG_TURNS = tuple(zip(np.cos(_STANDS).tolist(), np.sin(_STANDS).tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -99,31 +102,57 @@ class DeltaModel(Mechanism):
         each = (self._leg_parameters(leg) for leg in range(1, LEGS + 1))
         self.parameters = ParameterSet(tuple(chain.from_iterable(each)))
 
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """The legs, each with its motor, its dimensions and cosine and sine of where it stands."""
+        size, rows = len(self.parameters) // LEGS, self.pose_size // LEGS
+        return tuple(
+            Limb(
+                (leg,),
+                tuple(range(leg * size, (leg + 1) * size)),
+                tuple(range(leg * rows, (leg + 1) * rows)),
+                LEG_TURNS[leg],
+            )
+            for leg in range(LEGS)
+        )
+
+    def weights(self, masses: DeltaMasses | None) -> Array:
+        """Platform with half of each rod; at each elbow half of its rods and the arm's part [kg].
+
+        An arm's mass is shared out between hinge and elbow, so that its centre stays.
+        """
+        if masses is None:
+            return np.zeros(1 + LEGS)
+        at_elbow = masses.arm * masses.arm_centre + masses.rod
+        return np.array([masses.on_platform, *LEGS * (at_elbow,)])
+
+    @property
+    def moving(self) -> Array:
+        """What the platform carries; the inertia of the arms is left out."""
+        return np.array([1.0, *LEGS * (0.0,)])
+
     @abstractmethod
     def _leg_parameters(self, leg: int) -> list[Parameter]:
         """Parameters of leg 1, 2 or 3, in the order of the model's vector."""
 
 
-def tilt_vector(about_x: Array, about_z: Array) -> Array:
-    """Rotation vector of a tilt that leaves out the turn about y.  (...), (...) -> (..., 3)."""
-    return np.stack([about_x, np.zeros_like(about_x), about_z], axis=-1)
+def arm_end(angle: Symbol, hinge_tilt: Symbol, arm: Symbol) -> Symbol:
+    """T u(angle) L: from the hinge to the middle of the elbow, in the leg's frame [m].
+
+    Args:
+        angle: of the arm [rad], the encoder's zero included.
+        hinge_tilt: of the motor's axis about x and z [rad], (2).
+        arm: its length [m].
+    """
+    direction = column(cos(angle), 0, -sin(angle))
+    return arm * (hinge_frame(hinge_tilt) @ direction)
 
 
-def arm_direction(angle: Array) -> Array:
-    """u = (cos, 0, -sin): unit vector of the arm in its hinge frame.  (...,) -> (..., 3)."""
-    return np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=-1)
+def hinge_frame(about: Symbol) -> Symbol:
+    """Rotation of a part that is tilted about x and z, (2) [rad], and not about y."""
+    return tilt(column(about[0], 0, about[1]))
 
 
-def arm_turn(angle: Array) -> Array:
-    """du/dq.  (...,) -> (..., 3)."""
-    return np.stack([-np.sin(angle), np.zeros_like(angle), -np.cos(angle)], axis=-1)
-
-
-def to_base(vectors: Array) -> Array:
-    """Vectors of the three hinge frames in the base.  (n, 3, ..., 3) -> the same shape."""
-    return np.asarray(np.einsum("cij,nc...j->nc...i", LEG_FRAMES, vectors))
-
-
-def to_legs(vectors: Array) -> Array:
-    """The same vectors of the base seen from each leg's place.  (n, 3) -> (n, 3 legs, 3)."""
-    return np.asarray(np.einsum("cji,nj->nci", LEG_FRAMES, vectors))
+def leg_frame(c: Symbol) -> Symbol:
+    """Rotation about z to where a leg stands, by cosine and sine."""
+    return about_z(c[0], c[1])

@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.model.symbols import Symbol, column, cos, rows, sin, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.sections import as_written, length, place, refused, tolerance
 
@@ -21,9 +22,10 @@ Array = NDArray[np.float64]
 STRUTS = 4
 _SIZE = 6  # parameters a strut
 PLATFORM, SLIDER = slice(0, 3), slice(3, 6)  # each x, y, z
-TURNS_ABOUT_Y = np.array([1.0, 1.0, 0.0, 0.0])  # struts 3, 4 hold the part that only turns about x
-SIDE = np.array([-1.0, 1.0, -1.0, 1.0])  # in y
-ABOVE = np.array([1.0, 1.0, -1.0, -1.0])  # the slider over its platform joint, or under it
+TURNS_ABOUT_Y = (1.0, 1.0, 0.0, 0.0)  # struts 3, 4 hold the part that only turns about x
+SIDE = (-1.0, 1.0, -1.0, 1.0)  # in y
+ABOVE = (1.0, 1.0, -1.0, -1.0)  # the slider over its platform joint, or under it
+_TURNS, _ABOVE, _LENGTH = range(3)  # constants of a strut
 
 
 @dataclass(frozen=True)
@@ -107,55 +109,50 @@ class FiveAxis(Mechanism):
         self.parameters = ParameterSet(
             tuple(p for strut, pair in enumerate(pairs) for p in self._strut(strut, pair))
         )
-        centre, nominal = np.array([[0.0, dimensions.height, 0.0, 0.0]]), self.parameters.nominal
-        self._centre = centre
-        self._home = self.start_joints(centre, nominal)
-        self._slope_at_home = self.velocity_jacobian(self._home, centre, nominal)[0]
 
     @property
     def home(self) -> Array:
         """Sliders of the level platform in the middle of the workspace, (4,) [m]."""
-        return np.array(self._home[0])
+        return np.array(self.inverse(self.home_pose[None], self.parameters.nominal)[0])
 
     @property
     def tool(self) -> Array:
         """The tool's tip in the platform, (3,) [m]."""
         return np.array([0.0, 0.0, self.dimensions.tool])
 
-    def closure(self, q: Array, x: Array, g: Array) -> Array:
-        """Squared length of each strut less what it should be, (n, 4) [m^2]."""
-        return np.asarray(np.sum(self._struts(q, x, g) ** 2, axis=-1) - self.lengths**2)
+    @staticmethod
+    def point(x: Symbol, o: Symbol) -> Symbol:
+        """A point fixed to the platform at o, in the base [m]."""
+        return column(0, x[0], x[1]) + _turn(x[2], x[3]) @ o
 
-    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
-        """2 s . [e_y, e_z, dT/dA t, dT/dB t], (n, 4, 4)."""
-        s, t = self._struts(q, x, g), _struts_of(g)[..., PLATFORM]
-        by_a = _about_x(x[:, 2], _about_y(_angle_y(x), t), slope=True)
-        by_b = _about_x(x[:, 2], TURNS_ABOUT_Y[:, None] * _about_y(_angle_y(x), t, slope=True))
-        return 2 * np.stack([s[..., 1], s[..., 2], _dot(s, by_a), _dot(s, by_b)], axis=-1)
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """The struts."""
+        return tuple(
+            Limb(
+                (i,),
+                tuple(range(_SIZE * i, _SIZE * (i + 1))),
+                (i,),
+                (TURNS_ABOUT_Y[i], ABOVE[i], float(self.lengths[i])),
+            )
+            for i in range(STRUTS)
+        )
 
-    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
-        """-2 s_z, each slider in its own closure only, (n, 4, 4)."""
-        return np.asarray(-2 * self._struts(q, x, g)[..., 2, None] * np.eye(STRUTS))
+    @property
+    def home_pose(self) -> Array:
+        """The level platform in the middle of the workspace, (4,)."""
+        return np.array([0.0, self.dimensions.height, 0.0, 0.0])
 
-    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
-        """2 [T^T s, -s], blocks of six columns on the diagonal, (n, 4, 24)."""
-        s = self._struts(q, x, g)
-        in_platform = _about_y(-_angle_y(x), _about_x(-x[:, 2], s))
-        block = 2 * np.concatenate([in_platform, -s], axis=-1)
-        own = np.eye(STRUTS)[..., None] * block[:, :, None, :]
-        return np.asarray(own.reshape(len(s), STRUTS, STRUTS * _SIZE))
+    @staticmethod
+    def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Squared length of one strut less what it should be [m^2]."""
+        return square(_strut(q, x, g, c)) - c[_LENGTH] ** 2
 
-    def start(self, q: Array, g: Array) -> Array:
-        """What the nominal machine does at first order about its home, (n, 4)."""
-        del g
-        return np.asarray(self._centre + (q - self._home) @ self._slope_at_home.T)
-
-    def start_joints(self, task: Array, g: Array) -> Array:
-        """The solution itself, sliders 1, 2 over and 3, 4 under their joints; NaN out of reach."""
-        s = self._struts(np.zeros_like(task), task, g)
-        with np.errstate(invalid="ignore"):
-            rise = np.sqrt(self.lengths**2 - s[..., 0] ** 2 - s[..., 1] ** 2)
-        return np.asarray(s[..., 2] + ABOVE * rise)
+    @staticmethod
+    def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Slider over its platform joint, or under it; closed form."""
+        s = _strut(0.0, x, g, c)
+        return s[2] + c[_ABOVE] * sqrt(c[_LENGTH] ** 2 - s[0] ** 2 - s[1] ** 2)
 
     def task(self, position: Array, turn: Array) -> Array:
         """y, z, A, B, (n, 4); x is no choice."""
@@ -169,13 +166,6 @@ class FiveAxis(Mechanism):
     def freedoms(self) -> tuple[int, ...]:
         """y, z, and about x and y."""
         return (1, 2, 3, 4)
-
-    def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
-        """Heights of the sliders, (n, 4) [m]; closed form.
-
-        `guess` is not needed and not used.
-        """
-        return self.start_joints(task, g)
 
     def position(self, x: Array) -> Array:
         """(0, y, z), (n, 3) [m]."""
@@ -212,22 +202,18 @@ class FiveAxis(Mechanism):
             for axis, value in zip("xyz", place, strict=True)
         ]
 
-    def _struts(self, q: Array, x: Array, g: Array) -> Array:
-        """From slider joint to platform joint, (n, 4, 3) [m] in the base."""
-        strut = _struts_of(g)
-        turned = _about_x(x[:, 2], _about_y(_angle_y(x), strut[..., PLATFORM]))
-        rise = np.stack([np.zeros_like(q), x[:, :1] + 0 * q, x[:, 1:2] - q], axis=-1)
-        return turned + rise - strut[..., SLIDER]
+
+def _strut(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
+    """From slider joint to platform joint, in the base [m]."""
+    turned = _turn(x[2], c[_TURNS] * x[3]) @ g[PLATFORM]
+    return turned + column(0, x[0], x[1] - q) - g[SLIDER]
 
 
-def _struts_of(g: Array) -> Array:
-    """Geometry by strut.  (24,) or (n, 24) -> (4, 6) or (n, 4, 6)."""
-    return g.reshape((*g.shape[:-1], STRUTS, _SIZE))
-
-
-def _angle_y(x: Array) -> Array:
-    """By how much each strut's end turns about y, (n, 4) [rad]: B, or nothing."""
-    return np.asarray(x[:, 3, None] * TURNS_ABOUT_Y)
+def _turn(a: Symbol, b: Symbol) -> Symbol:
+    """R_X(a) R_Y(b)."""
+    about_x = rows(column(1, 0, 0), column(0, cos(a), -sin(a)), column(0, sin(a), cos(a)))
+    about_y = rows(column(cos(b), 0, sin(b)), column(0, 1, 0), column(-sin(b), 0, cos(b)))
+    return about_x @ about_y
 
 
 def _about_x(angle: Array, v: Array, slope: bool = False) -> Array:
@@ -246,7 +232,3 @@ def _about_y(angle: Array, v: Array, slope: bool = False) -> Array:
     if slope:
         return np.stack([-s * x + c * z, np.zeros_like(c * x), -c * x - s * z], axis=-1)
     return np.stack([c * x + s * z, v[..., 1] + np.zeros_like(c), -s * x + c * z], axis=-1)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.sum(a * b, axis=-1))

@@ -9,17 +9,17 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.mechanisms.base import Mechanism
-from delta_calibration.mechanisms.rotary_delta import lower_meeting_point
+from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.mechanisms.spheres import lower_meeting_point
+from delta_calibration.model.symbols import Symbol, column, cos, sin, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.sections import angle, as_written, length, refused, tolerance
 
 Array = NDArray[np.float64]
 
 TOWERS = 3
-RADIUS = 0  # columns of the parameters
 _APART = np.pi / 180  # [rad] of two towers about the axis, at least
-ANGLE, ENDSTOP, ARM = slice(1, 4), slice(4, 7), slice(7, 10)
+RADIUS, ANGLE, ENDSTOP, ARM = range(4)  # dimensions of a tower
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,7 @@ class LinearDelta(Mechanism):
     joint_unit: ClassVar[str] = "m"
     home_is: ClassVar[str] = "half of geometry.height_mm"
     joint_size: float = 0.3
+    exact: ClassVar[bool] = True
     joints: int = TOWERS
     pose_size: int = 3
     task_size: int = 3
@@ -100,56 +101,30 @@ class LinearDelta(Mechanism):
         """Carriages of the platform in the middle, half way up, (3,) [m]."""
         return np.full(TOWERS, self.dimensions.height / 2)
 
-    def closure(self, q: Array, x: Array, g: Array) -> Array:
-        """|x - c_i|^2 - L_i^2, (n, 3) [m^2]."""
-        return np.asarray(np.sum(self._arms(q, x, g) ** 2, axis=-1) - g[..., ARM] ** 2)
+    @property
+    def limbs(self) -> tuple[Limb, ...]:
+        """The towers; the radius is all of theirs."""
+        return tuple(Limb((i,), (0, 1 + i, 4 + i, 7 + i), (i,)) for i in range(TOWERS))
 
-    def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
-        """2 (x - c_i), (n, 3, 3)."""
-        return 2 * self._arms(q, x, g)
+    @staticmethod
+    def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """|x - c_i|^2 - L_i^2 of one tower [m^2]."""
+        del c
+        return square(x - _carriage(q, g)) - g[ARM] ** 2
 
-    def closure_by_joints(self, q: Array, x: Array, g: Array) -> Array:
-        """Each carriage in its own closure only, (n, 3, 3)."""
-        return np.asarray(2 * self._arms(q, x, g)[..., 2, None] * np.eye(TOWERS))
+    @staticmethod
+    def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Platform's centre under the carriages; closed form."""
+        del c
+        carriages = tuple(_carriage(q[tower], g[tower]) for tower in range(TOWERS))
+        return lower_meeting_point(carriages, tuple(tower[ARM] for tower in g))
 
-    def closure_by_geometry(self, q: Array, x: Array, g: Array) -> Array:
-        """The radius in every closure, the rest each in its own, (n, 3, 10)."""
-        s = self._arms(q, x, g)
-        along, across = _radial(g), _tangential(g)
-        own = np.eye(TOWERS)
-        f = np.empty((*q.shape, len(self.parameters)))
-        f[..., RADIUS] = -2 * np.sum(s[..., :2] * along, axis=-1)
-        by_angle = -2 * g[..., RADIUS, None] * np.sum(s[..., :2] * across, axis=-1)
-        f[..., ANGLE] = by_angle[..., None] * own
-        f[..., ENDSTOP] = -2 * s[..., 2, None] * own
-        f[..., ARM] = -2 * g[..., None, ARM] * own
-        return f
-
-    def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
-        """Platform's centre under the carriages, (n, 3) [m]; closed form, NaN out of reach.
-
-        `guess` is not needed and not used.
-        """
-        arm = np.broadcast_to(g[..., ARM], q.shape)
-        return lower_meeting_point(_carriages(q, g), arm)
-
-    def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
-        """Carriages above the platform, (n, 3) [m]; closed form, NaN out of reach.
-
-        `guess` is not needed and not used.
-        """
-        s = self._arms(np.zeros_like(task), task, g)
-        with np.errstate(invalid="ignore"):
-            rise = np.sqrt(g[..., ARM] ** 2 - s[..., 0] ** 2 - s[..., 1] ** 2)
-        return np.asarray(-s[..., 2] - rise)
-
-    def start(self, q: Array, g: Array) -> Array:
-        """The solution itself: the direct problem is closed."""
-        return self.forward(q, g)
-
-    def start_joints(self, task: Array, g: Array) -> Array:
-        """The solution itself: the inverse problem is closed."""
-        return self.inverse(task, g)
+    @staticmethod
+    def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Carriage above the platform; closed form."""
+        del c
+        away = x - _carriage(0.0, g)
+        return -away[2] - sqrt(g[ARM] ** 2 - away[0] ** 2 - away[1] ** 2)
 
     def _radius(self) -> Parameter:
         d, t = self.dimensions, self.tolerances
@@ -168,23 +143,7 @@ class LinearDelta(Mechanism):
         for i in range(1, TOWERS + 1):
             yield Parameter(f"arm_{i}", "m", d.arm, t.arm, "arm_length", f"joint_{i}")
 
-    def _arms(self, q: Array, x: Array, g: Array) -> Array:
-        """From carriage to platform, (n, 3 towers, 3) [m]."""
-        return x[:, None, :] - _carriages(q, g)
 
-
-def _radial(g: Array) -> Array:
-    """From the axis towards each tower.  (10,) or (n, 10) -> (3, 2) or (n, 3, 2)."""
-    return np.stack([np.cos(g[..., ANGLE]), np.sin(g[..., ANGLE])], axis=-1)
-
-
-def _tangential(g: Array) -> Array:
-    """Its derivative by the tower's angle."""
-    return np.stack([-np.sin(g[..., ANGLE]), np.cos(g[..., ANGLE])], axis=-1)
-
-
-def _carriages(q: Array, g: Array) -> Array:
-    """Joints of the carriages, moved in by the platform's radius, (n, 3 towers, 3) [m]."""
-    height = g[..., ENDSTOP] - q
-    around = np.broadcast_to(g[..., RADIUS, None, None] * _radial(g), (*height.shape, 2))
-    return np.concatenate([around, height[..., None]], axis=-1)
+def _carriage(q: Symbol, g: Symbol) -> Symbol:
+    """Joint of a carriage, moved in by the platform's radius [m]."""
+    return column(g[RADIUS] * cos(g[ANGLE]), g[RADIUS] * sin(g[ANGLE]), g[ENDSTOP] - q)

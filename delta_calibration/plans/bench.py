@@ -27,7 +27,7 @@ _AMBIENT = 20.0  # [deg C]
 SLOTS = ((0.0, 0.0), (1800.0, 7.0), (3600.0, 10.0), (5400.0, 4.0), (7200.0, 1.5))
 _WARMEST = 2
 _MATTERS = 1e-6  # share of a column by which it changes
-_SPEED, _ACCELERATION = 0.5, 5.0  # [rad/s], [rad/s^2] of a brisk motion
+_SPEED, _ACCELERATION = 0.5, 5.0  # [rad/s], [rad/s^2] of a Delta's brisk motion
 _ALONG = 48  # samples of a path that are looked at
 
 
@@ -50,14 +50,15 @@ class Bench:
     begin: float  # [s]
     sensors: tuple[str, ...]
     celsius: Array  # (parts,)
+    joint_size: float = 1.0  # of the joints' unit, that does what one radian does on a Delta
 
     @classmethod
-    def after(cls, measured: Evidence | None) -> Bench:
+    def after(cls, measured: Evidence | None, joint_size: float = 1.0) -> Bench:
         """After what was measured; with the usual sensors where that is nothing."""
         if measured is None:
-            return cls(0.0, _SENSORS, np.full(len(_SENSORS), _AMBIENT))
+            return cls(0.0, _SENSORS, np.full(len(_SENSORS), _AMBIENT), joint_size)
         at = measured.at
-        return cls(float(at.time.max()), at.temperature_parts, at.temperature[0])
+        return cls(float(at.time.max()), at.temperature_parts, at.temperature[0], joint_size)
 
     def course(self, joint: Array) -> Conditions:
         """All that the clock and the sensors go through, at one pose (m,)."""
@@ -72,7 +73,7 @@ class Bench:
             at_rest(joint),
             time=self.begin + course[:, 0],
             direction=np.repeat([[level.side] for level in levels], joint.shape[1], axis=1),
-            travel=np.full(joint.shape, APPROACH),
+            travel=np.full(joint.shape, APPROACH * self.joint_size),
             payload=np.array([level.payload for level in levels]),
             payload_centre=np.zeros((len(joint), 3)),
             temperature_parts=self.sensors,
@@ -125,8 +126,9 @@ class Bench:
         still = self.plain(joint)
         at = replace(
             still.at,
-            velocity=np.full(joint.shape, _SPEED),
-            acceleration=_ACCELERATION * np.cos(joint),  # not the same for all joints
+            velocity=np.full(joint.shape, _SPEED * self.joint_size),
+            # not the same for all joints
+            acceleration=_ACCELERATION * self.joint_size * np.cos(joint / self.joint_size),
         )
         moving = replace(still, at=at)
         return _differ(columns(still), columns(moving))

@@ -126,12 +126,12 @@ def foresight_of(robot: Robot, known: tuple[Chain, Array] | None = None) -> Fore
     nowhere = at_rest(np.zeros((0, chain.mechanism.joints)))
     none = np.zeros((0, 3))
     problem = build_problem(chain, nowhere, none, np.zeros((0, 3, 3)), theta)
-    size = chain.base_size
+    base = chain.layout.base
     return Foresight(
         chain,
         theta,
-        problem.basis[:size, :size],
-        np.where(problem.has_prior, 1.0, _WEAK)[:size],
+        problem.basis[base, base],
+        np.where(problem.has_prior, 1.0, _WEAK)[base],
         _FiledNoise(robot, chain, theta),
     )
 

@@ -86,7 +86,7 @@ def part(
     rng = np.random.default_rng(seed)
     measured = None if session is None else prepared(session)
     foresight = foresight_of(robot, known) if measured is None else Foresight.about(measured)
-    bench = Bench.after(measured)
+    bench = Bench.after(measured, foresight.chain.mechanism.joint_size)
     pair = _pair(robot, causes, foresight.chain.mechanism, bench)
     question = _Question(foresight, pair)
     if measured is None:
@@ -196,8 +196,8 @@ class _Question:
 
     def contrast(self, products: Products) -> Contrast:
         """How well such products part the pair."""
-        chain = self.foresight.chain
-        return self.pair.contrast(products, self.foresight.precision, chain.geometry_size)
+        geometry = self.foresight.chain.layout.geometry
+        return self.pair.contrast(products, self.foresight.precision, geometry)
 
 
 def _paths_worth(

@@ -66,12 +66,12 @@ def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
     """
     calibration = load_calibration(path, robot)
     data = read_document(path, lambda _: load_schema("calibration"))
-    size = calibration.chain.geometry_size
+    geometry = calibration.chain.layout.geometry
     return CalibrationRecord(
         path.stem,
         str(data["provenance"]["session_start"]),
         calibration,
-        np.array([entry["std"] for entry in data["parameters"][:size]], dtype=float),
+        np.array([entry["std"] for entry in data["parameters"][geometry]], dtype=float),
         float(data["residuals"]["full"]["error_left_rms_mm"]) / MM,
     )
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.effects import Stage
+from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects.regressor import CLOCK, LOAD, Groups, Regressor, temperature
 from delta_calibration.mechanisms.base import solve
 from delta_calibration.report.drawing import (
     GREY,
@@ -30,15 +31,6 @@ from delta_calibration.report.drawing import (
     Rule,
 )
 from delta_calibration.report.judged import Judged
-from delta_calibration.report.regressors import (
-    CLOCK,
-    LOAD,
-    Groups,
-    Regressor,
-    groups_of,
-    regressor_of,
-    temperature,
-)
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
 from delta_calibration.wording import capital, chance, spoken
@@ -68,19 +60,21 @@ def giveaways(judged: Judged, robot: Robot) -> tuple[Figure, ...]:
     """One figure a member."""
     model = judged.diagnosis.model
     return tuple(
-        _figure(judged, robot, member, number)
+        _figure(judged, robot, member, member.effect, number)
         for number, member in enumerate(model.members, start=1)
         if member.effect is not None
     )
 
 
-def _figure(judged: Judged, robot: Robot, member: Candidate, number: int) -> Figure:
+def _figure(
+    judged: Judged, robot: Robot, member: Candidate, effect: Effect, number: int
+) -> Figure:
     rows = _rows(judged, member)
     at = judged.evidence.seen.take(rows)
-    against = regressor_of(member, robot, at)
+    against = effect.regressor(at)
     seen = _seen(judged, robot, member, rows)
     panels = [
-        _panel(seen, k, against, at, groups_of(member, at, joint))
+        _panel(seen, k, against, at, effect.groups(at, joint))
         for k, joint in enumerate(seen.joints)
     ]
     where = "in motion" if rows[0] >= judged.evidence.poses else "at rest"

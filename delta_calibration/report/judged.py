@@ -54,8 +54,8 @@ class Judged:
         """Geometry, offset and frame without the members, linearly, (P,) of the base chain."""
         problem, evidence = self.diagnosis.model.problem, self.evidence
         z = evidence.best(evidence.misfit)
-        base = problem.chain.base_size
-        return np.asarray(problem.theta0[:base] + problem.basis[:base, :base] @ z[:base])
+        base = problem.chain.layout.base
+        return np.asarray(problem.theta0[base] + problem.basis[base, base] @ z[base])
 
     def usual(self, joint: Array, direction: float) -> Conditions:
         """Joints (n, m) [rad] at rest as in the middle of the session, all reached from one side.

@@ -91,8 +91,8 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
         return None
     found = judged.diagnosis.identification
     base = judged.diagnosis.model.problem.chain
-    drawing, change = found.frame_only_theta[: base.base_size], found.theta.copy()
-    change[: base.base_size] -= judged.calibrated_theta
+    drawing, change = found.frame_only_theta[base.layout.base], found.theta.copy()
+    change[base.layout.base] -= judged.calibrated_theta
     square = np.zeros((2, _POINTS))
     for side in (-1.0, 1.0):
         at = judged.usual(plan.joint, side)

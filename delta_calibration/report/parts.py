@@ -31,11 +31,11 @@ _STRONG = 40  # pairs in the table
 
 def dimensions_figure(found: Identification) -> Figure:
     """Deviations from the drawing in units of the tolerances, the clearest first."""
-    count = found.chain.geometry_size
-    items = list(found.parameters)[:count]
-    prior = found.parameters.prior[:count]
-    off = (found.theta - found.parameters.nominal)[:count] / prior
-    spread = found.std[:count] / prior
+    geometry = found.chain.layout.geometry
+    items = found.parameters.items[geometry]
+    prior = found.parameters.prior[geometry]
+    off = (found.theta - found.parameters.nominal)[geometry] / prior
+    spread = found.std[geometry] / prior
     order = np.argsort(-np.abs(off) / spread)[:_SHOWN]
     told = tuple(
         f"{spoken(items[k].name)}: {_shown(off[k] * prior[k], items[k].unit)} "
@@ -46,7 +46,7 @@ def dimensions_figure(found: Identification) -> Figure:
     return Figure(
         "dimensions",
         "Deviations from the drawing",
-        f"The {len(order)} clearest of {count} dimensions in units of their tolerances (one "
+        f"The {len(order)} clearest of {len(items)} dimensions in units of their tolerances (one "
         "standard deviation of the parts), with 95 % intervals. Dotted: one tolerance.",
         (
             Panel(
@@ -75,9 +75,9 @@ def _shown(value: float, unit: str) -> str:
 
 def set_by_data(found: Identification) -> Figure:
     """How much of each kind of dimension the data set: its standard error over its tolerance."""
-    count = found.chain.geometry_size
-    ratio = found.std[:count] / found.parameters.prior[:count]
-    causes = [p.cause for p in list(found.parameters)[:count]]
+    geometry = found.chain.layout.geometry
+    ratio = found.std[geometry] / found.parameters.prior[geometry]
+    causes = [p.cause for p in found.parameters.items[geometry]]
     names = list(dict.fromkeys(causes))
     mean = np.array(
         [np.mean(ratio[[c == name for c in causes]]) for name in names]

@@ -16,7 +16,7 @@ from delta_calibration.simulation import PARTS, Climate, Following, Machine
 Array = NDArray[np.float64]
 
 STILL_S = 0.1  # [s] a command that stands still for so long has ended the move
-STIR = 1e-7  # [rad] less than this is standing still
+STIR = 1e-7  # [rad of a Delta] less than this is standing still
 AHEAD = 20  # readings
 AHEAD_S = 1.0  # [s] for which readings drawn ahead are good
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])  # what a reflector's pose says, which has no orientation
@@ -79,7 +79,8 @@ class SimulatedMachine:
             ReachError: beyond a joint's limit; it stays where it is.
         """
         _require_limits(self._machine.robot, joint)
-        if np.abs(joint - self._from).max() > STIR:
+        stir = STIR * self._machine.robot.commanded.joint_size
+        if np.abs(joint - self._from).max() > stir:
             if now - self._stirred >= STILL_S:
                 self._rest_error = self._machine.rest_error(self._rng)
             self._from, self._stirred = joint, now

@@ -1,8 +1,8 @@
 """How the joints moved: speed, acceleration, and which way each has gone since it last turned.
 
 Directions follow the largest excursion: a joint has turned round when it has come back by more
-than `TURNED` from the farthest point of its last stroke, so that the noise of an encoder does not
-turn it.
+than `TURNED` times the mechanism's joint size from the farthest point of its last stroke, so that
+the noise of an encoder does not turn it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-TURNED = 200e-6  # [rad]
+TURNED = 200e-6  # [rad of a Delta]
 _GAP = 0.25  # [s] across a longer pause there is no speed
 _SMOOTH = 0.1  # [s] over which speeds are taken where samples are denser
 _FEWEST = 5  # samples
@@ -48,15 +48,21 @@ class Motion:
         )
 
 
-def motion_of(time: Array, joint: Array) -> Motion:
-    """Motion of joints (n, m) [rad] at rising times (n,) [s]."""
+def motion_of(time: Array, joint: Array, joint_size: float = 1.0) -> Motion:
+    """Motion of joints (n, m) [rad] at rising times (n,) [s].
+
+    Args:
+        time: of the samples.
+        joint: coordinates at these times, in the joints' unit.
+        joint_size: of the joints' unit, that does what one radian does on a Delta.
+    """
     velocity, acceleration = np.zeros_like(joint), np.zeros_like(joint)
     edges = np.r_[0, np.flatnonzero(np.diff(time) > _GAP) + 1, len(time)]
     for begin, end in pairwise(edges):
         if end - begin >= 3:
             part = slice(begin, end)
             velocity[part], acceleration[part] = _derivatives(time[part], joint[part])
-    strokes = [_strokes(joint[:, j]) for j in range(joint.shape[1])]
+    strokes = [_strokes(joint[:, j], TURNED * joint_size) for j in range(joint.shape[1])]
     direction, travel = (np.column_stack(columns) for columns in zip(*strokes, strict=True))
     return Motion(time, velocity, acceleration, direction, travel)
 
@@ -104,15 +110,15 @@ def _fitted(time: Array, joint: Array, rows: Index, near: Index) -> tuple[Array,
     return terms[:, 1] / span, 2 * terms[:, 2] / span**2
 
 
-def _strokes(angle: Array) -> tuple[Array, Array]:
-    """Direction and travel of one joint, each (n,).
+def _strokes(angle: Array, least: float) -> tuple[Array, Array]:
+    """Direction and travel of one joint, each (n,), which turns by coming back more than `least`.
 
     A turn shows only when the joint has come back far enough; all since then belongs to it.
     """
     changed = np.flatnonzero(np.diff(angle, prepend=np.nan) != 0)
     direction, travel = np.zeros(len(changed)), np.full(len(changed), np.inf)
     went = angle[changed].tolist()
-    stroke, turned = Stroke(went[0]), 0  # row after the farthest point
+    stroke, turned = Stroke(went[0], least=least), 0  # row after the farthest point
     for row, value in enumerate(went):
         before, stroke = stroke, stroke.moved(value)
         begin = turned if stroke.direction * before.direction < 0 else row

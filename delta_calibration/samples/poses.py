@@ -21,7 +21,7 @@ from delta_calibration.samples.streams import PayloadStream, Session
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_SAME_PLACE = 200e-6  # [rad] commands this close are the same place
+_SAME_PLACE = 200e-6  # [rad of a Delta] commands this close are the same place
 _SAME_PAYLOAD = 1e-3  # [kg]
 _PAUSE = 0.25  # [s] readings farther apart are not of one path
 _PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad of a Delta] the shortest path worth using
@@ -121,14 +121,19 @@ class Survey:
         return joined(self.poses.conditions, self.paths.conditions)
 
 
-def collect(session: Session, joint_names: Sequence[str]) -> Poses:
+def collect(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Poses:
     """Measured poses of a session with their conditions.
+
+    Args:
+        session: what was recorded.
+        joint_names: of the robot, in the order of its joint vectors.
+        joint_size: of the joints' unit, that does what one radian does on a Delta.
 
     Raises:
         RecordingError: streams missing, or joints of another robot.
         DataError: no overlap in time, nothing still.
     """
-    return survey(session, joint_names).poses
+    return survey(session, joint_names, joint_size).poses
 
 
 def survey(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Survey:
@@ -143,19 +148,25 @@ def survey(session: Session, joint_names: Sequence[str], joint_size: float = 1.0
         RecordingError: streams missing, or joints of another robot.
         DataError: no overlap in time, nothing still.
     """
-    readings = match(session, joint_names)
-    moments, readings = find_still(readings)
-    motion = _motion(session, joint_names, readings.start_ns)
+    readings = match(session, joint_names, joint_size)
+    moments, readings = find_still(readings, joint_size)
+    motion = _motion(session, joint_names, readings.start_ns, joint_size)
     paths = _paths(session, readings, moments, motion, joint_size)
-    return Survey(_poses(session, readings, moments, motion), paths)
+    return Survey(_poses(session, readings, moments, motion, joint_size), paths)
 
 
-def _poses(session: Session, readings: Readings, moments: StillMoments, motion: Motion) -> Poses:
+def _poses(
+    session: Session,
+    readings: Readings,
+    moments: StillMoments,
+    motion: Motion,
+    joint_size: float,
+) -> Poses:
     middle = (moments.begin + moments.end) / 2
     stamps = _stamps(readings, middle)
     payload, centre = _payload(session.payload, stamps)
     _, _, direction, travel = motion.at(moments.begin)
-    place = _clusters(moments.command, _SAME_PLACE)
+    place = _clusters(moments.command, _SAME_PLACE * joint_size)
     held = _clusters(np.nan_to_num(payload, nan=-1.0)[:, None], _SAME_PAYLOAD)
     _, repeat = np.unique(
         np.column_stack([place, held, direction.astype(np.int64)]), axis=0, return_inverse=True
@@ -260,7 +271,9 @@ def _stamps(readings: Readings, time: Array) -> NDArray[np.int64]:
     return readings.start_ns + np.round(time * 1e9).astype(np.int64)
 
 
-def _motion(session: Session, names: Sequence[str], start_ns: int) -> Motion:
+def _motion(
+    session: Session, names: Sequence[str], start_ns: int, joint_size: float
+) -> Motion:
     """Of the commanded joints, which carry no noise; of the measured ones where none are known."""
     stream = session.command or session.states
     if stream is None:
@@ -268,7 +281,7 @@ def _motion(session: Session, names: Sequence[str], start_ns: int) -> Motion:
     columns = [stream.names.index(name) for name in names]
     stamps, order = np.unique(stream.stamp_ns, return_index=True)
     time = np.asarray((stamps - start_ns) * 1e-9, dtype=np.float64)
-    return motion_of(time, stream.position[order][:, columns])
+    return motion_of(time, stream.position[order][:, columns], joint_size)
 
 
 def require_poses(poses: Poses, least: int) -> None:

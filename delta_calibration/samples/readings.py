@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 _SHORT_GAP = 0.25  # [s] joints this close before and after a reading may be interpolated
 _NEAR = 0.05  # [s] a single joint message this close to a reading belongs to it
 _FROZEN = 3  # as many equal readings in a row are no measurement any more
-_HELD = 1e-6  # [rad] joints that are equal to this on both sides of a gap were held
+_HELD = 1e-6  # [rad of a Delta] joints that are equal to this on both sides of a gap were held
 _OFTEN = 0.06  # [s] commands closer than this show where joints turn round on the way to a stop
 
 
@@ -61,7 +61,7 @@ class Readings:
         )  # fmt: skip
 
 
-def match(session: Session, joint_names: Sequence[str]) -> Readings:
+def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Readings:
     """Interpolate the joints at the stamps of the tracker.
 
     Interpolation, not pairing with the nearest: between joint messages less than 0.25 s apart the
@@ -71,6 +71,7 @@ def match(session: Session, joint_names: Sequence[str]) -> Readings:
     Args:
         session: what was recorded.
         joint_names: the robot's joints, in its order.
+        joint_size: of the joints' unit, that does what one radian does on a Delta.
 
     Raises:
         RecordingError: no joints or no tracker in the session, or joints of other names.
@@ -86,13 +87,14 @@ def match(session: Session, joint_names: Sequence[str]) -> Readings:
     stamps, kept, repeated = _in_order(tracker.stamp_ns)
     frozen = _frozen(tracker.position[kept])
     kept, stamps = kept[~frozen], stamps[~frozen]
-    joint, known = _at(_ordered(states, joint_names, session.source), stamps)
+    held = _HELD * joint_size
+    joint, known = _at(_ordered(states, joint_names, session.source), stamps, held)
     command, gone = joint, np.abs(np.diff(joint, axis=0, prepend=joint[:1])).cumsum(axis=0)
     if session.command is not None:
         stream = _ordered(session.command, joint_names, session.source)
-        commanded, also = _at(stream, stamps)
+        commanded, also = _at(stream, stamps, held)
         command = np.where(also[:, None], commanded, np.nan)
-        gone, _ = _at(_distance(stream), stamps)
+        gone, _ = _at(_distance(stream), stamps, held)
         notes += _seldom(stream)
     if not known.any():
         raise DataError(
@@ -162,8 +164,11 @@ def _frozen(position: Array) -> Mask:
     return np.asarray(same & (length[run] >= _FROZEN))
 
 
-def _at(stream: JointStream, stamps: NDArray[np.int64]) -> tuple[Array, Mask]:
-    """Angles at the given stamps, (n, m), and where they are known."""
+def _at(stream: JointStream, stamps: NDArray[np.int64], least: float) -> tuple[Array, Mask]:
+    """Angles at the given stamps, (n, m), and where they are known.
+
+    Joints that are equal to `least` on both sides of a gap were held.
+    """
     own, rows, _ = _in_order(stream.stamp_ns)
     position = stream.position[rows]
     after = np.searchsorted(own, stamps, side="left").clip(0, len(own) - 1)
@@ -173,7 +178,7 @@ def _at(stream: JointStream, stamps: NDArray[np.int64]) -> tuple[Array, Mask]:
     inside = (own[before] <= stamps) & (stamps <= own[after])
     share = np.divide((stamps - own[before]) * 1e-9, gap, out=np.zeros(len(stamps)), where=gap > 0)
     between = position[before] + share[:, None] * (position[after] - position[before])
-    held = np.abs(position[after] - position[before]).max(axis=1) <= _HELD
+    held = np.abs(position[after] - position[before]).max(axis=1) <= least
     nearer = np.where(np.abs(own[after] - stamps) <= np.abs(own[before] - stamps), after, before)
     near = np.abs(own[nearer] - stamps) * 1e-9 <= _NEAR
     smooth = inside & ((gap <= _SHORT_GAP) | held)

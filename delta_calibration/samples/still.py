@@ -13,6 +13,7 @@ from delta_calibration.samples.readings import Readings
 
 Array = NDArray[np.float64]
 
+# in radians of a Delta: times the mechanism's joint size
 _HOLD = 20e-6  # [rad] joints that stay within this of where a moment began are held ...
 _COMMANDED = 1e-6  # [rad] the same for the commanded angles, which carry no noise
 _HOLD_SIGMAS = 8.0  # ... or within so many of the encoders' own standard deviations, ...
@@ -42,7 +43,9 @@ class StillMoments:
     scatter: Array
 
 
-def find_still(readings: Readings) -> tuple[StillMoments, Readings]:
+def find_still(
+    readings: Readings, joint_size: float = 1.0
+) -> tuple[StillMoments, Readings]:
     """Cut the readings into still moments and average each.
 
     A moment begins anew when a joint leaves the place where the moment began, or readings pause.
@@ -50,13 +53,17 @@ def find_still(readings: Readings) -> tuple[StillMoments, Readings]:
     pose, each is one. Readings farther than 6 robust standard deviations from their moment's
     median are set aside: as settling while they lead the moment, as outliers elsewhere.
 
+    Args:
+        readings: of the whole session.
+        joint_size: of the joints' unit, that does what one radian does on a Delta.
+
     Returns:
         The moments, and the readings with the rejected ones counted.
 
     Raises:
         DataError: nothing in the session stands still.
     """
-    label = _moments(readings)
+    label = _moments(readings, joint_size)
     long_enough = _accepted(readings, label)
     if not long_enough.any():
         frozen = readings.rejected.frozen
@@ -70,12 +77,12 @@ def find_still(readings: Readings) -> tuple[StillMoments, Readings]:
     return _average(readings.take(kept), label[kept]), replace(readings, rejected=rejected)
 
 
-def _moments(readings: Readings) -> NDArray[np.intp]:
+def _moments(readings: Readings, joint_size: float) -> NDArray[np.intp]:
     """Number of the held interval that each reading lies in, (n,), counted from 0."""
     joint, time = readings.joint, readings.time
     steps, commanded = np.abs(np.diff(joint, axis=0)), np.diff(readings.gone, axis=0)
-    hold = _hold(steps, _HOLD)
-    moved = (steps > hold) | (commanded > _hold(commanded, _COMMANDED))
+    hold = _hold(steps, _HOLD, joint_size)
+    moved = (steps > hold) | (commanded > _hold(commanded, _COMMANDED, joint_size))
     cut = np.r_[True, moved.any(axis=1) | (np.diff(time) > _BREAK)]
     edges = np.append(np.flatnonzero(cut), len(time))
     # A slow sweep moves less than `hold` a step: cut again wherever it has left the place where it
@@ -90,14 +97,15 @@ def _moments(readings: Readings) -> NDArray[np.intp]:
     return np.cumsum(cut) - 1
 
 
-def _hold(steps: Array, least: float) -> Array:
+def _hold(steps: Array, least: float, joint_size: float) -> Array:
     """How far each joint may wander and still be held, (m,) [rad]: the angles' noise decides."""
     if len(steps) == 0:
-        return np.full(steps.shape[1], least)
+        return np.full(steps.shape[1], least * joint_size)
     share, quantile = _QUIET
     known = np.nan_to_num(steps)  # NaN where no command was near
     sigma = np.quantile(known, share, axis=0) / quantile / np.sqrt(2)
-    return np.asarray(np.clip(_HOLD_SIGMAS * sigma, least, _HOLD_MOST))
+    bounds = least * joint_size, _HOLD_MOST * joint_size
+    return np.asarray(np.clip(_HOLD_SIGMAS * sigma, *bounds))
 
 
 def _accepted(readings: Readings, label: NDArray[np.intp]) -> NDArray[np.bool_]:

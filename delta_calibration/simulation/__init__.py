@@ -5,8 +5,9 @@ drawing and, hidden in it, whatever effects are wanted: the same chain and the s
 are fitted afterwards, with numbers nobody tells them.
 """
 
+from delta_calibration.effects.time_course import WARM_UP
 from delta_calibration.simulation.camera import CameraOver, other_elbow
-from delta_calibration.simulation.climate import AMBIENT, PARTS, WARM_UP, Climate
+from delta_calibration.simulation.climate import AMBIENT, PARTS, Climate
 from delta_calibration.simulation.following import Following
 from delta_calibration.simulation.hidden import hideable_causes
 from delta_calibration.simulation.machine import Machine, draw_machine, standing

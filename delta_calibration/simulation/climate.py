@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.effects.time_course import WARM_UP
+
 Array = NDArray[np.float64]
 
 AMBIENT = 20.0  # [deg C]
 PARTS = ("arm", "base")  # that carry a thermometer
-WARM_UP = 2400.0  # [s] time constant of the arms
 
 _RISE = np.array([13.0, 5.5])  # [K] in the end: after two hours the base is at a third of the arms
 _PACE = np.array([1.0, 2.0])  # time constants in that of the arms: the base plate is heavier

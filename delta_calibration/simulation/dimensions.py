@@ -22,7 +22,7 @@ _HIDDEN_IN = {"base_joint_position": "base_", "parallelogram_mismatch": "rod_mis
 
 def dimensions(chain: Chain) -> tuple[Parameter, ...]:
     """Geometry of the mechanism and place of the reflector, in the order of theta."""
-    return chain.parameters.items[: chain.geometry_size + 3]
+    return chain.parameters.items[chain.layout.dimensions]
 
 
 def dimension_causes(chain: Chain) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ def shift_of(chain: Chain, cause: str, options: Options, rng: np.random.Generato
     shift = np.zeros(len(every))
     if cause == SCATTER:
         require_known(cause, options, (LOCATION, "strength"))
-        drawn = rng.standard_normal(chain.geometry_size)[rows]
+        drawn = rng.standard_normal(chain.layout.geometry_size)[rows]
         shift[rows] = drawn * sizes(cause, options, typical, 1.0, "")
     elif cause == OFFSET:
         require_known(cause, options, ("value", "strength"))

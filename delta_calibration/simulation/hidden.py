@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import EFFECTS, Effect, catalogue, effect_named
-from delta_calibration.effects.base import Setting
-from delta_calibration.effects.thermal_growth import ThermalGrowth
+from delta_calibration.effects.base import SENSOR, Setting
 from delta_calibration.errors import InputError
 from delta_calibration.parameters import Parameter
 from delta_calibration.robot import Robot
-from delta_calibration.simulation.climate import PARTS, WARM_UP
+from delta_calibration.simulation.climate import PARTS
 from delta_calibration.simulation.dimensions import (
     dimension_causes,
     dimensions,
@@ -43,8 +42,6 @@ Array = NDArray[np.float64]
 Causes = Mapping[str, Options] | Iterable[tuple[str, Options]]
 
 _SHARE = (0.7, 1.3)  # of a typical size that a joint has
-_ABOVE_0 = ("cycles", "speed")
-_COURSES = (("sensor", "time_constant"), ("time_constant", "step_at"))  # one or the other
 
 
 @dataclass(frozen=True)
@@ -120,37 +117,26 @@ def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
     own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
     places = [LOCATION] if any(p.location for p in plain.parameters) else []
     require_known(cause, options, (*places, VALUE, STRENGTH, *own))
-    for either in _COURSES:
-        require_one_of(cause, options, either)
-    given = {key: _setting(cause, key, own[key], options) for key in own if key in options}
-    return effect_named(cause, robot, chain.mechanism, given or _usual_shape(plain))
+    require_one_of(cause, options, plain.one_of)
+    given = {key: _setting(plain, key, own[key], options) for key in own if key in options}
+    return effect_named(cause, robot, chain.mechanism, given or plain.usual(PARTS))
 
 
-def _usual_shape(effect: Effect) -> dict[str, Setting]:
-    """What a cell has: gears of the robot's file, thermometers, a warm-up of forty minutes."""
-    if isinstance(effect, ThermalGrowth) and effect.part in PARTS:
-        return {"sensor": effect.part}
-    if isinstance(effect, ThermalGrowth) or effect.cause == "tracker_drift":
-        return {"time_constant": WARM_UP}
-    if effect.cause == "transmission_error":
-        return {"cycles": effect.robot.joints.gear_ratio}
-    return {}
-
-
-def _setting(cause: str, key: str, usual: Setting, options: Options) -> Setting:
+def _setting(effect: Effect, key: str, usual: Setting, options: Options) -> Setting:
     """A setting of the type of its usual value.
 
     Raises:
         InputError: not a number, one that cannot be, or a sensor that the cell does not have.
     """
-    text = options[key]
+    cause, text = effect.cause, options[key]
     if isinstance(usual, str):
-        if text not in PARTS:
+        if key == SENSOR and text not in PARTS:
             raise InputError(f"effect {cause}: no {key} {text!r}; allowed: {', '.join(PARTS)}")
         return text
     value = number(cause, key, options, "")
-    if value < 0 or (value == 0 and key in _ABOVE_0):
-        least = "more than 0" if key in _ABOVE_0 else "0 or more"
+    above_0 = effect.limits.get(key, (0.0, np.inf))[0] > 0
+    if value < 0 or (value == 0 and above_0):
+        least = "more than 0" if above_0 else "0 or more"
         raise InputError(f"effect {cause}: {key} {text} is not allowed; {least}")
     return value
 
@@ -196,8 +182,8 @@ def _ways(vector: NDArray[np.intp], drawn: Array) -> Array:
 
 
 def _signed(effect: Effect, parameter: Parameter) -> bool:
-    """Whether it may as well be negative; a cell that warms up does not shrink."""
-    return parameter.lower < 0 and not isinstance(effect, ThermalGrowth)
+    """Whether it may as well be negative."""
+    return parameter.lower < 0 and effect.either_sign
 
 
 def _require_possible(effect: Effect, values: Array) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.effects.thermal_growth import ThermalGrowth
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions, at_rest
@@ -36,7 +35,7 @@ class Machine:
     @property
     def warms(self) -> bool:
         """Whether it grows with its temperature."""
-        return any(isinstance(effect, ThermalGrowth) for effect in self.chain.effects)
+        return any(effect.part for effect in self.chain.effects)
 
     def tool_points(self, at: Conditions) -> Array:
         """Where the tool truly is in the base, (n, 3) [m]; NaN out of reach.
@@ -134,7 +133,7 @@ def draw_machine(robot: Robot, seed: int, scatter: float = 1.0, hidden: Causes =
     offset = tracker.reflector_offset + 1e-3 * scatter * rng.standard_normal(3)
     theta = chain.join(parameters.nominal + scatter * drawn, offset, Frame(rotation, place))
     causes = hide(robot, chain, hidden, seed)
-    theta[: len(causes.shift)] += causes.shift
+    theta[chain.layout.dimensions] += causes.shift
     return Machine(
         robot, chain.with_effects(causes.effects), np.concatenate([theta, causes.values])
     )

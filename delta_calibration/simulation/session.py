@@ -100,7 +100,7 @@ def _motion(
     begin = np.cumsum([0.0, *(max(float(way.time[-1]) + 1 / rate, period) for way in ways)])
     time = np.concatenate([b + leg.time for b, leg in zip(begin[:-1], fine, strict=True)])
     joint = np.concatenate([leg.joint for leg in fine])
-    motion = motion_of(time, joint)
+    motion = motion_of(time, joint, machine.robot.commanded.joint_size)
     payload = np.concatenate([np.full(len(way.time), way.payload) for way in ways])
     kept = np.concatenate([np.arange(len(leg.time)) % each == 0 for leg in fine])
     n = len(payload)

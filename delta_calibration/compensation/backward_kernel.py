@@ -1,0 +1,449 @@
+"""The chain of a machine taken backward, from the tool to the command: compiled, for any mechanism.
+
+For a nominal command q the target is the place p* that the drawing's machine takes there; sought is
+the command q + dq with
+
+    place(stand(q + dq)) = p*        stand: the whole identified chain, see model/stand.py
+
+Where every joint moves the tool by itself, Newton's method on the commands finds it: the slope of
+the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where all of
+the pose is aimed at and turns with it, or more joints pull than there are freedoms, the pose is
+found first and the joints that come to it with no joint working against another; then what the
+drives are to be told for these.
+
+The play of a drive is crossed as soon as a command turns round, as the correction itself takes the
+joint across: travel since the turn does not count here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.model.jit import compiled
+from delta_calibration.model.kernels import (
+    FULL,
+    NEAR,
+    K,
+    M,
+    P,
+    R,
+    least_step,
+    moved,
+    place,
+    set_geometry,
+    solve,
+    spread_joints,
+)
+from delta_calibration.model.loads import bear, point_at, set_masses
+from delta_calibration.model.stand import (
+    ACCELERATION,
+    CENTRE,
+    GEOMETRY,
+    GRAVITY,
+    JOINT,
+    LOAD,
+    PAYLOAD,
+    POSE,
+    PULL,
+    PULL_HOME,
+    RATE,
+    TORQUE,
+    Body,
+    Stages,
+    State,
+    stand,
+    state_of,
+    take_dimensions,
+)
+from delta_calibration.model.terms import add_shift
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Counts = NDArray[np.int64]
+
+STRAY = 1e-9  # as in mechanisms/base.py
+_ARM = 0.3 / np.sqrt(2)  # [m], as in aim.py
+_ROUNDS, _SAME = 12, 1e-12  # [rad] by which a command still moves
+
+
+class Aimed(NamedTuple):
+    """What of the tool is aimed at, see aim.py."""
+
+    tool: Array  # (3,) [m] in the platform
+    axes: Index  # of x, y, z
+    turns: bool
+
+
+class Machine(NamedTuple):
+    """A machine as identified, or as drawn, and how it is to be asked."""
+
+    body: Body
+    stages: Stages
+    g: Array  # (p,)
+    theta: Array  # in which the effects' values are
+    aim: Aimed
+    by_pose: bool  # whether the pose is found before the joints
+    reshaped: bool  # whether dimensions change from command to command
+
+
+class Search(NamedTuple):
+    """How far and how long Newton's steps go."""
+
+    bound: float  # largest |dq_j|
+    tolerance: float  # [m]
+    iterations: int
+    halvings: int
+
+
+class Place(NamedTuple):
+    """Scratch for one machine's places."""
+
+    state: State
+    point: Array  # workspace of the law of a point
+    place: Array  # (a,)
+    slope: Array  # (a, k) by the pose
+    by_q: Array  # (a, m)
+    by_g: Array  # (a, p)
+    x: Array  # (k,)
+    signals: Array  # (S,)
+    offset: Array  # (3,)
+    normal: Array
+
+
+@compiled()
+def scratch(machine: Machine, signals: int) -> Place:
+    """Scratch for places of a machine; `signals` is the length of a sample's row."""
+    sizes = machine.body.limbs.sizes
+    count = len(machine.aim.axes) + (9 if machine.aim.turns else 0)
+    wide = max(count, max(sizes[K], sizes[M])) + 1
+    made = Place(
+        state_of(machine.body, machine.stages),
+        np.zeros(machine.body.bearing.point_at[4]),
+        np.zeros(count),
+        np.zeros((count, sizes[K])),
+        np.zeros((count, sizes[M])),
+        np.zeros((count, sizes[P])),
+        np.zeros(sizes[K]),
+        np.zeros(signals),
+        np.zeros(3),
+        np.zeros((wide, wide + 1)),
+    )
+    take_dimensions(machine.body, machine.g, made.state)
+    return made
+
+
+@compiled()
+def place_of(machine: Machine, x: Array, room: Place) -> None:
+    """Place of the tool at pose x (k,), and its slope by the pose."""
+    bearing, aim, k = machine.body.bearing, machine.aim, len(x)
+    point_at(bearing, x, aim.tool, room.point)
+    f, slope = bearing.point_at[2], bearing.point_at[3]
+    for row in range(len(aim.axes)):
+        axis = aim.axes[row]
+        room.place[row] = room.point[f + axis]
+        for j in range(k):
+            room.slope[row, j] = room.point[slope + axis * k + j]
+    if not aim.turns:
+        return
+    for arm in range(3):
+        for i in range(3):
+            room.offset[i] = aim.tool[i] + (_ARM if i == arm else 0.0)
+        point_at(bearing, x, room.offset, room.point)
+        for axis in range(3):
+            row = 3 + 3 * arm + axis
+            room.place[row] = room.point[f + axis] - room.place[axis]
+            for j in range(k):
+                room.slope[row, j] = room.point[slope + axis * k + j] - room.slope[axis, j]
+
+
+@compiled()
+def stands(machine: Machine, q: Array, signals: Array, near: bool, room: Place) -> bool:
+    """Bring the machine to a command under a sample's signals; its place with it."""
+    room.signals[:] = signals
+    for i in range(len(q)):
+        room.signals[machine.stages.at[JOINT] + i] = q[i]
+    good = stand(
+        machine.body, machine.stages, room.signals, machine.g, machine.theta, near, STRAY,
+        room.x, room.state,
+    )  # fmt: skip
+    if good:
+        place_of(machine, room.x, room)
+    return good
+
+
+@compiled()
+def distance(room: Place, target: Array) -> float:
+    """Distance of the place from a target (a,) [m]."""
+    square = 0.0
+    for i in range(len(target)):
+        square += (room.place[i] - target[i]) ** 2
+    return float(np.sqrt(square))
+
+
+@compiled()
+def reached(
+    machine: Machine, q: Array, signals: Array, target: Array, near: bool, room: Place
+) -> float:
+    """Distance from the target after a command [m]; infinite where the machine cannot stand."""
+    if not stands(machine, q, signals, near, room):
+        return np.inf
+    far = distance(room, target)
+    return far if far < np.inf else np.inf
+
+
+@compiled()
+def _slope(machine: Machine, room: Place) -> None:
+    """d(place)/dq of the mechanism where it stands, into by_q."""
+    state = room.state
+    place(machine.body.limbs, state.joint, room.x, FULL, state.room)
+    moved(machine.body.limbs, room.slope, state.room, room.by_q, room.by_g)
+
+
+@compiled()
+def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step: Array) -> bool:
+    """The step that brings a place to its target, by slope (a, c), a and c whatever they are.
+
+    Least squares where the place has more coordinates, the shortest step where it has fewer.
+    """
+    rows, count = slope.shape
+    if rows < count:
+        for i in range(rows):
+            gap[i] -= target[i]
+        good = least_step(slope, gap, 0.0, system, step)
+        for i in range(rows):
+            gap[i] += target[i]
+        return good
+    for i in range(count):
+        for j in range(count):
+            total = 0.0
+            for row in range(rows):
+                total += slope[row, i] * slope[row, j]
+            system[i, j] = total
+        total = 0.0
+        for row in range(rows):
+            total += slope[row, i] * (gap[row] - target[row])
+        system[i, count] = total
+    if rows == count:
+        for row in range(rows):
+            for j in range(count):
+                system[row, j] = slope[row, j]
+            system[row, count] = gap[row] - target[row]
+    if not solve(system, count, 1):
+        return False
+    for i in range(count):
+        step[i] = system[i, count]
+    return True
+
+
+@compiled()
+def newton(
+    machine: Machine,
+    search: Search,
+    q: Array,
+    signals: Array,
+    target: Array,
+    best: Array,
+    room: Place,
+) -> tuple[float, int]:
+    """Correct one command (m,), from `best` (m,) on; distance that is left [m] and evaluations."""
+    m = len(q)
+    dq, step, there = np.zeros(m), np.zeros(m), q + best
+    error, evaluations = reached(machine, there, signals, target, False, room), 1
+    for _ in range(search.iterations):
+        before = error
+        if not search.tolerance < before < np.inf:
+            break
+        evaluations += 1
+        _slope(machine, room)
+        if not _least_squares(room.by_q, room.place, target, room.normal, step):
+            break
+        for halving in range(search.halvings + 1):
+            for i in range(m):
+                goal = best[i] - 0.5**halving * step[i]
+                dq[i] = min(max(goal, -search.bound), search.bound)
+                there[i] = q[i] + dq[i]
+            evaluations += 1
+            far = reached(machine, there, signals, target, room.x[0] == room.x[0], room)
+            if far < error:
+                error = far
+                for i in range(m):
+                    best[i] = dq[i]
+                break
+        if not error < before:
+            break
+    return error, evaluations
+
+
+@compiled()
+def _posed(machine: Machine, target: Array, room: Place) -> bool:
+    """Bring the pose x to the target, whatever the joints say."""
+    step = np.zeros(len(room.x))
+    for _ in range(_ROUNDS):
+        place_of(machine, room.x, room)
+        if not _least_squares(room.slope, room.place, target, room.normal, step):
+            return False
+        most = 0.0
+        for i in range(len(step)):
+            most = max(most, abs(step[i]))
+            room.x[i] -= step[i]
+        if not most < np.inf:
+            return False
+        if most <= _SAME:
+            break
+    return True
+
+
+@compiled()
+def _joined(machine: Machine, room: Place, slope: Array, step: Array) -> bool:
+    """Bring the joints behind the drives to the pose x."""
+    limbs, state = machine.body.limbs, room.state
+    own = state.room
+    for _ in range(2 * _ROUNDS):
+        place(limbs, state.joint, room.x, NEAR, own)
+        spread_joints(limbs, own)
+        slope[:] = own.by_q
+        if not least_step(slope, own.f, 0.0, own.system, step):
+            return False
+        most = 0.0
+        for i in range(len(state.joint)):
+            most = max(most, abs(step[i]))
+            state.joint[i] -= step[i]
+        if not most < np.inf:
+            return False
+        if most <= 1e3 * _SAME:
+            return True
+    return False
+
+
+@compiled()
+def _loaded(machine: Machine, room: Place) -> None:
+    """Signals of the machine at the pose x with its joints: what effects may take of it."""
+    stages, state, signals = machine.stages, room.state, room.signals
+    at, m = stages.at, len(state.joint)
+    signals[at[POSE] : at[POSE] + len(room.x)] = room.x
+    signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)] = state.geometry
+    if stages.asked == 0:
+        return
+    found = state.carried
+    bear(
+        machine.body.limbs, machine.body.bearing, stages.asked, state.joint, room.x,
+        signals[at[RATE] : at[RATE] + m], signals[at[ACCELERATION] : at[ACCELERATION] + m],
+        signals[at[PAYLOAD]], signals[at[CENTRE] : at[CENTRE] + 3], state.room, found,
+    )  # fmt: skip
+    signals[at[GRAVITY] : at[GRAVITY] + m] = found.gravity
+    signals[at[TORQUE] : at[TORQUE] + m] = found.inertia
+    signals[at[LOAD] : at[LOAD] + len(found.load)] = found.load
+    if len(found.pull) == m:
+        signals[at[PULL] : at[PULL] + m] = found.pull
+        signals[at[PULL_HOME] : at[PULL_HOME] + m] = found.pull_home
+
+
+@compiled()
+def by_pose(
+    machine: Machine, q: Array, signals: Array, target: Array, best: Array, room: Place
+) -> tuple[float, int]:
+    """The same by way of the pose: the error is that of the pose."""
+    limbs, state, stages = machine.body.limbs, room.state, machine.stages
+    m, r = limbs.sizes[M], limbs.sizes[R]
+    told, shift = q.copy(), np.zeros(m)
+    slope, step = np.zeros((r, m)), np.zeros(max(m, r))
+    if not stands(machine, q, signals, False, room) or not _posed(machine, target, room):
+        return np.inf, 1
+    for _ in range(_ROUNDS):
+        if machine.reshaped:
+            state.geometry[:] = machine.g
+        _loaded(machine, room)
+        if machine.reshaped:
+            add_shift(
+                stages.structure, room.signals, machine.theta, state.structure, state.geometry
+            )
+            set_geometry(limbs, state.geometry, state.room)
+            set_masses(limbs, machine.body.bearing, state.geometry, state.carried)
+        if not _joined(machine, room, slope, step):
+            return np.inf, 1
+        most = 0.0
+        for i in range(m):
+            room.signals[stages.at[JOINT] + i] = told[i]
+        shift[:] = 0.0
+        add_shift(stages.drive, room.signals, machine.theta, state.drive, shift)
+        for i in range(m):
+            goal = state.joint[i] - shift[i]
+            most = max(most, abs(goal - told[i]))
+            told[i] = goal
+        if not most < np.inf:
+            return np.inf, 1
+        if most <= 1e3 * _SAME:
+            break
+    place_of(machine, room.x, room)
+    for i in range(m):
+        best[i] = told[i] - q[i]
+    return distance(room, target), 1
+
+
+# --- all commands --------------------------------------------------------------------------------
+
+
+@compiled()
+def targets(machine: Machine, signals: Array) -> tuple[Array, Array]:
+    """Places (n, a) and poses (n, k) of a machine; NaN rows where it cannot stand."""
+    n, room = len(signals), scratch(machine, signals.shape[1])
+    found = np.full((n, len(room.place)), np.nan)
+    x = np.full((n, len(room.x)), np.nan)
+    at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
+    for row in range(n):
+        if stands(machine, signals[row, at : at + m], signals[row], False, room):
+            found[row] = room.place
+            x[row] = room.x
+    return found, x
+
+
+@compiled()
+def slopes(machine: Machine, signals: Array) -> Array:
+    """d(place)/dq of the mechanism at every sample, (n, a, m); NaN where it cannot stand."""
+    n, room = len(signals), scratch(machine, signals.shape[1])
+    at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
+    found = np.full((n, len(room.place), m), np.nan)
+    for row in range(n):
+        if stands(machine, signals[row, at : at + m], signals[row], False, room):
+            _slope(machine, room)
+            found[row] = room.by_q
+    return found
+
+
+@compiled()
+def corrections(
+    machine: Machine, search: Search, signals: Array, target: Array, start: Array
+) -> tuple[Array, Array, Counts]:
+    """Corrections dq (n, m), distances (n,) [m], evaluations (n,) of commands under signals.
+
+    Sought from `start` (n, m), where that counts.
+    """
+    n, m, at = len(signals), machine.body.limbs.sizes[M], machine.stages.at[JOINT]
+    dq, error, count = start.copy(), np.empty(n), np.empty(n, dtype=np.int64)
+    room = scratch(machine, signals.shape[1])
+    for row in range(n):
+        error[row], count[row] = correct(
+            machine, search, signals[row, at : at + m].copy(), signals[row], target[row],
+            dq[row], room,
+        )  # fmt: skip
+    return dq, error, count
+
+
+@compiled()
+def correct(
+    machine: Machine,
+    search: Search,
+    q: Array,
+    signals: Array,
+    target: Array,
+    best: Array,
+    room: Place,
+) -> tuple[float, int]:
+    """Correct one command the way that goes with the mechanism."""
+    if not machine.by_pose:
+        return newton(machine, search, q, signals, target, best, room)
+    error, count = by_pose(machine, q, signals, target, best, room)
+    return error, count

@@ -1,0 +1,56 @@
+"""Tree of a Delta on towers."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.description.look import Look
+from delta_calibration.description.parts import Parts, motor, plate
+from delta_calibration.description.skeleton import Strut
+from delta_calibration.description.tree import (
+    BASE,
+    BLACK,
+    BLUE,
+    ORANGE,
+    PRISMATIC,
+    Cylinder,
+    Link,
+    X,
+    Y,
+    Z,
+)
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.mechanisms import LinearDelta, Mechanism
+from delta_calibration.mechanisms.linear_delta import ANGLE, ARM, ENDSTOP, RADIUS, TOWERS
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+_THICK, _THIN = 0.02, 0.007  # [m] radii of carriages and arms
+_HALF = 0.02 * Z  # [m] of a carriage
+
+
+class LinearDeltaLook(Look):
+    """Towers, carriages, arms and platform of a linear Delta."""
+
+    mechanism: ClassVar[str] = LinearDelta.name
+
+    def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
+        """Carriages on towers, an arm each; their joints are moved in by the platform's radius."""
+        g, links, joints, struts, towers = geometry, [], [], [], []
+        for i in range(TOWERS):
+            carriage, turn = f"carriage_{i + 1}", rotations.about_z(g[ANGLE][i])
+            top = g[RADIUS] * turn[:, 0] + g[ENDSTOP][i] * Z
+            start = Frame(turn, top)
+            links.append(Link(carriage, (Cylinder(-_HALF, _HALF, _THICK, ORANGE),)))
+            joints.append(motor(robot, i, BASE, carriage, start, -Z, PRISMATIC))
+            arm = float(g[ARM][i])
+            struts.append(
+                Strut(str(i + 1), carriage, Frame.identity(), np.zeros(3), arm, _THIN, colour=BLUE)
+            )
+            towers.append(Cylinder(top * (X + Y), top, _THIN, BLACK))
+        platform = plate(float(g[RADIUS]) / 4)
+        return Parts(tuple(towers), tuple(links), tuple(joints), tuple(struts), platform)

@@ -1,0 +1,103 @@
+"""Tree of a Delta on motors, with six rods."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.description.look import Look
+from delta_calibration.description.parts import Parts, motor, plate
+from delta_calibration.description.skeleton import Strut, Values
+from delta_calibration.description.tree import (
+    BASE,
+    BLACK,
+    BLUE,
+    CONTINUOUS,
+    ORANGE,
+    Cylinder,
+    Joint,
+    Link,
+    X,
+    Y,
+)
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.mechanisms import Mechanism, SixRodDelta
+from delta_calibration.mechanisms import six_rod_delta as delta
+from delta_calibration.mechanisms.delta_leg import LEG_FRAMES, LEGS
+from delta_calibration.mechanisms.rotary_delta import legs
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+_THICK, _THIN = 0.02, 0.007  # [m] radii of arms and rods
+
+
+class SixRodDeltaLook(Look):
+    """Arms, rods and platform of a Delta."""
+
+    mechanism: ClassVar[str] = SixRodDelta.name
+
+    def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
+        """Arms on hinges and six rods; the elbows' lines of balls keep the hinges' orientation."""
+        links: list[Link] = []
+        joints: list[Joint] = []
+        struts: list[Strut] = []
+        for number, leg in enumerate(legs(geometry), 1):
+            arm, elbow = f"arm_{number}", f"elbow_{number}"
+            zero = _about(Y, leg[delta.ZERO])
+            hinge = LEG_FRAMES[number - 1] @ _tilted(leg[delta.TILT_X], leg[delta.TILT_Z])
+            place = LEG_FRAMES[number - 1] @ leg[delta.BASE]
+            width = Y * float(leg[delta.ELBOW].max())
+            along = X * float(leg[delta.ARM])
+            links += [
+                Link(arm, (Cylinder(0 * X, along, _THICK, ORANGE),)),
+                Link(elbow, (Cylinder(-width, width, _THIN, BLACK),)),
+            ]
+            joints += [
+                motor(robot, number - 1, BASE, arm, Frame(hinge @ zero, place), Y),
+                Joint(elbow, CONTINUOUS, arm, elbow, Frame(zero.T, along), Y),
+            ]
+            struts += _rods(number, leg, elbow)
+        drawn = robot.dimensions
+        return Parts(
+            plate(drawn.base_radius),
+            tuple(links),
+            tuple(joints),
+            tuple(struts),
+            plate(drawn.platform_radius),
+            follow=lambda values, pose: _upright(values, robot),
+        )
+
+
+def _rods(number: int, leg: Array, elbow: str) -> list[Strut]:
+    """The two rods of a leg."""
+    line = _tilted(leg[delta.ELBOW_X], leg[delta.ELBOW_Z]) @ Y
+    crooked = _tilted(leg[delta.LINE_X], leg[delta.LINE_Z]) @ Y
+    rods = []
+    for side, letter in enumerate("ab"):
+        sign = delta.SIDE[side]
+        start = sign * leg[delta.ELBOW][side] * line
+        end = leg[delta.PLATFORM] + sign * leg[delta.JOINT][side] * crooked
+        length = float(leg[delta.ROD] + sign * leg[delta.MISMATCH] / 2)
+        origin = Frame(np.eye(3), start)
+        name = f"{number}{letter}"
+        rods.append(
+            Strut(name, elbow, origin, LEG_FRAMES[number - 1] @ end, length, _THIN, colour=BLUE)
+        )
+    return rods
+
+
+def _upright(values: Values, robot: Robot) -> Values:
+    """Elbows turn back by as much as the arms turn."""
+    names = robot.joints.names
+    return {f"elbow_{leg}": -values[names[leg - 1]] for leg in range(1, LEGS + 1)}
+
+
+def _tilted(about_x: Array, about_z: Array) -> Array:
+    return rotations.exp(np.array([about_x, 0.0, about_z]))
+
+
+def _about(axis: Array, angle: float) -> Array:
+    return rotations.exp(axis * angle)

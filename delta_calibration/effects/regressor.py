@@ -1,0 +1,71 @@
+"""What an effect's picture is drawn against: a quantity, and groups of samples by colour."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.samples import Conditions
+
+Array = NDArray[np.float64]
+Groups = tuple[tuple[str, NDArray[np.bool_]], ...]  # name and samples (n,) of each
+
+_DEGREES = 180 / np.pi
+_MOST_LEVELS = 3  # of a payload
+_SAME = 1e-3  # [kg] within which two payloads are one level
+
+
+@dataclass(frozen=True)
+class Regressor:
+    """A quantity of each sample: `of(conditions, joint)` gives its values (n,).
+
+    The joint's index counts only for a quantity that each joint has of its own.
+    """
+
+    title: str  # with its unit
+    of: Callable[[Conditions, int], Array]
+
+
+def _length(v: Array) -> Array:
+    return np.asarray(np.linalg.norm(v, axis=1))
+
+
+ANGLE = Regressor("angle of the joint [°]", lambda at, j: _DEGREES * at.joint[:, j])
+CLOCK = Regressor("time [min]", lambda at, j: at.time / 60)
+VELOCITY = Regressor("speed of the joint [°/s]", lambda at, j: _DEGREES * at.velocity[:, j])
+ACCELERATION = Regressor(
+    "acceleration of the joint [rad/s²]", lambda at, j: at.acceleration[:, j]
+)
+LOAD = Regressor("payload [kg]", lambda at, j: at.payload)
+DISTANCE = Regressor("distance from the tracker [m]", lambda at, j: _length(at.reading))
+READING_SPEED = Regressor(
+    "speed of the reflector [m/s]", lambda at, j: _length(at.reading_velocity)
+)
+
+
+def temperature(part: str) -> Regressor:
+    """Temperature of a part."""
+    words = part.replace("_", " ")
+    return Regressor(f"temperature of the {words} [°C]", lambda at, j: at.of_part(part))
+
+
+def all_together(at: Conditions) -> Groups:
+    """All samples in one group."""
+    return (("measured", np.ones(len(at), dtype=bool)),)
+
+
+def by_direction(at: Conditions, joint: int) -> Groups:
+    """Samples by the direction in which a joint last went."""
+    side = at.direction[:, joint]
+    return ("joint last went up", side > 0), ("joint last went down", side < 0)
+
+
+def by_payload(at: Conditions) -> Groups:
+    """Samples by payload, where there are two or three; else all in one group."""
+    levels = np.unique(np.round(at.payload[np.isfinite(at.payload)], 3))
+    if not 1 < len(levels) <= _MOST_LEVELS:
+        return all_together(at)
+    return tuple((f"{kg:g} kg", np.abs(at.payload - kg) < _SAME) for kg in levels)

@@ -1,0 +1,193 @@
+"""Signals: all numbers of a sample that an effect's law may take.
+
+What was recorded (joint angles, rates, direction of the last motion, payload, temperatures, ...) and
+what the machine makes of it (pose, dimensions, torques of weight and inertia, pulls of cables). A
+law names the ones it takes; each has a place in one row of numbers, the same for all effects on a
+mechanism.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.mechanisms import Mechanism
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Conditions
+
+Array = NDArray[np.float64]
+
+JOINT, RATE, ACCELERATION = "joint", "rate", "acceleration"
+DIRECTION, TRAVEL = "direction", "travel"
+GRAVITY, INERTIA, PULL, PULL_HOME = "gravity", "inertia", "pull", "pull_home"
+POSE, GEOMETRY, LOAD = "pose", "geometry", "load"
+TIME, PAYLOAD, CENTRE, TEMPERATURE = "time", "payload", "centre", "temperature"
+READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
+
+_WEIGHT, _INERTIA, _PULLS = 1, 2, 4  # as in model/loads.py
+_ASKED = {GRAVITY: _WEIGHT, LOAD: _WEIGHT, INERTIA: _INERTIA, PULL: _PULLS, PULL_HOME: _PULLS}
+_STANDING = (*_ASKED, POSE, GEOMETRY)  # what only a machine that stands somewhere has
+OF_JOINTS = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, GRAVITY, INERTIA, PULL, PULL_HOME)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where each signal begins in a sample's row.
+
+    Attributes:
+        sizes: name and how many numbers, in order.
+        parts: of which temperatures are known.
+    """
+
+    sizes: tuple[tuple[str, int], ...]
+    parts: tuple[str, ...]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, parts: tuple[str, ...]) -> Places:
+        """Of a mechanism, and the parts whose temperature is recorded."""
+        return _places(
+            mechanism.joints, mechanism.pose_size, len(mechanism.parameters), parts
+        )
+
+    @property
+    def of_joints(self) -> tuple[str, ...]:
+        """Signals that each joint has of its own."""
+        return OF_JOINTS
+
+    def count(self, name: str) -> int:
+        """How many numbers a signal has."""
+        return dict(self.sizes)[name]
+
+    def begin(self, name: str) -> int:
+        """Place of a signal's first number."""
+        return _begins(self)[name]
+
+    @property
+    def size(self) -> int:
+        """Numbers in a row."""
+        return sum(size for _, size in self.sizes)
+
+    def temperature(self, part: str) -> int:
+        """Place of a part's temperature; where it is not recorded, of nothing."""
+        if part not in self.parts:
+            return self.begin(NOTHING)
+        return self.begin(TEMPERATURE) + self.parts.index(part)
+
+
+@lru_cache(maxsize=64)
+def _places(m: int, k: int, p: int, parts: tuple[str, ...]) -> Places:
+    of_sample = ((TIME, 1), (PAYLOAD, 1), (CENTRE, 3), (TEMPERATURE, len(parts)))
+    of_tracker = ((READING, 3), (READING_RATE, 3), (NOTHING, 1))
+    of_machine = ((POSE, k), (GEOMETRY, p), (LOAD, p))
+    return Places(
+        (*((name, m) for name in OF_JOINTS), *of_machine, *of_sample, *of_tracker), parts
+    )
+
+
+@lru_cache(maxsize=64)
+def _begins(places: Places) -> dict[str, int]:
+    ends = np.cumsum([0, *(size for _, size in places.sizes)]).tolist()
+    return {name: begin for (name, _), begin in zip(places.sizes, ends, strict=False)}
+
+
+def asked_of(names: Any) -> int:
+    """Which loads (flags of model/loads.py) these signals need."""
+    flags = 0
+    for name in names:
+        flags |= _ASKED.get(name, 0)
+    return flags
+
+
+def standing_asked(names: Any) -> bool:
+    """Whether any of these signals needs a machine that stands somewhere."""
+    return any(name in _STANDING for name in names)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Signals of n samples: rows of numbers, and where each stands in them."""
+
+    places: Places
+    rows: Array  # (n, S)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def take(self, rows: NDArray[Any] | slice) -> Signals:
+        """Some of the samples."""
+        return replace(self, rows=self.rows[rows])
+
+    def of(self, name: str) -> Array:
+        """One signal of all samples, (n, size)."""
+        begin = self.places.begin(name)
+        size = dict(self.places.sizes)[name]
+        return self.rows[:, begin : begin + size]
+
+    def with_(self, **values: Array) -> Signals:
+        """The same with other values of some signals."""
+        rows = self.rows.copy()
+        changed = replace(self, rows=rows)
+        for name, value in values.items():
+            changed.of(name)[:] = value
+        return changed
+
+
+def recorded(mechanism: Mechanism, at: Conditions) -> Signals:
+    """What was recorded of samples; what only a machine has is zero."""
+    places = Places.of(mechanism, at.temperature_parts)
+    blank = Signals(places, np.zeros((len(at), places.size)))
+    for name, values in (
+        (JOINT, at.joint), (RATE, at.velocity), (ACCELERATION, at.acceleration),
+        (DIRECTION, at.direction), (TRAVEL, at.travel), (TIME, at.time[:, None]),
+        (PAYLOAD, at.payload[:, None]), (CENTRE, at.payload_centre),
+        (TEMPERATURE, at.temperature), (READING, at.reading),
+        (READING_RATE, at.reading_velocity),
+    ):  # fmt: skip
+        blank.of(name)[:] = values
+    return blank
+
+
+def standing(
+    signals: Signals,
+    robot: Robot,
+    mechanism: Mechanism,
+    x: Array,
+    g: Array,
+    asked: int,
+    joint: Array | None = None,
+) -> Signals:
+    """The signals of a machine that stands at poses x (n, k) with dimensions g, its loads with it.
+
+    Args:
+        signals: what was recorded.
+        robot: masses.
+        mechanism: the machine.
+        x: its poses, (n, k).
+        g: its dimensions, (p,) or (n, p).
+        asked: loads, see `asked_of`.
+        joint: where its joints stand, (n, m), if not where they are said to.
+    """
+    found = signals.with_(**{POSE: x, GEOMETRY: g})
+    if asked:
+        q = found.of(JOINT) if joint is None else joint
+        weight, inertia, load, pull, home = mechanism.loads(
+            robot.masses, asked, q, x, g,
+            found.of(RATE), found.of(ACCELERATION), found.of(PAYLOAD)[:, 0], found.of(CENTRE),
+        )  # fmt: skip
+        loads = {GRAVITY: weight, INERTIA: inertia, LOAD: load}
+        if mechanism.pulls:
+            loads |= {PULL: pull, PULL_HOME: home}
+        for name, values in loads.items():
+            found.of(name)[:] = values
+    return found
+
+
+def nominal(robot: Robot, mechanism: Mechanism, at: Conditions, asked: int) -> Signals:
+    """The signals of the drawing's machine under these conditions."""
+    g, signals = mechanism.parameters.nominal, recorded(mechanism, at)
+    x = mechanism.forward(at.joint, g)
+    return standing(signals, robot, mechanism, x, g, asked)

@@ -1,0 +1,71 @@
+"""Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
+
+from delta_calibration.model.jit import law
+
+LAYOUT = ((('x', 3), ('o', 3)), 3, (), (), (), ('x', 'o'))
+SIZE = 27
+SHARED = (27, 27)
+
+
+def setup(w):  # type: ignore[no-untyped-def]
+    pass
+
+
+def shared(w):  # type: ignore[no-untyped-def]
+    pass
+
+
+def near(w):  # type: ignore[no-untyped-def]
+    i0 = w[0]
+    i3 = w[3]
+    i1 = w[1]
+    i4 = w[4]
+    i2 = w[2]
+    i5 = w[5]
+    t2 = i0 + i3
+    t6 = i1 + i4
+    t10 = i2 + i5
+    w[6] = t2
+    w[7] = t6
+    w[8] = t10
+
+
+def full(w):  # type: ignore[no-untyped-def]
+    i0 = w[0]
+    i3 = w[3]
+    i1 = w[1]
+    i4 = w[4]
+    i2 = w[2]
+    i5 = w[5]
+    t2 = i0 + i3
+    t6 = i1 + i4
+    t10 = i2 + i5
+    w[6] = t2
+    w[7] = t6
+    w[8] = t10
+    w[9] = 1.0
+    w[12] = 0.0
+    w[15] = 0.0
+    w[10] = 0.0
+    w[13] = 1.0
+    w[16] = 0.0
+    w[11] = 0.0
+    w[14] = 0.0
+    w[17] = 1.0
+    w[18] = 1.0
+    w[21] = 0.0
+    w[24] = 0.0
+    w[19] = 0.0
+    w[22] = 1.0
+    w[25] = 0.0
+    w[20] = 0.0
+    w[23] = 0.0
+    w[26] = 1.0
+
+
+ADDRESSES = {
+    "setup": law(setup, "160ddfad217e1984"),
+    "shared": law(shared, "160ddfad217e1984"),
+    "near": law(near, "160ddfad217e1984"),
+    "full": law(full, "160ddfad217e1984"),
+}

@@ -1,0 +1,59 @@
+"""Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
+
+from delta_calibration.model.jit import law
+
+LAYOUT = ((('x', 6), ('q', 0), ('g', 0)), 3, (), (), (), ('x', 'q'))
+SIZE = 27
+SHARED = (27, 27)
+
+
+def setup(w):  # type: ignore[no-untyped-def]
+    pass
+
+
+def shared(w):  # type: ignore[no-untyped-def]
+    pass
+
+
+def near(w):  # type: ignore[no-untyped-def]
+    i0 = w[0]
+    i1 = w[1]
+    i2 = w[2]
+    w[6] = i0
+    w[7] = i1
+    w[8] = i2
+
+
+def full(w):  # type: ignore[no-untyped-def]
+    i0 = w[0]
+    i1 = w[1]
+    i2 = w[2]
+    w[6] = i0
+    w[7] = i1
+    w[8] = i2
+    w[9] = 1.0
+    w[15] = 0.0
+    w[21] = 0.0
+    w[10] = 0.0
+    w[16] = 1.0
+    w[22] = 0.0
+    w[11] = 0.0
+    w[17] = 0.0
+    w[23] = 1.0
+    w[12] = 0.0
+    w[18] = 0.0
+    w[24] = 0.0
+    w[13] = 0.0
+    w[19] = 0.0
+    w[25] = 0.0
+    w[14] = 0.0
+    w[20] = 0.0
+    w[26] = 0.0
+
+
+ADDRESSES = {
+    "setup": law(setup, "d1f6e3716dd7ad19"),
+    "shared": law(shared, "d1f6e3716dd7ad19"),
+    "near": law(near, "d1f6e3716dd7ad19"),
+    "full": law(full, "d1f6e3716dd7ad19"),
+}

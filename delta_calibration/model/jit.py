@@ -1,0 +1,113 @@
+"""How functions are compiled: without fast mathematics, and kept for later processes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from hashlib import blake2s
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar, cast
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.core.registry import CPUDispatcher
+from numba.extending import intrinsic
+
+from delta_calibration.model import lowering
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_LAW = types.void(types.CPointer(types.float64))  # type: ignore[no-untyped-call,unused-ignore]
+_STRICT = {"error_model": "numpy"}
+_CONTRACTED = {**_STRICT, "fastmath": {"contract"}}
+_LOADED: list[Any] = []  # their code lives as long as they do
+
+
+def compiled(
+    signature: str | None = None, *others: ModuleType, contract: bool = False
+) -> Callable[[_Function], _Function]:
+    """Compile a function, at once if it has a signature, and keep the result for later processes.
+
+    What was kept is thrown away when the function's own file changes. Functions of other files
+    become part of this one as well: the sources of those that its own file takes compiled
+    functions from, and of `others`, are part of the name that the result is kept under. Where no
+    folder can be written (installed by root, run by a user without a home), each process compiles
+    for itself.
+
+    With `contract` a product and the sum it goes into may be rounded once instead of twice, where
+    the processor has an instruction for both.
+    """
+    njit: Any = numba.njit  # typed in some of numba's versions, in others not
+    options = _CONTRACTED if contract else _STRICT
+
+    def decorate(function: _Function) -> _Function:
+        names = {__name__, *(other.__name__ for other in others)}
+        names.update(_taken_from(function.__globals__))
+        digest = _digest("".join(map(_sources, sorted(names - {function.__module__}))))
+        function.__qualname__ = f"{function.__qualname__}_{digest}"
+        return cast(_Function, _kept(njit, function, signature, nogil=True, **options))
+
+    return decorate
+
+
+def law(function: Any, digest: str) -> int:
+    """Compile a generated law, a function of its workspace, and return its address.
+
+    Args:
+        function: of a generated file.
+        digest: of that file; part of the name that the machine code is kept under, since a file
+            may change and have the same length and date.
+    """
+    own = f"{function.__qualname__}_{digest}_{_digest(_sources(lowering.__name__))}"
+    function.__qualname__ = own
+    made = _kept(numba.cfunc, lowering.thin(function), _LAW, **_CONTRACTED)
+    _LOADED.append(made)
+    return int(made.address)
+
+
+def _digest(text: str) -> str:
+    return blake2s(text.encode(), digest_size=8).hexdigest()
+
+
+@cache
+def _sources(name: str) -> str:
+    """Of a module, and of those that it takes compiled functions from."""
+    module = sys.modules[name]
+    others = sorted({*_taken_from(vars(module))} - {name})
+    text = Path(str(module.__file__)).read_text(encoding="utf-8")
+    return "".join([text, *map(_sources, others)])
+
+
+def _taken_from(names: dict[str, Any]) -> Iterator[str]:
+    """Modules of the compiled functions among these names."""
+    for value in names.values():
+        if isinstance(value, CPUDispatcher):
+            yield value.py_func.__module__
+
+
+def _kept(make: Any, function: Any, signature: Any, **options: Any) -> Any:
+    try:
+        return make(signature, cache=True, **options)(function)
+    except RuntimeError:  # no folder to keep it in
+        return make(signature, **options)(function)
+
+
+def _call(typing: Any, address: Any, workspace: Any) -> Any:
+    """Call the law at an address on a workspace (s,)."""
+    del typing
+    signature = types.void(address, workspace)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        number, array = args
+        data = context.make_array(signature.args[1])(context, builder, array).data
+        kind = ir.FunctionType(ir.VoidType(), [data.type])
+        builder.call(builder.inttoptr(number, kind.as_pointer()), [data])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+call: Any = intrinsic(_call)  # in compiled functions: call(address, workspace)

@@ -1,0 +1,490 @@
+"""Loops over samples for any mechanism: its limbs' law is called by its address.
+
+A mechanism is limbs, each with some rows of the closure, some of the joints and some of the
+dimensions, all of one law. `Limbs` holds what the loops need of it (see `mechanisms/base.py`):
+
+    law (4,)         addresses: setup, shared, near, full (law.py)
+    at (10,)         places in a limb's workspace: q, x, g, c, f, f_x, f_q, f_g, shared from, to
+    joints (L, mj)   which joints a limb has
+    params (L, pl)   which of the p dimensions, or of the fixed numbers behind them
+    rows (L, r)      which rows of the closure
+    consts (L, nc)   its own constants
+    fixed (c,)       dimensions of the drawing that are no parameters
+    sizes (5,)       joints m, pose k, dimensions p, closures R, commanded coordinates t
+    most (R,)        largest closure that counts as closed
+
+Everything is per sample, in scratch arrays that a call makes once; a sample without an answer
+becomes NaN. Dimensions come as (1, p) for all samples or (n, p).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.model.jit import call, compiled
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+STEPS = 25  # of Newton's method
+SIDES = 6  # that `moved` may be asked for at once, of a pose of fewer coordinates
+_SETTLED = 1e-11  # [m, rad] last step; what is left is of the order of its square
+_DAMPED_STEPS = 200
+
+
+class Limbs(NamedTuple):
+    """A mechanism's law and which of its limbs takes what; see above."""
+
+    law: Index
+    at: Index
+    joints: Index
+    params: Index
+    rows: Index
+    consts: Array
+    fixed: Array
+    sizes: Index
+    most: Array
+
+
+class Room(NamedTuple):
+    """Scratch of one mechanism, used again for all samples of a call."""
+
+    work: Array  # (L, s) workspaces of the limbs
+    f: Array  # (R,)
+    by_x: Array  # (R, k)
+    by_q: Array  # (R, m)
+    by_g: Array  # (R, p)
+    system: Array  # (max, max + sides)
+    step: Array
+
+
+Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
+SETUP, SHARED, NEAR, FULL = range(4)
+M, K, P, R, T = range(5)
+
+
+@compiled()
+def room(limbs: Limbs, size: int) -> Room:
+    """Scratch; `size` is that of a limb's workspace."""
+    m, k, p, r = limbs.sizes[M], limbs.sizes[K], limbs.sizes[P], limbs.sizes[R]
+    wide = max(k, max(r, m + k))
+    work = np.zeros((len(limbs.joints), size))
+    for limb in range(len(work)):
+        for i in range(limbs.consts.shape[1]):
+            work[limb, limbs.at[C] + i] = limbs.consts[limb, i]
+    return Room(
+        work,
+        np.zeros(r),
+        np.zeros((r, k)),
+        np.zeros((r, m)),
+        np.zeros((r, p)),
+        np.zeros((wide, wide + max(m, max(k, SIDES)))),
+        np.zeros(wide),
+    )
+
+
+@compiled()
+def solve(system: Array, size: int, sides: int) -> bool:
+    """Solve size equations for the right sides behind them, in place; False if singular."""
+    width = size + sides
+    for k in range(size):
+        best = k
+        for i in range(k + 1, size):
+            if abs(system[i, k]) > abs(system[best, k]):
+                best = i
+        if not abs(system[best, k]) > 0.0:  # zero or NaN
+            return False
+        if best != k:
+            for j in range(k, width):
+                system[k, j], system[best, j] = system[best, j], system[k, j]
+        inverse = 1.0 / system[k, k]
+        for i in range(k + 1, size):
+            factor = system[i, k] * inverse
+            if factor != 0.0:
+                for j in range(k + 1, width):
+                    system[i, j] -= factor * system[k, j]
+    for k in range(size - 1, -1, -1):
+        inverse = 1.0 / system[k, k]
+        for side in range(size, width):
+            total = system[k, side]
+            for j in range(k + 1, size):
+                total -= system[k, j] * system[j, side]
+            system[k, side] = total * inverse
+    return True
+
+
+@compiled()
+def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
+    """Give the limbs these dimensions (p,)."""
+    p = limbs.sizes[P]
+    for limb in range(len(limbs.params)):
+        work = room.work[limb]
+        for i in range(limbs.params.shape[1]):
+            row = limbs.params[limb, i]
+            work[limbs.at[G] + i] = g[row] if row < p else limbs.fixed[row - p]
+        call(limbs.law[SETUP], work)
+
+
+@compiled()
+def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
+    """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`."""
+    at = limbs.at
+    first = room.work[0]
+    for limb in range(len(limbs.joints)):
+        work = room.work[limb]
+        for i in range(limbs.joints.shape[1]):
+            work[at[Q] + i] = q[limbs.joints[limb, i]]
+        for i in range(limbs.sizes[K]):
+            work[at[X] + i] = x[i]
+        if limb == 0:
+            call(limbs.law[SHARED], work)
+        else:
+            for i in range(at[FROM], at[TO]):
+                work[i] = first[i]
+        call(limbs.law[stage], work)
+        for i in range(limbs.rows.shape[1]):
+            row = limbs.rows[limb, i]
+            room.f[row] = work[at[F] + i]
+            for j in range(limbs.sizes[K]):
+                room.by_x[row, j] = work[at[F_X] + i * limbs.sizes[K] + j]
+
+
+@compiled()
+def spread_joints(limbs: Limbs, room: Room) -> None:
+    """Put the limbs' derivatives by their joints into their places in `by_q`."""
+    count = limbs.joints.shape[1]
+    for limb in range(len(limbs.joints)):
+        for i in range(limbs.rows.shape[1]):
+            for j in range(count):
+                slope = room.work[limb, limbs.at[F_Q] + i * count + j]
+                room.by_q[limbs.rows[limb, i], limbs.joints[limb, j]] = slope
+
+
+@compiled()
+def spread_geometry(limbs: Limbs, room: Room) -> None:
+    """Put the limbs' derivatives by their dimensions into their places in `by_g`."""
+    count = limbs.params.shape[1]
+    for limb in range(len(limbs.params)):
+        for i in range(limbs.rows.shape[1]):
+            for j in range(count):
+                if limbs.params[limb, j] < limbs.sizes[P]:
+                    slope = room.work[limb, limbs.at[F_G] + i * count + j]
+                    room.by_g[limbs.rows[limb, i], limbs.params[limb, j]] = slope
+
+
+@compiled()
+def towards(room: Room, r: int, k: int) -> bool:
+    """Newton's step in the pose, f_x^+ f, into `step`; False where there is none."""
+    system = room.system
+    if r == k:
+        for i in range(k):
+            for j in range(k):
+                system[i, j] = room.by_x[i, j]
+            system[i, k] = room.f[i]
+    else:  # normal equations
+        for i in range(k):
+            for j in range(k):
+                total = 0.0
+                for row in range(r):
+                    total += room.by_x[row, i] * room.by_x[row, j]
+                system[i, j] = total
+            total = 0.0
+            for row in range(r):
+                total += room.by_x[row, i] * room.f[row]
+            system[i, k] = total
+    if not solve(system, k, 1):
+        return False
+    for i in range(k):
+        room.step[i] = system[i, k]
+    return True
+
+
+@compiled()
+def closed(limbs: Limbs, room: Room, stray: float) -> bool:
+    """Whether the pose is one: no step in it would close more, nothing is torn.
+
+    Asked after `towards` near the pose. Of a pose on the way anything is allowed: `stray` is
+    infinite.
+    """
+    if stray == np.inf:
+        return True
+    r, k = limbs.sizes[R], limbs.sizes[K]
+    for row in range(r):
+        missed = 0.0
+        if r == k:
+            missed = room.f[row]
+        else:
+            for j in range(k):
+                missed += room.by_x[row, j] * room.step[j]
+        if not abs(missed) < stray or not abs(room.f[row]) <= limbs.most[row]:
+            return False
+    return True
+
+
+@compiled()
+def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool:
+    """Bring the pose x (k,) to joints q (m,), from where it is; NaN and False where none is."""
+    r, k = limbs.sizes[R], limbs.sizes[K]
+    good = False
+    for _ in range(STEPS):
+        place(limbs, q, x, NEAR, room)
+        good = False
+        if not towards(room, r, k):
+            break
+        most = 0.0
+        for i in range(k):
+            most += abs(room.step[i])  # not a number if one is not
+            x[i] -= room.step[i]
+        if not most < np.inf:
+            break
+        good = closed(limbs, room, stray)
+        if most <= _SETTLED:
+            break
+    if good:
+        return True
+    for i in range(k):
+        x[i] = np.nan
+    return False
+
+
+@compiled()
+def follow(
+    limbs: Limbs, home: Array, q: Array, x: Array, stages: int, stray: float, room: Room
+) -> bool:
+    """The same in stages: by joints between home (m,), where x is a pose, and q (m,).
+
+    So the assembly mode is that of home.
+    """
+    m = limbs.sizes[M]
+    way = np.empty(m)
+    for stage in range(1, stages + 1):
+        last = stage == stages
+        for i in range(m):
+            way[i] = q[i] if last else home[i] + (q[i] - home[i]) * stage / stages
+        if not assemble(limbs, way, x, stray if last else np.inf, room):
+            return False
+    return True
+
+
+@compiled()
+def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
+    """-by_pose f_x^+, one row of `system` a row of `by_pose` (c, k): into columns of it.
+
+    After it `system[:R, c0 + i]` is not used; the result stands in `system[i, :R]`.
+    """
+    r, k, count = limbs.sizes[R], limbs.sizes[K], len(by_pose)
+    system = room.system
+    for i in range(k):
+        for j in range(k):
+            if r == k:
+                system[i, j] = room.by_x[j, i]
+            else:
+                total = 0.0
+                for row in range(r):
+                    total += room.by_x[row, i] * room.by_x[row, j]
+                system[i, j] = total
+        for side in range(count):
+            system[i, k + side] = by_pose[side, i]
+    return solve(system, k, count)
+
+
+@compiled()
+def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) -> None:
+    """Derivatives by joints (c, m) and dimensions (c, p) of what has `by_pose` (c, k).
+
+    By the implicit function theorem, where the limbs were placed with `FULL`.
+    """
+    r, k, p, count = limbs.sizes[R], limbs.sizes[K], limbs.sizes[P], len(by_pose)
+    by_q[:] = 0.0
+    by_g[:] = 0.0
+    if not back(limbs, by_pose, room):
+        by_q[:] = np.nan
+        by_g[:] = np.nan
+        return
+    at, own, each = limbs.at, limbs.joints.shape[1], limbs.params.shape[1]
+    for side in range(count):
+        for limb in range(len(limbs.joints)):
+            work = room.work[limb]
+            for i in range(limbs.rows.shape[1]):
+                row = limbs.rows[limb, i]
+                weight = 0.0
+                if r == k:
+                    weight = -room.system[row, k + side]
+                else:
+                    for j in range(k):
+                        weight -= room.by_x[row, j] * room.system[j, k + side]
+                for j in range(own):
+                    by_q[side, limbs.joints[limb, j]] += weight * work[at[F_Q] + i * own + j]
+                for j in range(each):
+                    column = limbs.params[limb, j]
+                    if column < p:
+                        by_g[side, column] += weight * work[at[F_G] + i * each + j]
+
+
+# --- all samples ---------------------------------------------------------------------------------
+
+
+@compiled()
+def started(
+    law: Index, at: Index, size: int, consts: Array, q: Array, g: Array, found: Array
+) -> None:
+    """Evaluate a law (places of q, g, c and f) at every sample, into `found` (n, outputs)."""
+    work, last = np.zeros(size), len(g) - 1
+    for i in range(len(consts)):
+        work[at[2] + i] = consts[i]
+    for row in range(len(q)):
+        if row == 0 or last > 0:
+            for i in range(g.shape[1]):
+                work[at[1] + i] = g[min(row, last), i]
+            call(law[SETUP], work)
+        for i in range(q.shape[1]):
+            work[at[0] + i] = q[row, i]
+        call(law[SHARED], work)
+        call(law[FULL], work)
+        for i in range(found.shape[1]):
+            found[row, i] = work[at[3] + i]
+
+
+@compiled()
+def poses(
+    limbs: Limbs, size: int, home: Array, stages: int, q: Array, g: Array, x: Array, stray: float
+) -> None:
+    """Bring poses x (n, k) to joints q (n, m), from where they are; NaN rows where none is.
+
+    With more than one of the `stages` on the way from the joints `home` (m,): see `follow`.
+    """
+    own, last = room(limbs, size), len(g) - 1
+    for row in range(len(q)):
+        if row == 0 or last > 0:
+            set_geometry(limbs, g[min(row, last)], own)
+        follow(limbs, home, q[row], x[row], stages, stray, own)
+
+
+@compiled()
+def closures(
+    limbs: Limbs, size: int, q: Array, x: Array, g: Array, derivatives: bool
+) -> tuple[Array, Array, Array, Array]:
+    """f (n, R) and, where asked for, its derivatives by pose, joints and dimensions."""
+    n, m, k, p, r = len(q), limbs.sizes[M], limbs.sizes[K], limbs.sizes[P], limbs.sizes[R]
+    some = n if derivatives else 0
+    f, by_x = np.empty((n, r)), np.empty((n, r, k))
+    by_q, by_g = np.zeros((some, r, m)), np.zeros((some, r, p))
+    own, last = room(limbs, size), len(g) - 1
+    for row in range(n):
+        if row == 0 or last > 0:
+            set_geometry(limbs, g[min(row, last)], own)
+        place(limbs, q[row], x[row], FULL if derivatives else NEAR, own)
+        f[row], by_x[row] = own.f, own.by_x
+        if derivatives:
+            spread_joints(limbs, own)
+            spread_geometry(limbs, own)
+            by_q[row], by_g[row] = own.by_q, own.by_g
+    return f, by_x, by_q, by_g
+
+
+@compiled()
+def slopes(
+    limbs: Limbs, size: int, q: Array, x: Array, g: Array, by_pose: Array
+) -> tuple[Array, Array]:
+    """Derivatives by joints (n, c, m) and dimensions (n, c, p) of what has `by_pose` (n, c, k)."""
+    n, count = len(q), by_pose.shape[1]
+    by_q = np.empty((n, count, limbs.sizes[M]))
+    by_g = np.empty((n, count, limbs.sizes[P]))
+    own, last = room(limbs, size), len(g) - 1
+    for row in range(n):
+        if row == 0 or last > 0:
+            set_geometry(limbs, g[min(row, last)], own)
+        place(limbs, q[row], x[row], FULL, own)
+        moved(limbs, by_pose[row], own, by_q[row], by_g[row])
+    return by_q, by_g
+
+
+@compiled()
+def joints_for(
+    limbs: Limbs,
+    size: int,
+    task: Array,
+    g: Array,
+    q: Array,
+    x: Array,
+    stray: float,
+    damped: bool,
+) -> None:
+    """Bring joints q (n, m) to where the first t pose coordinates are `task` (n, t).
+
+    Unknowns are the joints and the coordinates that they do not command, which start at x (n, k);
+    NaN rows out of reach. Steps are Newton's, of least length where unknowns outnumber closures;
+    `damped` by the squared misfit (Sugihara): they stay short far off and near a singularity.
+    """
+    m, k, r, t = limbs.sizes[M], limbs.sizes[K], limbs.sizes[R], limbs.sizes[T]
+    count = m + k - t
+    slope = np.zeros((r, count))
+    own, last = room(limbs, size), len(g) - 1
+    for row in range(len(task)):
+        if row == 0 or last > 0:
+            set_geometry(limbs, g[min(row, last)], own)
+        for i in range(t):
+            x[row, i] = task[row, i]
+        good = False
+        for _ in range(_DAMPED_STEPS if damped else STEPS):
+            place(limbs, q[row], x[row], NEAR, own)
+            spread_joints(limbs, own)
+            square, missed = 0.0, 0.0
+            for i in range(r):
+                square += own.f[i] * own.f[i]
+                missed = max(missed, abs(own.f[i]))
+                for j in range(m):
+                    slope[i, j] = own.by_q[i, j]
+                for j in range(k - t):
+                    slope[i, m + j] = own.by_x[i, t + j]
+            good = square < np.inf and missed < stray  # the largest number leaves out NaN
+            if not square < np.inf or (good and damped):
+                break
+            if not least_step(slope, own.f, square if damped else 0.0, own.system, own.step):
+                break
+            most = 0.0
+            for j in range(m):
+                q[row, j] -= own.step[j]
+            for j in range(k - t):
+                x[row, t + j] -= own.step[m + j]
+            for j in range(count):
+                most = max(most, abs(own.step[j]))
+            if good and most <= _SETTLED:
+                break
+        if not good:
+            q[row] = np.nan
+
+
+@compiled()
+def least_step(slope: Array, f: Array, damping: float, system: Array, step: Array) -> bool:
+    """The step J^T (J J^T + damping)^-1 f, or J^-1 f where J is square and nothing is damped."""
+    r, count = slope.shape
+    if r == count and damping == 0.0:
+        for i in range(r):
+            for j in range(r):
+                system[i, j] = slope[i, j]
+            system[i, r] = f[i]
+        if not solve(system, r, 1):
+            return False
+        for i in range(r):
+            step[i] = system[i, r]
+        return True
+    for i in range(r):
+        for j in range(r):
+            total = 0.0
+            for u in range(count):
+                total += slope[i, u] * slope[j, u]
+            system[i, j] = total
+        system[i, i] += damping + 2.3e-16
+        system[i, r] = f[i]
+    if not solve(system, r, 1):
+        return False
+    for j in range(count):
+        total = 0.0
+        for i in range(r):
+            total += slope[i, j] * system[i, r]
+        step[j] = total
+    return True

@@ -1,0 +1,337 @@
+"""Forces that a mechanism carries, by virtual work, for one sample: compiled.
+
+With U(q, x) the work of moving the masses against a field of force (gravity, or what accelerates
+them), the joints carry dU/dq and a dimension g of the machine carries dU/dg,
+
+    dU/dq = u_q - u_x f_x^+ f_q        dU/dg = -u_x f_x^+ f_g        u_x, u_q: at constant q, x
+
+Cables can only pull, and more of them than freedoms hold each other taut: of all pulls that bear
+the load the nearest to the pretension is taken, t = t_p + (f_x^T)^+ (-u_x - f_x^T t_p).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.kernels import (
+    FULL,
+    SETUP,
+    SHARED,
+    K,
+    Limbs,
+    M,
+    R,
+    Room,
+    assemble,
+    moved,
+    place,
+    room,
+    set_geometry,
+    solve,
+)
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+GRAVITY = 9.80665  # [m/s^2] standard acceleration of free fall (ISO 80000-3)
+_MOMENT = 5e-3  # [s] over which a motion is differenced
+_STRAY = 1e-9
+WEIGHT, INERTIA, PULLS = 1, 2, 4  # what is asked for
+
+
+class Bearing(NamedTuple):
+    """What a mechanism carries and where; z is up.
+
+    point (4,), point_at (5,)   law of a point fixed to the platform; places of x, o, f, f_x, size
+    mass (4,), mass_at (7,)     law of the masses' places; places of x, q, g, f, f_x, f_q, size
+    dims (d,)                   dimensions that it takes, or fixed numbers behind them
+    kg (k,), moves (k,)         each mass, and whether its inertia counts
+    home (k,)                   pose at which counters are zero
+    pretension                  [N] of every cable
+    constants (c,)              of the limbs, for the law of the masses
+    joints (j,)                 of the limbs, in the order that this law takes them
+    """
+
+    point: Index
+    point_at: Index
+    mass: Index
+    mass_at: Index
+    dims: Index
+    kg: Array
+    moves: Array
+    home: Array
+    pretension: float
+    constants: Array
+    joints: Index
+
+
+class Carried(NamedTuple):
+    """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home."""
+
+    point: Array
+    mass: Array
+    u_x: Array  # (1, k)
+    by_q: Array  # (1, m)
+    by_g: Array  # (1, p)
+    accelerated: Array  # (3 (masses + payload),)
+    gravity: Array  # (m,)
+    inertia: Array  # (m,)
+    load: Array  # (p,)
+    pull: Array  # (R,)
+    pull_home: Array  # (R,)
+
+
+@compiled()
+def carried(limbs: Limbs, bearing: Bearing) -> Carried:
+    """Scratch for one sample after the other."""
+    m, k, p, r = limbs.sizes[M], limbs.sizes[K], limbs.sizes[2], limbs.sizes[R]
+    return Carried(
+        np.zeros(bearing.point_at[4]),
+        np.zeros(max(1, bearing.mass_at[6])),
+        np.zeros((1, k)),
+        np.zeros((1, m)),
+        np.zeros((1, p)),
+        np.zeros(3 * (len(bearing.kg) + 1)),
+        np.zeros(m),
+        np.zeros(m),
+        np.zeros(p),
+        np.zeros(r),
+        np.zeros(r),
+    )
+
+
+@compiled()
+def point_at(bearing: Bearing, x: Array, offset: Array, work: Array) -> None:
+    """Evaluate the law of a point at `offset` (3,) [m] of the platform."""
+    for i in range(len(x)):
+        work[bearing.point_at[0] + i] = x[i]
+    for i in range(3):
+        work[bearing.point_at[1] + i] = offset[i]
+    call(bearing.point[SETUP], work)
+    call(bearing.point[SHARED], work)
+    call(bearing.point[FULL], work)
+
+
+@compiled()
+def masses_at(bearing: Bearing, q: Array, x: Array, work: Array) -> None:
+    """Evaluate the law of the masses' places; their dimensions are in the workspace."""
+    for i in range(len(x)):
+        work[bearing.mass_at[0] + i] = x[i]
+    for i in range(len(bearing.joints)):
+        work[bearing.mass_at[1] + i] = q[bearing.joints[i]]
+    call(bearing.mass[SETUP], work)
+    call(bearing.mass[SHARED], work)
+    call(bearing.mass[FULL], work)
+
+
+@compiled()
+def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None:
+    """Give the masses' law these dimensions (p,)."""
+    p = limbs.sizes[2]
+    for i in range(len(bearing.dims)):
+        row = bearing.dims[i]
+        found.mass[bearing.mass_at[2] + i] = g[row] if row < p else limbs.fixed[row - p]
+    first = bearing.mass_at[2] + len(bearing.dims)
+    for i in range(len(bearing.constants)):
+        found.mass[first + i] = bearing.constants[i]
+
+
+@compiled()
+def _add(bearing: Bearing, found: Carried, point: int, kg: float, a: Array, u_q: Array) -> None:
+    """Add the work of one mass against the acceleration a (3,) to u_x and u_q."""
+    k = found.u_x.shape[1]
+    for axis in range(3):
+        force = kg * a[axis]
+        if force == 0.0:
+            continue
+        if point < 0:  # the payload
+            for i in range(k):
+                found.u_x[0, i] += force * found.point[bearing.point_at[3] + axis * k + i]
+            continue
+        row = 3 * point + axis
+        for i in range(k):
+            found.u_x[0, i] += force * found.mass[bearing.mass_at[4] + row * k + i]
+        for i in range(len(bearing.joints)):
+            slope = found.mass[bearing.mass_at[5] + row * len(bearing.joints) + i]
+            u_q[bearing.joints[i]] += force * slope
+
+
+@compiled()
+def _work(
+    bearing: Bearing, payload: float, accelerated: bool, found: Carried, u_q: Array
+) -> None:
+    """u_x and u_q of all masses, under gravity or as `accelerated`; the laws are evaluated."""
+    a = np.zeros(3)
+    found.u_x[:] = 0.0
+    u_q[:] = 0.0
+    count = len(bearing.kg)
+    for point in range(-1, count):
+        kg = payload if point < 0 else bearing.kg[point]
+        for axis in range(3):
+            a[axis] = 0.0 if axis < 2 else GRAVITY
+            if accelerated:
+                a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
+        if accelerated and point >= 0 and bearing.moves[point] == 0.0:
+            continue
+        _add(bearing, found, point, kg, a, u_q)
+
+
+@compiled()
+def _places(bearing: Bearing, found: Carried, weight: float) -> None:
+    """Add the places of all masses and the payload, times a weight, to what is accelerated."""
+    count = len(bearing.kg)
+    for i in range(3 * count):
+        found.accelerated[i] += weight * found.mass[bearing.mass_at[3] + i]
+    for i in range(3):
+        found.accelerated[3 * count + i] += weight * found.point[bearing.point_at[2] + i]
+
+
+@compiled()
+def _accelerate(
+    limbs: Limbs,
+    bearing: Bearing,
+    q: Array,
+    x: Array,
+    rate: Array,
+    acceleration: Array,
+    centre: Array,
+    room: Room,
+    found: Carried,
+) -> bool:
+    """Accelerations of all masses by the second difference of their places; False if none move."""
+    moving = False
+    for i in range(len(q)):
+        moving = moving or rate[i] != 0.0 or acceleration[i] != 0.0
+    found.accelerated[:] = 0.0
+    if not moving:
+        return False
+    there, way = x.copy(), q.copy()
+    for side in (-1.0, 0.0, 1.0):
+        t = side * _MOMENT
+        for i in range(len(q)):
+            way[i] = q[i] + rate[i] * t + acceleration[i] * t * t / 2
+        for i in range(len(x)):
+            there[i] = x[i]
+        assemble(limbs, way, there, _STRAY, room)
+        point_at(bearing, there, centre, found.point)
+        masses_at(bearing, way, there, found.mass)
+        _places(bearing, found, (-2.0 if side == 0.0 else 1.0) / _MOMENT**2)
+    return True
+
+
+@compiled()
+def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Array) -> None:
+    """Pulls of the cables that bear u_x, nearest to the pretension; the limbs are placed."""
+    r, k = limbs.sizes[R], limbs.sizes[K]
+    system = room.system
+    for i in range(k):
+        right = -found.u_x[0, i]
+        for row in range(r):
+            right -= room.by_x[row, i] * bearing.pretension
+        for j in range(k):
+            total = 0.0
+            for row in range(r):
+                total += room.by_x[row, i] * room.by_x[row, j]
+            system[i, j] = total
+        system[i, k] = right
+    good = solve(system, k, 1)
+    for row in range(r):
+        pull[row] = bearing.pretension if good else np.nan
+        for i in range(k):
+            pull[row] += room.by_x[row, i] * system[i, k]
+
+
+@compiled()
+def bear(
+    limbs: Limbs,
+    bearing: Bearing,
+    asked: int,
+    q: Array,
+    x: Array,
+    rate: Array,
+    acceleration: Array,
+    payload: float,
+    centre: Array,
+    room: Room,
+    found: Carried,
+) -> None:
+    """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g."""
+    u_q = np.zeros(len(q))
+    moving = False
+    if asked & INERTIA:
+        moving = _accelerate(limbs, bearing, q, x, rate, acceleration, centre, room, found)
+        found.inertia[:] = 0.0
+    if asked & PULLS:
+        still, none, nothing = np.zeros(len(q)), np.zeros(3), 0.0
+        place(limbs, still, bearing.home, FULL, room)
+        point_at(bearing, bearing.home, none, found.point)
+        masses_at(bearing, still, bearing.home, found.mass)
+        _work(bearing, nothing, False, found, u_q)
+        _pulls(limbs, bearing, room, found, found.pull_home)
+    place(limbs, q, x, FULL, room)
+    point_at(bearing, x, centre, found.point)
+    masses_at(bearing, q, x, found.mass)
+    if moving:
+        _work(bearing, payload, True, found, u_q)
+        moved(limbs, found.u_x, room, found.by_q, found.by_g)
+        for i in range(len(q)):
+            found.inertia[i] = u_q[i] + found.by_q[0, i]
+    _work(bearing, payload, False, found, u_q)
+    if asked & PULLS:
+        _pulls(limbs, bearing, room, found, found.pull)
+    if asked & WEIGHT:
+        moved(limbs, found.u_x, room, found.by_q, found.by_g)
+        for i in range(len(q)):
+            found.gravity[i] = u_q[i] + found.by_q[0, i]
+        for i in range(found.by_g.shape[1]):
+            found.load[i] = found.by_g[0, i]
+
+
+@compiled()
+def every(
+    limbs: Limbs,
+    size: int,
+    bearing: Bearing,
+    asked: int,
+    q: Array,
+    x: Array,
+    g: Array,
+    rate: Array,
+    acceleration: Array,
+    payload: Array,
+    centre: Array,
+) -> tuple[Array, Array, Array, Array, Array]:
+    """All loads that are asked for, of every sample; see `Mechanism.loads`."""
+    n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
+    weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
+    pull, home = np.zeros((n, r)), np.zeros((n, r))
+    own, found, last = room(limbs, size), carried(limbs, bearing), len(g) - 1
+    for row in range(n):
+        if row == 0 or last > 0:
+            set_geometry(limbs, g[min(row, last)], own)
+            set_masses(limbs, bearing, g[min(row, last)], found)
+        bear(
+            limbs, bearing, asked, q[row], x[row], rate[row], acceleration[row], payload[row],
+            centre[row], own, found,
+        )  # fmt: skip
+        weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
+        pull[row], home[row] = found.pull, found.pull_home
+    return weight, inertia, load, pull, home
+
+
+@compiled()
+def places(limbs: Limbs, bearing: Bearing, q: Array, x: Array, g: Array) -> Array:
+    """Places of all masses but the payload, (n, K, 3) [m]."""
+    n, count, last = len(q), len(bearing.kg), len(g) - 1
+    found, own = np.empty((n, count, 3)), carried(limbs, bearing)
+    for row in range(n):
+        set_masses(limbs, bearing, g[min(row, last)], own)
+        masses_at(bearing, q[row], x[row], own.mass)
+        for i in range(count):
+            for axis in range(3):
+                found[row, i, axis] = own.mass[bearing.mass_at[3] + 3 * i + axis]
+    return found

@@ -1,0 +1,159 @@
+"""Machine code of a generated law, straight from its lines.
+
+A generated law is thousands of lines `name = one operation`. numba's compiler is made for
+programs: it takes half a minute for such a list. Here the list is read from the file and put down
+as instructions for LLVM one by one; numba keeps the result and links it as its own.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+_REAL = types.float64
+_PLAIN = {
+    ast.Add: "fadd",
+    ast.Sub: "fsub",
+    ast.Mult: "fmul",
+    ast.Div: "fdiv",
+}
+_INTRINSIC = {"abs": "llvm.fabs", "floor": "llvm.floor", "ceil": "llvm.ceil"}
+_COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+
+
+def thin(function: FunctionType) -> FunctionType:
+    """A function of one call that does what a generated one does, with its name and its file.
+
+    What numba keeps of it stands beside the generated file, under the function's name.
+    """
+    own = function.__code__
+
+    def body(typing: Any, w: Any) -> Any:
+        """Fill the workspace."""
+        del typing
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            del signature
+            _Lowering(context, builder, args[0]).write(_lines_of(own.co_filename, own.co_name))
+            return context.get_dummy_value()
+
+        return types.void(w), generate
+
+    code = _call.__code__.replace(
+        co_filename=own.co_filename, co_firstlineno=own.co_firstlineno, co_name=own.co_name
+    )
+    made = FunctionType(code, {"body": intrinsic(body), "__name__": function.__module__}, own.co_name)
+    made.__qualname__, made.__module__ = function.__qualname__, function.__module__
+    return made
+
+
+def _call(w: Any) -> None:
+    body(w)  # type: ignore[name-defined]  # noqa: F821 - of the globals that `thin` gives it
+
+
+def _lines_of(file: str, name: str) -> list[ast.stmt]:
+    return next(
+        node.body
+        for node in _parsed(file).body
+        if isinstance(node, ast.FunctionDef) and node.name == name
+    )
+
+
+@lru_cache(maxsize=1)  # the stages of a law follow each other
+def _parsed(file: str) -> ast.Module:
+    return ast.parse(Path(file).read_text(encoding="utf-8"))
+
+
+class _Lowering:
+    """Instructions of one function: its names are LLVM's values, all of them real numbers."""
+
+    def __init__(self, context: Any, builder: Any, workspace: Any) -> None:
+        self.context = context
+        self.builder = builder
+        self.workspace = workspace
+        self.names: dict[str, Any] = {"inf": self.real(math.inf), "nan": self.real(math.nan)}
+
+    def write(self, lines: list[ast.stmt]) -> None:
+        """All lines, in order."""
+        for line in lines:
+            if isinstance(line, ast.Assign):
+                (target,), value = line.targets, self.value(line.value)
+                if isinstance(target, ast.Name):
+                    self.names[target.id] = value
+                else:
+                    self.builder.store(value, self.place(target))
+
+    def place(self, node: Any) -> Any:
+        """w[number]."""
+        index = ir.Constant(ir.IntType(64), node.slice.value)
+        return self.builder.gep(self.workspace, [index], inbounds=True)
+
+    @staticmethod
+    def real(number: float) -> Any:
+        """A number."""
+        return ir.Constant(ir.DoubleType(), float(number))
+
+    def value(self, node: Any) -> Any:
+        """Value of a right side."""
+        own: Callable[[Any], Any] = getattr(self, f"_{type(node).__name__.lower()}")
+        return own(node)
+
+    def _constant(self, node: ast.Constant) -> Any:
+        return self.real(node.value)  # type: ignore[arg-type]
+
+    def _name(self, node: ast.Name) -> Any:
+        return self.names[node.id]
+
+    def _subscript(self, node: ast.Subscript) -> Any:
+        return self.builder.load(self.place(node))
+
+    def _unaryop(self, node: ast.UnaryOp) -> Any:
+        return self.builder.fneg(self.value(node.operand))
+
+    def _binop(self, node: ast.BinOp) -> Any:
+        values = self.value(node.left), self.value(node.right)
+        if isinstance(node.op, ast.Pow):
+            return self.called(operator.pow, values)
+        return getattr(self.builder, _PLAIN[type(node.op)])(*values)
+
+    def _call(self, node: ast.Call) -> Any:
+        name, values = node.func.id, [self.value(each) for each in node.args]  # type: ignore[attr-defined]
+        if name in ("min", "max"):  # as Python has them: the first, if neither is the lesser
+            one, other = values
+            sign = "<" if name == "min" else ">"
+            return self.builder.select(self.builder.fcmp_ordered(sign, other, one), other, one)
+        if name in _INTRINSIC:
+            known = self.builder.module.declare_intrinsic(_INTRINSIC[name], [ir.DoubleType()])
+            return self.builder.call(known, values)
+        return self.called(getattr(math, name), values)
+
+    def _ifexp(self, node: ast.IfExp) -> Any:
+        values = self.truth(node.test), self.value(node.body), self.value(node.orelse)
+        return self.builder.select(*values)
+
+    def truth(self, node: Any) -> Any:
+        """Of a comparison, or of several."""
+        if isinstance(node, ast.BoolOp):
+            one, other = map(self.truth, node.values)
+            joined = self.builder.and_ if isinstance(node.op, ast.And) else self.builder.or_
+            return joined(one, other)
+        sign = _COMPARED[type(node.ops[0])]
+        kind = self.builder.fcmp_unordered if sign == "!=" else self.builder.fcmp_ordered
+        return kind(sign, self.value(node.left), self.value(node.comparators[0]))
+
+    def called(self, function: Any, values: Any) -> Any:
+        """numba's own code of a function of real numbers."""
+        typing = self.context.typing_context
+        known = typing.resolve_value_type(function)
+        signature = known.get_call_type(typing, (_REAL,) * len(values), {})
+        return self.context.get_function(known, signature)(self.builder, list(values))

@@ -1,0 +1,274 @@
+"""Where a machine stands: the chain from encoder angles to the pose, effects included, compiled.
+
+For one sample, with D what the effects of the drives add and S those of the structure,
+
+    f(q + D(c, x, loads), x, g + S(c, x, loads)) = 0
+
+Loads, and what else an effect takes of the machine, are those at the pose itself: it is sought in
+rounds, each with the effects at the pose of the round before. Effects do hundredths of what the
+joints do, so that a few rounds settle it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.kernels import (
+    FULL,
+    SETUP,
+    SHARED,
+    K,
+    Limbs,
+    M,
+    P,
+    R,
+    Room,
+    assemble,
+    follow,
+    room,
+    set_geometry,
+)
+from delta_calibration.model.loads import (
+    INERTIA,
+    PULLS,
+    WEIGHT,
+    Bearing,
+    Carried,
+    bear,
+    carried,
+    set_masses,
+)
+from delta_calibration.model.terms import Table, add_shift
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_ROUNDS = 12
+_SETTLED = 1e-12  # [m, rad] by which a round moves the pose
+
+
+class Opening(NamedTuple):
+    """Law of a pose near the wanted assembly mode: stages, places of q, g, c, f and its size.
+
+    `law` is empty where a mechanism has none.
+    """
+
+    law: Index
+    at: Index
+    joints: Index
+    dims: Index
+    constants: Array
+
+
+class Body(NamedTuple):
+    """A mechanism as the chain needs it."""
+
+    limbs: Limbs
+    size: int  # of a limb's workspace
+    bearing: Bearing
+    opening: Opening
+    home: Array  # (m,) joints of `bearing.home`
+    stages: int  # of the way from home where there is no opening
+
+
+class Stages(NamedTuple):
+    """Effects of drives and structure, and what they need."""
+
+    drive: Table
+    structure: Table
+    asked: int  # loads
+    stands: bool  # whether they need the pose
+    at: Index  # places of signals, see `Chain`
+
+
+class State(NamedTuple):
+    """Scratch of one sample, and where it stands."""
+
+    room: Room
+    carried: Carried
+    opening: Array
+    drive: Array  # workspaces of the terms
+    structure: Array
+    joint: Array  # (m,) behind the drives
+    geometry: Array  # (p,) under these conditions
+    before: Array  # (k,)
+    said: Array  # (m,)
+
+
+(JOINT, RATE, ACCELERATION, GRAVITY, TORQUE, PULL, PULL_HOME,
+ POSE, GEOMETRY, LOAD, PAYLOAD, CENTRE) = range(12)  # fmt: skip
+
+
+@compiled()
+def state_of(body: Body, stages: Stages) -> State:
+    """Scratch for one sample after the other."""
+    limbs = body.limbs
+    own = np.zeros(body.opening.at[4] if len(body.opening.law) else 1)
+    if len(body.opening.law):
+        for i in range(len(body.opening.constants)):
+            own[body.opening.at[2] + i] = body.opening.constants[i]
+    return State(
+        room(limbs, body.size),
+        carried(limbs, body.bearing),
+        own,
+        stages.drive.work.copy(),
+        stages.structure.work.copy(),
+        np.zeros(limbs.sizes[M]),
+        np.zeros(limbs.sizes[P]),
+        np.zeros(limbs.sizes[K]),
+        np.zeros(limbs.sizes[M]),
+    )
+
+
+@compiled()
+def take_dimensions(body: Body, g: Array, state: State) -> None:
+    """Give the machine these dimensions (p,)."""
+    state.geometry[:] = g
+    set_geometry(body.limbs, g, state.room)
+    set_masses(body.limbs, body.bearing, g, state.carried)
+
+
+@compiled()
+def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
+    """Bring the pose x to joints q from wherever the mechanism's direct problem starts."""
+    opening = body.opening
+    if not len(opening.law):
+        x[:] = body.bearing.home
+        return follow(body.limbs, body.home, q, x, body.stages, stray, state.room)
+    own, p = state.opening, body.limbs.sizes[P]
+    for i in range(len(opening.dims)):
+        row = opening.dims[i]
+        value = state.geometry[row] if row < p else body.limbs.fixed[row - p]
+        own[opening.at[1] + i] = value
+    for i in range(len(opening.joints)):
+        own[opening.at[0] + i] = q[opening.joints[i]]
+    call(opening.law[SETUP], own)
+    call(opening.law[SHARED], own)
+    call(opening.law[FULL], own)
+    for i in range(len(x)):
+        x[i] = own[opening.at[3] + i]
+    return assemble(body.limbs, q, x, stray, state.room)
+
+
+@compiled()
+def _signal(body: Body, stages: Stages, signals: Array, x: Array, state: State) -> None:
+    """Fill in what the machine makes of a sample: pose, dimensions, loads."""
+    at = stages.at
+    signals[at[POSE] : at[POSE] + len(x)] = x
+    signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)] = state.geometry
+    if stages.asked == 0:
+        return
+    m, found = len(state.joint), state.carried
+    bear(
+        body.limbs, body.bearing, stages.asked, state.joint, x,
+        signals[at[RATE] : at[RATE] + m], signals[at[ACCELERATION] : at[ACCELERATION] + m],
+        signals[at[PAYLOAD]], signals[at[CENTRE] : at[CENTRE] + 3], state.room, found,
+    )  # fmt: skip
+    if stages.asked & WEIGHT:
+        signals[at[GRAVITY] : at[GRAVITY] + m] = found.gravity
+        signals[at[LOAD] : at[LOAD] + len(found.load)] = found.load
+    if stages.asked & INERTIA:
+        signals[at[TORQUE] : at[TORQUE] + m] = found.inertia
+    if stages.asked & PULLS:
+        r = body.limbs.sizes[R]
+        signals[at[PULL] : at[PULL] + r] = found.pull
+        signals[at[PULL_HOME] : at[PULL_HOME] + r] = found.pull_home
+
+
+@compiled()
+def _shift(
+    body: Body, stages: Stages, signals: Array, g: Array, values: Array, state: State
+) -> None:
+    """Joints behind the drives and dimensions under these conditions."""
+    for i in range(len(state.joint)):
+        state.joint[i] = signals[stages.at[JOINT] + i]
+    add_shift(stages.drive, signals, values, state.drive, state.joint)
+    if len(stages.structure.law):
+        state.geometry[:] = g
+        add_shift(stages.structure, signals, values, state.structure, state.geometry)
+        set_geometry(body.limbs, state.geometry, state.room)
+        set_masses(body.limbs, body.bearing, state.geometry, state.carried)
+
+
+@compiled()
+def stand(
+    body: Body,
+    stages: Stages,
+    signals: Array,
+    g: Array,
+    values: Array,
+    near: bool,
+    stray: float,
+    x: Array,
+    state: State,
+) -> bool:
+    """Bring the pose x (k,) to where the machine stands under a sample's signals.
+
+    Args:
+        body: the mechanism; `state` has its dimensions g.
+        stages: the effects.
+        signals: of the sample; what the machine makes of it is filled in.
+        g: dimensions as identified, (p,).
+        values: of the effects' parameters.
+        near: whether x is a pose nearby; else it is sought from the beginning.
+        stray: largest closure that counts as closed.
+        x: the pose; NaN where there is none.
+        state: scratch, and where joints and dimensions end.
+    """
+    if len(stages.structure.law):
+        take_dimensions(body, g, state)
+    if not stages.stands:
+        _shift(body, stages, signals, g, values, state)
+        if near:
+            return assemble(body.limbs, state.joint, x, stray, state.room)
+        return opened(body, state.joint, x, stray, state)
+    for i in range(len(state.joint)):
+        state.joint[i] = signals[stages.at[JOINT] + i]
+    if not near and not opened(body, state.joint, x, stray, state):
+        return False
+    for _ in range(_ROUNDS):
+        state.before[:] = x
+        _signal(body, stages, signals, x, state)
+        _shift(body, stages, signals, g, values, state)
+        if not assemble(body.limbs, state.joint, x, stray, state.room):
+            return False
+        most = 0.0
+        for i in range(len(x)):
+            most = max(most, abs(x[i] - state.before[i]))
+        if most <= _SETTLED:
+            break
+    return True
+
+
+@compiled()
+def stand_all(
+    body: Body,
+    stages: Stages,
+    signals: Array,
+    g: Array,
+    values: Array,
+    near: bool,
+    stray: float,
+    x: Array,
+) -> tuple[Array, Array]:
+    """The same of all samples: joints behind the drives (n, m), dimensions (n, p) or (1, p).
+
+    `signals` (n, S) and poses x (n, k) are filled in.
+    """
+    n, own = len(signals), state_of(body, stages)
+    reshaped = len(stages.structure.law) > 0
+    joint = np.empty((n, len(own.joint)))
+    geometry = np.empty((n if reshaped else 1, len(g)))
+    take_dimensions(body, g, own)
+    if not reshaped:
+        geometry[0] = g
+    for row in range(n):
+        stand(body, stages, signals[row], g, values, near, stray, x[row], own)
+        joint[row] = own.joint
+        if reshaped:
+            geometry[row] = own.geometry
+    return joint, geometry

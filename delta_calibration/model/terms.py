@@ -1,0 +1,137 @@
+"""Effects as terms: many small laws that add to what a stage of the chain hands on.
+
+A term is one evaluation of an effect's law: it takes some of a sample's signals, some of the
+effect's values and constants of its own, and adds to some numbers of its stage (joint angles,
+dimensions or the reading). A table holds the terms of any number of effects; laws are called by
+their addresses, so no set of effects has to be compiled.
+
+    law (T,)        addresses
+    span (T, 9)     begin and number of a term's signals, values and outputs in `signal`, `value`,
+                    `output`; where its workspace begins, its size, where f stands in it
+    work            the workspaces, constants already in their places
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.law import Law
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Term:
+    """What one evaluation of a law takes and where it adds."""
+
+    signals: tuple[int, ...]  # places in the sample's signals
+    values: tuple[int, ...]  # places among the effect's parameters
+    outputs: tuple[int, ...]  # places in the stage; negative: nowhere
+    constants: tuple[float, ...] = ()
+
+
+class Table(NamedTuple):
+    """Terms as the compiled loops take them."""
+
+    law: Index
+    span: Index
+    signal: Index
+    value: Index
+    output: Index
+    work: Array
+
+
+S_AT, S_COUNT, V_AT, V_COUNT, O_AT, O_COUNT, W_AT, W_SIZE, F_AT = range(9)
+
+
+def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
+    """The table of some effects: law, terms, and where the effect's values begin."""
+    law, span, work = [], [], []
+    signal: list[int] = []
+    value: list[int] = []
+    output: list[int] = []
+    size = 0
+    for own, terms, begin in parts:
+        code, offsets = own.compiled, own.offsets
+        for term in terms:
+            law.append(code.addresses[-1])
+            span.append([
+                len(signal), len(term.signals), len(value), len(term.values),
+                len(output), len(term.outputs), size, code.size, offsets["f"],
+            ])  # fmt: skip
+            signal += term.signals
+            value += [begin + v for v in term.values]
+            output += term.outputs
+            space = np.zeros(code.size)
+            space[offsets["c"] : offsets["c"] + len(term.constants)] = term.constants
+            work.append(space)
+            size += code.size
+    return Table(
+        np.array(law, dtype=np.int64),
+        np.array(span, dtype=np.int64).reshape(-1, 9),
+        np.array(signal, dtype=np.int64),
+        np.array(value, dtype=np.int64),
+        np.array(output, dtype=np.int64),
+        np.concatenate([np.zeros(0), *work]),
+    )
+
+
+@compiled()
+def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array) -> Array:
+    """Evaluate one term on a sample's signals; its workspace."""
+    span = table.span[term]
+    own = work[span[W_AT] : span[W_AT] + span[W_SIZE]]
+    for i in range(span[S_COUNT]):
+        own[i] = signals[table.signal[span[S_AT] + i]]
+    for i in range(span[V_COUNT]):
+        own[span[S_COUNT] + i] = values[table.value[span[V_AT] + i]]
+    call(table.law[term], own)
+    return own
+
+
+@compiled()
+def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: Array) -> None:
+    """Add what all terms do to a stage, (size of the stage,)."""
+    for term in range(len(table.law)):
+        own = evaluate(table, term, signals, values, work)
+        span = table.span[term]
+        for i in range(span[O_COUNT]):
+            row = table.output[span[O_AT] + i]
+            if row >= 0:
+                shift[row] += own[span[F_AT] + i]
+
+
+@compiled()
+def shifts(table: Table, signals: Array, values: Array, size: int) -> Array:
+    """What all terms add to a stage at every sample, (n, size)."""
+    found, work = np.zeros((len(signals), size)), table.work.copy()
+    for row in range(len(signals)):
+        add_shift(table, signals[row], values, work, found[row])
+    return found
+
+
+@compiled()
+def columns(table: Table, signals: Array, values: Array, size: int) -> Array:
+    """Derivatives of a stage by the values at every sample, (n, size, K)."""
+    found = np.zeros((len(signals), size, len(values)))
+    work = table.work.copy()
+    for row in range(len(signals)):
+        for term in range(len(table.law)):
+            own = evaluate(table, term, signals[row], values, work)
+            span = table.span[term]
+            count = span[V_COUNT]
+            first = span[F_AT] + span[O_COUNT]
+            for i in range(span[O_COUNT]):
+                to = table.output[span[O_AT] + i]
+                if to >= 0:
+                    for j in range(count):
+                        column = table.value[span[V_AT] + j]
+                        found[row, to, column] += own[first + i * count + j]
+    return found

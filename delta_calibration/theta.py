@@ -1,0 +1,230 @@
+"""Layout of the parameter vector theta: which of its entries belong to which part.
+
+    theta = (g, o, w, t, v_1 ... v_e, m)
+
+    g    geometry of the mechanism                               (p,)    [m, rad]
+    o    place of the reflector in the platform: the offset      (3,)    [m]
+    w    turn of the measuring device's frame, a rotation vector (3,)    [rad]
+    t    place of that frame's origin                            (3,)    [m]
+    v_i  parameters of effect i of the chain                     (k_i,)  each in its own unit
+    m    turn of the probe on the platform, a rotation vector    (3,)    [rad]
+
+The parts always come in this order, in theta, in its covariance and in the columns of a Jacobian.
+A part that a model does not have is empty: a fit of observations knows no offset, and only a fit
+that uses measured turns knows how the probe is mounted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import InputError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_AXES = "xyz"
+_VECTOR = len(_AXES)  # numbers of an offset, a turn or a place
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A parameter vector taken apart; the arrays are views of it."""
+
+    geometry: Array  # (p,) [m, rad]
+    offset: Array  # (3,) [m] of the reflector in the platform; (0,) where there is none
+    frame: Array  # (6,) turn [rad] and place [m], as `Frame.from_vector` takes them
+    effects: tuple[Array, ...]  # of each effect (k,)
+    mount: Array  # (3,) [rad] turn of the probe; (0,) where no turns are measured
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Named slices of a parameter vector.
+
+    Attributes:
+        geometry_size: p, number of the mechanism's parameters.
+        effect_sizes: cause and number of parameters of each effect, in the order of the chain.
+        has_offset: whether the vector holds the reflector's offset.
+        has_mount: whether it holds the turn of a probe on the platform.
+    """
+
+    geometry_size: int
+    effect_sizes: tuple[tuple[str, int], ...] = ()
+    has_offset: bool = True
+    has_mount: bool = False
+
+    @cached_property
+    def geometry(self) -> slice:
+        """The mechanism's geometry."""
+        return slice(0, self.geometry_size)
+
+    @cached_property
+    def offset(self) -> slice:
+        """The reflector's offset in the platform."""
+        return _behind(self.geometry, _VECTOR * self.has_offset)
+
+    @cached_property
+    def turn(self) -> slice:
+        """Turn of the device's frame."""
+        return _behind(self.offset, _VECTOR)
+
+    @cached_property
+    def place(self) -> slice:
+        """Place of the device's frame."""
+        return _behind(self.turn, _VECTOR)
+
+    @cached_property
+    def each(self) -> tuple[slice, ...]:
+        """Parameters of each effect, in the order of the chain."""
+        sizes = (size for _, size in self.effect_sizes)
+        ends = accumulate(sizes, initial=self.place.stop)
+        return tuple(slice(*span) for span in pairwise(ends))
+
+    @cached_property
+    def mount(self) -> slice:
+        """Turn of the probe on the platform."""
+        return _behind(self.effects, _VECTOR * self.has_mount)
+
+    @cached_property
+    def dimensions(self) -> slice:
+        """Geometry and offset: what is a dimension of the machine."""
+        return slice(0, self.offset.stop)
+
+    @cached_property
+    def frame(self) -> slice:
+        """Turn and place of the device's frame."""
+        return slice(self.turn.start, self.place.stop)
+
+    @cached_property
+    def base(self) -> slice:
+        """Geometry, offset and frame: everything before the effects."""
+        return slice(0, self.place.stop)
+
+    @cached_property
+    def effects(self) -> slice:
+        """Parameters of all effects."""
+        return slice(self.place.stop, (self.place, *self.each)[-1].stop)
+
+    @cached_property
+    def chain(self) -> slice:
+        """Everything that the chain knows of: all but the probe's mount."""
+        return slice(0, self.effects.stop)
+
+    @cached_property
+    def size(self) -> int:
+        """P, number of entries."""
+        return int(self.mount.stop)
+
+    def effect(self, number: int) -> slice:
+        """Parameters of one effect, by its position in the chain."""
+        return self.each[number]
+
+    def __getitem__(self, cause: str) -> slice:
+        """Parameters of the only effect of a cause.
+
+        Raises:
+            InputError: no effect of that cause, or several of them.
+        """
+        causes = [name for name, _ in self.effect_sizes]
+        if causes.count(cause) != 1:
+            found = "several effects" if cause in causes else "no effect"
+            raise InputError(f"{found} {cause!r} in theta; it has: {', '.join(causes) or 'none'}")
+        return self.each[causes.index(cause)]
+
+    def with_effects(self, sizes: Sequence[tuple[str, int]]) -> Layout:
+        """The same layout with these effects instead: cause and number of parameters of each."""
+        return replace(self, effect_sizes=tuple(sizes))
+
+    @cached_property
+    def mounted(self) -> Layout:
+        """The same layout with the turn of the probe at its end."""
+        return replace(self, has_mount=True)
+
+    def mask(self, *parts: slice) -> Mask:
+        """True at the entries of these parts, (P,)."""
+        mask = np.zeros(self.size, dtype=bool)
+        for part in parts:
+            mask[part] = True
+        return mask
+
+    def split(self, theta: Array) -> Parts:
+        """Take a vector (P,) apart."""
+        return Parts(
+            theta[self.geometry],
+            theta[self.offset],
+            theta[self.frame],
+            tuple(theta[part] for part in self.each),
+            theta[self.mount],
+        )
+
+    def join(self, parts: Parts) -> Array:
+        """Put a vector (P,) together: the inverse of `split`.
+
+        Raises:
+            InputError: a part of another size than this layout has.
+        """
+        every = (parts.geometry, parts.offset, parts.frame, *parts.effects, parts.mount)
+        names = ("geometry", "offset", "frame", *(name for name, _ in self.effect_sizes), "mount")
+        slices = (self.geometry, self.offset, self.frame, *self.each, self.mount)
+        if len(every) != len(slices):
+            raise InputError(f"theta: {len(parts.effects)} effects; it has {len(self.each)}")
+        for name, values, part in zip(names, every, slices, strict=True):
+            if values.shape != (length(part),):
+                raise InputError(f"theta: {name} of shape {values.shape}; ({length(part)},)")
+        return np.concatenate(every)
+
+    def columns(
+        self,
+        geometry: Array,
+        offset: Array | None = None,
+        turn: Array | None = None,
+        place: Array | None = None,
+        effects: Sequence[Array] | None = None,
+        mount: Array | None = None,
+    ) -> Array:
+        """Derivatives by the parts, each (n, d, size of the part), side by side, (n, d, P).
+
+        What is not given does not matter and gets columns of zeros.
+        """
+        by_effect = [None] * len(self.each) if effects is None else effects
+        blocks = (geometry, offset, turn, place, *by_effect, mount)
+        parts = (self.geometry, self.offset, self.turn, self.place, *self.each, self.mount)
+        every = [
+            np.zeros((*geometry.shape[:-1], length(part))) if block is None else block
+            for block, part in zip(blocks, parts, strict=True)
+            if block is not None or length(part)
+        ]
+        return np.concatenate(every, axis=-1)
+
+
+def entries(part: slice) -> Index:
+    """Indices of the entries of a part, (size of the part,)."""
+    return np.arange(part.start, part.stop, dtype=np.int64)
+
+
+def length(part: slice) -> int:
+    """Number of entries of a part."""
+    return int(part.stop - part.start)
+
+
+def vector_names(what: str) -> tuple[str, ...]:
+    """Names of the three numbers of an offset, a turn or a place."""
+    return tuple(f"{what}_{axis}" for axis in _AXES)
+
+
+def frame_names(device: str) -> tuple[str, ...]:
+    """Names of the six numbers of a device's frame."""
+    return vector_names(f"{device}_turn") + vector_names(f"{device}_place")
+
+
+def _behind(part: slice, size: int) -> slice:
+    """The slice of this many entries behind another."""
+    return slice(part.stop, part.stop + size)

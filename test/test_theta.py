@@ -1,0 +1,179 @@
+"""Every entry of theta has one name; chain, fits and diagnosis mean the same one by it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from delta_calibration.chain import Chain
+from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.fitted import theta_layout, without_effects
+from delta_calibration.effects import effect_named
+from delta_calibration.errors import InputError
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.identification import chain_of
+from delta_calibration.identification.mixed import FRAME_NAMES as DEVICE_NAMES
+from delta_calibration.identification.observations import Machine
+from delta_calibration.identification.turns import MOUNT_NAMES
+from delta_calibration.robot import known_robots, load_robot
+from delta_calibration.samples import at_rest
+from delta_calibration.theta import Layout, Parts, entries, length
+
+ROBOT = load_robot("srbd")
+CAUSES = ("backlash", "thermal_growth_arm", "tracker_scale")
+FULL = Layout(5, (("play", 2), ("map", 0), ("scale", 1)), has_mount=True)
+LAYOUTS = {
+    "full": FULL,
+    "chain": Layout(5, (("play", 2), ("scale", 1))),
+    "bare": Layout(5),
+    "observations": Layout(5, has_offset=False),
+    "no_geometry": Layout(0, (("play", 2),)),
+}
+
+
+def chain(*causes: str) -> Chain:
+    bare = chain_of(ROBOT)
+    return bare.with_effects(tuple(effect_named(c, ROBOT, bare.mechanism, {}) for c in causes))
+
+
+def atoms(layout: Layout) -> tuple[slice, ...]:
+    return (
+        layout.geometry, layout.offset, layout.turn, layout.place, *layout.each, layout.mount,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_parts_lie_side_by_side_and_cover_theta(layout):
+    ends = [0, *(part.stop for part in atoms(layout))]
+    assert [(part.start, part.stop) for part in atoms(layout)] == list(pairwise(ends))
+    assert ends[-1] == layout.size
+    assert layout.mask(*atoms(layout)).all()
+
+
+def test_places_by_hand():
+    """Written out once, apart from the code: five of geometry, then 3 + 3 + 3, 2 + 0 + 1, 3."""
+    assert [(p.start, p.stop) for p in atoms(FULL)] == [
+        (0, 5), (5, 8), (8, 11), (11, 14), (14, 16), (16, 16), (16, 17), (17, 20),
+    ]  # fmt: skip
+    assert (FULL.dimensions, FULL.frame, FULL.base) == (slice(0, 8), slice(8, 14), slice(0, 14))
+    assert (FULL.effects, FULL.chain, FULL.size) == (slice(14, 17), slice(0, 17), 20)
+    assert (FULL["play"], FULL["map"], FULL["scale"]) == FULL.each
+    assert FULL.effect(2) == slice(16, 17)
+    device = LAYOUTS["observations"]
+    assert (length(device.offset), device.frame, device.size) == (0, slice(5, 11), 11)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_join_undoes_split(layout):
+    theta = np.random.default_rng(0).standard_normal(layout.size)
+    parts = layout.split(theta)
+    np.testing.assert_array_equal(layout.join(parts), theta)
+    np.testing.assert_array_equal(parts.frame, theta[layout.mask(layout.turn, layout.place)])
+    assert [len(values) for values in parts.effects] == [size for _, size in layout.effect_sizes]
+
+
+def test_join_refuses_parts_of_another_size():
+    parts = LAYOUTS["chain"].split(np.zeros(17))
+    wrong = Parts(parts.geometry, parts.offset, np.zeros(3), parts.effects, parts.mount)
+    with pytest.raises(InputError, match=r"frame of shape \(3,\); \(6,\)"):
+        LAYOUTS["chain"].join(wrong)
+    with pytest.raises(InputError, match="2 effects; it has 0"):
+        LAYOUTS["bare"].join(parts)
+
+
+def test_an_effect_is_asked_for_by_its_cause():
+    with pytest.raises(InputError, match="no effect 'latency' in theta; it has: play, scale"):
+        LAYOUTS["chain"]["latency"]
+    twice = LAYOUTS["bare"].with_effects([("play", 2), ("play", 3)])
+    with pytest.raises(InputError, match="several effects 'play'"):
+        twice["play"]
+    assert twice.effect(1) == slice(16, 19)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_columns_stand_in_the_places_of_their_parts(layout):
+    """Each part's columns hold a number of their own; a part that is not given holds zeros."""
+    blocks = [
+        np.full((4, 3, length(part)), number + 1.0) for number, part in enumerate(atoms(layout))
+    ]
+    geometry, offset, turn, place, *effects, mount = blocks
+    whole = layout.columns(geometry, offset, turn, place, effects, mount)
+    assert whole.shape == (4, 3, layout.size)
+    for number, part in enumerate(atoms(layout)):
+        assert (whole[..., part] == number + 1).all()
+    some = layout.columns(geometry, place=place)
+    own = layout.mask(layout.geometry, layout.place)
+    np.testing.assert_array_equal(some, np.where(own, whole, 0.0))
+
+
+@pytest.mark.parametrize("name", known_robots())
+def test_a_chains_layout_names_the_parameters_of_each_mechanism(name):
+    """By the names of its parameters, which are put together apart from the layout."""
+    made = chain_of(load_robot(name))
+    mechanism = made.mechanism
+    names, layout = made.parameters.names, made.layout
+    assert len(names) == layout.size
+    assert names[layout.geometry] == mechanism.parameters.names
+    assert names[layout.offset] == ("reflector_x", "reflector_y", "reflector_z")
+    assert names[layout.turn] == ("tracker_turn_x", "tracker_turn_y", "tracker_turn_z")
+    assert names[layout.place] == ("tracker_place_x", "tracker_place_y", "tracker_place_z")
+
+
+def test_a_chains_layout_names_its_effects():
+    made = chain(*CAUSES)
+    names = made.parameters.names
+    for number, (cause, effect) in enumerate(zip(CAUSES, made.effects, strict=True)):
+        own = tuple(f"{cause}.{p.name}" for p in effect.parameters)
+        assert names[made.layout[cause]] == names[made.layout.effect(number)] == own
+    assert made.with_effects(()).layout == chain().layout != made.layout
+
+
+def test_a_chain_reads_each_part_where_its_layout_says():
+    """A shift of the place shifts the reading, a turn turns it: against the equation itself."""
+    made, rng = chain("backlash", "tracker_scale"), np.random.default_rng(3)
+    at = at_rest(rng.uniform(-0.2, 0.4, (6, 3)))
+    frame = Frame(rotations.exp(np.array([0.3, -0.2, 0.5])), np.array([3.0, 0.1, -0.4]))
+    offset = np.array([0.02, 0.01, -0.05])
+    theta = made.join(made.mechanism.parameters.nominal, offset, frame)
+    x, layout = made.pose(at, theta), made.layout
+    other = theta.copy()
+    other[layout.place] += (1.0, 2.0, 3.0)
+    other[layout.offset] = 0.0
+    other[layout.turn] = 0.0
+    expected = made.mechanism.position(x) + frame.translation + (1.0, 2.0, 3.0)
+    np.testing.assert_allclose(made.reading(at, x, other), expected, atol=1e-12)
+    np.testing.assert_array_equal(theta[layout.geometry], made.mechanism.parameters.nominal)
+
+
+def test_mounted_unknowns_stand_behind_the_chains():
+    layout = chain(*CAUSES).layout
+    assert layout.mounted.mount == slice(layout.size, layout.size + len(MOUNT_NAMES))
+    assert layout.mounted.chain == layout.chain == slice(0, layout.size)
+    assert length(layout.mount) == 0
+
+
+def test_a_fit_of_observations_has_geometry_and_frame():
+    mechanism = chain().mechanism
+    layout = Machine(mechanism, mechanism.parameters.nominal, Frame.identity()).layout
+    names = mechanism.parameters.names + DEVICE_NAMES
+    assert len(names) == layout.size
+    assert names[layout.frame] == DEVICE_NAMES
+    assert all("turn" in name for name in names[layout.turn])
+
+
+def test_members_find_their_effects_in_theta():
+    """A dimension among the members takes no place, and those after it stay where they are."""
+    made = chain("backlash", "tracker_scale")
+    members = [Candidate(e.cause, e.kind, None, e, (0,)) for e in made.effects]
+    members.insert(1, Candidate("arm_length", "geometry", None, None, (2,)))
+    layout = theta_layout(chain(), members)
+    assert layout.size == made.layout.size
+    assert (layout.effect(0), layout.effect(2)) == made.layout.each
+    assert length(layout.effect(1)) == 0
+    theta = np.arange(1.0, made.layout.size + 1)
+    without = without_effects(theta, layout)
+    assert not without[made.layout.effects].any()
+    np.testing.assert_array_equal(without[layout.base], theta[: len(chain().parameters)])
+    np.testing.assert_array_equal(entries(layout.effect(2)), [len(theta) - 1])
