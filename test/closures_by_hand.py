@@ -1,7 +1,7 @@
 """Closures of all mechanisms written apart, in numpy: an independent second formulation.
 
 The package writes each closure in symbols for one sample and generates its derivatives. Here they
-stand for all samples at once, as arrays, with the rotations of the package's `geometry` or scipy's.
+stand for all samples at once, as arrays, with rotations of the package's `geometry` or scipy's.
 Functions of the first five can be evaluated at complex arguments (derivatives by complex step).
 """
 

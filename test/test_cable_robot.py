@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from cables import (
     geometry_of,
     workspace,
 )
+from closures_by_hand import BY_HAND
 from delta_calibration.errors import ConfigError, ReachError
 from delta_calibration.mechanisms import CableRobot
 from machines import complex_step
@@ -61,13 +63,15 @@ def test_closure_derivatives_against_complex_step(robot):
     rng = np.random.default_rng(2)
     g, x = machine(robot, rng), workspace(robot.dimensions, 7, rng)
     q = robot.inverse(x, g) + rng.standard_normal((7, robot.joints))
-    for written, function, at in (
-        (robot.closure_by_pose(q, x, g), lambda v: robot.closure(q, v, g), x),
-        (robot.closure_by_joints(q, x, g), lambda v: robot.closure(v, x, g), q),
-        (robot.closure_by_geometry(q, x, g), lambda v: robot.closure(q, x, v), g),
+    by_hand = partial(BY_HAND["cable_robot"], robot)
+    np.testing.assert_allclose(robot.closure(q, x, g), by_hand(q, x, g), atol=1e-14)
+    for generated, function, at in (
+        (robot.closure_by_pose(q, x, g), lambda v: by_hand(q, v, g), x),
+        (robot.closure_by_joints(q, x, g), lambda v: by_hand(v, x, g), q),
+        (robot.closure_by_geometry(q, x, g), lambda v: by_hand(q, x, v), g),
     ):
         exact = complex_step(function, at)
-        np.testing.assert_allclose(written, exact, atol=1e-12 * np.abs(exact).max())
+        np.testing.assert_allclose(generated, exact, atol=1e-12 * np.abs(exact).max())
 
 
 def test_forward_undoes_inverse_and_geometry_may_change_by_sample(robot):

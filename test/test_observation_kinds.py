@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from cables import EIGHT_CABLES, FOUR_CABLES, ZEROS_FREE, built, geometry_of, workspace
+from closures_by_hand import BY_HAND
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Camera, Frame, rotations
 from delta_calibration.identification.closures import ClosureWithoutPose
@@ -21,9 +23,11 @@ from delta_calibration.identification.observations import (
     Machine,
     PointMeasured,
 )
-from delta_calibration.mechanisms.base import Mechanism
+from delta_calibration.mechanisms.base import Limb, Mechanism
 from delta_calibration.mechanisms.cable_dimensions import CableTolerances
 from delta_calibration.mechanisms.cable_robot import CableRobot
+from delta_calibration.mechanisms.linear_delta import LinearDelta
+from delta_calibration.model.symbols import column, norm
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import load_robot
 from machines import complex_step
@@ -42,10 +46,30 @@ def scara_built(rng):
 
 
 def pixels_of(q, g, turn, place):
-    """Written apart: the arm's own walk, a turn and a shift, two quotients."""
-    walk = SCARA.walk(q, g)
-    x, y, z = np.moveaxis((walk.position + walk.rotation @ MARK) @ turn.T + place, 1, 0)
+    """Written apart: the arm link by link, a turn and a shift, two quotients."""
+    mark, held = walked(q, g)
+    x, y, z = np.moveaxis((mark + held @ MARK) @ turn.T + place, 1, 0)
     return np.stack([2400.0 * x / z + 1010.0, 2380.0 * y / z + 770.0], axis=1)
+
+
+def walked(q, g):
+    """Where the SCARA's tool is, (n, 3), and how it is turned, (n, 3, 3); also of complex g."""
+    value = dict(zip(SCARA.parameters.names, g, strict=True))
+    x, y, z = np.eye(3)
+    place, turn = np.zeros(3), np.eye(3)
+    for i, link in enumerate(SCARA.dimensions.links, 1):
+        turn = turn @ rotations.exp(value[f"twist_{i}"] * x)
+        if link.parallel:
+            turn = turn @ rotations.exp(value[f"skew_{i}"] * y)
+        place = place + turn @ (value[f"length_{i}"] * x)
+        turn = turn @ rotations.exp((q[:, i - 1, None] + value[f"zero_{i}"]) * z)
+        offset = link.offset if link.parallel else value[f"offset_{i}"]
+        place = place + turn @ (offset * z)
+    place = place + turn @ np.array([value[f"tool_{axis}"] for axis in "xyz"])
+    turn = turn @ Rotation.from_euler("ZYX", SCARA.dimensions.mount).as_matrix()
+    for axis, letter in zip(np.eye(3), "xyz", strict=True):
+        turn = turn @ rotations.exp(value[f"tool_turn_{letter}"] * axis)
+    return place, turn
 
 
 def seen(machine, q, noise=1e-3, rng=None):
@@ -156,11 +180,12 @@ def test_closing_slopes_by_complex_step():
     assert np.abs(held.missed(machine)).max() < 1e-9
     slopes = held.slopes(machine)
     x, g = machine.poses(q), machine.geometry
+    closure = partial(BY_HAND["cable_robot"], robot)
     for k in range(len(q)):
         row = slice(k, k + 1)
-        by_pose = complex_step(lambda v, r=row: robot.closure(q[r], v[None], g)[0], x[k])
-        by_joints = complex_step(lambda v, r=row: robot.closure(v[None], x[r], g)[0], q[k])
-        by_geometry = complex_step(lambda v, r=row: robot.closure(q[r], x[r], v)[0], g)
+        by_pose = complex_step(lambda v, r=row: closure(q[r], v[None], g)[0], x[k])
+        by_joints = complex_step(lambda v, r=row: closure(v[None], x[r], g)[0], q[k])
+        by_geometry = complex_step(lambda v, r=row: closure(q[r], x[r], v)[0], g)
         free = null_space(by_pose.T)
         entered, moved = free.T @ by_joints, free.T @ by_geometry
         expected = moved.T @ np.linalg.solve(entered @ entered.T, moved)
@@ -269,36 +294,45 @@ class StringGauged(Mechanism):
     def home(self):
         return np.append(PRINTER.home, 0.5)
 
-    def _string(self, x, g):
-        return x - g[..., -3:], np.sqrt(np.sum((x - g[..., -3:]) ** 2, axis=-1))
+    limbs = (Limb((0, 1, 2, 3), tuple(range(13)), (0, 1, 2, 3)),)
 
-    def closure(self, q, x, g):
-        rest = PRINTER.closure(q[:, :3], x, g[..., :-3])
-        return np.concatenate([rest, (self._string(x, g)[1] - q[:, 3])[:, None]], axis=1)
+    @staticmethod
+    def equation(q, x, g, c):
+        towers = (LinearDelta.equation(q[i], x, tower(g, i), c) for i in range(3))
+        return column(*towers, norm(x - g[10:13]) - q[3])
 
-    def closure_by_pose(self, q, x, g):
-        way, length = self._string(x, g)
-        rest = PRINTER.closure_by_pose(q[:, :3], x, g[..., :-3])
-        return np.concatenate([rest, (way / length[:, None])[:, None]], axis=1)
+    @staticmethod
+    def opening(q, g, c):
+        towers = [tower(g[0], i) for i in range(3)]
+        return LinearDelta.opening([q[0][i] for i in range(3)], towers, c)
 
-    def closure_by_joints(self, q, x, g):
-        slope = np.zeros((len(q), 4, 4))
-        slope[:, :3, :3] = PRINTER.closure_by_joints(q[:, :3], x, g[..., :-3])
-        slope[:, 3, 3] = -1.0
-        return slope
 
-    def closure_by_geometry(self, q, x, g):
-        way, length = self._string(x, g)
-        slope = np.zeros((len(q), 4, len(self.parameters)))
-        slope[:, :3, :-3] = PRINTER.closure_by_geometry(q[:, :3], x, g[..., :-3])
-        slope[:, 3, -3:] = -way / length[:, None]
-        return slope
+def tower(g, i):
+    """The dimensions that the linear Delta's tower i takes, in symbols."""
+    return column(g[0], g[1 + i], g[4 + i], g[7 + i])
 
-    def start(self, q, g):
-        return PRINTER.forward(q[:, :3], g[..., :-3])
 
-    def start_joints(self, task, g):
-        raise NotImplementedError
+def test_the_string_is_one_more_closure():
+    """By hand, its derivatives by complex step; the rest is the linear Delta's."""
+    printer, rng = StringGauged(), np.random.default_rng(11)
+    g = printer.parameters.nominal + 1e-3 * rng.standard_normal(13)
+    q = printer.home + 0.02 * rng.standard_normal((5, 4))
+    x = PRINTER.forward(q[:, :3], g[:-3])
+
+    def by_hand(q, x, g):
+        rest = BY_HAND["linear_delta"](PRINTER, q[:, :3], x, g[..., :-3])
+        string = np.sqrt(np.sum((x - g[..., -3:]) ** 2, axis=-1)) - q[:, 3]
+        return np.concatenate([rest, string[:, None]], axis=1)
+
+    np.testing.assert_allclose(printer.start(q, g), x, atol=1e-14)
+    np.testing.assert_allclose(printer.closure(q, x, g), by_hand(q, x, g), atol=1e-14)
+    for generated, function, at in (
+        (printer.closure_by_pose, lambda v: by_hand(q, v, g), x),
+        (printer.closure_by_joints, lambda v: by_hand(v, x, g), q),
+        (printer.closure_by_geometry, lambda v: by_hand(q, x, v), np.tile(g, (5, 1))),
+    ):
+        exact = complex_step(function, at)
+        np.testing.assert_allclose(generated(q, x, g), exact, atol=1e-13)
 
 
 def test_an_encoder_on_a_passive_joint_calibrates():

@@ -19,6 +19,7 @@ from delta_calibration.cli.main import run
 from delta_calibration.compensation import JointCompensator, Verdict
 from delta_calibration.identification import identify
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
+from delta_calibration.model.symbols import column, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
@@ -32,6 +33,12 @@ from test_mechanisms import (  # noqa: F401 (run on the mechanism below)
 )
 
 PLANE = [0, 2, 1]  # the pose is x, z, y: what is commanded first
+
+
+def _along(q, x, g):
+    """From each slider to the point, in symbols."""
+    place = column(x[0], x[2], x[1])
+    return [place - g[3 * i : 3 * i + 3] - column(q[i], 0, 0) for i in (0, 1)]
 
 
 class FiveBar(Mechanism):
@@ -62,38 +69,24 @@ class FiveBar(Mechanism):
         struts = (Parameter(f"strut_{i}", "m", *of_strut) for i in (1, 2))
         self.parameters = ParameterSet((*rails, *struts))
 
-    def _along(self, q, x, g):
-        rails = np.broadcast_to(g[..., :6], (len(x), 6)).reshape(-1, 2, 3)
-        return x[:, None, PLANE] - rails - q[..., None] * np.eye(3)[0]
+    @property
+    def home_pose(self):
+        return self.dimensions.rails.mean(axis=0)[PLANE] - [0, 0.7 * self.dimensions.strut, 0]
 
-    def closure(self, q, x, g):
-        along = self._along(q, x, g)
-        struts = np.sum(along**2, axis=2) - g[..., 6:] ** 2
-        return np.concatenate([struts, along[:, :, 1].sum(axis=1)[:, None]], axis=1)
+    @staticmethod
+    def equation(q, x, g, c):
+        a, b = _along(q, x, g)
+        return column(square(a) - g[6] ** 2, square(b) - g[7] ** 2, a[1] + b[1])
 
-    def closure_by_pose(self, q, x, g):
-        plane = np.broadcast_to([0.0, 2.0, 0.0], (len(x), 1, 3))
-        return np.concatenate([2 * self._along(q, x, g), plane], axis=1)[:, :, PLANE]
+    @staticmethod
+    def reaching(x, g, c):
+        a, b = _along((0.0, 0.0), x, g)
+        aside = [sqrt(l**2 - d[1] ** 2 - d[2] ** 2) for d, l in ((a, g[6]), (b, g[7]))]
+        return column(a[0] - aside[0], b[0] + aside[1])
 
-    def closure_by_joints(self, q, x, g):
-        own = -2 * self._along(q, x, g)[:, :, 0, None] * np.eye(2)
-        return np.concatenate([own, np.zeros((len(x), 1, 2))], axis=1)
-
-    def closure_by_geometry(self, q, x, g):
-        out, along = np.zeros((len(x), 3, 8), dtype=x.dtype), self._along(q, x, g)
-        for i in (0, 1):
-            out[:, i, 3 * i : 3 * i + 3], out[:, i, 6 + i] = -2 * along[:, i], -2 * g[..., 6 + i]
-        out[:, 2, [1, 4]] = -1.0
-        return out
-
-    def start(self, q, g):
-        middle = self.dimensions.rails.mean(axis=0)[PLANE] - [0, 0.7 * self.dimensions.strut, 0]
-        return middle + q.mean(axis=1)[:, None] * np.eye(3)[0]
-
-    def start_joints(self, task, g):
-        below = self.dimensions.rails[:, 2] - task[:, 1:]
-        aside = np.sqrt(np.maximum(self.dimensions.strut**2 - below**2, 1e-6))
-        return task[:, :1] + aside * [-1, 1] - self.dimensions.rails[:, 0]
+    @staticmethod
+    def point(x, o):
+        return column(x[0], x[2], x[1]) + o
 
     def task(self, position, turn):
         return position[:, [0, 2]]
@@ -103,6 +96,19 @@ class FiveBar(Mechanism):
 
     def point_by_pose(self, x, offset):
         return np.tile(np.eye(3)[PLANE], (len(x), 1, 1))
+
+
+@pytest.fixture
+def by_hand():
+    """Its closure written a second time, in numpy."""
+
+    def closure(q, x, g):
+        rails = np.broadcast_to(g[..., :6], (len(x), 6)).reshape(-1, 2, 3)
+        along = x[:, None, PLANE] - rails - q[..., None] * np.eye(3)[0]
+        struts = np.sum(along**2, axis=2) - g[..., 6:] ** 2
+        return np.concatenate([struts, along[:, :, 1].sum(axis=1)[:, None]], axis=1)
+
+    return closure
 
 
 @pytest.fixture(scope="module")

@@ -30,6 +30,7 @@ from delta_calibration.model.kernels import (
     M,
     P,
     R,
+    copy_into,
     least_step,
     moved,
     place,
@@ -111,6 +112,9 @@ class Place(NamedTuple):
     signals: Array  # (S,)
     offset: Array  # (3,)
     normal: Array
+    dq: Array  # (m,)
+    step: Array  # of joints or of the pose
+    there: Array  # (m,)
 
 
 @compiled()
@@ -130,12 +134,15 @@ def scratch(machine: Machine, signals: int) -> Place:
         np.zeros(signals),
         np.zeros(3),
         np.zeros((wide, wide + 1)),
+        np.zeros(sizes[M]),
+        np.zeros(wide + sizes[R]),
+        np.zeros(sizes[M]),
     )
     take_dimensions(machine.body, machine.g, made.state)
     return made
 
 
-@compiled()
+@compiled(borrows=True)
 def place_of(machine: Machine, x: Array, room: Place) -> None:
     """Place of the tool at pose x (k,), and its slope by the pose."""
     bearing, aim, k = machine.body.bearing, machine.aim, len(x)
@@ -159,10 +166,10 @@ def place_of(machine: Machine, x: Array, room: Place) -> None:
                 room.slope[row, j] = room.point[slope + axis * k + j] - room.slope[axis, j]
 
 
-@compiled()
+@compiled(borrows=True)
 def stands(machine: Machine, q: Array, signals: Array, near: bool, room: Place) -> bool:
     """Bring the machine to a command under a sample's signals; its place with it."""
-    room.signals[:] = signals
+    copy_into(room.signals, signals)
     for i in range(len(q)):
         room.signals[machine.stages.at[JOINT] + i] = q[i]
     good = stand(
@@ -174,7 +181,7 @@ def stands(machine: Machine, q: Array, signals: Array, near: bool, room: Place) 
     return good
 
 
-@compiled()
+@compiled(borrows=True)
 def distance(room: Place, target: Array) -> float:
     """Distance of the place from a target (a,) [m]."""
     square = 0.0
@@ -183,7 +190,7 @@ def distance(room: Place, target: Array) -> float:
     return float(np.sqrt(square))
 
 
-@compiled()
+@compiled(borrows=True)
 def reached(
     machine: Machine, q: Array, signals: Array, target: Array, near: bool, room: Place
 ) -> float:
@@ -194,7 +201,7 @@ def reached(
     return far if far < np.inf else np.inf
 
 
-@compiled()
+@compiled(borrows=True)
 def _slope(machine: Machine, room: Place) -> None:
     """d(place)/dq of the mechanism where it stands, into by_q."""
     state = room.state
@@ -202,7 +209,7 @@ def _slope(machine: Machine, room: Place) -> None:
     moved(machine.body.limbs, room.slope, state.room, room.by_q, room.by_g)
 
 
-@compiled()
+@compiled(borrows=True)
 def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step: Array) -> bool:
     """The step that brings a place to its target, by slope (a, c), a and c whatever they are.
 
@@ -238,7 +245,7 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def newton(
     machine: Machine,
     search: Search,
@@ -249,8 +256,9 @@ def newton(
     room: Place,
 ) -> tuple[float, int]:
     """Correct one command (m,), from `best` (m,) on; distance that is left [m] and evaluations."""
-    m = len(q)
-    dq, step, there = np.zeros(m), np.zeros(m), q + best
+    m, dq, step, there = len(q), room.dq, room.step, room.there
+    for i in range(m):
+        there[i] = q[i] + best[i]
     error, evaluations = reached(machine, there, signals, target, False, room), 1
     for _ in range(search.iterations):
         before = error
@@ -277,16 +285,16 @@ def newton(
     return error, evaluations
 
 
-@compiled()
+@compiled(borrows=True)
 def _posed(machine: Machine, target: Array, room: Place) -> bool:
     """Bring the pose x to the target, whatever the joints say."""
-    step = np.zeros(len(room.x))
+    step = room.step
     for _ in range(_ROUNDS):
         place_of(machine, room.x, room)
         if not _least_squares(room.slope, room.place, target, room.normal, step):
             return False
         most = 0.0
-        for i in range(len(step)):
+        for i in range(len(room.x)):
             most = max(most, abs(step[i]))
             room.x[i] -= step[i]
         if not most < np.inf:
@@ -296,16 +304,15 @@ def _posed(machine: Machine, target: Array, room: Place) -> bool:
     return True
 
 
-@compiled()
-def _joined(machine: Machine, room: Place, slope: Array, step: Array) -> bool:
+@compiled(borrows=True)
+def _joined(machine: Machine, room: Place) -> bool:
     """Bring the joints behind the drives to the pose x."""
     limbs, state = machine.body.limbs, room.state
-    own = state.room
+    own, step = state.room, room.step
     for _ in range(2 * _ROUNDS):
         place(limbs, state.joint, room.x, NEAR, own)
         spread_joints(limbs, own)
-        slope[:] = own.by_q
-        if not least_step(slope, own.f, 0.0, own.system, step):
+        if not least_step(own.by_q, own.f, 0.0, own.system, step):
             return False
         most = 0.0
         for i in range(len(state.joint)):
@@ -318,13 +325,13 @@ def _joined(machine: Machine, room: Place, slope: Array, step: Array) -> bool:
     return False
 
 
-@compiled()
+@compiled(borrows=True)
 def _loaded(machine: Machine, room: Place) -> None:
     """Signals of the machine at the pose x with its joints: what effects may take of it."""
     stages, state, signals = machine.stages, room.state, room.signals
     at, m = stages.at, len(state.joint)
-    signals[at[POSE] : at[POSE] + len(room.x)] = room.x
-    signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)] = state.geometry
+    copy_into(signals[at[POSE] : at[POSE] + len(room.x)], room.x)
+    copy_into(signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)], state.geometry)
     if stages.asked == 0:
         return
     found = state.carried
@@ -333,28 +340,27 @@ def _loaded(machine: Machine, room: Place) -> None:
         signals[at[RATE] : at[RATE] + m], signals[at[ACCELERATION] : at[ACCELERATION] + m],
         signals[at[PAYLOAD]], signals[at[CENTRE] : at[CENTRE] + 3], state.room, found,
     )  # fmt: skip
-    signals[at[GRAVITY] : at[GRAVITY] + m] = found.gravity
-    signals[at[TORQUE] : at[TORQUE] + m] = found.inertia
-    signals[at[LOAD] : at[LOAD] + len(found.load)] = found.load
+    copy_into(signals[at[GRAVITY] : at[GRAVITY] + len(found.gravity)], found.gravity)
+    copy_into(signals[at[TORQUE] : at[TORQUE] + len(found.inertia)], found.inertia)
+    copy_into(signals[at[LOAD] : at[LOAD] + len(found.load)], found.load)
     if len(found.pull) == m:
-        signals[at[PULL] : at[PULL] + m] = found.pull
-        signals[at[PULL_HOME] : at[PULL_HOME] + m] = found.pull_home
+        copy_into(signals[at[PULL] : at[PULL] + len(found.pull)], found.pull)
+        copy_into(signals[at[PULL_HOME] : at[PULL_HOME] + len(found.pull_home)], found.pull_home)
 
 
-@compiled()
+@compiled(borrows=True)
 def by_pose(
     machine: Machine, q: Array, signals: Array, target: Array, best: Array, room: Place
 ) -> tuple[float, int]:
     """The same by way of the pose: the error is that of the pose."""
     limbs, state, stages = machine.body.limbs, room.state, machine.stages
-    m, r = limbs.sizes[M], limbs.sizes[R]
-    told, shift = q.copy(), np.zeros(m)
-    slope, step = np.zeros((r, m)), np.zeros(max(m, r))
+    m, told, shift = limbs.sizes[M], room.there, room.dq
+    copy_into(told, q)
     if not stands(machine, q, signals, False, room) or not _posed(machine, target, room):
         return np.inf, 1
     for _ in range(_ROUNDS):
         if machine.reshaped:
-            state.geometry[:] = machine.g
+            copy_into(state.geometry, machine.g)
         _loaded(machine, room)
         if machine.reshaped:
             add_shift(
@@ -362,12 +368,13 @@ def by_pose(
             )
             set_geometry(limbs, state.geometry, state.room)
             set_masses(limbs, machine.body.bearing, state.geometry, state.carried)
-        if not _joined(machine, room, slope, step):
+        if not _joined(machine, room):
             return np.inf, 1
         most = 0.0
         for i in range(m):
             room.signals[stages.at[JOINT] + i] = told[i]
-        shift[:] = 0.0
+        for i in range(m):
+            shift[i] = 0.0
         add_shift(stages.drive, room.signals, machine.theta, state.drive, shift)
         for i in range(m):
             goal = state.joint[i] - shift[i]
@@ -432,7 +439,7 @@ def corrections(
     return dq, error, count
 
 
-@compiled()
+@compiled(borrows=True)
 def correct(
     machine: Machine,
     search: Search,

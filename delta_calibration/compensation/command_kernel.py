@@ -60,6 +60,7 @@ class CommandRoom(NamedTuple):
     by_q: Array  # (t, m)
     by_g: Array  # (t, p)
     told: Array  # (m,)
+    still: Array  # (m,)
 
 
 @compiled()
@@ -76,10 +77,11 @@ def command_room(drawn: Machine, machine: Machine, of_drawn: int, of_own: int) -
         np.zeros((sizes[T], sizes[M])),
         np.zeros((sizes[T], len(drawn.g))),
         np.zeros(sizes[M]),
+        np.zeros(sizes[M]),
     )
 
 
-@compiled()
+@compiled(borrows=True)
 def _within(guards: Guards, q: Array, dq: Array) -> bool:
     """Whether q + dq is within the joints' limits."""
     for i in range(len(q)):
@@ -88,7 +90,7 @@ def _within(guards: Guards, q: Array, dq: Array) -> bool:
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def _finite(values: Array) -> bool:
     for value in values:
         if not np.isfinite(value):
@@ -96,7 +98,7 @@ def _finite(values: Array) -> bool:
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def _outside(guards: Guards, point: Array) -> float:
     """How far outside the region a point lies [m]; negative inside."""
     most = -np.inf
@@ -119,10 +121,10 @@ def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
     return bool(most <= guards.condition * least and least > 0.0)
 
 
-@compiled()
+@compiled(borrows=True)
 def _borne(drawn: Machine, payload: float, centre: Array, room: CommandRoom) -> bool:
     """Whether every cable pulls, a payload that is not known being none."""
-    own, still = room.drawn, np.zeros(len(room.told))
+    own, still = room.drawn, room.still
     known = payload == payload and _finite(centre)
     where = centre if known else room.origin
     bear(
@@ -180,7 +182,7 @@ def judged(
     return PASSED
 
 
-@compiled()
+@compiled(borrows=True)
 def finished(
     machine: Machine,
     guards: Guards,
@@ -211,7 +213,8 @@ def finished(
         if not _within(guards, q, dq):
             code = JOINT_LIMIT
     if code != PASSED:
-        dq[:] = 0.0
+        for i in range(len(q)):
+            dq[i] = 0.0
         return code
     if share < 1.0:
         error = reached(machine, room.told, signals, target, False, room.own)

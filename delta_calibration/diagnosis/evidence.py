@@ -203,9 +203,7 @@ class Evidence:
 
     def _raw(self, effect: Effect) -> Array:
         """The effect's own columns."""
-        if effect.stage is Stage.MEASUREMENT:
-            return effect.columns(self.seen)
-        return effect.columns_kept(self.at)
+        return effect.columns(self.seen if effect.stage is Stage.MEASUREMENT else self.at)
 
     @property
     def believed(self) -> NDArray[np.bool_]:

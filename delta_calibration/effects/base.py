@@ -171,11 +171,13 @@ class Effect(ABC):
         return terms_of((self,), signals.places).columns(signals, at)
 
     def nominal(self, at: Conditions) -> Signals:
-        """The signals of the drawing's machine under these conditions."""
+        """The signals of the drawing's machine under these conditions; loads computed once."""
         asked = asked_of(self.takes)
         if self.stage is Stage.MEASUREMENT or (not asked and not standing_asked(self.takes)):
             return recorded(self.mechanism, at)
-        return nominal(self.robot, self.mechanism, at, asked)
+        owners = self.robot, self.mechanism
+        found: Signals = at.kept(f"signals {asked}", owners, lambda: nominal(*owners, at, asked))
+        return found
 
     def columns(self, at: Conditions) -> Array:
         """The same of the drawing's machine under these conditions."""
@@ -367,13 +369,14 @@ def _parts(
     for effect, part in effects:
         terms = tuple(effect.terms(places))
         if terms:
-            first = terms[0]
-            sizes = (
-                len(first.signals), len(first.values), len(first.constants), len(first.outputs)
-            )  # fmt: skip
-            law = law_of(effect.law, f"effect_{effect.cause}{effect.variant}", sizes)
-            parts.append((law, terms, int(part.start)))
+            parts.append((law_for(effect, terms[0]), terms, int(part.start)))
     return parts
+
+
+def law_for(effect: Effect, term: Term) -> Law:
+    """The law of an effect's terms; `term` is any of them, their sizes are alike."""
+    sizes = len(term.signals), len(term.values), len(term.constants), len(term.outputs)
+    return law_of(effect.law, f"effect_{effect.cause}{effect.variant}", sizes)
 
 
 def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:

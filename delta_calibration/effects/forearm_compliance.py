@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
-from delta_calibration.effects.regressor import LOAD, Groups, Regressor, by_payload
+from delta_calibration.effects import regressor
+from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import LOAD, Places
 from delta_calibration.mechanisms.delta_leg import DeltaModel
@@ -42,7 +43,7 @@ class ForearmCompliance(Effect):
     def regressor(self, at: Conditions) -> Regressor:
         """Payload."""
         del at
-        return LOAD
+        return regressor.LOAD
 
     def groups(self, at: Conditions, joint: int) -> Groups:
         """By payload."""

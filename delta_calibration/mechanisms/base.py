@@ -431,8 +431,8 @@ class Mechanism(ABC):
     def mass_places(self, q: Array, x: Array, g: Array) -> Array:
         """Places of all masses but the payload, (n, K, 3) [m], of poses x (n, k)."""
         c = self._compiled
-        found = _loads().places(c.limbs, self.bearing(None), _rows(q), _rows(x), _rows(g))
-        return np.asarray(found)
+        bearing = self.bearing(None)
+        return np.asarray(_loads().places(c.limbs, bearing, *self._samples(q, x, g)))
 
     def body(self, masses: Any) -> Any:
         """The mechanism as the compiled chain takes it (model/stand.py)."""

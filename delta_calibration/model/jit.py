@@ -27,7 +27,10 @@ _LOADED: list[Any] = []  # their code lives as long as they do
 
 
 def compiled(
-    signature: str | None = None, *others: ModuleType, contract: bool = False
+    signature: str | None = None,
+    *others: ModuleType,
+    contract: bool = False,
+    borrows: bool = False,
 ) -> Callable[[_Function], _Function]:
     """Compile a function, at once if it has a signature, and keep the result for later processes.
 
@@ -39,9 +42,15 @@ def compiled(
 
     With `contract` a product and the sum it goes into may be rounded once instead of twice, where
     the processor has an instruction for both.
+
+    A function that `borrows` makes no array and returns none: it works in those that it is handed,
+    and does not count who holds them. Counting the arrays of a machine at every call of a small
+    function costs more than its work.
     """
     njit: Any = numba.njit  # typed in some of numba's versions, in others not
     options = _CONTRACTED if contract else _STRICT
+    if borrows:
+        options = {**options, "_nrt": False}
 
     def decorate(function: _Function) -> _Function:
         names = {__name__, *(other.__name__ for other in others)}

@@ -59,6 +59,7 @@ class Room(NamedTuple):
     by_g: Array  # (R, p)
     system: Array  # (max, max + sides)
     step: Array
+    way: Array  # (m,)
 
 
 Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
@@ -83,10 +84,26 @@ def room(limbs: Limbs, size: int) -> Room:
         np.zeros((r, p)),
         np.zeros((wide, wide + max(m, max(k, SIDES)))),
         np.zeros(wide),
+        np.zeros(m),
     )
 
 
-@compiled()
+@compiled(borrows=True)
+def fill(values: Array, value: float) -> None:
+    """Set all of an array of two axes to a value."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] = value
+
+
+@compiled(borrows=True)
+def copy_into(values: Array, source: Array) -> None:
+    """Copy a vector into another."""
+    for i in range(len(values)):
+        values[i] = source[i]
+
+
+@compiled(borrows=True)
 def solve(system: Array, size: int, sides: int) -> bool:
     """Solve size equations for the right sides behind them, in place; False if singular."""
     width = size + sides
@@ -116,7 +133,7 @@ def solve(system: Array, size: int, sides: int) -> bool:
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
     """Give the limbs these dimensions (p,)."""
     p = limbs.sizes[P]
@@ -128,7 +145,7 @@ def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
         call(limbs.law[SETUP], work)
 
 
-@compiled()
+@compiled(borrows=True)
 def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
     """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`."""
     at = limbs.at
@@ -152,7 +169,7 @@ def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
                 room.by_x[row, j] = work[at[F_X] + i * limbs.sizes[K] + j]
 
 
-@compiled()
+@compiled(borrows=True)
 def spread_joints(limbs: Limbs, room: Room) -> None:
     """Put the limbs' derivatives by their joints into their places in `by_q`."""
     count = limbs.joints.shape[1]
@@ -163,7 +180,7 @@ def spread_joints(limbs: Limbs, room: Room) -> None:
                 room.by_q[limbs.rows[limb, i], limbs.joints[limb, j]] = slope
 
 
-@compiled()
+@compiled(borrows=True)
 def spread_geometry(limbs: Limbs, room: Room) -> None:
     """Put the limbs' derivatives by their dimensions into their places in `by_g`."""
     count = limbs.params.shape[1]
@@ -175,7 +192,7 @@ def spread_geometry(limbs: Limbs, room: Room) -> None:
                     room.by_g[limbs.rows[limb, i], limbs.params[limb, j]] = slope
 
 
-@compiled()
+@compiled(borrows=True)
 def towards(room: Room, r: int, k: int) -> bool:
     """Newton's step in the pose, f_x^+ f, into `step`; False where there is none."""
     system = room.system
@@ -202,7 +219,7 @@ def towards(room: Room, r: int, k: int) -> bool:
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def closed(limbs: Limbs, room: Room, stray: float) -> bool:
     """Whether the pose is one: no step in it would close more, nothing is torn.
 
@@ -224,7 +241,7 @@ def closed(limbs: Limbs, room: Room, stray: float) -> bool:
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool:
     """Bring the pose x (k,) to joints q (m,), from where it is; NaN and False where none is."""
     r, k = limbs.sizes[R], limbs.sizes[K]
@@ -250,7 +267,7 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
     return False
 
 
-@compiled()
+@compiled(borrows=True)
 def follow(
     limbs: Limbs, home: Array, q: Array, x: Array, stages: int, stray: float, room: Room
 ) -> bool:
@@ -258,8 +275,7 @@ def follow(
 
     So the assembly mode is that of home.
     """
-    m = limbs.sizes[M]
-    way = np.empty(m)
+    m, way = limbs.sizes[M], room.way
     for stage in range(1, stages + 1):
         last = stage == stages
         for i in range(m):
@@ -269,7 +285,7 @@ def follow(
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
     """-by_pose f_x^+, one row of `system` a row of `by_pose` (c, k): into columns of it.
 
@@ -291,18 +307,17 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
     return solve(system, k, count)
 
 
-@compiled()
+@compiled(borrows=True)
 def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) -> None:
     """Derivatives by joints (c, m) and dimensions (c, p) of what has `by_pose` (c, k).
 
     By the implicit function theorem, where the limbs were placed with `FULL`.
     """
     r, k, p, count = limbs.sizes[R], limbs.sizes[K], limbs.sizes[P], len(by_pose)
-    by_q[:] = 0.0
-    by_g[:] = 0.0
-    if not back(limbs, by_pose, room):
-        by_q[:] = np.nan
-        by_g[:] = np.nan
+    found = back(limbs, by_pose, room)
+    fill(by_q, 0.0 if found else np.nan)
+    fill(by_g, 0.0 if found else np.nan)
+    if not found:
         return
     at, own, each = limbs.at, limbs.joints.shape[1], limbs.params.shape[1]
     for side in range(count):
@@ -458,7 +473,7 @@ def joints_for(
             q[row] = np.nan
 
 
-@compiled()
+@compiled(borrows=True)
 def least_step(slope: Array, f: Array, damping: float, system: Array, step: Array) -> bool:
     """The step J^T (J J^T + damping)^-1 f, or J^-1 f where J is square and nothing is damped."""
     r, count = slope.shape

@@ -27,6 +27,7 @@ from delta_calibration.model.kernels import (
     R,
     Room,
     assemble,
+    fill,
     moved,
     place,
     room,
@@ -83,6 +84,12 @@ class Carried(NamedTuple):
     load: Array  # (p,)
     pull: Array  # (R,)
     pull_home: Array  # (R,)
+    there: Array  # (k,)
+    way: Array  # (m,)
+    u_q: Array  # (m,)
+    still: Array  # (m,)
+    origin: Array  # (3,)
+    a: Array  # (3,)
 
 
 @compiled()
@@ -101,10 +108,16 @@ def carried(limbs: Limbs, bearing: Bearing) -> Carried:
         np.zeros(p),
         np.zeros(r),
         np.zeros(r),
+        np.zeros(k),
+        np.zeros(m),
+        np.zeros(m),
+        np.zeros(m),
+        np.zeros(3),
+        np.zeros(3),
     )
 
 
-@compiled()
+@compiled(borrows=True)
 def point_at(bearing: Bearing, x: Array, offset: Array, work: Array) -> None:
     """Evaluate the law of a point at `offset` (3,) [m] of the platform."""
     for i in range(len(x)):
@@ -116,7 +129,7 @@ def point_at(bearing: Bearing, x: Array, offset: Array, work: Array) -> None:
     call(bearing.point[FULL], work)
 
 
-@compiled()
+@compiled(borrows=True)
 def masses_at(bearing: Bearing, q: Array, x: Array, work: Array) -> None:
     """Evaluate the law of the masses' places; their dimensions are in the workspace."""
     for i in range(len(x)):
@@ -128,7 +141,7 @@ def masses_at(bearing: Bearing, q: Array, x: Array, work: Array) -> None:
     call(bearing.mass[FULL], work)
 
 
-@compiled()
+@compiled(borrows=True)
 def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None:
     """Give the masses' law these dimensions (p,)."""
     p = limbs.sizes[2]
@@ -140,7 +153,7 @@ def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None
         found.mass[first + i] = bearing.constants[i]
 
 
-@compiled()
+@compiled(borrows=True)
 def _add(bearing: Bearing, found: Carried, point: int, kg: float, a: Array, u_q: Array) -> None:
     """Add the work of one mass against the acceleration a (3,) to u_x and u_q."""
     k = found.u_x.shape[1]
@@ -160,15 +173,15 @@ def _add(bearing: Bearing, found: Carried, point: int, kg: float, a: Array, u_q:
             u_q[bearing.joints[i]] += force * slope
 
 
-@compiled()
+@compiled(borrows=True)
 def _work(
     bearing: Bearing, payload: float, accelerated: bool, found: Carried, u_q: Array
 ) -> None:
     """u_x and u_q of all masses, under gravity or as `accelerated`; the laws are evaluated."""
-    a = np.zeros(3)
-    found.u_x[:] = 0.0
-    u_q[:] = 0.0
-    count = len(bearing.kg)
+    a, count = found.a, len(bearing.kg)
+    fill(found.u_x, 0.0)
+    for i in range(len(u_q)):
+        u_q[i] = 0.0
     for point in range(-1, count):
         kg = payload if point < 0 else bearing.kg[point]
         for axis in range(3):
@@ -180,7 +193,7 @@ def _work(
         _add(bearing, found, point, kg, a, u_q)
 
 
-@compiled()
+@compiled(borrows=True)
 def _places(bearing: Bearing, found: Carried, weight: float) -> None:
     """Add the places of all masses and the payload, times a weight, to what is accelerated."""
     count = len(bearing.kg)
@@ -190,7 +203,7 @@ def _places(bearing: Bearing, found: Carried, weight: float) -> None:
         found.accelerated[3 * count + i] += weight * found.point[bearing.point_at[2] + i]
 
 
-@compiled()
+@compiled(borrows=True)
 def _accelerate(
     limbs: Limbs,
     bearing: Bearing,
@@ -206,10 +219,11 @@ def _accelerate(
     moving = False
     for i in range(len(q)):
         moving = moving or rate[i] != 0.0 or acceleration[i] != 0.0
-    found.accelerated[:] = 0.0
+    for i in range(len(found.accelerated)):
+        found.accelerated[i] = 0.0
     if not moving:
         return False
-    there, way = x.copy(), q.copy()
+    there, way = found.there, found.way
     for side in (-1.0, 0.0, 1.0):
         t = side * _MOMENT
         for i in range(len(q)):
@@ -223,7 +237,7 @@ def _accelerate(
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Array) -> None:
     """Pulls of the cables that bear u_x, nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
@@ -245,7 +259,7 @@ def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Arr
             pull[row] += room.by_x[row, i] * system[i, k]
 
 
-@compiled()
+@compiled(borrows=True)
 def bear(
     limbs: Limbs,
     bearing: Bearing,
@@ -260,17 +274,16 @@ def bear(
     found: Carried,
 ) -> None:
     """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g."""
-    u_q = np.zeros(len(q))
-    moving = False
+    u_q, moving = found.u_q, False
     if asked & INERTIA:
         moving = _accelerate(limbs, bearing, q, x, rate, acceleration, centre, room, found)
-        found.inertia[:] = 0.0
+        for i in range(len(q)):
+            found.inertia[i] = 0.0
     if asked & PULLS:
-        still, none, nothing = np.zeros(len(q)), np.zeros(3), 0.0
-        place(limbs, still, bearing.home, FULL, room)
-        point_at(bearing, bearing.home, none, found.point)
-        masses_at(bearing, still, bearing.home, found.mass)
-        _work(bearing, nothing, False, found, u_q)
+        place(limbs, found.still, bearing.home, FULL, room)
+        point_at(bearing, bearing.home, found.origin, found.point)
+        masses_at(bearing, found.still, bearing.home, found.mass)
+        _work(bearing, 0.0, False, found, u_q)
         _pulls(limbs, bearing, room, found, found.pull_home)
     place(limbs, q, x, FULL, room)
     point_at(bearing, x, centre, found.point)

@@ -28,6 +28,7 @@ from delta_calibration.model.kernels import (
     R,
     Room,
     assemble,
+    copy_into,
     follow,
     room,
     set_geometry,
@@ -124,20 +125,20 @@ def state_of(body: Body, stages: Stages) -> State:
     )
 
 
-@compiled()
+@compiled(borrows=True)
 def take_dimensions(body: Body, g: Array, state: State) -> None:
     """Give the machine these dimensions (p,)."""
-    state.geometry[:] = g
+    copy_into(state.geometry, g)
     set_geometry(body.limbs, g, state.room)
     set_masses(body.limbs, body.bearing, g, state.carried)
 
 
-@compiled()
+@compiled(borrows=True)
 def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
     """Bring the pose x to joints q from wherever the mechanism's direct problem starts."""
     opening = body.opening
     if not len(opening.law):
-        x[:] = body.bearing.home
+        copy_into(x, body.bearing.home)
         return follow(body.limbs, body.home, q, x, body.stages, stray, state.room)
     own, p = state.opening, body.limbs.sizes[P]
     for i in range(len(opening.dims)):
@@ -154,12 +155,12 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
     return assemble(body.limbs, q, x, stray, state.room)
 
 
-@compiled()
+@compiled(borrows=True)
 def _signal(body: Body, stages: Stages, signals: Array, x: Array, state: State) -> None:
     """Fill in what the machine makes of a sample: pose, dimensions, loads."""
     at = stages.at
-    signals[at[POSE] : at[POSE] + len(x)] = x
-    signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)] = state.geometry
+    copy_into(signals[at[POSE] : at[POSE] + len(x)], x)
+    copy_into(signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)], state.geometry)
     if stages.asked == 0:
         return
     m, found = len(state.joint), state.carried
@@ -169,17 +170,17 @@ def _signal(body: Body, stages: Stages, signals: Array, x: Array, state: State) 
         signals[at[PAYLOAD]], signals[at[CENTRE] : at[CENTRE] + 3], state.room, found,
     )  # fmt: skip
     if stages.asked & WEIGHT:
-        signals[at[GRAVITY] : at[GRAVITY] + m] = found.gravity
-        signals[at[LOAD] : at[LOAD] + len(found.load)] = found.load
+        copy_into(signals[at[GRAVITY] : at[GRAVITY] + len(found.gravity)], found.gravity)
+        copy_into(signals[at[LOAD] : at[LOAD] + len(found.load)], found.load)
     if stages.asked & INERTIA:
-        signals[at[TORQUE] : at[TORQUE] + m] = found.inertia
+        copy_into(signals[at[TORQUE] : at[TORQUE] + len(found.inertia)], found.inertia)
     if stages.asked & PULLS:
         r = body.limbs.sizes[R]
-        signals[at[PULL] : at[PULL] + r] = found.pull
-        signals[at[PULL_HOME] : at[PULL_HOME] + r] = found.pull_home
+        copy_into(signals[at[PULL] : at[PULL] + len(found.pull)], found.pull)
+        copy_into(signals[at[PULL_HOME] : at[PULL_HOME] + len(found.pull_home)], found.pull_home)
 
 
-@compiled()
+@compiled(borrows=True)
 def _shift(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, state: State
 ) -> None:
@@ -188,13 +189,13 @@ def _shift(
         state.joint[i] = signals[stages.at[JOINT] + i]
     add_shift(stages.drive, signals, values, state.drive, state.joint)
     if len(stages.structure.law):
-        state.geometry[:] = g
+        copy_into(state.geometry, g)
         add_shift(stages.structure, signals, values, state.structure, state.geometry)
         set_geometry(body.limbs, state.geometry, state.room)
         set_masses(body.limbs, body.bearing, state.geometry, state.carried)
 
 
-@compiled()
+@compiled(borrows=True)
 def stand(
     body: Body,
     stages: Stages,
@@ -231,7 +232,7 @@ def stand(
     if not near and not opened(body, state.joint, x, stray, state):
         return False
     for _ in range(_ROUNDS):
-        state.before[:] = x
+        copy_into(state.before, x)
         _signal(body, stages, signals, x, state)
         _shift(body, stages, signals, g, values, state)
         if not assemble(body.limbs, state.joint, x, stray, state.room):

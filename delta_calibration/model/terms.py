@@ -83,9 +83,9 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
     )
 
 
-@compiled()
-def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array) -> Array:
-    """Evaluate one term on a sample's signals; its workspace."""
+@compiled(borrows=True)
+def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array) -> None:
+    """Evaluate one term on a sample's signals, in its workspace."""
     span = table.span[term]
     own = work[span[W_AT] : span[W_AT] + span[W_SIZE]]
     for i in range(span[S_COUNT]):
@@ -93,19 +93,19 @@ def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array
     for i in range(span[V_COUNT]):
         own[span[S_COUNT] + i] = values[table.value[span[V_AT] + i]]
     call(table.law[term], own)
-    return own
 
 
-@compiled()
+@compiled(borrows=True)
 def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: Array) -> None:
     """Add what all terms do to a stage, (size of the stage,)."""
     for term in range(len(table.law)):
-        own = evaluate(table, term, signals, values, work)
+        evaluate(table, term, signals, values, work)
         span = table.span[term]
+        first = span[W_AT] + span[F_AT]
         for i in range(span[O_COUNT]):
             row = table.output[span[O_AT] + i]
             if row >= 0:
-                shift[row] += own[span[F_AT] + i]
+                shift[row] += work[first + i]
 
 
 @compiled()
@@ -124,14 +124,14 @@ def columns(table: Table, signals: Array, values: Array, size: int) -> Array:
     work = table.work.copy()
     for row in range(len(signals)):
         for term in range(len(table.law)):
-            own = evaluate(table, term, signals[row], values, work)
+            evaluate(table, term, signals[row], values, work)
             span = table.span[term]
             count = span[V_COUNT]
-            first = span[F_AT] + span[O_COUNT]
+            first = span[W_AT] + span[F_AT] + span[O_COUNT]
             for i in range(span[O_COUNT]):
                 to = table.output[span[O_AT] + i]
                 if to >= 0:
                     for j in range(count):
                         column = table.value[span[V_AT] + j]
-                        found[row, to, column] += own[first + i * count + j]
+                        found[row, to, column] += work[first + i * count + j]
     return found

@@ -46,13 +46,12 @@ class Conditions:
         """Some of the samples."""
         return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
 
-    def kept(self, name: str, owners: tuple[object, ...], compute: Callable[[], Array]) -> Array:
+    def kept(self, name: str, owners: tuple[object, ...], compute: Callable[[], Any]) -> Any:
         """What `compute` gives of these samples, computed once for each set of owners."""
         key = (name, *map(id, owners))
         if key not in self._kept:
             self._kept[key] = owners, compute()  # the owners live on, and so do their identities
-        found: Array = self._kept[key][1]
-        return found
+        return self._kept[key][1]
 
     def fingerprint(self) -> bytes:
         """The same for the same conditions but for the time."""
