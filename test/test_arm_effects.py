@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from delta_calibration.effects.arm_loads import joint_torque
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import catalogue, effect_named
-from delta_calibration.effects.arm_loads import joint_torque
 from delta_calibration.effects.reducer_compliance import ReducerCompliance
 from delta_calibration.effects.thermal_growth_link import ThermalGrowthLink
 from delta_calibration.errors import InputError

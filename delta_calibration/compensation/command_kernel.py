@@ -20,7 +20,7 @@ from delta_calibration.compensation.backward_kernel import (
     scratch,
     stands,
 )
-from delta_calibration.model.jit import compiled
+from delta_calibration.model.jit import Held, compiled
 from delta_calibration.model.kernels import FULL, K, M, T, moved, place
 from delta_calibration.model.loads import PULLS, bear, point_at
 
@@ -326,3 +326,22 @@ def judge_every(
             drawn, guards, q[row], payload[row], centre[row], target[row], told[row], room
         )
     return code, target, told
+
+
+@compiled(alone=True)
+def single(
+    held: Held,
+    q: Array,
+    signals: Array,
+    payload: float,
+    centre: Array,
+    usable: bool,
+    target: Array,
+    dq: Array,
+    told: Array,
+) -> int:
+    """The same of one command (m,), by what is held for it: see `Single`."""
+    drawn, machine, guards, search, room = held.value
+    return commanded(
+        drawn, machine, guards, search, q, signals, payload, centre, usable, target, dq, told, room
+    )

@@ -7,8 +7,9 @@ it is guarded: a command that fails a guard gets no correction, and the reason.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ from delta_calibration.compensation.machine import (
 from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import Stamp, Table
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
+from delta_calibration.effects.base import SENSOR
+from delta_calibration.effects.signals import JOINT
 from delta_calibration.errors import InputError
 from delta_calibration.samples import Conditions, at_rest
 
@@ -48,6 +51,16 @@ _VERDICTS = (  # by the codes of command_kernel.py
     Verdict.NOT_REACHED,
 )
 _SHARE, _LEFT, _TURN, _COUNT = range(4)  # what is told of a command, see command_kernel.py
+
+
+@dataclass(frozen=True)
+class _Single:
+    """The compiled way of single commands: the machine, where its joints stand, what is held."""
+
+    own: Machine
+    joint: slice
+    run: Any
+    held: Any
 
 
 class JointCompensator:
@@ -91,6 +104,7 @@ class JointCompensator:
         base = calibration.theta[calibration.chain.layout.base]
         theta = np.concatenate([base, *(value for _, value in calibration.live)])
         self._own = Machine(chain, theta, tool, masses)
+        self._held: _Single | None = None
         self.table: Table | None = None
         if method == TABLE and not self._own.reshaping:
             self.table = self._tabulated(made, follow)
@@ -160,6 +174,8 @@ class JointCompensator:
         if q.ndim != 2 or q.shape[1] != joints:
             raise InputError(f"commands have shape {q.shape}; it has to be (n, {joints})")
         q = np.ascontiguousarray(q, dtype=np.float64)
+        if len(q) == 1 and at is not None and self.by == "newton" and self._known(at):
+            return self._single(q, at)
         known = np.where(np.isfinite(q), q, 0.0)
         at = at_rest(known) if at is None else replace(at, joint=known)
         missing, usable = self.missing(at), np.ones(len(q), dtype=np.bool_)
@@ -183,6 +199,43 @@ class JointCompensator:
             self._told_share(told[:, _SHARE]),
             np.where(good, told[:, _TURN], np.inf) if self._own.aim.turns else None,
         )
+
+    def _known(self, at: Conditions) -> bool:
+        """Whether all that any effect could need of one command's conditions is known."""
+        if not self._effects:
+            return True
+        sensors = (effect.settings.get(SENSOR) for effect in self._effects)
+        heard = all(not sensor or sensor in at.temperature_parts for sensor in sensors)
+        numbers = (at.payload[0], *at.payload_centre[0], *at.temperature[0])
+        return heard and all(map(isfinite, numbers))
+
+    def _single(self, q: Array, at: Conditions) -> Compensated:
+        """What `compensate` says of one command (1, m), with as little beside it as can be."""
+        single = self._singles(at.temperature_parts)
+        rows = single.own.signals(at).rows
+        rows[0, single.joint] = q[0]
+        joints, told = q.shape[1], np.empty((1, 4))
+        target, dq = np.empty(single.own.aim.size), np.empty((1, joints))
+        code = single.run(
+            single.held, q[0], rows[0], at.payload[0], at.payload_centre[0], True, target, dq[0],
+            told[0],
+        )  # fmt: skip
+        turns = told[:, _TURN] if single.own.aim.turns else None
+        return Compensated(
+            q + dq, dq, told[:, _LEFT], told[:, _COUNT].astype(np.int64), (_VERDICTS[code],), "",
+            self._told_share(told[:, _SHARE]), turns,
+        )  # fmt: skip
+
+    def _singles(self, parts: tuple[str, ...]) -> _Single:
+        """What single commands need, made once for the parts whose temperature is known."""
+        if self._held is None or self._held.own.parts != parts:
+            kernel, own = _kernel(), self._machine(parts)
+            machines = self._drawn.compiled, own.compiled
+            room = kernel.command_room(*machines, self._drawn.places.size, own.places.size)
+            newton = Newton(own, self._newton).numbers
+            held = kernel.Held((*machines, self._guards, newton, room))
+            self._held = _Single(own, own.places.slices[JOINT], kernel.single, held)
+        return self._held
 
     def _found(self, q: Array, at: Conditions, usable: Flags) -> tuple[Array, Array, Array]:
         """Codes (n,), corrections (n, m) and numbers (n, 4) of commands: see command_kernel.py."""

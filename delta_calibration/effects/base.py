@@ -2,11 +2,11 @@
 
 An effect adds to what a stage hands on: to the joint angles behind the encoders (DRIVE), to the
 mechanism's geometry (STRUCTURE) or to the tracker's reading (MEASUREMENT). How much is its `law`,
-written once, in symbols, for one term (a joint, a dimension, the reading): a function of signals of
-the sample (angle, rate, torque, temperature, ...), of its parameters v and of constants. Simulator,
-fit, verdict and compensator evaluate what is generated from it, derivatives by v among it. What is
-no parameter (a frequency, a time constant, the moment of a step) is a field of the effect: `shapes`
-gives the ones worth trying.
+written once, in symbols, for one term (a joint, a dimension, the reading): a function of signals
+of the sample (angle, rate, torque, temperature, ...), of its parameters v and of constants.
+Simulator, fit, verdict and compensator evaluate what is generated from it, derivatives by v among
+it. What is no parameter (a frequency, a time constant, the moment of a step) is a field of the
+effect: `shapes` gives the ones worth trying.
 
 One file each; a line in `catalogue.py` makes an effect known everywhere.
 """
@@ -14,7 +14,7 @@ One file each; a line in `catalogue.py` makes an effect known everywhere.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
@@ -129,21 +129,21 @@ class Effect(ABC):
     def terms(self, places: Places) -> Iterator[Term]:
         """What the law is evaluated on: once for each joint, or once for the reading.
 
-        A joint's term takes the joint's own of each signal that joints have, its own parameters
-        and those that all share, and moves that joint.
+        A joint's term takes the joint's own of each signal that joints have and the whole of any
+        other, its own parameters and those that all share, and moves that joint.
         """
-        of_joints, m = places.of_joints, self.mechanism.joints
+        every = {n: range(places.begin(n), places.begin(n) + places.count(n)) for n in self.takes}
         if self.stage is Stage.MEASUREMENT:
-            every = (range(places.begin(n), places.begin(n) + places.count(n)) for n in self.takes)
             values = tuple(range(len(self.parameters)))
-            yield Term(tuple(chain.from_iterable(every)), values, (0, 1, 2), self.constants(0))
+            signals = tuple(chain.from_iterable(every.values()))
+            yield Term(signals, values, (0, 1, 2), self.constants(0))
             return
         where = [p.location for p in self.parameters]
-        for j in range(m):
+        for j in range(self.mechanism.joints):
             own = (None, f"{self.mechanism.limb}_{j + 1}")
-            signals = tuple(places.begin(n) + j * (n in of_joints) for n in self.takes)
+            parts = (r[j : j + 1] if n in places.of_joints else r for n, r in every.items())
             values = tuple(i for i, place in enumerate(where) if place in own)
-            yield Term(signals, values, (j,), self.constants(j))
+            yield Term(tuple(chain.from_iterable(parts)), values, (j,), self.constants(j))
 
     @property
     def about(self) -> Array:
@@ -172,7 +172,7 @@ class Effect(ABC):
 
     def nominal(self, at: Conditions) -> Signals:
         """The signals of the drawing's machine under these conditions; loads computed once."""
-        asked = asked_of(self.takes)
+        asked = _asked(self.mechanism, self.takes)
         if self.stage is Stage.MEASUREMENT or (not asked and not standing_asked(self.takes)):
             return recorded(self.mechanism, at)
         owners = self.robot, self.mechanism
@@ -335,7 +335,14 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
     signals = (JOINT, RATE, ACCELERATION, GRAVITY, INERTIA, PULL, PULL_HOME, POSE, GEOMETRY, LOAD,
                PAYLOAD, CENTRE)  # fmt: skip
     at = np.array([places.begin(name) for name in signals])
-    return _stand().Stages(*tables, asked_of(names), standing_asked(names), at)
+    asked = _asked(effects[0].mechanism, names) if effects else 0
+    return _stand().Stages(*tables, asked, standing_asked(names), at)
+
+
+def _asked(mechanism: Mechanism, names: Iterable[str]) -> int:
+    """Loads that these signals need; pulls are of limbs that can do nothing else."""
+    of_pulls = () if mechanism.pulls else (PULL, PULL_HOME)
+    return asked_of(name for name in names if name not in of_pulls)
 
 
 def stand(
@@ -388,7 +395,7 @@ def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:
     return StageTerms(
         _terms().table_of(parts),
         effects[0].stage_size if effects else 0,
-        asked_of(names),
+        _asked(effects[0].mechanism, names) if effects else 0,
         standing_asked(names),
         tuple(law for law, _, _ in parts),
     )

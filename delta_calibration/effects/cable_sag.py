@@ -41,7 +41,8 @@ class CableSag(CableEffect):
         """Arc less chord, as an angle that lets out less."""
         own = cable(s, c)
         more = slack_of_sag(length(own.at), level(own.at), own.pull)
-        return -v[0] * (more - slack_of_sag(length(own.home), level(own.home), own.pull_home)) / own.gain
+        at_home = slack_of_sag(length(own.home), level(own.home), own.pull_home)
+        return -v[0] * (more - at_home) / own.gain
 
     def columns_of(self, signals: Signals, values: Array | None = None) -> Array:
         """(n, m, 1) [rad m^2/N^2].

@@ -61,7 +61,8 @@ class CableEffect(Effect):
         for i, limb in enumerate(self.mechanism.limbs):
             own = (places.begin(name) + i for name in (JOINT, PULL, PULL_HOME))
             known = [n for n in limb.dimensions if n < len(self.mechanism.parameters)]
-            dimensions = [places.begin(GEOMETRY) + n for n in known[: self.mechanism.pose_size + 1]]
+            used = known[: self.mechanism.pose_size + 1]
+            dimensions = [places.begin(GEOMETRY) + n for n in used]
             constants = (float(d.gear[i]), float(d.tackle[i]), *d.home.tolist())
             yield Term((*own, *pose, *dimensions), (0 if shared else i,), (i,), constants)
 
@@ -88,8 +89,8 @@ def cable(s: Symbol, c: Symbol) -> Cable:
     """The cable of a term."""
     size = c.shape[0] - WINCH  # of the pose
     x, g = s[_PULLS : _PULLS + size], s[_PULLS + size :]
-    ends = [_end(pose, g) - g[0:3] for pose in (x, c[WINCH:])]
-    return Cable(s[0], s[1], s[2], *ends, g[size], c[0], c[1])
+    here, home = (_end(pose, g) - g[0:3] for pose in (x, c[WINCH:]))
+    return Cable(s[0], s[1], s[2], here, home, g[size], c[0], c[1])
 
 
 def length(v: Symbol) -> Symbol:

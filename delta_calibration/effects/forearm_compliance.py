@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
-from delta_calibration.effects import regressor
+from delta_calibration.effects.regressor import LOAD as BY_LOAD
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import LOAD, Places
@@ -43,7 +43,7 @@ class ForearmCompliance(Effect):
     def regressor(self, at: Conditions) -> Regressor:
         """Payload."""
         del at
-        return regressor.LOAD
+        return BY_LOAD
 
     def groups(self, at: Conditions, joint: int) -> Groups:
         """By payload."""

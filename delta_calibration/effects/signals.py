@@ -1,15 +1,16 @@
 """Signals: all numbers of a sample that an effect's law may take.
 
-What was recorded (joint angles, rates, direction of the last motion, payload, temperatures, ...) and
-what the machine makes of it (pose, dimensions, torques of weight and inertia, pulls of cables). A
-law names the ones it takes; each has a place in one row of numbers, the same for all effects on a
-mechanism.
+What was recorded (joint angles, rates, direction of the last motion, payload, temperatures, ...)
+and what the machine makes of it (pose, dimensions, torques of weight and inertia, pulls of
+cables). A law names the ones it takes; each has a place in one row of numbers, the same for all
+effects on a mechanism.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -62,11 +63,18 @@ class Places:
         """How many numbers a signal has."""
         return dict(self.sizes)[name]
 
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Where each signal stands in a row."""
+        ends = accumulate((size for _, size in self.sizes), initial=0)
+        spans = (slice(*span) for span in pairwise(ends))
+        return dict(zip((name for name, _ in self.sizes), spans, strict=True))
+
     def begin(self, name: str) -> int:
         """Place of a signal's first number."""
-        return _begins(self)[name]
+        return int(self.slices[name].start)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Numbers in a row."""
         return sum(size for _, size in self.sizes)
@@ -86,12 +94,6 @@ def _places(m: int, k: int, p: int, parts: tuple[str, ...]) -> Places:
     return Places(
         (*((name, m) for name in OF_JOINTS), *of_machine, *of_sample, *of_tracker), parts
     )
-
-
-@lru_cache(maxsize=64)
-def _begins(places: Places) -> dict[str, int]:
-    ends = np.cumsum([0, *(size for _, size in places.sizes)]).tolist()
-    return {name: begin for (name, _), begin in zip(places.sizes, ends, strict=False)}
 
 
 def asked_of(names: Any) -> int:
@@ -123,9 +125,7 @@ class Signals:
 
     def of(self, name: str) -> Array:
         """One signal of all samples, (n, size)."""
-        begin = self.places.begin(name)
-        size = dict(self.places.sizes)[name]
-        return self.rows[:, begin : begin + size]
+        return self.rows[:, self.places.slices[name]]
 
     def with_(self, **values: Array) -> Signals:
         """The same with other values of some signals."""
@@ -139,16 +139,19 @@ class Signals:
 def recorded(mechanism: Mechanism, at: Conditions) -> Signals:
     """What was recorded of samples; what only a machine has is zero."""
     places = Places.of(mechanism, at.temperature_parts)
-    blank = Signals(places, np.zeros((len(at), places.size)))
-    for name, values in (
-        (JOINT, at.joint), (RATE, at.velocity), (ACCELERATION, at.acceleration),
-        (DIRECTION, at.direction), (TRAVEL, at.travel), (TIME, at.time[:, None]),
-        (PAYLOAD, at.payload[:, None]), (CENTRE, at.payload_centre),
-        (TEMPERATURE, at.temperature), (READING, at.reading),
-        (READING_RATE, at.reading_velocity),
-    ):  # fmt: skip
-        blank.of(name)[:] = values
-    return blank
+    rows, where = np.zeros((len(at), places.size)), places.slices
+    rows[:, where[JOINT]] = at.joint
+    rows[:, where[RATE]] = at.velocity
+    rows[:, where[ACCELERATION]] = at.acceleration
+    rows[:, where[DIRECTION]] = at.direction
+    rows[:, where[TRAVEL]] = at.travel
+    rows[:, where[TIME].start] = at.time
+    rows[:, where[PAYLOAD].start] = at.payload
+    rows[:, where[CENTRE]] = at.payload_centre
+    rows[:, where[TEMPERATURE]] = at.temperature
+    rows[:, where[READING]] = at.reading
+    rows[:, where[READING_RATE]] = at.reading_velocity
+    return Signals(places, rows)
 
 
 def standing(

@@ -69,11 +69,13 @@ class ThermalGrowth(Effect):
         return v[0] * length * warm
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each dimension that grows."""
+        """One for each dimension that grows; not a number where its sensor was not recorded."""
         signal = places.temperature(self.sensor) if self.sensor else places.begin(TIME)
+        known = not self.sensor or self.sensor in places.parts
         by_sensor, lengths = float(bool(self.sensor)), self.lengths()
         for row in np.flatnonzero(lengths).tolist():
-            constants = (float(lengths[row]), by_sensor, self.time_constant)
+            length = float(lengths[row]) if known else np.nan
+            constants = (length, by_sensor, self.time_constant)
             yield Term((signal,), (0,), (row,), constants)
 
     def regressor(self, at: Conditions) -> Regressor:

@@ -234,7 +234,8 @@ class Unexplained(Effect):
 
     def _planes(self, places: Places) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
         """Of each condition the plane's features: 1, then each joint; offsets and scales."""
-        m, first, nothing = self.mechanism.joints, places.begin(signals.JOINT), places.begin(NOTHING)
+        m = self.mechanism.joints
+        first, nothing = places.begin(signals.JOINT), places.begin(NOTHING)
         begin, middle = places.begin(_SIGNALS[self.family]), self._middle
         offset, scale = _SCALES.get(self.family, (0.0, 1.0))
         scale = 1 / self._unit if self.family == SPEED else scale
@@ -247,7 +248,8 @@ class Unexplained(Effect):
     def _middle(self) -> list[float]:
         """Where each joint counts as 0 in a plane: sliders at home, whose zero is far."""
         slides = self.joint_size and self.mechanism.joint_unit == "m"
-        return (self.mechanism.home if slides else np.zeros(self.mechanism.joints)).tolist()
+        middle = self.mechanism.home if slides else np.zeros(self.mechanism.joints)
+        return [float(value) for value in middle]
 
 
 def _bump(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

@@ -198,7 +198,7 @@ class Mechanism(ABC):
                 [number for limb in every for number in getattr(limb, name)]
                 for name in ("joints", "dimensions")
             )
-            constants = np.array([c for limb in every for c in limb.constants])
+            constants = np.array([c for limb in every for c in limb.constants], dtype=float)
             _started(self._opening, q[:, joints], self._known(g)[:, dimensions], constants, x)
         return x
 
@@ -217,7 +217,7 @@ class Mechanism(ABC):
         `start`; in stages from home where no law says where to start.
         """
         near = guess is not None and not self.exact
-        x = np.array(guess, dtype=float, order="C") if near else self.start(q, g)
+        x = np.array(guess if near else self.start(q, g), dtype=float, order="C")
         stages = 1 if near or self.opening is not None else _STAGES
         c, home = self._compiled, self._home_joints
         q, x, g = self._samples(q, x, g)
@@ -234,7 +234,8 @@ class Mechanism(ABC):
         By Newton's method from `guess`, or from `start_joints`.
         """
         near = guess is not None and (self.damped or self.reaching is None)
-        q = np.array(guess, dtype=float, order="C") if near else self.start_joints(task, g)
+        q = np.array(guess if near else self.start_joints(task, g), dtype=float, order="C")
+        q = _rows(q, self.joints)
         whole = self.task_size == self.pose_size
         x = np.array(task, dtype=float, order="C") if whole else self.forward(q, g)
         c, stray = self._compiled, _UNREACHED if self.damped else STRAY
@@ -370,9 +371,9 @@ class Mechanism(ABC):
         limbs = _kernels().Limbs(
             law=np.array(law.addresses),
             at=np.array([*places, *law.shared]),
-            joints=np.array([limb.joints for limb in each]),
-            params=np.array([limb.dimensions for limb in each]),
-            rows=np.array([limb.rows for limb in each]),
+            joints=np.array([limb.joints for limb in each], dtype=np.int64),
+            params=np.array([limb.dimensions for limb in each], dtype=np.int64),
+            rows=np.array([limb.rows for limb in each], dtype=np.int64),
             consts=np.array([limb.constants for limb in each], dtype=float),
             fixed=np.array(self.fixed, dtype=float),
             sizes=np.array(sizes),
@@ -385,7 +386,8 @@ class Mechanism(ABC):
         assert self._reaching is not None
         q, known = np.empty((len(x), self.joints)), self._known(g)
         for limb in self.limbs:
-            found, constants = np.empty((len(x), len(limb.joints))), np.array(limb.constants)
+            found = np.empty((len(x), len(limb.joints)))
+            constants = np.array(limb.constants, dtype=float)
             _started(self._reaching, x, known[:, list(limb.dimensions)], constants, found)
             q[:, list(limb.joints)] = found
         return q
@@ -445,8 +447,8 @@ class Mechanism(ABC):
             opening = stand.Opening(
                 np.array(law.compiled.addresses),
                 np.array([*places, law.compiled.size]),
-                np.array([j for limb in every for j in limb.joints]),
-                np.array([d for limb in every for d in limb.dimensions]),
+                np.array([j for limb in every for j in limb.joints], dtype=np.int64),
+                np.array([d for limb in every for d in limb.dimensions], dtype=np.int64),
                 np.array([v for limb in every for v in limb.constants], dtype=float),
             )
         bearing, home = self.bearing(masses), self._home_joints
@@ -469,7 +471,7 @@ class Mechanism(ABC):
             np.array(self.moving, dtype=float),
             np.array(self.home_pose, dtype=float),
             float(self.pretension),
-            np.array([c for limb in every for c in limb.constants]),
+            np.array([c for limb in every for c in limb.constants], dtype=float),
             np.array([j for limb in every for j in limb.joints], dtype=np.int64),
         )
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from delta_calibration.errors import ReachError
-from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.base import Limb, Mechanism
 from delta_calibration.mechanisms.cable_dimensions import (
     CableDimensions,

@@ -19,8 +19,8 @@ from delta_calibration.model.symbols import (
     Symbol,
     acos,
     atan2,
-    norm,
     column,
+    norm,
     square,
     wrapped,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -90,8 +90,9 @@ class SerialArm(Mechanism):
         row, first = self.parameters.row, len(self.parameters)
         numbers: list[int] = []
         for i, link in enumerate(self.dimensions.links, 1):
-            known = first + i - 1
-            skew, offset = (row(f"skew_{i}"), known) if link.parallel else (known, row(f"offset_{i}"))
+            drawn = first + i - 1
+            skew = row(f"skew_{i}") if link.parallel else drawn
+            offset = drawn if link.parallel else row(f"offset_{i}")
             numbers += [row(f"twist_{i}"), skew, row(f"length_{i}"), row(f"zero_{i}"), offset]
         numbers += [row(f"tool_{axis}") for axis in "xyz"]
         numbers += range(first + self.joints, first + self.joints + 3)
@@ -115,7 +116,7 @@ class SerialArm(Mechanism):
         return sy.column(
             *(
                 place
-                for start, end in zip(origins[:-1], origins[1:], strict=True)
+                for start, end in pairwise(origins)
                 for place in (start, (start + end) / 2, end)
             )
         )
@@ -179,16 +180,6 @@ class SerialArm(Mechanism):
             yield Parameter(f"tool_{letter}", "m", float(value), prior, cause, where)
         for letter in "xyz":
             yield Parameter(f"tool_turn_{letter}", "rad", 0.0, t.mount, "tool_turn", where)
-
-
-def _turned(rotation: Array, axis: int, angle: Array) -> Array:
-    """R R_axis(angle): two columns mixed.  (n, 3, 3), (n,) -> (n, 3, 3)."""
-    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    one, two = (axis + 1) % 3, (axis + 2) % 3
-    turned = rotation.copy()
-    turned[:, :, one] = c * rotation[:, :, one] + s * rotation[:, :, two]
-    turned[:, :, two] = c * rotation[:, :, two] - s * rotation[:, :, one]
-    return turned
 
 
 def _walked(q: Symbol, g: Symbol) -> tuple[Symbol, Symbol]:

@@ -14,6 +14,7 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core.registry import CPUDispatcher
+from numba.experimental import structref
 from numba.extending import intrinsic
 
 from delta_calibration.model import lowering
@@ -31,6 +32,7 @@ def compiled(
     *others: ModuleType,
     contract: bool = False,
     borrows: bool = False,
+    alone: bool = False,
 ) -> Callable[[_Function], _Function]:
     """Compile a function, at once if it has a signature, and keep the result for later processes.
 
@@ -46,6 +48,9 @@ def compiled(
     A function that `borrows` makes no array and returns none: it works in those that it is handed,
     and does not count who holds them. Counting the arrays of a machine at every call of a small
     function costs more than its work.
+
+    One that works in what it is handed for longer than a call is `alone`: no other thread of
+    Python runs beside it.
     """
     njit: Any = numba.njit  # typed in some of numba's versions, in others not
     options = _CONTRACTED if contract else _STRICT
@@ -57,7 +62,7 @@ def compiled(
         names.update(_taken_from(function.__globals__))
         digest = _digest("".join(map(_sources, sorted(names - {function.__module__}))))
         function.__qualname__ = f"{function.__qualname__}_{digest}"
-        return cast(_Function, _kept(njit, function, signature, nogil=True, **options))
+        return cast(_Function, _kept(njit, function, signature, nogil=not alone, **options))
 
     return decorate
 
@@ -73,6 +78,18 @@ def law(function: Any, digest: str) -> int:
     own = f"{function.__qualname__}_{digest}_{_digest(_sources(lowering.__name__))}"
     function.__qualname__ = own
     made = _kept(numba.cfunc, lowering.thin(function), _LAW, **_CONTRACTED)
+    _LOADED.append(made)
+    return int(made.address)
+
+
+@cache
+def idle() -> int:
+    """Address of a stage in which there is nothing to do."""
+
+    def nothing(w: Any) -> None:
+        pass
+
+    made = _kept(numba.cfunc, nothing, _LAW)
     _LOADED.append(made)
     return int(made.address)
 
@@ -120,3 +137,36 @@ def _call(typing: Any, address: Any, workspace: Any) -> Any:
 
 
 call: Any = intrinsic(_call)  # in compiled functions: call(address, workspace)
+
+
+@structref.register
+class HeldType(types.StructRef):  # type: ignore[misc]
+    """Type of what is held for compiled functions, see `Held`."""
+
+    def preprocess_fields(self, fields: Any) -> Any:
+        """Any value whatever."""
+        return tuple((name, types.unliteral(kind)) for name, kind in fields)
+
+
+class Held(structref.StructRefProxy):  # type: ignore[misc]
+    """Arrays taken over by compiled functions once, and handed to them by one reference.
+
+    Handing over a machine's arrays one by one takes longer than what is computed with them.
+    Inside a compiled function they are `held.value`.
+    """
+
+    def __new__(cls, value: Any) -> Any:
+        """Take over a (nested) named tuple of arrays."""
+        return _hold(value)
+
+
+structref.define_constructor(Held, HeldType, ["value"])
+structref.define_attributes(HeldType)
+structref.define_boxing(HeldType, Held)
+
+
+def _hold_value(value: Any) -> Any:
+    return Held(value)
+
+
+_hold: Any = _kept(numba.njit, _hold_value, None)

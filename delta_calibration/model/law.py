@@ -134,23 +134,31 @@ def _lines(law: Law) -> Iterator[str]:
     if taken := sorted(words & {*_FUNCTIONS}):
         yield f"from math import {', '.join(taken)}"
         yield ""
-    yield "from delta_calibration.model.jit import law"
+    yield "from delta_calibration.model.jit import idle, law"
     yield ""
     yield f"LAYOUT = {law.layout!r}"
     yield f"SIZE = {size}"
     yield f"SHARED = ({law.offsets['rest'] + first}, {size})"
     yield ""
+    bodies: dict[str, list[str]] = {}
     for stage, name in enumerate(STAGES):
         chosen = wanted[0] if name == "near" else wanted[1]
-        body = list(_body(lines, min(stage, 2), chosen, place, outputs, law, stage))
-        yield ""
-        yield f"def {name}(w):  # type: ignore[no-untyped-def]"
-        yield from (f"    {text}" for text in body or ["pass"])
-        yield ""
+        bodies[name] = list(_body(lines, min(stage, 2), chosen, place, outputs, law, stage))
+    if not law.near:  # nobody takes steps with it
+        bodies["near"] = []
+    for name, body in bodies.items():
+        if body:
+            yield ""
+            yield f"def {name}(w):"
+            yield from (f"    {text}" for text in body)
+            yield ""
     yield ""
     yield "ADDRESSES = {"
-    yield from (f'    "{stage}": law({stage}, "{_DIGEST}"),' for stage in STAGES)
+    for name, body in bodies.items():
+        yield f'    "{name}": ' + (f'law({name}, "{_DIGEST}"),' if body else "idle(),")
     yield "}"
+    if not law.near:
+        yield 'ADDRESSES["near"] = ADDRESSES["full"]'
 
 
 def _asked(law: Law) -> tuple[tuple[str, ...], tuple[str, ...]]:

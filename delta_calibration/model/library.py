@@ -7,6 +7,7 @@ that changes with the law's sources.
 
 from __future__ import annotations
 
+import ast
 import os
 import sys
 import sysconfig
@@ -15,9 +16,8 @@ from collections.abc import Iterator
 from functools import cache, partial
 from hashlib import blake2s
 from importlib import import_module, util
-from inspect import getsource
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 GENERATED = "delta_calibration.model.generated"
 _PACKAGE = "delta_calibration"
 _VOCABULARY = (f"{_PACKAGE}.model.law", f"{_PACKAGE}.model.symbols")
+_VALUES = (bool, int, float, str, type(None))  # what is the same where it looks the same
 # of the package, what laws are made of; the rest of it does not change what they say
 _PARTS = tuple(f"{_PACKAGE}.{part}" for part in ("mechanisms", "effects", "model"))
 
@@ -37,7 +38,8 @@ def module_of(law: Law) -> Any:
         ConfigError: it has to be generated, and CasADi is not installed.
     """
     full = f"{GENERATED}.{law.name}"
-    if _origin(law).__module__.startswith(f"{_PACKAGE}.") and util.find_spec(full) is not None:
+    own = str(_origin(law).__module__).startswith(f"{_PACKAGE}.")
+    if own and util.find_spec(full) is not None:
         module = import_module(full)
         if law.layout == module.LAYOUT:  # not so of a subclass with limbs of another size
             return module
@@ -74,11 +76,24 @@ def _own(law: Law) -> Any:
     path = cache_folder() / f"{name}.py"
     if not path.exists():
         text = law.source()
-        descriptor, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{name}_")
+        try:
+            _write(text, path)
+        except OSError:  # the disk is full, say
+            path = _temporary() / path.name
+            _write(text, path)
+    return _loaded(name, path)
+
+
+def _write(text: str, path: Path) -> None:
+    """Whole or not at all, for other processes that look for it now."""
+    descriptor, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}_")
+    try:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
-        Path(beside).replace(path)  # whole or not at all, for others that look for it now
-    return _loaded(name, path)
+        Path(beside).replace(path)
+    except OSError:
+        Path(beside).unlink(missing_ok=True)
+        raise
 
 
 @cache
@@ -93,28 +108,55 @@ def _loaded(name: str, path: Path) -> Any:
 
 
 def _origin(law: Law) -> Any:
-    """The function that says the law: what a partial function wraps first."""
+    """The function that says the law: what a partial function wraps."""
     function = law.express
     while isinstance(function, partial):
-        function = function.args[0]
+        function = next(filter(callable, function.args), function.func)
     return function
 
 
 def _key(law: Law) -> str:
-    """Of the law's sources; changes with each edit of them."""
-    function = _origin(law)
-    cells = [cell.cell_contents for cell in getattr(function, "__closure__", None) or ()]
-    fixed = [value for value in cells if isinstance(value, int | float | str | tuple)]
-    parts = [repr((law.name, law.layout, getattr(function, "__qualname__", ""), fixed))]
-    home = sys.modules.get(function.__module__)
-    if home is None or _file_of(home) is None:  # typed in at a prompt
-        try:
-            parts.append(getsource(function))
-        except (OSError, TypeError):
-            parts.append(law.source())
-    names = {*_VOCABULARY, *(_reached(home) if home is not None else ())}
+    """Of the law's sources; changes with each edit of them.
+
+    Where a law goes by more than the text of files (typed in at a prompt, a method of an object,
+    an array that a function was made with), by what it says: it is generated to know.
+    """
+    function, known = _origin(law), [*_carried(law.express, set())]
+    parts = [repr((law.name, law.layout, getattr(function, "__qualname__", "")))]
+    homes = [sys.modules.get(name) for name in {f.__module__ for f in known if _is_plain(f)}]
+    in_files = all(home is not None and _file_of(home) is not None for home in homes)
+    values = [value for value in known if not _is_plain(value)]
+    if in_files and all(isinstance(value, _VALUES) for value in values):
+        parts.append(repr(values))
+    else:
+        parts.append(law.source())
+    names = {*_VOCABULARY}.union(*(_reached(home) for home in homes if home is not None))
     texts = [_text(name) for name in sorted(names)]
     return blake2s("\0".join(parts + texts).encode(), digest_size=8).hexdigest()
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, FunctionType)
+
+
+def _carried(value: Any, seen: set[int]) -> Iterator[Any]:
+    """A function, and what it brings along besides its text: its functions, and other values."""
+    if id(value) in seen:
+        return
+    if isinstance(value, partial):
+        parts: tuple[Any, ...] = (value.func, *value.args, *value.keywords.values())
+    elif isinstance(value, FunctionType):
+        seen.add(id(value))
+        yield value
+        cells = (cell.cell_contents for cell in value.__closure__ or ())
+        parts = (*cells, *(value.__defaults__ or ()), *(value.__kwdefaults__ or {}).values())
+    elif isinstance(value, tuple):
+        parts = value
+    else:
+        yield value
+        return
+    for part in parts:
+        yield from _carried(part, seen)
 
 
 def _reached(first: ModuleType) -> set[str]:
@@ -128,6 +170,8 @@ def _reached(first: ModuleType) -> set[str]:
             continue
         found.add(name)
         todo.extend(_named(module))
+        if not name.startswith(f"{_PACKAGE}."):
+            todo.extend(_imported(module))
     return found
 
 
@@ -161,6 +205,18 @@ def _named(module: ModuleType) -> Iterator[str]:
         name = value.__name__ if isinstance(value, ModuleType) else _home_of(value)
         if isinstance(name, str):
             yield name
+
+
+def _imported(module: ModuleType) -> Iterator[str]:
+    """Modules that a file imports, whatever it takes of them: numbers do not say where from."""
+    for node in ast.walk(ast.parse(_text(module.__name__))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = (module.__package__ or "").split(".")[: 1 - node.level or None]
+            home = ".".join(filter(None, [*(above if node.level else ()), node.module]))
+            yield home
+            yield from (f"{home}.{alias.name}" for alias in node.names)
 
 
 def _home_of(value: Any) -> Any:

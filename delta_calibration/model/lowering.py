@@ -52,7 +52,8 @@ def thin(function: FunctionType) -> FunctionType:
     code = _call.__code__.replace(
         co_filename=own.co_filename, co_firstlineno=own.co_firstlineno, co_name=own.co_name
     )
-    made = FunctionType(code, {"body": intrinsic(body), "__name__": function.__module__}, own.co_name)
+    names = {"body": intrinsic(body), "__name__": function.__module__}
+    made = FunctionType(code, names, own.co_name)
     made.__qualname__, made.__module__ = function.__qualname__, function.__module__
     return made
 

@@ -2,14 +2,14 @@
 
 from math import sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 1), ('x', 3), ('g', 5), ('c', 3)), 1, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 27
 SHARED = (27, 27)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i4 = w[4]
     i9 = w[9]
     i5 = w[5]
@@ -37,11 +37,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[26] = t52
 
 
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i4 = w[4]
     i1 = w[1]
     i5 = w[5]
@@ -79,7 +75,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[16] = t44
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i4 = w[4]
     i1 = w[1]
     i5 = w[5]
@@ -130,8 +126,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "b66c3d682d857dbf"),
-    "shared": law(shared, "b66c3d682d857dbf"),
-    "near": law(near, "b66c3d682d857dbf"),
-    "full": law(full, "b66c3d682d857dbf"),
+    "setup": law(setup, "36d52c91f16f7972"),
+    "shared": idle(),
+    "near": law(near, "36d52c91f16f7972"),
+    "full": law(full, "36d52c91f16f7972"),
 }

@@ -2,58 +2,14 @@
 
 from math import cos, sin
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('x', 4), ('o', 3)), 3, (), (), (), ('x', 'o'))
 SIZE = 31
 SHARED = (31, 31)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
-    i3 = w[3]
-    i4 = w[4]
-    i6 = w[6]
-    i2 = w[2]
-    i5 = w[5]
-    i0 = w[0]
-    i1 = w[1]
-    t1 = cos(i3)
-    t3 = t1 * i4
-    t4 = sin(i3)
-    t6 = t4 * i6
-    t7 = t3 + t6
-    t11 = sin(i2)
-    t12 = t11 * t4
-    t13 = t12 * i4
-    t14 = cos(i2)
-    t16 = t14 * i5
-    t17 = t13 + t16
-    t18 = t11 * t1
-    t19 = t18 * i6
-    t20 = t17 - t19
-    t21 = i0 + t20
-    t24 = t11 * i5
-    t25 = t14 * t4
-    t26 = t25 * i4
-    t27 = t24 - t26
-    t28 = t14 * t1
-    t29 = t28 * i6
-    t30 = t27 + t29
-    t31 = i1 + t30
-    w[7] = t7
-    w[8] = t21
-    w[9] = t31
-
-
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i3 = w[3]
     i4 = w[4]
     i6 = w[6]
@@ -137,8 +93,9 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "2dcb4328d8f2cdc4"),
-    "shared": law(shared, "2dcb4328d8f2cdc4"),
-    "near": law(near, "2dcb4328d8f2cdc4"),
-    "full": law(full, "2dcb4328d8f2cdc4"),
+    "setup": idle(),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "25a992a7855ca862"),
 }
+ADDRESSES["near"] = ADDRESSES["full"]

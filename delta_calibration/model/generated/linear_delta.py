@@ -2,14 +2,14 @@
 
 from math import cos, sin
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 1), ('x', 3), ('g', 4), ('c', 0)), 1, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 23
 SHARED = (23, 23)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i5 = w[5]
     i4 = w[4]
     i7 = w[7]
@@ -28,11 +28,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[22] = t43
 
 
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i1 = w[1]
     t4 = w[18]
     i2 = w[2]
@@ -61,7 +57,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[12] = t28
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i1 = w[1]
     t4 = w[18]
     i2 = w[2]
@@ -106,8 +102,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "a950e4da33b713fa"),
-    "shared": law(shared, "a950e4da33b713fa"),
-    "near": law(near, "a950e4da33b713fa"),
-    "full": law(full, "a950e4da33b713fa"),
+    "setup": law(setup, "19da92b91bd3138f"),
+    "shared": idle(),
+    "near": law(near, "19da92b91bd3138f"),
+    "full": law(full, "19da92b91bd3138f"),
 }

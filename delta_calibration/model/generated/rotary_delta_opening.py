@@ -2,14 +2,14 @@
 
 from math import cos, sin, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 3), ('g', 24), ('c', 6)), 3, ('g', 'c'), (), (), ())
 SIZE = 57
 SHARED = (57, 57)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i6 = w[6]
     i7 = w[7]
     i14 = w[14]
@@ -156,217 +156,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[56] = t263
 
 
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
-    i0 = w[0]
-    i8 = w[8]
-    t29 = w[36]
-    t36 = w[37]
-    i9 = w[9]
-    i3 = w[3]
-    i27 = w[27]
-    t63 = w[38]
-    t65 = w[39]
-    i4 = w[4]
-    i28 = w[28]
-    i1 = w[1]
-    i16 = w[16]
-    t93 = w[40]
-    t100 = w[41]
-    i17 = w[17]
-    i11 = w[11]
-    i29 = w[29]
-    t121 = w[42]
-    t123 = w[43]
-    i12 = w[12]
-    i30 = w[30]
-    t143 = w[44]
-    t146 = w[45]
-    i13 = w[13]
-    t153 = w[46]
-    t156 = w[47]
-    i5 = w[5]
-    t165 = w[48]
-    t168 = w[49]
-    i2 = w[2]
-    i24 = w[24]
-    t193 = w[50]
-    t200 = w[51]
-    i25 = w[25]
-    i19 = w[19]
-    i32 = w[32]
-    t221 = w[52]
-    t223 = w[53]
-    i20 = w[20]
-    i31 = w[31]
-    t241 = w[54]
-    t244 = w[55]
-    i21 = w[21]
-    t263 = w[56]
-    t32 = i0 + i8
-    t33 = cos(t32)
-    t34 = t29 * t33
-    t37 = sin(t32)
-    t38 = t36 * t37
-    t39 = t34 - t38
-    t40 = i9 * t39
-    t41 = i3 + t40
-    t42 = i27 * t41
-    t64 = t63 * t33
-    t66 = t65 * t37
-    t67 = t64 + t66
-    t68 = i9 * t67
-    t69 = i4 + t68
-    t70 = i28 * t69
-    t71 = t42 - t70
-    t96 = i1 + i16
-    t97 = cos(t96)
-    t98 = t93 * t97
-    t101 = sin(t96)
-    t102 = t100 * t101
-    t103 = t98 - t102
-    t104 = i17 * t103
-    t105 = i11 + t104
-    t106 = i29 * t105
-    t122 = t121 * t97
-    t124 = t123 * t101
-    t125 = t122 + t124
-    t126 = i17 * t125
-    t127 = i12 + t126
-    t128 = i30 * t127
-    t129 = t106 - t128
-    t130 = t129 - t71
-    t131 = t130 * t130
-    t132 = i30 * t105
-    t133 = i29 * t127
-    t134 = t132 + t133
-    t135 = i28 * t41
-    t136 = i27 * t69
-    t137 = t135 + t136
-    t138 = t134 - t137
-    t139 = t138 * t138
-    t140 = t131 + t139
-    t144 = t143 * t97
-    t147 = t146 * t101
-    t148 = t144 - t147
-    t149 = i17 * t148
-    t150 = i13 + t149
-    t154 = t153 * t33
-    t157 = t156 * t37
-    t158 = t154 - t157
-    t159 = i9 * t158
-    t160 = i5 + t159
-    t161 = t150 - t160
-    t162 = t161 * t161
-    t163 = t140 + t162
-    t166 = t163 + t165
-    t169 = t166 - t168
-    t171 = t169 / 2.0
-    t196 = i2 + i24
-    t197 = cos(t196)
-    t198 = t193 * t197
-    t201 = sin(t196)
-    t202 = t200 * t201
-    t203 = t198 - t202
-    t204 = i25 * t203
-    t205 = i19 + t204
-    t206 = i32 * t205
-    t222 = t221 * t197
-    t224 = t223 * t201
-    t225 = t222 + t224
-    t226 = i25 * t225
-    t227 = i20 + t226
-    t228 = i31 * t227
-    t229 = t206 + t228
-    t230 = t229 - t137
-    t231 = t130 * t230
-    t232 = i31 * t205
-    t233 = i32 * t227
-    t234 = t232 - t233
-    t235 = t234 - t71
-    t236 = t138 * t235
-    t237 = t231 - t236
-    t238 = t230 * t237
-    t242 = t241 * t197
-    t245 = t244 * t201
-    t246 = t242 - t245
-    t247 = i25 * t246
-    t248 = i21 + t247
-    t249 = t248 - t160
-    t250 = t161 * t235
-    t251 = t130 * t249
-    t252 = t250 - t251
-    t253 = t249 * t252
-    t254 = t238 - t253
-    t255 = t171 * t254
-    t256 = t235 * t235
-    t257 = t230 * t230
-    t258 = t256 + t257
-    t259 = t249 * t249
-    t260 = t258 + t259
-    t261 = t260 + t165
-    t264 = t261 - t263
-    t265 = t264 / 2.0
-    t266 = t252 * t161
-    t267 = t237 * t138
-    t268 = t266 - t267
-    t269 = t265 * t268
-    t270 = t255 + t269
-    t271 = t138 * t249
-    t272 = t161 * t230
-    t273 = t271 - t272
-    t274 = t273 * t273
-    t275 = t252 * t252
-    t276 = t274 + t275
-    t277 = t237 * t237
-    t278 = t276 + t277
-    t279 = t270 / t278
-    t280 = t71 + t279
-    t281 = t279 * t279
-    t282 = t249 * t273
-    t283 = t235 * t237
-    t284 = t282 - t283
-    t285 = t171 * t284
-    t286 = t237 * t130
-    t287 = t273 * t161
-    t288 = t286 - t287
-    t289 = t265 * t288
-    t290 = t285 + t289
-    t291 = t290 / t278
-    t292 = t291 * t291
-    t293 = t281 + t292
-    t294 = t235 * t252
-    t295 = t230 * t273
-    t296 = t294 - t295
-    t297 = t171 * t296
-    t298 = t273 * t138
-    t299 = t252 * t130
-    t300 = t298 - t299
-    t301 = t265 * t300
-    t302 = t297 + t301
-    t303 = t302 / t278
-    t304 = t303 * t303
-    t305 = t293 + t304
-    t306 = t165 - t305
-    t307 = t306 / t278
-    t308 = sqrt(t307)
-    t309 = t308 * t273
-    t310 = t280 - t309
-    t312 = t137 + t291
-    t313 = t308 * t252
-    t314 = t312 - t313
-    t316 = t160 + t303
-    t317 = t308 * t237
-    t318 = t316 - t317
-    w[33] = t310
-    w[34] = t314
-    w[35] = t318
-
-
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i0 = w[0]
     i8 = w[8]
     t29 = w[36]
@@ -573,8 +363,9 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "a15b94965d94cbf7"),
-    "shared": law(shared, "a15b94965d94cbf7"),
-    "near": law(near, "a15b94965d94cbf7"),
-    "full": law(full, "a15b94965d94cbf7"),
+    "setup": law(setup, "98092ba53fc544f9"),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "98092ba53fc544f9"),
 }
+ADDRESSES["near"] = ADDRESSES["full"]

@@ -2,14 +2,14 @@
 
 from math import acos, atan2, floor, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('x', 3), ('g', 8), ('c', 2)), 1, ('g', 'c'), (), (), ())
 SIZE = 23
 SHARED = (23, 23)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i6 = w[6]
     i7 = w[7]
     i9 = w[9]
@@ -67,80 +67,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[22] = t99
 
 
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
-    i11 = w[11]
-    i0 = w[0]
-    i12 = w[12]
-    i1 = w[1]
-    i3 = w[3]
-    t25 = w[14]
-    i4 = w[4]
-    t55 = w[15]
-    i2 = w[2]
-    i5 = w[5]
-    t64 = w[16]
-    t72 = w[17]
-    t74 = w[18]
-    t78 = w[19]
-    t85 = w[20]
-    t96 = w[21]
-    t99 = w[22]
-    i9 = w[9]
-    i8 = w[8]
-    t28 = i11 * i0
-    t31 = i12 * i1
-    t32 = t28 + t31
-    t34 = t32 - i3
-    t35 = t25 * t34
-    t56 = i11 * i1
-    t57 = i12 * i0
-    t58 = t56 - t57
-    t60 = t58 - i4
-    t61 = t55 * t60
-    t62 = t35 - t61
-    t67 = i2 - i5
-    t68 = t64 * t67
-    t69 = t62 + t68
-    t70 = -(t69)
-    t73 = t72 * t34
-    t75 = t74 * t60
-    t76 = t73 + t75
-    t79 = t78 * t67
-    t80 = t76 + t79
-    t81 = atan2(t70, t80)
-    t82 = t80 * t80
-    t86 = t85 * t60
-    t87 = t74 * t34
-    t88 = t86 - t87
-    t89 = t55 * t67
-    t90 = t88 + t89
-    t91 = t90 * t90
-    t92 = t82 + t91
-    t93 = t69 * t69
-    t94 = t92 + t93
-    t97 = t94 + t96
-    t100 = t97 - t99
-    t102 = t100 / 2.0
-    t103 = t82 + t93
-    t104 = sqrt(t103)
-    t105 = i9 * t104
-    t106 = t102 / t105
-    t107 = acos(t106)
-    t108 = t81 - t107
-    t110 = t108 - i8
-    t113 = 3.141592653589793 - t110
-    t114 = t113 / 6.283185307179586
-    t115 = floor(t114)
-    t116 = 6.283185307179586 * t115
-    t117 = t110 + t116
-    w[13] = t117
-
-
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i11 = w[11]
     i0 = w[0]
     i12 = w[12]
@@ -210,8 +137,9 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "362cb28556278bdb"),
-    "shared": law(shared, "362cb28556278bdb"),
-    "near": law(near, "362cb28556278bdb"),
-    "full": law(full, "362cb28556278bdb"),
+    "setup": law(setup, "5b354c00b57bd5e2"),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "5b354c00b57bd5e2"),
 }
+ADDRESSES["near"] = ADDRESSES["full"]

@@ -2,14 +2,14 @@
 
 from math import atan2, cos, sin, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 2), ('x', 6), ('g', 19), ('c', 0)), 6, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 297
 SHARED = (281, 297)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i9 = w[9]
     i10 = w[10]
     i12 = w[12]
@@ -229,7 +229,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[280] = t3157
 
 
-def shared(w):  # type: ignore[no-untyped-def]
+def shared(w):
     i5 = w[5]
     i6 = w[6]
     i7 = w[7]
@@ -682,7 +682,7 @@ def shared(w):  # type: ignore[no-untyped-def]
     w[296] = t1013
 
 
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i0 = w[0]
     i11 = w[11]
     t3 = w[195]
@@ -1710,7 +1710,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[80] = t1521
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i0 = w[0]
     i11 = w[11]
     t3 = w[195]
@@ -4436,8 +4436,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "8e76fa4cdd0ef82d"),
-    "shared": law(shared, "8e76fa4cdd0ef82d"),
-    "near": law(near, "8e76fa4cdd0ef82d"),
-    "full": law(full, "8e76fa4cdd0ef82d"),
+    "setup": law(setup, "7f09536d1917e94a"),
+    "shared": law(shared, "7f09536d1917e94a"),
+    "near": law(near, "7f09536d1917e94a"),
+    "full": law(full, "7f09536d1917e94a"),
 }

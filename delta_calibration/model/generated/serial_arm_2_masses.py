@@ -2,130 +2,14 @@
 
 from math import cos, sin
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('x', 6), ('q', 2), ('g', 19), ('c', 0)), 18, (), (), (), ('x', 'q'))
 SIZE = 189
 SHARED = (189, 189)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
-    i9 = w[9]
-    i10 = w[10]
-    i8 = w[8]
-    i12 = w[12]
-    i14 = w[14]
-    i6 = w[6]
-    i11 = w[11]
-    i13 = w[13]
-    i15 = w[15]
-    i0 = w[0]
-    i1 = w[1]
-    i2 = w[2]
-    t2 = cos(i9)
-    t3 = i10 * t2
-    t5 = sin(i9)
-    t7 = sin(i8)
-    t8 = t5 * t7
-    t9 = i10 * t8
-    t11 = cos(i8)
-    t12 = t5 * t11
-    t13 = i10 * t12
-    t14 = -(t13)
-    t17 = i12 * t5
-    t18 = t3 + t17
-    t21 = cos(i14)
-    t24 = i6 + i11
-    t25 = cos(t24)
-    t26 = t25 * t2
-    t27 = t21 * t26
-    t28 = sin(i14)
-    t30 = cos(i13)
-    t31 = t30 * t5
-    t32 = sin(i13)
-    t33 = sin(t24)
-    t34 = t33 * t2
-    t35 = t32 * t34
-    t36 = t31 + t35
-    t37 = t28 * t36
-    t38 = t27 - t37
-    t39 = i15 * t38
-    t40 = t18 + t39
-    t41 = t3 + t40
-    t43 = t41 / 2.0
-    t45 = t2 * t7
-    t46 = i12 * t45
-    t47 = t9 - t46
-    t48 = t25 * t8
-    t49 = t33 * t11
-    t50 = t48 + t49
-    t51 = t21 * t50
-    t52 = t30 * t45
-    t53 = t25 * t11
-    t54 = t33 * t8
-    t55 = t53 - t54
-    t56 = t32 * t55
-    t57 = t52 + t56
-    t58 = t28 * t57
-    t59 = t51 + t58
-    t60 = i15 * t59
-    t61 = t47 + t60
-    t62 = t9 + t61
-    t63 = t62 / 2.0
-    t65 = t2 * t11
-    t66 = i12 * t65
-    t67 = t66 - t13
-    t68 = t33 * t7
-    t69 = t25 * t12
-    t70 = t68 - t69
-    t71 = t21 * t70
-    t72 = t30 * t65
-    t73 = t25 * t7
-    t74 = t33 * t12
-    t75 = t73 + t74
-    t76 = t32 * t75
-    t77 = t72 - t76
-    t78 = t28 * t77
-    t79 = t71 - t78
-    t80 = i15 * t79
-    t81 = t67 + t80
-    t82 = t81 - t13
-    t83 = t82 / 2.0
-    t92 = t40 + i0
-    t93 = t92 / 2.0
-    t96 = t61 + i1
-    t97 = t96 / 2.0
-    t100 = t81 + i2
-    t101 = t100 / 2.0
-    w[27] = t3
-    w[28] = t9
-    w[29] = t14
-    w[30] = t43
-    w[31] = t63
-    w[32] = t83
-    w[33] = t40
-    w[34] = t61
-    w[35] = t81
-    w[36] = t40
-    w[37] = t61
-    w[38] = t81
-    w[39] = t93
-    w[40] = t97
-    w[41] = t101
-    w[42] = i0
-    w[43] = i1
-    w[44] = i2
-
-
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i9 = w[9]
     i10 = w[10]
     i8 = w[8]
@@ -412,8 +296,9 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "b303c338b0d4aded"),
-    "shared": law(shared, "b303c338b0d4aded"),
-    "near": law(near, "b303c338b0d4aded"),
-    "full": law(full, "b303c338b0d4aded"),
+    "setup": idle(),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "6a2a417a69824ebf"),
 }
+ADDRESSES["near"] = ADDRESSES["full"]

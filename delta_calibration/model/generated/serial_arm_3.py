@@ -2,14 +2,14 @@
 
 from math import atan2, cos, sin, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 3), ('x', 6), ('g', 24), ('c', 0)), 6, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 351
 SHARED = (335, 351)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i10 = w[10]
     i11 = w[11]
     i13 = w[13]
@@ -257,7 +257,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[334] = t4531
 
 
-def shared(w):  # type: ignore[no-untyped-def]
+def shared(w):
     i6 = w[6]
     i7 = w[7]
     i8 = w[8]
@@ -710,7 +710,7 @@ def shared(w):  # type: ignore[no-untyped-def]
     w[350] = t1137
 
 
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i0 = w[0]
     i12 = w[12]
     t3 = w[237]
@@ -2236,7 +2236,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[92] = t2023
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i0 = w[0]
     i12 = w[12]
     t3 = w[237]
@@ -6332,8 +6332,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "fbab80ce053d3f3d"),
-    "shared": law(shared, "fbab80ce053d3f3d"),
-    "near": law(near, "fbab80ce053d3f3d"),
-    "full": law(full, "fbab80ce053d3f3d"),
+    "setup": law(setup, "2aeb8cfc89e02c0c"),
+    "shared": law(shared, "2aeb8cfc89e02c0c"),
+    "near": law(near, "2aeb8cfc89e02c0c"),
+    "full": law(full, "2aeb8cfc89e02c0c"),
 }

@@ -2,224 +2,14 @@
 
 from math import cos, sin
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('x', 6), ('q', 3), ('g', 24), ('c', 0)), 27, (), (), (), ('x', 'q'))
 SIZE = 303
 SHARED = (303, 303)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
-    i10 = w[10]
-    i11 = w[11]
-    i9 = w[9]
-    i13 = w[13]
-    i15 = w[15]
-    i6 = w[6]
-    i12 = w[12]
-    i14 = w[14]
-    i16 = w[16]
-    i18 = w[18]
-    i20 = w[20]
-    i7 = w[7]
-    i17 = w[17]
-    i19 = w[19]
-    i21 = w[21]
-    i0 = w[0]
-    i1 = w[1]
-    i2 = w[2]
-    t2 = cos(i10)
-    t3 = i11 * t2
-    t5 = sin(i10)
-    t7 = sin(i9)
-    t8 = t5 * t7
-    t9 = i11 * t8
-    t11 = cos(i9)
-    t12 = t5 * t11
-    t13 = i11 * t12
-    t14 = -(t13)
-    t17 = i13 * t5
-    t18 = t3 + t17
-    t21 = cos(i15)
-    t24 = i6 + i12
-    t25 = cos(t24)
-    t26 = t25 * t2
-    t27 = t21 * t26
-    t28 = sin(i15)
-    t30 = cos(i14)
-    t31 = t30 * t5
-    t32 = sin(i14)
-    t33 = sin(t24)
-    t34 = t33 * t2
-    t35 = t32 * t34
-    t36 = t31 + t35
-    t37 = t28 * t36
-    t38 = t27 - t37
-    t39 = i16 * t38
-    t40 = t18 + t39
-    t41 = t3 + t40
-    t43 = t41 / 2.0
-    t45 = t2 * t7
-    t46 = i13 * t45
-    t47 = t9 - t46
-    t48 = t25 * t8
-    t49 = t33 * t11
-    t50 = t48 + t49
-    t51 = t21 * t50
-    t52 = t30 * t45
-    t53 = t25 * t11
-    t54 = t33 * t8
-    t55 = t53 - t54
-    t56 = t32 * t55
-    t57 = t52 + t56
-    t58 = t28 * t57
-    t59 = t51 + t58
-    t60 = i16 * t59
-    t61 = t47 + t60
-    t62 = t9 + t61
-    t63 = t62 / 2.0
-    t65 = t2 * t11
-    t66 = i13 * t65
-    t67 = t66 - t13
-    t68 = t33 * t7
-    t69 = t25 * t12
-    t70 = t68 - t69
-    t71 = t21 * t70
-    t72 = t30 * t65
-    t73 = t25 * t7
-    t74 = t33 * t12
-    t75 = t73 + t74
-    t76 = t32 * t75
-    t77 = t72 - t76
-    t78 = t28 * t77
-    t79 = t71 - t78
-    t80 = i16 * t79
-    t81 = t67 + t80
-    t82 = t81 - t13
-    t83 = t82 / 2.0
-    t92 = t21 * t36
-    t93 = t28 * t26
-    t94 = t92 + t93
-    t95 = i18 * t94
-    t96 = t40 + t95
-    t99 = cos(i20)
-    t102 = i7 + i17
-    t103 = cos(t102)
-    t104 = t103 * t38
-    t105 = sin(t102)
-    t106 = t32 * t5
-    t107 = t30 * t34
-    t108 = t106 - t107
-    t109 = t105 * t108
-    t110 = t104 + t109
-    t111 = t99 * t110
-    t112 = sin(i20)
-    t114 = cos(i19)
-    t115 = t114 * t94
-    t116 = sin(i19)
-    t117 = t103 * t108
-    t118 = t105 * t38
-    t119 = t117 - t118
-    t120 = t116 * t119
-    t121 = t115 - t120
-    t122 = t112 * t121
-    t123 = t111 - t122
-    t124 = i21 * t123
-    t125 = t96 + t124
-    t126 = t40 + t125
-    t127 = t126 / 2.0
-    t129 = t28 * t50
-    t130 = t21 * t57
-    t131 = t129 - t130
-    t132 = i18 * t131
-    t133 = t61 + t132
-    t134 = t103 * t59
-    t135 = t30 * t55
-    t136 = t32 * t45
-    t137 = t135 - t136
-    t138 = t105 * t137
-    t139 = t134 + t138
-    t140 = t99 * t139
-    t141 = t114 * t131
-    t142 = t103 * t137
-    t143 = t105 * t59
-    t144 = t142 - t143
-    t145 = t116 * t144
-    t146 = t141 - t145
-    t147 = t112 * t146
-    t148 = t140 - t147
-    t149 = i21 * t148
-    t150 = t133 + t149
-    t151 = t61 + t150
-    t152 = t151 / 2.0
-    t154 = t21 * t77
-    t155 = t28 * t70
-    t156 = t154 + t155
-    t157 = i18 * t156
-    t158 = t81 + t157
-    t159 = t103 * t79
-    t160 = t30 * t75
-    t161 = t32 * t65
-    t162 = t160 + t161
-    t163 = t105 * t162
-    t164 = t159 + t163
-    t165 = t99 * t164
-    t166 = t114 * t156
-    t167 = t103 * t162
-    t168 = t105 * t79
-    t169 = t167 - t168
-    t170 = t116 * t169
-    t171 = t166 - t170
-    t172 = t112 * t171
-    t173 = t165 - t172
-    t174 = i21 * t173
-    t175 = t158 + t174
-    t176 = t81 + t175
-    t177 = t176 / 2.0
-    t186 = t125 + i0
-    t187 = t186 / 2.0
-    t190 = t150 + i1
-    t191 = t190 / 2.0
-    t194 = t175 + i2
-    t195 = t194 / 2.0
-    w[33] = t3
-    w[34] = t9
-    w[35] = t14
-    w[36] = t43
-    w[37] = t63
-    w[38] = t83
-    w[39] = t40
-    w[40] = t61
-    w[41] = t81
-    w[42] = t40
-    w[43] = t61
-    w[44] = t81
-    w[45] = t127
-    w[46] = t152
-    w[47] = t177
-    w[48] = t125
-    w[49] = t150
-    w[50] = t175
-    w[51] = t125
-    w[52] = t150
-    w[53] = t175
-    w[54] = t187
-    w[55] = t191
-    w[56] = t195
-    w[57] = i0
-    w[58] = i1
-    w[59] = i2
-
-
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i10 = w[10]
     i11 = w[11]
     i9 = w[9]
@@ -804,8 +594,9 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "bc0302cb366a14f9"),
-    "shared": law(shared, "bc0302cb366a14f9"),
-    "near": law(near, "bc0302cb366a14f9"),
-    "full": law(full, "bc0302cb366a14f9"),
+    "setup": idle(),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "8bb1d31b8c03ca25"),
 }
+ADDRESSES["near"] = ADDRESSES["full"]

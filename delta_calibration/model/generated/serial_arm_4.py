@@ -2,14 +2,14 @@
 
 from math import atan2, cos, sin, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 4), ('x', 6), ('g', 29), ('c', 0)), 6, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 405
 SHARED = (389, 405)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i11 = w[11]
     i12 = w[12]
     i14 = w[14]
@@ -285,7 +285,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[388] = t6211
 
 
-def shared(w):  # type: ignore[no-untyped-def]
+def shared(w):
     i7 = w[7]
     i8 = w[8]
     i9 = w[9]
@@ -738,7 +738,7 @@ def shared(w):  # type: ignore[no-untyped-def]
     w[404] = t1261
 
 
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i0 = w[0]
     i13 = w[13]
     t3 = w[279]
@@ -2864,7 +2864,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[104] = t2627
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i0 = w[0]
     i13 = w[13]
     t3 = w[279]
@@ -8636,8 +8636,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "00b55b89f7b2f7e2"),
-    "shared": law(shared, "00b55b89f7b2f7e2"),
-    "near": law(near, "00b55b89f7b2f7e2"),
-    "full": law(full, "00b55b89f7b2f7e2"),
+    "setup": law(setup, "d938b507acc903ba"),
+    "shared": law(shared, "d938b507acc903ba"),
+    "near": law(near, "d938b507acc903ba"),
+    "full": law(full, "d938b507acc903ba"),
 }

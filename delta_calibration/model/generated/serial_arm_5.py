@@ -2,14 +2,14 @@
 
 from math import atan2, cos, sin, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 5), ('x', 6), ('g', 34), ('c', 0)), 6, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 459
 SHARED = (443, 459)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i12 = w[12]
     i13 = w[13]
     i15 = w[15]
@@ -313,7 +313,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[442] = t8197
 
 
-def shared(w):  # type: ignore[no-untyped-def]
+def shared(w):
     i8 = w[8]
     i9 = w[9]
     i10 = w[10]
@@ -766,7 +766,7 @@ def shared(w):  # type: ignore[no-untyped-def]
     w[458] = t1385
 
 
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i0 = w[0]
     i14 = w[14]
     t3 = w[321]
@@ -3594,7 +3594,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[116] = t3333
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i0 = w[0]
     i14 = w[14]
     t3 = w[321]
@@ -11348,8 +11348,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "b695727854d48edb"),
-    "shared": law(shared, "b695727854d48edb"),
-    "near": law(near, "b695727854d48edb"),
-    "full": law(full, "b695727854d48edb"),
+    "setup": law(setup, "d74bb3a37cc141f0"),
+    "shared": law(shared, "d74bb3a37cc141f0"),
+    "near": law(near, "d74bb3a37cc141f0"),
+    "full": law(full, "d74bb3a37cc141f0"),
 }

@@ -2,14 +2,14 @@
 
 from math import atan2, cos, sin, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 6), ('x', 6), ('g', 39), ('c', 0)), 6, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 513
 SHARED = (497, 513)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i13 = w[13]
     i14 = w[14]
     i16 = w[16]
@@ -341,7 +341,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[496] = t10489
 
 
-def shared(w):  # type: ignore[no-untyped-def]
+def shared(w):
     i9 = w[9]
     i10 = w[10]
     i11 = w[11]
@@ -794,7 +794,7 @@ def shared(w):  # type: ignore[no-untyped-def]
     w[512] = t1509
 
 
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i0 = w[0]
     i15 = w[15]
     t3 = w[363]
@@ -4426,7 +4426,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[128] = t4141
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i0 = w[0]
     i15 = w[15]
     t3 = w[363]
@@ -14468,8 +14468,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "2868af7119f3b6df"),
-    "shared": law(shared, "2868af7119f3b6df"),
-    "near": law(near, "2868af7119f3b6df"),
-    "full": law(full, "2868af7119f3b6df"),
+    "setup": law(setup, "043e5d526dfa97de"),
+    "shared": law(shared, "043e5d526dfa97de"),
+    "near": law(near, "043e5d526dfa97de"),
+    "full": law(full, "043e5d526dfa97de"),
 }

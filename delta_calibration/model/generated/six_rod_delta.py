@@ -2,14 +2,14 @@
 
 from math import cos, sin
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 1), ('x', 6), ('g', 20), ('c', 2)), 2, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
 SIZE = 199
 SHARED = (163, 199)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i13 = w[13]
     i14 = w[14]
     i27 = w[27]
@@ -672,7 +672,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[162] = t1709
 
 
-def shared(w):  # type: ignore[no-untyped-def]
+def shared(w):
     i4 = w[4]
     i5 = w[5]
     i6 = w[6]
@@ -1217,7 +1217,7 @@ def shared(w):  # type: ignore[no-untyped-def]
     w[198] = t937
 
 
-def near(w):  # type: ignore[no-untyped-def]
+def near(w):
     i0 = w[0]
     i15 = w[15]
     t30 = w[85]
@@ -1538,7 +1538,7 @@ def near(w):  # type: ignore[no-untyped-def]
     w[44] = t992
 
 
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i0 = w[0]
     i15 = w[15]
     t30 = w[85]
@@ -2255,8 +2255,8 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "a1cdff26a9fdee68"),
-    "shared": law(shared, "a1cdff26a9fdee68"),
-    "near": law(near, "a1cdff26a9fdee68"),
-    "full": law(full, "a1cdff26a9fdee68"),
+    "setup": law(setup, "24d8ae87640faf9b"),
+    "shared": law(shared, "24d8ae87640faf9b"),
+    "near": law(near, "24d8ae87640faf9b"),
+    "full": law(full, "24d8ae87640faf9b"),
 }

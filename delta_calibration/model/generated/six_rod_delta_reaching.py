@@ -2,14 +2,14 @@
 
 from math import acos, atan2, floor, sqrt
 
-from delta_calibration.model.jit import law
+from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('x', 6), ('g', 20), ('c', 2)), 1, ('g', 'c'), (), (), ())
 SIZE = 41
 SHARED = (41, 41)
 
 
-def setup(w):  # type: ignore[no-untyped-def]
+def setup(w):
     i12 = w[12]
     i13 = w[13]
     i6 = w[6]
@@ -79,80 +79,7 @@ def setup(w):  # type: ignore[no-untyped-def]
     w[40] = t105
 
 
-def shared(w):  # type: ignore[no-untyped-def]
-    pass
-
-
-def near(w):  # type: ignore[no-untyped-def]
-    i26 = w[26]
-    i0 = w[0]
-    i27 = w[27]
-    i1 = w[1]
-    t35 = w[30]
-    t25 = w[29]
-    t63 = w[32]
-    t57 = w[31]
-    i2 = w[2]
-    t72 = w[34]
-    t68 = w[33]
-    t78 = w[35]
-    t80 = w[36]
-    t84 = w[37]
-    t91 = w[38]
-    t102 = w[39]
-    t105 = w[40]
-    i15 = w[15]
-    i14 = w[14]
-    t28 = i26 * i0
-    t31 = i27 * i1
-    t32 = t28 + t31
-    t36 = t32 - t35
-    t37 = t25 * t36
-    t58 = i26 * i1
-    t59 = i27 * i0
-    t60 = t58 - t59
-    t64 = t60 - t63
-    t65 = t57 * t64
-    t66 = t37 - t65
-    t73 = i2 - t72
-    t74 = t68 * t73
-    t75 = t66 + t74
-    t76 = -(t75)
-    t79 = t78 * t36
-    t81 = t80 * t64
-    t82 = t79 + t81
-    t85 = t84 * t73
-    t86 = t82 + t85
-    t87 = atan2(t76, t86)
-    t88 = t86 * t86
-    t92 = t91 * t64
-    t93 = t80 * t36
-    t94 = t92 - t93
-    t95 = t57 * t73
-    t96 = t94 + t95
-    t97 = t96 * t96
-    t98 = t88 + t97
-    t99 = t75 * t75
-    t100 = t98 + t99
-    t103 = t100 + t102
-    t106 = t103 - t105
-    t108 = t106 / 2.0
-    t109 = t88 + t99
-    t110 = sqrt(t109)
-    t111 = i15 * t110
-    t112 = t108 / t111
-    t113 = acos(t112)
-    t114 = t87 - t113
-    t116 = t114 - i14
-    t119 = 3.141592653589793 - t116
-    t120 = t119 / 6.283185307179586
-    t121 = floor(t120)
-    t122 = 6.283185307179586 * t121
-    t123 = t116 + t122
-    w[28] = t123
-
-
-def full(w):  # type: ignore[no-untyped-def]
+def full(w):
     i26 = w[26]
     i0 = w[0]
     i27 = w[27]
@@ -222,8 +149,9 @@ def full(w):  # type: ignore[no-untyped-def]
 
 
 ADDRESSES = {
-    "setup": law(setup, "f2765017e0efd7a3"),
-    "shared": law(shared, "f2765017e0efd7a3"),
-    "near": law(near, "f2765017e0efd7a3"),
-    "full": law(full, "f2765017e0efd7a3"),
+    "setup": law(setup, "9e95fbf35f80e9ad"),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "9e95fbf35f80e9ad"),
 }
+ADDRESSES["near"] = ADDRESSES["full"]
