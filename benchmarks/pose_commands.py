@@ -25,7 +25,7 @@ def milliseconds(name: str) -> float:
     known = Calibration(
         robot, machine.chain, machine.theta, EVERYWHERE, *ends, 1e-5, "drawn", "seal"
     )
-    compensator = JointCompensator(known, compiled=True)
+    compensator = JointCompensator(known)
     commands = make_plan("identify", robot, count=COMMANDS, both_sides=False).joint
     compensator.warm_up()
     begin = time.process_time()

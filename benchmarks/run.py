@@ -99,7 +99,7 @@ def session_work() -> list[tuple[str, float, str]]:
         rows.append((f"fit {len(poses)} poses, {model}, held-out parts within", seconds, "s"))
         calibration = from_identification(identify(poses, robot, model), robot, poses)
         for method, compiled in product(("newton", "apso"), (False, True)):
-            compensator = JointCompensator(calibration, method, compiled=compiled)
+            compensator = JointCompensator(calibration, method)
             compensator.warm_up()
             batch = 1e3 * least(compensator.compensate, line, items=len(line), repeats=3)
             alone = 1e3 * least(compensator.compensate, line[:1], repeats=3)

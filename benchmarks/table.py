@@ -72,13 +72,13 @@ def exactness(robot: Robot) -> None:
     print("|---|---|---|---|---|")
     for model in ("rotary_delta", "six_rod_delta"):
         made = [machine(robot, model, seed) for seed in range(MACHINES)]
-        exact = [JointCompensator(each, compiled=True) for each in made]
+        exact = [JointCompensator(each) for each in made]
         newton = [each.point(each.compensate(q).joint) for each in exact]
         for nodes in NODES:
             settings = TableSettings(nodes=nodes, most=nodes)
             start = time.perf_counter()
             tables = [
-                JointCompensator(each, "table", compiled=True, table=settings) for each in made
+                JointCompensator(each, "table", table=settings) for each in made
             ]
             seconds = (time.perf_counter() - start) / MACHINES
             off = [
@@ -107,7 +107,7 @@ def cost(robot: Robot) -> None:
     made = machine(robot, "six_rod_delta", 0)
     for nodes in NODES:
         settled = TableSettings(nodes=nodes, most=nodes)
-        table = JointCompensator(made, "table", compiled=True, table=settled).table
+        table = JointCompensator(made, "table", table=settled).table
         assert table is not None
         row(f"table, {nodes} nodes an axis", lambda a, b, table=table: table.at(a))
     for model in ("rotary_delta", "six_rod_delta"):

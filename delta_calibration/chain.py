@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 
 from delta_calibration.effects import SPREAD, Effect, Stage
 from delta_calibration.effects.base import stages_of, stand, terms_of
-from delta_calibration.effects.signals import Places, Signals, recorded, standing
+from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.parameters import Parameter, ParameterSet
+from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
 from delta_calibration.theta import Layout, Parts, frame_names, vector_names
 
@@ -114,22 +115,35 @@ class Chain:
             return self.mechanism.forward(at.joint, theta[self.layout.geometry], guess)
         return self._stand(at, theta, guess)[1]
 
-    def signals(self, at: Conditions, theta: Array, x: Array | None = None) -> Signals:
-        """All that effects may take of samples of a machine at poses x, (n, k)."""
-        if not self.effects:
-            return recorded(self.mechanism, at)
-        if x is None:
-            return self._stand(at, theta, None)[0]
-        known, stages = recorded(self.mechanism, at), self._stages(at)
-        if not stages.stands:
+    def signals(
+        self, at: Conditions, theta: Array, x: Array | None = None, robot: Robot | None = None
+    ) -> Signals:
+        """All that effects may take of samples of a machine at poses x, (n, k).
+
+        Args:
+            at: the conditions.
+            theta: the machine.
+            x: its poses; sought where not given.
+            robot: whose masses are carried, where all loads are wanted; else only those that the
+                chain's own effects take are known.
+        """
+        if x is None and (self._drive or self._structure):
+            known, x = self._stand(at, theta, None)
+        known, g = recorded(self.mechanism, at), theta[self.layout.geometry]
+        asked, bears = self.stages(at.temperature_parts).asked, robot
+        if robot is not None:
+            asked = all_asked(self.mechanism)
+        elif self.effects:
+            bears = self.effects[0].robot
+        else:
             return known
-        # loads are those of the joints behind the drives: settled with the pose, so a round does
-        g = theta[self.layout.geometry]
-        robot = self.effects[0].robot
-        here = standing(known, robot, self.mechanism, x, g, stages.asked)
+        x = self.mechanism.forward(at.joint, g) if x is None else x
+        here = standing(known, bears, self.mechanism, x, g, asked)
+        if not (self._drive or self._structure):
+            return here
         joint = at.joint + self._shift(Stage.DRIVE, here, theta)
         own = g if not self._structure else g + self._shift(Stage.STRUCTURE, here, theta)
-        return standing(known, robot, self.mechanism, x, own, stages.asked, joint)
+        return standing(known, bears, self.mechanism, x, own, asked, joint)
 
     def body(self) -> Any:
         """The mechanism as the compiled chain takes it, with what it carries."""
@@ -145,9 +159,6 @@ class Chain:
         places = Places.of(self.mechanism, parts)
         return stages_of(self.effects, tuple(self.layout.each), places)
 
-    def _stages(self, at: Conditions) -> Any:
-        return self.stages(at.temperature_parts)
-
     def _stand(
         self, at: Conditions, theta: Array, guess: Array | None
     ) -> tuple[Signals, Array]:
@@ -158,7 +169,7 @@ class Chain:
         if near:
             x[:] = guess
         g = np.ascontiguousarray(theta[self.layout.geometry])
-        stand(self.body(), self._stages(at), known.rows, g, theta, near, x)
+        stand(self.body(), self.stages(at.temperature_parts), known.rows, g, theta, near, x)
         return known, x
 
     @property

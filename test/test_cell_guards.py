@@ -278,7 +278,7 @@ def test_each_guard_of_a_real_calibration_is_counted_on_the_path() -> None:
 @pytest.mark.parametrize("method", ["newton", "apso"])
 def test_a_command_alone_is_judged_and_corrected_as_among_others(method: str) -> None:
     made = calibration(errors(np.random.default_rng(3)), reach=0.4)
-    compensator = JointCompensator(made, method, compiled=True)
+    compensator = JointCompensator(made, method)
     rng = np.random.default_rng(4)
     q = np.concatenate([rng.uniform(-0.6, 1.8, (150, 3)), [[np.nan, 0, 0], [0.1, 0.2, 0.15]]])
     together = compensator.compensate(q)

@@ -107,7 +107,7 @@ def test_the_whole_chain_ends_where_the_drawing_means(
     causes: tuple[str, ...], model: str, compiled: bool
 ) -> None:
     made, at = calibration(*causes, model=model), conditions(Q)
-    done = JointCompensator(made, compiled=compiled).compensate(Q, at)
+    done = JointCompensator(made).compensate(Q, at)
     assert set(done.verdicts) == {Verdict.CORRECTED}
     after = np.linalg.norm(missed(made, at, done.joint), axis=1)
     assert after.max() < 1e-6
@@ -121,7 +121,7 @@ def test_the_whole_chain_ends_where_the_drawing_means(
 def test_the_swarm_goes_through_the_stages_as_newton_does() -> None:
     made, at = calibration("backlash", "forearm_compliance", model="rotary_delta"), conditions(Q)
     newton, swarm = (
-        JointCompensator(made, method, compiled=True).compensate(Q, at)
+        JointCompensator(made, method).compensate(Q, at)
         for method in ("newton", "apso")
     )
     assert set(swarm.verdicts) == {Verdict.CORRECTED}
@@ -181,7 +181,7 @@ def test_a_drive_is_told_more_by_what_its_load_turns_it(
     stiffness = np.array([2e4, 3e4, 4e4])
     made = with_values(calibration("joint_compliance", model=model, scatter=0.0), 1 / stiffness)
     at = replace(conditions(Q), payload=np.full(len(Q), payload))
-    done = JointCompensator(made, compiled=compiled).compensate(Q, at)
+    done = JointCompensator(made).compensate(Q, at)
     step = 1e-4 * np.eye(3)
     for q, told in zip(Q, done.joint, strict=True):
         torque = [potential(told + s, payload) - potential(told - s, payload) for s in step]
@@ -195,7 +195,7 @@ def test_a_warm_arm_is_a_longer_arm(celsius: float, compiled: bool) -> None:
     target = np.array([[0.1, 0.2, -0.7], [-0.3, 0.0, -0.8], [0.2, -0.2, -0.65]])
     at = conditions(drawing_joints(target))
     at = replace(at, temperature=np.tile([50.0, celsius], (3, 1)))
-    done = JointCompensator(made, compiled=compiled).compensate(at.joint, at)
+    done = JointCompensator(made).compensate(at.joint, at)
     longer = 0.32 * CASES["thermal_growth_arm"][1] * (celsius - 20.0)
     truth = SixRods({f"arm_{leg}": longer for leg in (1, 2, 3)})
     np.testing.assert_allclose(truth.point(done.joint), target, atol=1e-8)
@@ -215,7 +215,7 @@ def test_a_clearance_is_taken_back_or_left_open_by_its_own_size_at_most(size: fl
     q = np.linspace([0.619, 0.0, 0.0], [0.623, 0.0, 0.0], 400)
     at = conditions(q)
     assert np.ptp(effect.columns(at), axis=0).max() == 2  # pulled, then pushed
-    done = JointCompensator(made, compiled=True).compensate(q, at)
+    done = JointCompensator(made).compensate(q, at)
     assert set(done.verdicts) == {Verdict.CORRECTED}
     after = np.linalg.norm(missed(made, at, done.joint), axis=1)
     np.testing.assert_allclose(done.model_error, after, atol=2e-9)
@@ -247,7 +247,7 @@ def test_what_the_tracker_does_wrong_is_not_the_robots() -> None:
 def test_without_a_condition_that_the_model_needs_nothing_is_corrected(
     cause: str, said: str, compiled: bool
 ) -> None:
-    compensator = JointCompensator(calibration(cause), compiled=compiled)
+    compensator = JointCompensator(calibration(cause))
     at = conditions(Q)
     stale = replace(at, payload=np.full(len(Q), np.nan), temperature=np.full((len(Q), 2), np.nan))
     for unknown in (None, stale, replace(stale, temperature_parts=("a", "b"))):
@@ -294,7 +294,7 @@ def test_what_went_by_a_sessions_clock_is_left_out_and_said(
 def test_a_batch_of_commands_is_each_of_them_alone() -> None:
     made, at = calibration(*TOGETHER[0], "thermal_growth_arm"), conditions(Q)
     at.temperature[:, 1] = [20.0, 30.0, 30.0, 40.0]
-    compensator = JointCompensator(made, compiled=True)
+    compensator = JointCompensator(made)
     whole = compensator.compensate(Q, at)
     for row in (3, 1, 0, 2):  # in an order that changes temperature back and forth
         alone = compensator.compensate(Q[[row]], at.take(slice(row, row + 1)))

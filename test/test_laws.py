@@ -258,7 +258,7 @@ def test_generated_files_are_those_of_the_laws():
     """Else: `make laws`. Of another version of CasADi, what they compute has to be the same."""
     folder = laws.folder()
     assert {path.stem for path in folder.glob("*.py")} == {"__init__", *PACKAGE}
-    alike = said_alike if generated.CASADI == version("casadi") else computed_alike
+    alike = said_alike if version("casadi") == generated.CASADI else computed_alike
     files = {name: (folder / f"{name}.py").read_text(encoding="utf-8") for name in PACKAGE}
     stale = [name for name, law in PACKAGE.items() if not alike(law, files[name], law.source())]
     assert stale == [], "run `make laws`"
@@ -301,7 +301,7 @@ def test_generated_files_are_the_same_in_every_process(tmp_path):
         f"some = [law for law in laws.every_law() if law.name in {names}]\n"
         "print(len(laws.write(some, Path(sys.argv[1]))))"
     )
-    for seed, changed in (("1", "3"), ("2", "0")):
+    for seed, changed in (("1", "4"), ("2", "0")):
         done = subprocess.run(
             [sys.executable, "-c", script, tmp_path],
             check=True, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed},
@@ -406,7 +406,7 @@ VOCABULARY = {
         lambda v: (-2.0) ** (2 * symbols.sign(v[1])), lambda a, b: (-2.0) ** (2 * np.sign(b))
     ),
     "inverse": (lambda v: 1 / (v[0] - 0.3), lambda a, b: 1 / (a - 0.3)),
-    "absolute": (lambda v: abs(v[0]) - 2 * v[1], lambda a, b: np.abs(a) - 2 * b),
+    "absolute": (lambda v: symbols.absolute(v[0]) - 2 * v[1], lambda a, b: np.abs(a) - 2 * b),
     "least of infinite": (
         lambda v: symbols.minimum(v[0], math.inf), lambda a, b: np.minimum(a, np.inf)
     ),
@@ -626,6 +626,7 @@ def test_a_law_that_cannot_be_generated_is_refused(express, said):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)  # everything is compiled from nothing
 def test_after_installing_nothing_is_left_to_compile(tmp_path):
     """`make install` ends with it; a fit of a session then saves no machine code any more."""
     own = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "numba"), "NUMBA_DEBUG_CACHE": "1"}
@@ -642,12 +643,10 @@ def test_after_installing_nothing_is_left_to_compile(tmp_path):
     assert lines[0].startswith(f"compiled: {len(PACKAGE)} laws")
     assert "data saved" in warmed
     main = "delta_calibration.cli.main"
-    for name in ("srbd", "cdpr8"):
-        session = f"session_{name}"
-        simulated = run(
-            main, "simulate", "--robot", name, "--plan", "identify", "--count", "30",
-            "--seed", "1", "--out", session,
-        )  # fmt: skip
-        fitted = run(main, "fit", session, "--robot", name, "--out", f"{name}.yaml")
-        assert "data loaded" in fitted
-        assert "data saved" not in simulated + fitted
+    simulated = run(
+        main, "simulate", "--robot", "srbd", "--plan", "identify", "--count", "30", "--seed", "1",
+        "--out", "session",
+    )  # fmt: skip
+    fitted = run(main, "fit", "session", "--robot", "srbd", "--out", "calibration.yaml")
+    assert "data loaded" in fitted
+    assert "data saved" not in simulated + fitted

@@ -79,7 +79,7 @@ def test_a_reload_of_a_bad_file_keeps_the_calibration_in_force(bench: Bench, fil
 @pytest.fixture(name="table")
 def table_fixture(file: Path, tmp_path: Path) -> Path:
     path = tmp_path / "corrections.npz"
-    made = JointCompensator(load_calibration(file, ROBOT), "table", compiled=True)
+    made = JointCompensator(load_calibration(file, ROBOT), "table")
     save_table(path, made.table)
     return path
 

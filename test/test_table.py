@@ -70,7 +70,7 @@ def places(n: int, radius: float, low: float, high: float, seed: int) -> np.ndar
 def small() -> JointCompensator:
     """A machine's table over a small body."""
     return JointCompensator(
-        calibration(errors(1), body(0.2, -0.75, -0.7)), "table", compiled=True
+        calibration(errors(1), body(0.2, -0.75, -0.7)), "table"
     )
 
 
@@ -81,7 +81,7 @@ def small() -> JointCompensator:
 def test_fifteen_nodes_keep_the_papers_disc_within_a_micrometre(seed: int) -> None:
     """By a machine of six rods that shares no code with table, kernel or check."""
     wrong = errors(seed)
-    compensator = JointCompensator(calibration(wrong, body(WIDE)), "table", compiled=True)
+    compensator = JointCompensator(calibration(wrong, body(WIDE)), "table")
     assert compensator.table.nodes == 15
     target = places(6000, WIDE, -0.711, -0.711, seed)
     done = compensator.compensate(drawing_joints(target))
@@ -93,7 +93,7 @@ def test_fifteen_nodes_keep_the_papers_disc_within_a_micrometre(seed: int) -> No
     assert after.max() <= compensator.table.worst  # which was found elsewhere
     np.testing.assert_allclose(done.model_error[whole], after, atol=1e-10)
     assert set(done.evaluations) == {1}
-    exact = JointCompensator(compensator.calibration, compiled=True).compensate(
+    exact = JointCompensator(compensator.calibration).compensate(
         drawing_joints(target)
     )
     np.testing.assert_allclose(done.joint, exact.joint, atol=1e-6)
@@ -103,7 +103,7 @@ def test_a_grid_that_is_too_wide_is_refined_until_the_bound_holds() -> None:
     bound = 2e-7
     wrong, asked = errors(4), TableSettings(bound=bound, nodes=6)
     made = calibration(wrong, body(0.4, -0.8, -0.65))
-    compensator = JointCompensator(made, "table", compiled=True, table=asked)
+    compensator = JointCompensator(made, "table", table=asked)
     assert compensator.table.nodes > 6
     assert compensator.table.worst <= 0.8 * bound
     target = places(4000, 0.4, -0.8, -0.65, 4)
@@ -122,13 +122,13 @@ def test_a_grid_that_is_too_wide_is_refined_until_the_bound_holds() -> None:
 def test_a_bound_that_cannot_be_held_is_no_table() -> None:
     asked = TableSettings(bound=1e-8, nodes=5, most=7)
     with pytest.raises(DataError, match=r"with 7 nodes an axis it is .* um off .* 0.008 um is"):
-        JointCompensator(calibration(errors(1), body(0.5)), "table", compiled=True, table=asked)
+        JointCompensator(calibration(errors(1), body(0.5)), "table", table=asked)
 
 
 def test_a_swarm_finds_the_same_table(small: JointCompensator) -> None:
     made = replace(small.calibration, region=body(0.05))
     newton, swarm = (
-        JointCompensator(made, "table", compiled=True, table=TableSettings(by, nodes=5))
+        JointCompensator(made, "table", table=TableSettings(by, nodes=5))
         for by in ("newton", "apso")
     )
     assert swarm.table.solver == "apso"
@@ -294,7 +294,7 @@ def test_outside_there_is_nothing_and_neighbours_do_not_mind() -> None:
 def test_beyond_the_table_a_guard_says_so(small: JointCompensator) -> None:
     """The region is made wider than it was when the table was made, its name left as it is."""
     wide = replace(small.calibration, region=body(0.5, -0.8, -0.65))
-    compensator = JointCompensator(wide, "table", compiled=True, table=small.table)
+    compensator = JointCompensator(wide, "table", table=small.table)
     q = drawing_joints(np.array([[0.0, 0.0, -0.72], [0.45, 0.0, -0.72], [0.1, 0.1, -0.71]]))
     done = compensator.compensate(q)
     beyond = Verdict.OUTSIDE_TABLE
@@ -317,7 +317,7 @@ def test_the_region_lies_within_its_table(small: JointCompensator) -> None:
 def test_a_table_that_is_wrong_corrects_nothing(small: JointCompensator) -> None:
     """Every looked up correction is tried on the model: here all are 10 microradians off."""
     wrong = replace(small.table, corrections=small.table.corrections + 1e-5)
-    compensator = JointCompensator(small.calibration, "table", compiled=True, table=wrong)
+    compensator = JointCompensator(small.calibration, "table", table=wrong)
     done = compensator.compensate(drawing_joints(np.array([[0.0, 0.05, -0.72]])))
     assert done.verdicts == (Verdict.NOT_REACHED,)
     assert (done.correction == 0).all()
@@ -416,14 +416,14 @@ STRUCTURE = {
 def test_drives_are_undone_around_the_table(cause: str) -> None:
     made = calibration(errors(2), body(0.2, -0.75, -0.7), {cause: DRIVE[cause]})
     q = drawing_joints(places(12, 0.17, -0.74, -0.71, 1))  # well within the region
-    table = JointCompensator(made, "table", compiled=True)
+    table = JointCompensator(made, "table")
     assert table.table is not None
     assert table.needs_conditions
     shifts = []
     for seed in (1, 2):  # the same commands under other conditions
         at = conditions(q, seed)
         done = table.compensate(q, at)
-        exact = JointCompensator(made, compiled=True).compensate(q, at)
+        exact = JointCompensator(made).compensate(q, at)
         assert done.verdicts == exact.verdicts == (Verdict.CORRECTED,) * len(q)
         np.testing.assert_allclose(done.joint, exact.joint, atol=3e-6)
         reached = made.chain.predict(replace(at, joint=done.joint), made.theta)
@@ -440,12 +440,12 @@ def test_dimensions_that_change_are_followed_exactly_and_it_is_said(cause: str) 
     effects = {"backlash": DRIVE["backlash"], cause: STRUCTURE[cause]}
     made = calibration(errors(2), body(0.2, -0.75, -0.7), effects)
     q = drawing_joints(places(8, 0.2, -0.75, -0.7, 1))
-    compensator = JointCompensator(made, "table", compiled=True)
+    compensator = JointCompensator(made, "table")
     assert compensator.table is None
     assert compensator.way == f"newton (no table: the dimensions change with {cause})"
     at = conditions(q, 1)
     done = compensator.compensate(q, at)
-    exact = JointCompensator(made, "newton", compiled=True).compensate(q, at)
+    exact = JointCompensator(made, "newton").compensate(q, at)
     assert set(done.verdicts) == {Verdict.CORRECTED}
     np.testing.assert_array_equal(done.joint, exact.joint)
 

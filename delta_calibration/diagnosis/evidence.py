@@ -27,6 +27,7 @@ from scipy.ndimage import median_filter
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects.signals import Signals, recorded
 from delta_calibration.identification import Noise, Problem, whitening
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions, Paths, Survey
@@ -77,6 +78,7 @@ class Evidence:
     by_joints: Array  # (n, d, m) whitened d(reading) by the joint angles behind the drives
     by_geometry: Array  # (n, d, p) the same by geometry
     seen: Conditions  # with readings as the model has them before the measurement effects
+    robot: Robot | None = None  # whose masses the machine carries; else each effect's own
     # what else could be measured, in words, and its evidence; None where that is to be foreseen
     further: tuple[tuple[str, Evidence], ...] | None = None
 
@@ -202,8 +204,22 @@ class Evidence:
         return np.asarray(columns.reshape(self.size, -1))
 
     def _raw(self, effect: Effect) -> Array:
-        """The effect's own columns."""
-        return effect.columns(self.seen if effect.stage is Stage.MEASUREMENT else self.at)
+        """The effect's own columns, of the machine as it stands."""
+        if effect.stage is Stage.MEASUREMENT:
+            return effect.columns_of(recorded(self.chain.mechanism, self.seen))
+        if not effect.stands:
+            return effect.columns(self.at)
+        return effect.columns_of(self._signals(effect.robot))
+
+    def _signals(self, robot: Robot) -> Signals:
+        """What effects take of a machine with this robot's masses."""
+        if self.robot is not None:
+            return self._standing
+        return self.chain.signals(self.at, self.theta, self.pose, robot)
+
+    @cached_property
+    def _standing(self) -> Signals:
+        return self.chain.signals(self.at, self.theta, self.pose, self.robot)
 
     @property
     def believed(self) -> NDArray[np.bool_]:
@@ -318,6 +334,7 @@ def gather(
         by_joints=whiten @ by_joints,
         by_geometry=whiten @ by_geometry,
         seen=chain.seen(at, x, theta, by_joints),
+        robot=cell.robot,
     )
 
 

@@ -170,14 +170,17 @@ class Effect(ABC):
         at = self.about if values is None else np.ascontiguousarray(values)
         return terms_of((self,), signals.places).columns(signals, at)
 
+    @property
+    def stands(self) -> bool:
+        """Whether it takes anything of a machine that stands somewhere: pose, loads."""
+        return standing_asked(self.takes)
+
     def nominal(self, at: Conditions) -> Signals:
-        """The signals of the drawing's machine under these conditions; loads computed once."""
+        """The signals of the drawing's machine under these conditions."""
         asked = _asked(self.mechanism, self.takes)
         if self.stage is Stage.MEASUREMENT or (not asked and not standing_asked(self.takes)):
             return recorded(self.mechanism, at)
-        owners = self.robot, self.mechanism
-        found: Signals = at.kept(f"signals {asked}", owners, lambda: nominal(*owners, at, asked))
-        return found
+        return nominal(self.robot, self.mechanism, at, asked)
 
     def columns(self, at: Conditions) -> Array:
         """The same of the drawing's machine under these conditions."""

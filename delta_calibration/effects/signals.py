@@ -104,6 +104,11 @@ def asked_of(names: Any) -> int:
     return flags
 
 
+def all_asked(mechanism: Mechanism) -> int:
+    """Flags of every load that a mechanism has."""
+    return _WEIGHT | _INERTIA | (_PULLS if mechanism.pulls else 0)
+
+
 def standing_asked(names: Any) -> bool:
     """Whether any of these signals needs a machine that stands somewhere."""
     return any(name in _STANDING for name in names)

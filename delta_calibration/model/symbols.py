@@ -73,6 +73,11 @@ def sign(x: Symbol) -> Symbol:
     return _casadi().sign(x)
 
 
+def absolute(x: Symbol) -> Symbol:
+    """x without its sign."""
+    return _casadi().fabs(x)
+
+
 def minimum(x: Symbol, y: Symbol) -> Symbol:
     """The lesser of two."""
     return _casadi().fmin(x, y)

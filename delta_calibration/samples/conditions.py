@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -36,8 +35,6 @@ class Conditions:
     temperature: Array  # (n, parts) [deg C]
     reading: Array  # (n, 3) [m] in the tracker's frame
     reading_velocity: Array  # (n, 3) [m/s]
-    # what was computed of these samples for a machine: loads are dear and asked for often
-    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.joint)
@@ -45,13 +42,6 @@ class Conditions:
     def take(self, rows: NDArray[Any] | slice) -> Conditions:
         """Some of the samples."""
         return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
-
-    def kept(self, name: str, owners: tuple[object, ...], compute: Callable[[], Any]) -> Any:
-        """What `compute` gives of these samples, computed once for each set of owners."""
-        key = (name, *map(id, owners))
-        if key not in self._kept:
-            self._kept[key] = owners, compute()  # the owners live on, and so do their identities
-        return self._kept[key][1]
 
     def fingerprint(self) -> bytes:
         """The same for the same conditions but for the time."""
@@ -99,6 +89,4 @@ def joined(first: Conditions, *others: Conditions) -> Conditions:
     return replace(first, **together)
 
 
-_ARRAYS = tuple(
-    f.name for f in fields(Conditions) if f.name not in ("temperature_parts", "_kept")
-)
+_ARRAYS = tuple(f.name for f in fields(Conditions) if f.name != "temperature_parts")
