@@ -130,20 +130,18 @@ class Chain:
         if x is None and (self._drive or self._structure):
             known, x = self._stand(at, theta, None)
         known, g = recorded(self.mechanism, at), theta[self.layout.geometry]
-        asked, bears = self.stages(at.temperature_parts).asked, robot
-        if robot is not None:
-            asked = all_asked(self.mechanism)
-        elif self.effects:
-            bears = self.effects[0].robot
-        else:
+        if robot is None and not self.effects:
             return known
+        asked = all_asked(self.mechanism)
+        if robot is None:
+            robot, asked = self.effects[0].robot, self.stages(at.temperature_parts).asked
         x = self.mechanism.forward(at.joint, g) if x is None else x
-        here = standing(known, bears, self.mechanism, x, g, asked)
+        here = standing(known, robot, self.mechanism, x, g, asked)
         if not (self._drive or self._structure):
             return here
         joint = at.joint + self._shift(Stage.DRIVE, here, theta)
         own = g if not self._structure else g + self._shift(Stage.STRUCTURE, here, theta)
-        return standing(known, bears, self.mechanism, x, own, asked, joint)
+        return standing(known, robot, self.mechanism, x, own, asked, joint)
 
     def body(self) -> Any:
         """The mechanism as the compiled chain takes it, with what it carries."""

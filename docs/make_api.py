@@ -1,8 +1,8 @@
 """API reference of the whole package, from its docstrings: `python docs/make_api.py FOLDER`.
 
-A page a module, with search; it opens offline. Generated code has none. What pdoc warns of (an annotation that cannot be
-resolved, a module that cannot be imported) is an error here. Where rclpy is missing the nodes are
-left out, and this is said.
+A page a module, with search; it opens offline. Generated code has none. What pdoc warns of (an
+annotation that cannot be resolved, a module that cannot be imported) is an error here. Where rclpy
+is missing the nodes are left out, and this is said.
 """
 
 from __future__ import annotations

@@ -119,6 +119,8 @@ def test_wheel_from_sdist_carries_the_data(source: Path, tmp_path: Path) -> None
     templates = (ROOT / PACKAGE / "report" / "templates").glob("*")
     pages = {f"{PACKAGE}/report/templates/{path.name}" for path in templates}
     assert {f"{PACKAGE}/py.typed", *schemas, *pages} <= names
+    generated = (ROOT / PACKAGE / "model" / "generated").glob("*.py")
+    assert {f"{PACKAGE}/model/generated/{path.name}" for path in generated} <= names
     marker = f"share/ament_index/resource_index/packages/{PACKAGE}"
     assert f"{wheel.name.split('-py3')[0]}.data/data/{marker}" in names
     assert not {name for name in names if ".data/scripts" in name}  # pip makes them, in bin

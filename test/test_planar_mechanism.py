@@ -81,7 +81,7 @@ class FiveBar(Mechanism):
     @staticmethod
     def reaching(x, g, c):
         a, b = _along((0.0, 0.0), x, g)
-        aside = [sqrt(l**2 - d[1] ** 2 - d[2] ** 2) for d, l in ((a, g[6]), (b, g[7]))]
+        aside = [sqrt(s**2 - d[1] ** 2 - d[2] ** 2) for d, s in ((a, g[6]), (b, g[7]))]
         return column(a[0] - aside[0], b[0] + aside[1])
 
     @staticmethod

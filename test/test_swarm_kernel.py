@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 
 from delta_calibration.chain import Chain
-from delta_calibration.compensation import Apso, ApsoSettings, NewtonSettings, swarm_kernel
-from delta_calibration.compensation.compiled import CompiledApso, CompiledGeometry, CompiledNewton
-from delta_calibration.compensation.machine import Machine
+from delta_calibration.compensation import (
+    Apso,
+    ApsoSettings,
+    Machine,
+    Newton,
+    NewtonSettings,
+    Swarm,
+    swarm_kernel,
+)
 from delta_calibration.errors import InputError
 from delta_calibration.robot import load_robot
 from six_rods import SixRods, workspace
@@ -35,7 +41,9 @@ class Made:
         self.errors = dict(zip(parameters.names, drawn, strict=True))
         self.geometry = parameters.nominal + drawn
         self.chain = Chain(self.mechanism, np.zeros(3), 0.05)
-        self.compiled = CompiledGeometry(self.mechanism, self.geometry, TOOL)
+        self.machine = Machine(
+            self.chain, np.concatenate([self.geometry, np.zeros(9)]), TOOL
+        )
 
     def point(self, q):
         rows = q.reshape(-1, 3)
@@ -68,7 +76,7 @@ def assert_same(found, expected):
 def test_it_is_the_swarm_of_numpy(name, n):
     made, (q, target) = Made(name), tasks(n)
     settings = ApsoSettings(bound_rad=BOUND, seed=3)
-    found = CompiledApso(made.compiled, settings).correct(q, target)
+    found = Swarm(made.machine, settings).correct(q, target)
     assert_same(found, Apso(made.point, settings).correct(q, target))
     assert found.converged.all()
     assert len(np.unique(found.evaluations)) > 3  # not all alike
@@ -94,7 +102,7 @@ def test_every_setting_means_the_same(change):
     settings = ApsoSettings(**{"bound_rad": BOUND, "tolerance": 1e-6, **change})
     made, (q, target) = Made("rotary_delta", 1), tasks(30, 1)
     expected = Apso(made.point, settings).correct(q, target)
-    assert_same(CompiledApso(made.compiled, settings).correct(q, target), expected)
+    assert_same(Swarm(made.machine, settings).correct(q, target), expected)
 
 
 @pytest.mark.parametrize("bound", [BOUND, 0.2])
@@ -111,7 +119,7 @@ def test_what_is_out_of_reach_is_treated_alike(bound):
     target[::5] = [0.0, 0.0, -3.0]
     q[7], target[8, 1] = np.nan, np.inf
     expected = Apso(made.point, settings).correct(q, target)
-    found = CompiledApso(made.compiled, settings).correct(q, target)
+    found = Swarm(made.machine, settings).correct(q, target)
     assert_same(found, expected)
     assert len(q) == 40
     assert np.isinf(found.error).any()
@@ -121,7 +129,7 @@ def test_what_is_out_of_reach_is_treated_alike(bound):
 @pytest.mark.parametrize("name", DELTAS)
 def test_a_target_has_one_answer_whatever_the_batch(name):
     n = 200 if name == "rotary_delta" else 20
-    solver, (q, target) = CompiledApso(Made(name).compiled, HUNDREDTH), tasks(n)
+    solver, (q, target) = Swarm(Made(name).machine, HUNDREDTH), tasks(n)
     together = solver.correct(q, target)
     order = np.random.default_rng(0).integers(0, n, n)  # another order, some twice, some not
     shuffled = solver.correct(q[order], target[order])
@@ -132,14 +140,14 @@ def test_a_target_has_one_answer_whatever_the_batch(name):
     for row in (0, n // 2, n - 1):
         alone = solver.correct(q[[row]], target[[row]])
         np.testing.assert_array_equal(alone.dq[0], together.dq[row])
-    again = CompiledApso(Made(name).compiled, HUNDREDTH).correct(q, target)
+    again = Swarm(Made(name).machine, HUNDREDTH).correct(q, target)
     np.testing.assert_array_equal(again.dq, together.dq)
 
 
 def test_another_seed_is_another_search():
     made, (q, target) = Made("rotary_delta"), tasks(50)
     one, two = (
-        CompiledApso(made.compiled, ApsoSettings(bound_rad=BOUND, seed=seed)).correct(q, target)
+        Swarm(made.machine, ApsoSettings(bound_rad=BOUND, seed=seed)).correct(q, target)
         for seed in (0, 1)
     )
     assert np.all(np.any(one.dq != two.dq, axis=1))
@@ -151,7 +159,7 @@ def test_it_brings_a_machine_written_apart_to_its_targets():
     apart = SixRods(made.errors)
     before = np.linalg.norm(apart.point(q, TOOL) - target, axis=1)
     settings = ApsoSettings(bound_rad=BOUND, tolerance=1e-6)
-    found = CompiledApso(made.compiled, settings).correct(q, target)
+    found = Swarm(made.machine, settings).correct(q, target)
     after = np.linalg.norm(apart.point(q + found.dq, TOOL) - target, axis=1)
     assert before.min() > 1e-5
     assert after.max() <= 1e-6
@@ -161,9 +169,9 @@ def test_it_brings_a_machine_written_apart_to_its_targets():
 def test_it_agrees_with_newton_to_the_tolerance():
     made, (q, target) = Made("rotary_delta", 6), tasks(500, 6)
     settings = ApsoSettings(bound_rad=BOUND)
-    found = CompiledApso(made.compiled, settings).correct(q, target)
-    newton = CompiledNewton(made.compiled, NewtonSettings(bound_rad=BOUND)).correct(q, target)
-    weakest = made.compiled.jacobian(q)
+    found = Swarm(made.machine, settings).correct(q, target)
+    newton = Newton(made.machine, NewtonSettings(bound_rad=BOUND)).correct(q, target)
+    weakest = made.machine.jacobian(q)
     weakest = np.linalg.svd(weakest, compute_uv=False).min()
     np.testing.assert_allclose(found.dq, newton.dq, rtol=0, atol=1.05e-7 / weakest)
 
@@ -179,30 +187,22 @@ def test_short_series_is_off_by_less_than_rounding():
 
 def test_shapes_are_checked():
     with pytest.raises(InputError, match="target has shape"):
-        CompiledApso(Made("rotary_delta").compiled).correct(np.zeros((2, 3)), np.zeros((3, 3)))
-
-
-def test_a_machine_takes_it_where_compiled_is_wanted():
-    made = Made("rotary_delta")
-    for wanted, kind in ((True, CompiledApso), (False, Apso)):
-        machine = Machine(
-            made.chain, made.geometry, TOOL, "apso", BOUND, seed=4, compiled=wanted
-        )  # fmt: skip
-        for each in (machine, machine.at(made.geometry + 1e-5)):
-            assert type(each.solver) is kind
-            assert each.solver.settings == ApsoSettings(bound_rad=BOUND, seed=4)
+        Swarm(Made("rotary_delta").machine).correct(np.zeros((2, 3)), np.zeros((3, 3)))
 
 
 def test_no_swarm_is_compiled_for_newton():
     script = (
         "import sys, numpy as np;"
         "from delta_calibration.chain import Chain;"
-        "from delta_calibration.compensation.machine import Machine;"
+        "from delta_calibration.compensation import Machine, Newton;"
         "from delta_calibration.robot import load_robot;"
         "model = load_robot('srbd').model('rotary_delta');"
         "chain = Chain(model, np.zeros(3), 0.05);"
-        "Machine(chain, model.parameters.nominal, np.zeros(3), compiled=True);"
-        "assert 'delta_calibration.compensation.kernel' in sys.modules;"
+        "theta = np.concatenate([model.parameters.nominal, np.zeros(9)]);"
+        "machine = Machine(chain, theta, np.zeros(3));"
+        "q = np.zeros((1, 3));"
+        "Newton(machine).correct(q, machine.point(q));"
+        "assert 'delta_calibration.compensation.backward_kernel' in sys.modules;"
         "sys.exit('delta_calibration.compensation.swarm_kernel' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
@@ -212,7 +212,7 @@ def test_a_change_of_another_file_is_seen(tmp_path: Path):
     """What was kept of a function holds those of other files, and must not outlive them."""
     (tmp_path / "outer.py").write_text(
         "import inner\n"
-        "from delta_calibration.compensation.jit import compiled\n"
+        "from delta_calibration.model.jit import compiled\n"
         "@compiled('i8(i8)', inner)\n"
         "def twice(x):\n"
         "    return 2 * inner.more(x)\n"
@@ -220,7 +220,7 @@ def test_a_change_of_another_file_is_seen(tmp_path: Path):
 
     def run(more: int) -> tuple[str, ...]:
         (tmp_path / "inner.py").write_text(
-            "from delta_calibration.compensation.jit import compiled\n"
+            "from delta_calibration.model.jit import compiled\n"
             "@compiled()\n"
             "def more(x):\n"
             f"    return x + {more}\n"

@@ -115,6 +115,7 @@ class Place(NamedTuple):
     dq: Array  # (m,)
     step: Array  # of joints or of the pose
     there: Array  # (m,)
+    near: Array  # (1,) 1 where x is a pose nearby, 0 where it is to be sought from the beginning
 
 
 @compiled()
@@ -137,6 +138,7 @@ def scratch(machine: Machine, signals: int) -> Place:
         np.zeros(sizes[M]),
         np.zeros(wide + sizes[R]),
         np.zeros(sizes[M]),
+        np.zeros(1),
     )
     take_dimensions(machine.body, machine.g, made.state)
     return made
@@ -167,18 +169,28 @@ def place_of(machine: Machine, x: Array, room: Place) -> None:
 
 
 @compiled(borrows=True)
-def stands(machine: Machine, q: Array, signals: Array, near: bool, room: Place) -> bool:
-    """Bring the machine to a command under a sample's signals; its place with it."""
+def stands(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
+    """Bring the machine to a command under a sample's signals; its place with it.
+
+    From the pose before, where it stood already; see `begin`.
+    """
     copy_into(room.signals, signals)
     for i in range(len(q)):
         room.signals[machine.stages.at[JOINT] + i] = q[i]
     good = stand(
-        machine.body, machine.stages, room.signals, machine.g, machine.theta, near, STRAY,
-        room.x, room.state,
+        machine.body, machine.stages, room.signals, machine.g, machine.theta,
+        room.near[0] > 0.0, STRAY, room.x, room.state,
     )  # fmt: skip
+    room.near[0] = 1.0 if good else 0.0
     if good:
         place_of(machine, room.x, room)
     return good
+
+
+@compiled(borrows=True)
+def begin(room: Place) -> None:
+    """Forget the pose before: what is found of a command does not depend on others."""
+    room.near[0] = 0.0
 
 
 @compiled(borrows=True)
@@ -192,10 +204,10 @@ def distance(room: Place, target: Array) -> float:
 
 @compiled(borrows=True)
 def reached(
-    machine: Machine, q: Array, signals: Array, target: Array, near: bool, room: Place
+    machine: Machine, q: Array, signals: Array, target: Array, room: Place
 ) -> float:
     """Distance from the target after a command [m]; infinite where the machine cannot stand."""
-    if not stands(machine, q, signals, near, room):
+    if not stands(machine, q, signals, room):
         return np.inf
     far = distance(room, target)
     return far if far < np.inf else np.inf
@@ -259,7 +271,8 @@ def newton(
     m, dq, step, there = len(q), room.dq, room.step, room.there
     for i in range(m):
         there[i] = q[i] + best[i]
-    error, evaluations = reached(machine, there, signals, target, False, room), 1
+    begin(room)
+    error, evaluations = reached(machine, there, signals, target, room), 1
     for _ in range(search.iterations):
         before = error
         if not search.tolerance < before < np.inf:
@@ -274,7 +287,7 @@ def newton(
                 dq[i] = min(max(goal, -search.bound), search.bound)
                 there[i] = q[i] + dq[i]
             evaluations += 1
-            far = reached(machine, there, signals, target, room.x[0] == room.x[0], room)
+            far = reached(machine, there, signals, target, room)
             if far < error:
                 error = far
                 for i in range(m):
@@ -356,7 +369,8 @@ def by_pose(
     limbs, state, stages = machine.body.limbs, room.state, machine.stages
     m, told, shift = limbs.sizes[M], room.there, room.dq
     copy_into(told, q)
-    if not stands(machine, q, signals, False, room) or not _posed(machine, target, room):
+    begin(room)
+    if not stands(machine, q, signals, room) or not _posed(machine, target, room):
         return np.inf, 1
     for _ in range(_ROUNDS):
         if machine.reshaped:
@@ -401,7 +415,8 @@ def targets(machine: Machine, signals: Array) -> tuple[Array, Array]:
     x = np.full((n, len(room.x)), np.nan)
     at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
     for row in range(n):
-        if stands(machine, signals[row, at : at + m], signals[row], False, room):
+        begin(room)
+        if stands(machine, signals[row, at : at + m], signals[row], room):
             found[row] = room.place
             x[row] = room.x
     return found, x
@@ -414,7 +429,8 @@ def slopes(machine: Machine, signals: Array) -> Array:
     at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
     found = np.full((n, len(room.place), m), np.nan)
     for row in range(n):
-        if stands(machine, signals[row, at : at + m], signals[row], False, room):
+        begin(room)
+        if stands(machine, signals[row, at : at + m], signals[row], room):
             _slope(machine, room)
             found[row] = room.by_q
     return found

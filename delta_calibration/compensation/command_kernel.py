@@ -15,6 +15,7 @@ from delta_calibration.compensation.backward_kernel import (
     Machine,
     Place,
     Search,
+    begin,
     correct,
     reached,
     scratch,
@@ -22,13 +23,14 @@ from delta_calibration.compensation.backward_kernel import (
 )
 from delta_calibration.model.jit import Held, compiled
 from delta_calibration.model.kernels import FULL, K, M, T, moved, place
-from delta_calibration.model.loads import PULLS, bear, point_at
+from delta_calibration.model.loads import bear, point_at
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 (PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, SLACK,
  NOT_REACHED) = range(8)  # fmt: skip
+FOUND, JUDGED, VERIFIED = range(3)  # what is asked for
 SHARE, LEFT, TURN, COUNT = range(4)  # numbers that are told of a command
 
 
@@ -45,7 +47,7 @@ class Guards(NamedTuple):
     correction: float  # largest of a joint
     reached: float  # [m] distance that counts as reached
     stepped: float  # [m] the same where a clearance is crossed by the correction itself
-    pulls: bool  # whether limbs can pull only
+    pulls: int  # loads to be asked for where limbs can pull only, else 0
 
 
 class CommandRoom(NamedTuple):
@@ -122,13 +124,15 @@ def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
 
 
 @compiled(borrows=True)
-def _borne(drawn: Machine, payload: float, centre: Array, room: CommandRoom) -> bool:
+def _borne(
+    drawn: Machine, guards: Guards, payload: float, centre: Array, room: CommandRoom
+) -> bool:
     """Whether every cable pulls, a payload that is not known being none."""
     own, still = room.drawn, room.still
     known = payload == payload and _finite(centre)
     where = centre if known else room.origin
     bear(
-        drawn.body.limbs, drawn.body.bearing, PULLS, own.state.joint, own.x, still, still,
+        drawn.body.limbs, drawn.body.bearing, guards.pulls, own.state.joint, own.x, still, still,
         payload if known else 0.0, where, own.state.room, own.state.carried,
     )  # fmt: skip
     for pull in own.state.carried.pull:
@@ -158,7 +162,8 @@ def judged(
     beyond = np.inf
     if not _finite(q):
         return NOT_FINITE
-    good = stands(drawn, q, room.signals, False, room.drawn)
+    begin(room.drawn)
+    good = stands(drawn, q, room.signals, room.drawn)
     if good:
         target[:] = room.drawn.place
         point_at(drawn.body.bearing, room.drawn.x, room.origin, room.centre)
@@ -177,7 +182,7 @@ def judged(
         return OUTSIDE_REGION
     if not _regular(drawn, guards, room):
         return SINGULAR
-    if guards.pulls and not _borne(drawn, payload, centre, room):
+    if guards.pulls and not _borne(drawn, guards, payload, centre, room):
         return SLACK
     return PASSED
 
@@ -203,7 +208,8 @@ def finished(
     for i in range(len(q)):
         room.told[i] = q[i] + dq[i]
         bounded = bounded and abs(dq[i]) <= guards.correction
-    error = reached(machine, room.told, signals, target, False, room.own)
+    begin(room.own)
+    error = reached(machine, room.told, signals, target, room.own)
     good = error <= guards.reached or (machine.reshaped and error <= guards.stepped)
     code = PASSED if good and bounded else NOT_REACHED
     if code == PASSED:
@@ -217,7 +223,7 @@ def finished(
             dq[i] = 0.0
         return code
     if share < 1.0:
-        error = reached(machine, room.told, signals, target, False, room.own)
+        error = reached(machine, room.told, signals, target, room.own)
     told[LEFT] = error
     if machine.aim.turns:
         far, chord = 0.0, 0.0
@@ -263,69 +269,48 @@ def every(
     guards: Guards,
     search: Search,
     of_drawn: int,
+    mode: int,
     q: Array,
     signals: Array,
     payload: Array,
     centre: Array,
     usable: NDArray[np.bool_],
-) -> tuple[Index, Array, Array, Array]:
-    """The same of n commands: codes (n,), targets (n, a), dq (n, m), what is told (n, 4)."""
-    n, m = q.shape
-    room = command_room(drawn, machine, of_drawn, signals.shape[1])
-    count = len(room.drawn.place)
-    code, target = np.zeros(n, dtype=np.int64), np.empty((n, count))
-    dq, told = np.zeros((n, m)), np.zeros((n, 4))
-    for row in range(n):
-        code[row] = commanded(
-            drawn, machine, guards, search, q[row], signals[row], payload[row], centre[row],
-            usable[row], target[row], dq[row], told[row], room,
-        )  # fmt: skip
-    return code, target, dq, told
-
-
-@compiled()
-def verified(
-    drawn: Machine,
-    machine: Machine,
-    guards: Guards,
-    of_drawn: int,
-    q: Array,
-    signals: Array,
     target: Array,
     dq: Array,
     told: Array,
 ) -> Index:
-    """What becomes of corrections found otherwise, (n,); dq (n, m) and `told` are changed."""
+    """The same of n commands: codes (n,); targets (n, a), dq (n, m), `told` (n, 4) are filled in.
+
+    Args:
+        drawn: the drawing's machine.
+        machine: as identified.
+        guards: what must be kept to.
+        search: Newton's settings.
+        of_drawn: numbers of a sample's signals for the drawing's machine.
+        mode: `FOUND` to correct, `JUDGED` for guards and targets alone, `VERIFIED` for what
+            becomes of corrections dq that were found otherwise.
+        q: commands (n, m).
+        signals: of the commands, (n, S).
+        payload: [kg] (n,).
+        centre: of the payload [m] (n, 3).
+        usable: whether all conditions of a command are known, (n,).
+        target: places (n, a).
+        dq: corrections (n, m).
+        told: numbers, see above.
+    """
     n = len(q)
-    room, code = command_room(drawn, machine, of_drawn, signals.shape[1]), np.zeros(n, dtype=np.int64)
+    room, code = command_room(drawn, machine, of_drawn, signals.shape[1]), np.zeros(n, np.int64)
     for row in range(n):
-        code[row] = finished(
-            machine, guards, q[row], signals[row], target[row], dq[row], told[row], room
-        )
+        if mode == VERIFIED:
+            code[row] = finished(
+                machine, guards, q[row], signals[row], target[row], dq[row], told[row], room
+            )
+        else:
+            code[row] = commanded(
+                drawn, machine, guards, search, q[row], signals[row], payload[row], centre[row],
+                usable[row] and mode == FOUND, target[row], dq[row], told[row], room,
+            )  # fmt: skip
     return code
-
-
-@compiled()
-def judge_every(
-    drawn: Machine,
-    machine: Machine,
-    guards: Guards,
-    of_drawn: int,
-    of_own: int,
-    q: Array,
-    payload: Array,
-    centre: Array,
-) -> tuple[Index, Array, Array]:
-    """Guards of n commands alone: codes (n,), targets (n, a), what is told (n, 4)."""
-    n, room = len(q), command_room(drawn, machine, of_drawn, of_own)
-    code, told = np.zeros(n, dtype=np.int64), np.zeros((n, 4))
-    target = np.empty((n, len(room.drawn.place)))
-    for row in range(n):
-        told[row, LEFT], told[row, TURN] = np.inf, np.inf
-        code[row] = judged(
-            drawn, guards, q[row], payload[row], centre[row], target[row], told[row], room
-        )
-    return code, target, told
 
 
 @compiled(alone=True)

@@ -30,7 +30,7 @@ from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import Stamp, Table
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
 from delta_calibration.effects.base import SENSOR
-from delta_calibration.effects.signals import JOINT
+from delta_calibration.effects.signals import JOINT, Signals
 from delta_calibration.errors import InputError
 from delta_calibration.samples import Conditions, at_rest
 
@@ -50,6 +50,8 @@ _VERDICTS = (  # by the codes of command_kernel.py
     Verdict.SLACK,
     Verdict.NOT_REACHED,
 )
+_FOUND, _JUDGED, _VERIFIED = range(3)
+_PULLS = 4  # as in model/loads.py
 _SHARE, _LEFT, _TURN, _COUNT = range(4)  # what is told of a command, see command_kernel.py
 
 
@@ -239,32 +241,44 @@ class JointCompensator:
 
     def _found(self, q: Array, at: Conditions, usable: Flags) -> tuple[Array, Array, Array]:
         """Codes (n,), corrections (n, m) and numbers (n, 4) of commands: see command_kernel.py."""
-        kernel, own = _kernel(), self._machine(at.temperature_parts)
-        signals, payload = own.signals(at), np.ascontiguousarray(at.payload)
-        centre = np.ascontiguousarray(at.payload_centre)
-        machines = self._drawn.compiled, own.compiled, self._guards
-        of_drawn = self._drawn.places.size
+        own = self._machine(at.temperature_parts)
+        signals, target = own.signals(at), np.empty((len(q), own.aim.size))
+        dq, told = np.zeros_like(q), np.empty((len(q), 4))
         if self.by == "newton":
-            newton = Newton(own, self._newton).numbers
-            code, _, dq, told = kernel.every(
-                *machines, newton, of_drawn, q, signals.rows, payload, centre, usable
-            )
+            code = self._run(_FOUND, own, q, at, signals, usable, target, dq, told)
             return code, dq, told
-        code, target, told = kernel.judge_every(
-            *machines, of_drawn, signals.rows.shape[1], q, payload, centre
-        )
-        dq, rows = np.zeros_like(q), np.flatnonzero((code == 0) & usable)
+        code = self._run(_JUDGED, own, q, at, signals, usable, target, dq, told)
+        rows = np.flatnonzero((code == 0) & usable)
         if self.table is not None:
             rows = rows[self.table.covers(q[rows])]
         if rows.size:
-            part, numbers = signals.take(rows), told[rows]
-            found = self._search(own, q[rows], target[rows], part)
+            part, numbers, places = signals.take(rows), told[rows], target[rows]
+            found = self._search(own, q[rows], places, part)
             own_dq, numbers[:, _COUNT] = found.dq.copy(), found.evaluations
-            code[rows] = kernel.verified(
-                *machines, of_drawn, q[rows], part.rows, target[rows], own_dq, numbers
+            code[rows] = self._run(
+                _VERIFIED, own, q[rows], at.take(rows), part, usable[rows], places, own_dq, numbers
             )
             dq[rows], told[rows] = own_dq, numbers
         return code, dq, told
+
+    def _run(
+        self,
+        mode: int,
+        own: Machine,
+        q: Array,
+        at: Conditions,
+        signals: Signals,
+        usable: Flags,
+        target: Array,
+        dq: Array,
+        told: Array,
+    ) -> Any:
+        """Codes of commands, (n,); the last three are filled in, see command_kernel.py."""
+        return _kernel().every(
+            self._drawn.compiled, own.compiled, self._guards, Newton(own, self._newton).numbers,
+            self._drawn.places.size, mode, q, signals.rows, np.ascontiguousarray(at.payload),
+            np.ascontiguousarray(at.payload_centre), usable, target, dq, told,
+        )  # fmt: skip
 
     def _search(self, own: Machine, q: Array, target: Array, signals: Any) -> Any:
         """Corrections by swarm, or by the table and, where drives have effects, from there."""
@@ -301,7 +315,7 @@ class JointCompensator:
             float(limits.correction),
             REACHED,
             _STEPPED,
-            bool(self._nominal.pulls),
+            _PULLS if self._nominal.pulls else 0,
         )
 
     def _told_share(self, share: Array) -> Array | None:
@@ -337,11 +351,11 @@ class JointCompensator:
 
     def _admitted(self, q: Array) -> Flags:
         """Commands that no guard refuses, (n,)."""
-        at = at_rest(q)
-        code, _, _ = _kernel().judge_every(
-            self._drawn.compiled, self._own.bare.compiled, self._guards,
-            self._drawn.places.size, self._own.places.size, np.ascontiguousarray(q),
-            at.payload, at.payload_centre,
+        at, own, n = at_rest(q), self._own.bare, len(q)
+        rest, target = own.resting(q), np.empty((n, own.aim.size))
+        code = self._run(
+            _JUDGED, own, np.ascontiguousarray(q), at, rest, np.ones(n, dtype=np.bool_), target,
+            np.zeros((n, q.shape[1])), np.empty((n, 4)),
         )  # fmt: skip
         return np.asarray(code == 0)
 

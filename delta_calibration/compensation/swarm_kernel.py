@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.compensation.backward_kernel import Machine, Place, reached, scratch
+from delta_calibration.compensation.backward_kernel import Machine, Place, begin, reached, scratch
 from delta_calibration.model.jit import compiled
 from delta_calibration.model.kernels import M
 from delta_calibration.model.stand import JOINT
@@ -112,12 +112,12 @@ def _squares(
     room: Place,
 ) -> None:
     """Squared distances (m,) [m^2] of any machine, infinite where it cannot stand."""
-    m, near = len(square), False
+    m = len(square)
+    begin(room)
     for i in range(m):
         for k in range(len(q)):
             there[k] = q[k] + x[k * m + i]
-        far = reached(machine, there, signals, target, near, room)
-        near = far < np.inf
+        far = reached(machine, there, signals, target, room)
         square[i] = far * far
 
 

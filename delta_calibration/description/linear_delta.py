@@ -24,7 +24,7 @@ from delta_calibration.description.tree import (
 )
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import LinearDelta, Mechanism
-from delta_calibration.mechanisms.linear_delta import ANGLE, ARM, ENDSTOP, RADIUS, TOWERS
+from delta_calibration.mechanisms.linear_delta import ANGLE, ARM, ENDSTOP, RADIUS
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -40,14 +40,15 @@ class LinearDeltaLook(Look):
 
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
         """Carriages on towers, an arm each; their joints are moved in by the platform's radius."""
-        g, links, joints, struts, towers = geometry, [], [], [], []
-        for i in range(TOWERS):
-            carriage, turn = f"carriage_{i + 1}", rotations.about_z(g[ANGLE][i])
-            top = g[RADIUS] * turn[:, 0] + g[ENDSTOP][i] * Z
+        links, joints, struts, towers = [], [], [], []
+        for i, limb in enumerate(mechanism.limbs):
+            g = geometry[list(limb.dimensions)]
+            carriage, turn = f"carriage_{i + 1}", rotations.about_z(g[ANGLE])
+            top = g[RADIUS] * turn[:, 0] + g[ENDSTOP] * Z
             start = Frame(turn, top)
             links.append(Link(carriage, (Cylinder(-_HALF, _HALF, _THICK, ORANGE),)))
             joints.append(motor(robot, i, BASE, carriage, start, -Z, PRISMATIC))
-            arm = float(g[ARM][i])
+            arm = float(g[ARM])
             struts.append(
                 Strut(str(i + 1), carriage, Frame.identity(), np.zeros(3), arm, _THIN, colour=BLUE)
             )

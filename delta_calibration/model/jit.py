@@ -53,9 +53,9 @@ def compiled(
     Python runs beside it.
     """
     njit: Any = numba.njit  # typed in some of numba's versions, in others not
-    options = _CONTRACTED if contract else _STRICT
+    options: dict[str, Any] = {**(_CONTRACTED if contract else _STRICT)}
     if borrows:
-        options = {**options, "_nrt": False}
+        options["_nrt"] = False
 
     def decorate(function: _Function) -> _Function:
         names = {__name__, *(other.__name__ for other in others)}
@@ -140,15 +140,16 @@ call: Any = intrinsic(_call)  # in compiled functions: call(address, workspace)
 
 
 @structref.register
-class HeldType(types.StructRef):  # type: ignore[misc]
+class HeldType(types.StructRef):  # type: ignore[misc,unused-ignore]
     """Type of what is held for compiled functions, see `Held`."""
 
     def preprocess_fields(self, fields: Any) -> Any:
         """Any value whatever."""
-        return tuple((name, types.unliteral(kind)) for name, kind in fields)
+        unliteral: Any = types.unliteral
+        return tuple((name, unliteral(kind)) for name, kind in fields)
 
 
-class Held(structref.StructRefProxy):  # type: ignore[misc]
+class Held(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
     """Arrays taken over by compiled functions once, and handed to them by one reference.
 
     Handing over a machine's arrays one by one takes longer than what is computed with them.
@@ -160,9 +161,10 @@ class Held(structref.StructRefProxy):  # type: ignore[misc]
         return _hold(value)
 
 
-structref.define_constructor(Held, HeldType, ["value"])
-structref.define_attributes(HeldType)
-structref.define_boxing(HeldType, Held)
+_structref: Any = structref  # typed in some of numba's versions, in others not
+_structref.define_constructor(Held, HeldType, ["value"])
+_structref.define_attributes(HeldType)
+_structref.define_boxing(HeldType, Held)
 
 
 def _hold_value(value: Any) -> Any:

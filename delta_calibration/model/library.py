@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 GENERATED = "delta_calibration.model.generated"
 _PACKAGE = "delta_calibration"
 _VOCABULARY = (f"{_PACKAGE}.model.law", f"{_PACKAGE}.model.symbols")
+_SITES = frozenset(("site-packages", "dist-packages"))
 _VALUES = (bool, int, float, str, type(None))  # what is the same where it looks the same
 # of the package, what laws are made of; the rest of it does not change what they say
 _PARTS = tuple(f"{_PACKAGE}.{part}" for part in ("mechanisms", "effects", "model"))
@@ -123,14 +124,14 @@ def _key(law: Law) -> str:
     """
     function, known = _origin(law), [*_carried(law.express, set())]
     parts = [repr((law.name, law.layout, getattr(function, "__qualname__", "")))]
-    homes = [sys.modules.get(name) for name in {f.__module__ for f in known if _is_plain(f)}]
-    in_files = all(home is not None and _file_of(home) is not None for home in homes)
+    homes = {str(f.__module__) for f in known if _is_plain(f)}
+    in_files = all(_file_of(home) is not None for home in homes)
     values = [value for value in known if not _is_plain(value)]
     if in_files and all(isinstance(value, _VALUES) for value in values):
         parts.append(repr(values))
     else:
         parts.append(law.source())
-    names = {*_VOCABULARY}.union(*(_reached(home) for home in homes if home is not None))
+    names = {*_VOCABULARY}.union(*map(_reached, homes))
     texts = [_text(name) for name in sorted(names)]
     return blake2s("\0".join(parts + texts).encode(), digest_size=8).hexdigest()
 
@@ -159,62 +160,79 @@ def _carried(value: Any, seen: set[int]) -> Iterator[Any]:
         yield from _carried(part, seen)
 
 
-def _reached(first: ModuleType) -> set[str]:
+def _reached(first: str) -> set[str]:
     """Modules that a law may take something from: its own, those that one names, and so on."""
     found: set[str] = set()
-    todo = [first.__name__]
+    todo = [first]
     while todo:
         name = todo.pop()
-        module = sys.modules.get(name)
-        if name in found or module is None or not _counts(name, module, first):
+        if name in found or not _counts(name, first):
             continue
         found.add(name)
-        todo.extend(_named(module))
+        todo.extend(_named(name))
         if not name.startswith(f"{_PACKAGE}."):
-            todo.extend(_imported(module))
+            todo.extend(_imported(name))
     return found
 
 
-def _counts(name: str, module: ModuleType, first: ModuleType) -> bool:
+def _counts(name: str, first: str) -> bool:
     """Whether a module is the user's own, or a part of the package that laws are made of."""
-    if name.partition(".")[0] == _PACKAGE:
+    top = name.partition(".")[0]
+    if top == _PACKAGE:
         return name.startswith(_PARTS) and not name.startswith(GENERATED)
-    file, top = _file_of(module), first.__name__.partition(".")[0]
-    return file is not None and (name.partition(".")[0] == top or not _is_installed(file))
+    if top in sys.stdlib_module_names:
+        return False
+    file = _file_of(name)
+    return file is not None and (top == first.partition(".")[0] or not _is_installed(file))
 
 
 def _is_installed(file: Path) -> bool:
-    return any(file.is_relative_to(folder) for folder in _installed())
+    """Whether it is of the standard library, or of what pip or the system installs."""
+    folders = not _SITES.isdisjoint(file.parts)
+    return folders or any(file.is_relative_to(folder) for folder in _installed())
 
 
 @cache
 def _installed() -> tuple[Path, ...]:
-    """Folders of the standard library and of what pip installs."""
     paths = sysconfig.get_paths()
     names = ("stdlib", "platstdlib", "purelib", "platlib")
     return tuple(Path(paths[name]) for name in names)
 
 
-def _file_of(module: ModuleType) -> Path | None:
-    file = getattr(module, "__file__", None)
+def _file_of(name: str) -> Path | None:
+    """The source file of a module, which need not be imported yet; None without one."""
+    module = sys.modules.get(name)
+    if module is None:
+        try:
+            spec = util.find_spec(name)
+        except (ImportError, AttributeError, ValueError):  # no module, but something in one
+            return None
+        file = spec.origin if spec is not None else None
+    else:
+        file = getattr(module, "__file__", None)
     return Path(file) if file is not None and file.endswith(".py") else None
 
 
-def _named(module: ModuleType) -> Iterator[str]:
-    for value in list(vars(module).values()):
-        name = value.__name__ if isinstance(value, ModuleType) else _home_of(value)
-        if isinstance(name, str):
-            yield name
+def _named(name: str) -> Iterator[str]:
+    """Modules that those things come from which a module has names for."""
+    module = sys.modules.get(name)
+    for value in list(vars(module).values()) if module is not None else ():
+        home = value.__name__ if isinstance(value, ModuleType) else _home_of(value)
+        if isinstance(home, str):
+            yield home
 
 
-def _imported(module: ModuleType) -> Iterator[str]:
-    """Modules that a file imports, whatever it takes of them: numbers do not say where from."""
-    for node in ast.walk(ast.parse(_text(module.__name__))):
+def _imported(name: str) -> Iterator[str]:
+    """Modules that a file imports, whatever it takes of them: a number does not say where from."""
+    file, parents = _file_of(name), name.split(".")
+    if file is not None and file.stem != "__init__":
+        parents = parents[:-1]
+    for node in ast.walk(ast.parse(_text(name))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            above = (module.__package__ or "").split(".")[: 1 - node.level or None]
-            home = ".".join(filter(None, [*(above if node.level else ()), node.module]))
+            above = parents[: len(parents) + 1 - node.level] if node.level else []
+            home = ".".join([*above, *filter(None, [node.module])])
             yield home
             yield from (f"{home}.{alias.name}" for alias in node.names)
 
@@ -225,5 +243,5 @@ def _home_of(value: Any) -> Any:
 
 @cache
 def _text(name: str) -> str:
-    path = _file_of(sys.modules[name])
+    path = _file_of(name)
     return "" if path is None else path.read_text(encoding="utf-8")

@@ -25,7 +25,6 @@ from delta_calibration.model.kernels import (
     Limbs,
     M,
     P,
-    R,
     Room,
     assemble,
     copy_into,
@@ -175,7 +174,6 @@ def _signal(body: Body, stages: Stages, signals: Array, x: Array, state: State) 
     if stages.asked & INERTIA:
         copy_into(signals[at[TORQUE] : at[TORQUE] + len(found.inertia)], found.inertia)
     if stages.asked & PULLS:
-        r = body.limbs.sizes[R]
         copy_into(signals[at[PULL] : at[PULL] + len(found.pull)], found.pull)
         copy_into(signals[at[PULL_HOME] : at[PULL_HOME] + len(found.pull_home)], found.pull_home)
 

@@ -1,0 +1,157 @@
+"""Where generated laws of users' own are kept: by what they say, not by what they are called."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+from functools import partial
+
+import numpy as np
+import pytest
+
+from delta_calibration.model import kernels, library
+from delta_calibration.model.law import Law
+
+pytest.importorskip("casadi", exc_type=ImportError)
+X = (("q", 1), ("g", 0), ("c", 0))
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "delta_calibration" / "laws"
+
+
+def value(express, q=2.0):
+    """What a law of one number gives there."""
+    law = Law("own", X, 1, express)
+    found, none = np.zeros((1, 1)), np.zeros((1, 0))
+    at = np.array([law.offsets[name] for name in ("q", "g", "c", "f")])
+    addresses = np.array(law.compiled.addresses)
+    size = law.compiled.size
+    kernels.started(addresses, at, size, np.zeros(0), np.full((1, 1), q), none, found)
+    return found[0, 0]
+
+
+def times(factor):
+    return lambda q, g, c: np.sum(factor) * q
+
+
+def scaled(factor, q, g, c):
+    return factor * q
+
+
+class Gear:
+    """A law that is a method goes by what its object holds."""
+
+    def __init__(self, ratio):
+        self.ratio = ratio
+
+    def law(self, q, g, c):
+        return self.ratio * q
+
+
+def recursive(depth):
+    def law(q, g, c, left=depth):
+        return q if left == 0 else q * law(q, g, c, left - 1)
+
+    return law
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (times(3.0), times(5.0)),
+        (times(np.float64(3.0)), times(np.float64(5.0))),
+        (times(np.array([1.0, 2.0])), times(np.array([1.0, 4.0]))),
+        (times([1.0, 2.0]), times([1.0, 4.0])),
+        (partial(scaled, 3.0), partial(scaled, 5.0)),
+        (partial(scaled, np.float32(3.0)), partial(scaled, np.float32(5.0))),
+        (Gear(3.0).law, Gear(5.0).law),
+    ],
+    ids=["number", "numpy number", "array", "list", "partial", "partial numpy", "method"],
+)
+def test_laws_of_one_text_that_say_different_things_are_kept_apart(one, other, folder):
+    assert value(one) == pytest.approx(6.0)
+    assert value(other) == pytest.approx(10.0)
+    assert value(one) == pytest.approx(6.0)
+    assert len([*folder.glob("own_*.py")]) == 2
+
+
+def test_a_law_that_calls_itself_has_an_end():
+    assert value(recursive(1)) == pytest.approx(4.0)
+    assert value(recursive(3)) == pytest.approx(16.0)
+
+
+def test_what_is_typed_in_goes_by_what_it_says(folder):
+    """No file tells what its function `gear` is at the moment."""
+    names = {}
+    for ratio, expected in ((3.0, 6.0), (5.0, 10.0)):
+        text = f"def gear(q):\n    return {ratio} * q\ndef law(q, g, c):\n    return gear(q)\n"
+        exec(text, {"__name__": "prompt"}, names)
+        names["law"].__globals__["gear"] = names["gear"]
+        assert value(names["law"]) == pytest.approx(expected)
+    assert len([*folder.glob("own_*.py")]) == 2
+
+
+MINE = """
+{how}
+from delta_calibration.model.law import Law
+from test_library import X, value
+
+def law(q, g, c):
+    return {name} * q
+
+print(value(law))
+"""
+
+
+@pytest.mark.parametrize(
+    ("how", "name"),
+    [
+        ("from sizes import RATIO", "RATIO"),
+        ("from parts.sizes import RATIO as OWN", "OWN"),
+        ("from parts import own", "own.RATIO"),
+        ("def ratio():\n    from sizes import RATIO\n    return RATIO", "ratio()"),
+    ],
+)
+def test_an_edit_of_a_number_that_is_imported_is_noticed(how, name, tmp_path):
+    """A number does not say where it comes from; the import does."""
+    (tmp_path / "mine.py").write_text(MINE.format(how=how, name=name))
+    package = tmp_path / "parts"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "own.py").write_text("from .sizes import RATIO\n")
+    paths = os.pathsep.join([str(tmp_path), os.path.dirname(__file__)])
+    own = {**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"}
+    for ratio in (3.0, 5.0):
+        for place in (tmp_path, package):
+            (place / "sizes.py").write_text(f"RATIO = {ratio}\n")
+        done = subprocess.run(
+            [sys.executable, "-c", "import mine"], env=own, capture_output=True, text=True,
+            check=True,
+        )  # fmt: skip
+        assert float(done.stdout) == pytest.approx(2 * ratio)
+
+
+def test_a_full_disk_is_no_reason_to_stop(folder, monkeypatch):
+    """What cannot be kept is generated for this process; nothing half written is left."""
+
+    def full(text, path, write=library._write):
+        if path.parent == folder:
+            monkeypatch.setattr(os, "fdopen", no_space)
+        try:
+            write(text, path)
+        finally:
+            monkeypatch.setattr(os, "fdopen", fdopen)
+
+    def no_space(descriptor, *_, **__):
+        os.close(descriptor)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    fdopen = os.fdopen
+    monkeypatch.setattr(library, "_write", full)
+    assert value(times(7.0)) == pytest.approx(14.0)
+    assert [*folder.iterdir()] == []
