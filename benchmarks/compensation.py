@@ -27,6 +27,7 @@ for library in ("OPENBLAS", "MKL", "OMP"):
 # The libraries read these variables when they are loaded, hence the imports after them.
 # ruff: noqa: E402
 import numpy as np
+from delta_calibration.compensation.compiled import CompiledGeometry, drawn_beforehand
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -38,7 +39,6 @@ from delta_calibration.compensation import (
     newton_kernel,
     swarm_kernel,
 )
-from delta_calibration.compensation.compiled import CompiledGeometry, drawn_beforehand
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot, load_robot
 from swarm_rivals import RIVALS, Objective, Solver, installed, root, solve

@@ -23,11 +23,11 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 # The libraries read these variables when they are loaded, hence the imports after them.
 # ruff: noqa: E402
 import numpy as np
+from delta_calibration.compensation.compiled import CompiledGeometry
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.compensation import JointCompensator, NewtonSettings, TableSettings
-from delta_calibration.compensation.compiled import CompiledGeometry
 from delta_calibration.geometry import Frame
 from delta_calibration.plans import nominal_joints
 from delta_calibration.region import Region

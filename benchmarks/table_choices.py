@@ -13,9 +13,9 @@ import sys
 from itertools import product
 
 import numpy as np
+from delta_calibration.compensation.compiled import CompiledGeometry
 
 from delta_calibration.compensation import NewtonSettings
-from delta_calibration.compensation.compiled import CompiledGeometry
 from delta_calibration.compensation.table import BEND, Stamp, Table, nodes_between
 from delta_calibration.plans import nominal_joints
 from delta_calibration.robot import load_robot

@@ -1,9 +1,9 @@
-"""The chain of a machine taken backward, from the tool to the command: compiled, for any mechanism.
+"""The chain of a machine taken backward, from tool to command: compiled, for any mechanism.
 
-For a nominal command q the target is the place p* that the drawing's machine takes there; sought is
-the command q + dq with
+For a nominal command q the target is the place p* that the drawing's machine takes there; sought
+is the command q + dq with
 
-    place(stand(q + dq)) = p*        stand: the whole identified chain, see model/stand.py
+place(stand(q + dq)) = p*        stand: the whole identified chain, see model/stand.py
 
 Where every joint moves the tool by itself, Newton's method on the commands finds it: the slope of
 the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where all of

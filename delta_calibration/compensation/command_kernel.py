@@ -6,7 +6,7 @@ way, and so do corrections that were found otherwise, by a swarm or a table.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ from delta_calibration.compensation.backward_kernel import (
     scratch,
     stands,
 )
-from delta_calibration.model.jit import Held, compiled
+from delta_calibration.model.jit import Held as Held
+from delta_calibration.model.jit import compiled
 from delta_calibration.model.kernels import FULL, K, M, T, moved, place
 from delta_calibration.model.loads import bear, point_at
 
@@ -86,7 +87,7 @@ def command_room(drawn: Machine, machine: Machine, of_drawn: int, of_own: int) -
 @compiled(borrows=True)
 def _within(guards: Guards, q: Array, dq: Array) -> bool:
     """Whether q + dq is within the joints' limits."""
-    for i in range(len(q)):
+    for i in range(len(q)):  # noqa: SIM110 - nothing is made for it
         if not guards.lower[i] <= q[i] + dq[i] <= guards.upper[i]:
             return False
     return True
@@ -94,7 +95,7 @@ def _within(guards: Guards, q: Array, dq: Array) -> bool:
 
 @compiled(borrows=True)
 def _finite(values: Array) -> bool:
-    for value in values:
+    for value in values:  # noqa: SIM110
         if not np.isfinite(value):
             return False
     return True
@@ -135,7 +136,7 @@ def _borne(
         drawn.body.limbs, drawn.body.bearing, guards.pulls, own.state.joint, own.x, still, still,
         payload if known else 0.0, where, own.state.room, own.state.carried,
     )  # fmt: skip
-    for pull in own.state.carried.pull:
+    for pull in own.state.carried.pull:  # noqa: SIM110
         if not pull > 0.0:
             return False
     return True
@@ -315,7 +316,7 @@ def every(
 
 @compiled(alone=True)
 def single(
-    held: Held,
+    held: Any,
     q: Array,
     signals: Array,
     payload: float,

@@ -362,7 +362,7 @@ class JointCompensator:
 
 def _kernel() -> Any:
     """The compiled guards and corrections; numba is loaded with the first use."""
-    from delta_calibration.compensation import command_kernel  # noqa: PLC0415
+    from delta_calibration.compensation import command_kernel
 
     return command_kernel
 

@@ -288,13 +288,13 @@ def drawn(mechanism: Mechanism, tool: Array, masses: Any = None) -> Machine:
 
 def _kernel() -> Any:
     """The compiled chain, backward; numba is loaded with the first use."""
-    from delta_calibration.compensation import backward_kernel  # noqa: PLC0415
+    from delta_calibration.compensation import backward_kernel
 
     return backward_kernel
 
 
 def _swarm_kernel() -> Any:
     """The compiled swarm."""
-    from delta_calibration.compensation import swarm_kernel  # noqa: PLC0415
+    from delta_calibration.compensation import swarm_kernel
 
     return swarm_kernel

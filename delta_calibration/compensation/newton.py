@@ -1,4 +1,4 @@
-"""How far and how long Newton's steps of a compensation go; the method is in backward_kernel.py."""
+"""How far Newton's steps of a compensation go, and how long; backward_kernel.py has the method."""
 
 from __future__ import annotations
 
