@@ -3,7 +3,7 @@
 For a nominal command q the target is the place p* that the drawing's machine takes there; sought
 is the command q + dq with
 
-place(stand(q + dq)) = p*        stand: the whole identified chain, see model/stand.py
+    place(stand(q + dq)) = p*      stand: the whole identified chain, see model/stand.py
 
 Where every joint moves the tool by itself, Newton's method on the commands finds it: the slope of
 the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where all of
@@ -88,6 +88,7 @@ class Machine(NamedTuple):
     aim: Aimed
     by_pose: bool  # whether the pose is found before the joints
     reshaped: bool  # whether dimensions change from command to command
+    exact: bool  # whether the mechanism's opening is the pose itself
 
 
 class Search(NamedTuple):
@@ -181,7 +182,7 @@ def stands(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
         machine.body, machine.stages, room.signals, machine.g, machine.theta,
         room.near[0] > 0.0, STRAY, room.x, room.state,
     )  # fmt: skip
-    room.near[0] = 1.0 if good else 0.0
+    room.near[0] = 1.0 if good and not machine.exact else 0.0
     if good:
         place_of(machine, room.x, room)
     return good

@@ -116,7 +116,8 @@ class Machine:
         stages = self.chain.stages(self.parts)
         reshaped = bool(self.reshaping)
         body = self.mechanism.body(self.masses)
-        return kernel.Machine(body, stages, g, theta, aim, self.by_pose, reshaped)
+        exact = bool(self.mechanism.exact)
+        return kernel.Machine(body, stages, g, theta, aim, self.by_pose, reshaped, exact)
 
     def with_parts(self, parts: tuple[str, ...]) -> Machine:
         """The same where the temperatures of these parts are known."""

@@ -113,10 +113,10 @@ def _squares(
 ) -> None:
     """Squared distances (m,) [m^2] of any machine, infinite where it cannot stand."""
     m = len(square)
-    begin(room)
     for i in range(m):
         for k in range(len(q)):
             there[k] = q[k] + x[k * m + i]
+        begin(room)
         far = reached(machine, there, signals, target, room)
         square[i] = far * far
 
