@@ -27,19 +27,24 @@ for library in ("OPENBLAS", "MKL", "OMP"):
 # The libraries read these variables when they are loaded, hence the imports after them.
 # ruff: noqa: E402
 import numpy as np
-from delta_calibration.compensation.compiled import CompiledGeometry, drawn_beforehand
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 import plain_swarm
+from delta_calibration.chain import Chain
 from delta_calibration.compensation import (
     Apso,
     ApsoSettings,
+    Machine,
+    Newton,
     NewtonSettings,
-    newton_kernel,
-    swarm_kernel,
+    Swarm,
 )
+from delta_calibration.compensation.backward_kernel import begin, scratch, stands
+from delta_calibration.compensation.machine import spheres
+from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.model.jit import Held, compiled
 from delta_calibration.robot import Robot, load_robot
 from swarm_rivals import RIVALS, Objective, Solver, installed, root, solve
 
@@ -64,9 +69,9 @@ class Task:
     settings: ApsoSettings
 
     @property
-    def compiled(self) -> CompiledGeometry:
-        """The machine, compiled."""
-        return CompiledGeometry(self.mechanism, self.geometry, np.zeros(3))
+    def machine(self) -> Machine:
+        """The machine as the compensation takes it."""
+        return machine_of(self.mechanism, self.geometry)
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,13 @@ class Row:
     evaluations: float
     reached: int
     tried: int
+
+
+def machine_of(mechanism: Mechanism, geometry: Array) -> Machine:
+    """A machine of these parameters (p,), without effects, its tool at the platform's centre."""
+    chain = Chain(mechanism, np.zeros(3), 1.0)
+    theta = chain.join(geometry, np.zeros(3), Frame.identity())
+    return Machine(chain, theta, np.zeros(3))
 
 
 def commands(robot: Robot, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -107,7 +119,7 @@ def make_task(n: int, seed: int) -> Task:
 def timed(task: Task, name: str, way: Way, n: int, size: int = 1) -> Row:
     """Let a way correct n targets, `size` at once, again and again; the least of each counts.
 
-    What it reached is judged by numpy's model.
+    What it reached is judged by the mechanism's own direct problem.
     """
     parts = [slice(first, first + size) for first in range(0, n, size)]
     batches = [(task.q[rows], task.target[rows], rows.start) for rows in parts]
@@ -126,7 +138,7 @@ def timed(task: Task, name: str, way: Way, n: int, size: int = 1) -> Row:
 
 
 def point(task: Task) -> Callable[[Array], Array]:
-    """The mechanism's point by numpy, (..., 3) -> (..., 3) [m]."""
+    """The mechanism's own direct problem, (..., 3) -> (..., 3) [m]."""
 
     def at(q: Array) -> Array:
         found = task.mechanism.forward(q.reshape(-1, 3), task.geometry)
@@ -135,16 +147,34 @@ def point(task: Task) -> Callable[[Array], Array]:
     return at
 
 
+@compiled(alone=True)
+def places(held: Held, q: Array) -> Array:
+    """Places of the tool (n, 3) [m] by the compiled chain, NaN where it cannot stand."""
+    machine, signals, room = held.value
+    found = np.full(q.shape, np.nan)
+    for row in range(len(q)):
+        begin(room)
+        if stands(machine, q[row], signals, room):
+            found[row] = room.place
+    return found
+
+
+def fast_point(machine: Machine) -> Callable[[Array], Array]:
+    """The same for the libraries, with as little as can be about the compiled function."""
+    signals = machine.resting(machine.mechanism.home[None]).rows[0].copy()
+    held = Held((machine.compiled, signals, scratch(machine.compiled, len(signals))))
+    return lambda q: places(held, q)
+
+
 def our_swarms(task: Task) -> Iterator[Row]:
-    """The compiled function, called as `CompiledApso` calls it; numpy; plain Python."""
-    s, machine = task.settings, task.compiled.arrays
-    spheres = machine[0].tolist()
-    constants = (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social)
-    random_numbers, by_numpy = drawn_beforehand(s), Apso(point(task), s)
+    """`Swarm`, which is compiled; `Apso`, in numpy; plain Python."""
+    s = task.settings
+    legs = spheres(task.mechanism, task.geometry).tolist()
+    swarm, by_numpy = Swarm(task.machine, s), Apso(point(task), s)
 
     def compiled_swarm(q: Array, target: Array, _: int) -> Found:
-        out = swarm_kernel.search(machine, q, target, *random_numbers, constants)
-        return out[:, :3], out[:, 4]
+        found = swarm.correct(q, target)
+        return found.dq, found.evaluations
 
     def numpy_swarm(q: Array, target: Array, _: int) -> Found:
         found = by_numpy.correct(q, target)
@@ -156,7 +186,7 @@ def our_swarms(task: Task) -> Iterator[Row]:
         def distance(dq: list[float]) -> float:
             there = [a + b for a, b in zip(told, dq, strict=True)]
             try:
-                return dist(plain_swarm.meeting_point(spheres, there), p)
+                return dist(plain_swarm.meeting_point(legs, there), p)
             except ValueError:
                 return np.inf
 
@@ -172,7 +202,7 @@ def our_swarms(task: Task) -> Iterator[Row]:
 
 def rivals(task: Task) -> Iterator[Row]:
     """The libraries, each on the first targets."""
-    fast, bound = task.compiled.point, task.settings.bound_rad
+    fast, bound = fast_point(task.machine), task.settings.bound_rad
 
     def by(solver: Solver) -> Way:
         def way(q: Array, target: Array, number: int) -> Found:
@@ -191,20 +221,19 @@ def rivals(task: Task) -> Iterator[Row]:
 
 
 def direct(task: Task) -> Iterator[Row]:
-    """What needs no swarm: Newton's method compiled, and the closed form by numpy."""
-    geometry = task.compiled.arrays
-    settings = NewtonSettings(task.settings.bound_rad, TOLERANCE).numbers
+    """What needs no swarm: Newton's method and the closed form, both compiled."""
+    by_newton = Newton(task.machine, NewtonSettings(task.settings.bound_rad, TOLERANCE))
 
     def newton(q: Array, target: Array, _: int) -> Found:
-        dq, _, evaluations = newton_kernel.newton(*geometry, q, target, settings)
-        return dq, evaluations
+        found = by_newton.correct(q, target)
+        return found.dq, found.evaluations
 
     def closed(q: Array, target: Array, _: int) -> Found:
         return task.mechanism.inverse(target, task.geometry) - q, 0.0
 
     yield timed(task, "Newton, compiled", newton, SINGLE)
     yield timed(task, f"Newton, compiled, {BATCH} at once", newton, BATCH, BATCH)
-    yield timed(task, "closed form, numpy", closed, SINGLE)
+    yield timed(task, "closed form", closed, SINGLE)
     yield timed(task, f"closed form, {BATCH} at once", closed, BATCH, BATCH)
 
 
@@ -227,21 +256,20 @@ def table(rows: list[Row]) -> str:
 
 
 def failures(n: int, model: str, per_machine: int = 10) -> int:
-    """Searches that end farther than `TOLERANCE` from their target, of n; said by numpy's model.
+    """Searches that end farther than `TOLERANCE` from their target, of n.
 
-    Each machine is drawn within its tolerances, has targets of its own, and its number is the
+    Judged by the mechanism's own direct problem. Each machine is drawn within its tolerances, has targets of its own, and its number is the
     swarm's seed.
     """
     robot = load_robot("srbd")
     mechanism, rng = robot.model(model), np.random.default_rng(0)
     settings = ApsoSettings(bound_rad=robot.limits.correction, tolerance=TOLERANCE)
-    compiled = CompiledGeometry(mechanism, mechanism.parameters.nominal, np.zeros(3))
     failed, most = 0, 0
     for number in tqdm(range(0, n, per_machine), disable=not sys.stderr.isatty()):
         geometry = drawn(mechanism, rng)
         q, target = commands(robot, min(per_machine, n - number), rng)
         law = replace(settings, seed=number)
-        found = compiled.at(geometry).swarm(q, target, law)
+        found = Swarm(machine_of(mechanism, geometry), law).correct(q, target)
         there = mechanism.forward(q + found.dq, geometry)[:, :3]
         missed = ~(np.linalg.norm(there - target, axis=1) <= TOLERANCE * (1 + 1e-6))
         failed, most = failed + int(missed.sum()), max(most, int(found.evaluations.max()))

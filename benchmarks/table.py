@@ -5,7 +5,7 @@
 Machines with errors as their tolerances allow, each its own calibration over the disc in the
 paper's plane that its line crosses. The errors are the distance of the tool, by the identified
 model, from where Newton's correction brings it, at many places of the disc that know nothing of
-the grid. Times are the least of many short runs of the compiled functions themselves: a batch is
+the grid. Times are the least of many short runs of `Table.at` and `Newton.correct`: a batch is
 2000 commands; one alone is a call from Python.
 """
 
@@ -23,11 +23,16 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 # The libraries read these variables when they are loaded, hence the imports after them.
 # ruff: noqa: E402
 import numpy as np
-from delta_calibration.compensation.compiled import CompiledGeometry
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
-from delta_calibration.compensation import JointCompensator, NewtonSettings, TableSettings
+from delta_calibration.compensation import (
+    JointCompensator,
+    Machine,
+    Newton,
+    NewtonSettings,
+    TableSettings,
+)
 from delta_calibration.geometry import Frame
 from delta_calibration.plans import nominal_joints
 from delta_calibration.region import Region
@@ -58,6 +63,11 @@ def machine(robot: Robot, model: str, seed: int) -> Calibration:
     rim = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(180, PLANE)], axis=1)
     region = Region.of(rim)
     return Calibration(robot, chain, theta, region, lower, upper, 1e-5, "bench", "0" * 64)
+
+
+def identified(known: Calibration) -> Machine:
+    """The machine of a calibration, with the robot's tool."""
+    return Machine(known.chain, known.theta, known.robot.tool_offset)
 
 
 def least(function: Callable[[], object], number: int, items: int, repeats: int) -> float:
@@ -112,8 +122,8 @@ def cost(robot: Robot) -> None:
         row(f"table, {nodes} nodes an axis", lambda a, b, table=table: table.at(a))
     for model in ("rotary_delta", "six_rod_delta"):
         known = machine(robot, model, 0)
-        geometry = CompiledGeometry(known.chain.mechanism, known.geometry, robot.tool_offset)
-        row(f"newton, {model}", lambda a, b, g=geometry: g.newton(a, b, settings))
+        newton = Newton(identified(known), settings)
+        row(f"newton, {model}", lambda a, b, newton=newton: newton.correct(a, b))
 
 
 def main() -> int:

@@ -13,13 +13,12 @@ import sys
 from itertools import product
 
 import numpy as np
-from delta_calibration.compensation.compiled import CompiledGeometry
 
-from delta_calibration.compensation import NewtonSettings
+from delta_calibration.compensation import Newton, NewtonSettings
 from delta_calibration.compensation.table import BEND, Stamp, Table, nodes_between
 from delta_calibration.plans import nominal_joints
 from delta_calibration.robot import load_robot
-from table import MACHINES, PLANE, RADIUS, disc, machine
+from table import MACHINES, PLANE, RADIUS, disc, identified, machine
 
 K, PAD = 15, 0.01  # nodes an axis; of the box's width, beyond the disc's joints either side
 EVEN = 1e-9  # b of a grid that is even
@@ -82,10 +81,10 @@ def main() -> int:
         there = np.isfinite(start).all(axis=1)
         for model, seed in product(("rotary_delta", "six_rod_delta"), range(MACHINES)):
             known = machine(robot, model, seed)
-            geometry = CompiledGeometry(known.chain.mechanism, known.geometry, robot.tool_offset)
+            geometry = identified(known)
             meant = nominal.forward(start[there], drawn)
             dq = np.full_like(nodes, np.nan)
-            dq[there] = geometry.newton(start[there], meant, SETTINGS).dq
+            dq[there] = Newton(geometry, SETTINGS).correct(start[there], meant).dq
             values, places = dq.reshape(K, K, K, 3), target if grid.startswith("targets") else q
             if kind == "splines":
                 stamp = Stamp("", "", model, (0.0, 0.0, 0.0))

@@ -7,6 +7,7 @@ to gravity. One harmonic for all joints (`transmission_error`) lies in the curve
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
@@ -18,9 +19,12 @@ from delta_calibration.cli.diagnose import describe
 from delta_calibration.diagnosis import Judgement, Measured, diagnose_observations
 from delta_calibration.effects import Effect, Stage, catalogue
 from delta_calibration.effects.joint_curve import JointCurve
+from delta_calibration.effects.signals import JOINT, Places
 from delta_calibration.geometry import Frame
 from delta_calibration.identification.observations import PointMeasured
 from delta_calibration.mechanisms.serial_arm import SerialArm
+from delta_calibration.model.symbols import Symbol, cos, dot, sin, where
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.report.drawing import (
     BEFORE,
@@ -76,11 +80,25 @@ class GravitySag(Effect):
             )
         )
 
-    def columns(self, at: Conditions) -> Array:
-        """(n, m, levers)."""
-        unit = np.eye(at.joint.shape[1])
-        each = levers(at.joint).items()
-        return np.stack([v[:, None] * unit[j] for j, some in each for v in some], axis=-1)
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """v times a lever: the cosine of a sum of angles, some times the sine of the fifth."""
+        turned = where(c[7] > 0, sin(s[4]), 1.0)
+        return v[0] * cos(dot(c[0:6], s[0:6]) + c[6]) * turned
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each lever of each joint, see `levers` of real_ur10.py."""
+        first = places.begin(JOINT)
+        signals = tuple(range(first, first + self.mechanism.joints))
+        upper, fore, wrist = ((0.0, *(float(i < n) for i in range(5))) for n in (1, 2, 3))
+        hand = [(*wrist, -np.pi / 2, 0.0), (*wrist, 0.0, 0.0), (*wrist, 0.0, 1.0)]
+        arm = [(*upper, 0.0, 0.0), (*fore, 0.0, 0.0)]
+        every = [(1, each) for each in (*arm, *hand)]
+        every += [(2, each) for each in (arm[1], *hand)] + [(3, each) for each in hand]
+        for row, (joint, constants) in enumerate(every):
+            yield Term(signals, (row,), (joint,), constants)
 
 
 def arm_before(series: Series) -> tuple[SerialArm, Frame]:

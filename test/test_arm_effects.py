@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from delta_calibration.effects.arm_loads import joint_torque
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.reducer_compliance import ReducerCompliance
+from delta_calibration.effects.signals import GRAVITY, INERTIA
 from delta_calibration.effects.thermal_growth_link import ThermalGrowthLink
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
@@ -19,7 +19,8 @@ from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.robot import load_robot
 from delta_calibration.samples.conditions import at_rest
 
-SCARA = load_robot("scara").dimensions
+ROBOT = load_robot("scara")
+SCARA = ROBOT.dimensions
 UR10 = load_robot("ur10").dimensions
 
 TOLERANCES = ArmTolerances(0.5e-3, 1e-3, 1e-3, 2e-3, 5e-3)
@@ -35,6 +36,12 @@ def moving(joint, velocity, acceleration, payload):
         payload=np.full(n, payload),
         payload_centre=np.zeros((n, 3)),
     )
+
+
+def joint_torque(arm, at):
+    """What the reducers of the arm as it is drawn bear, (n, m) [N m]."""
+    signals = ReducerCompliance(ROBOT, arm).nominal(at)
+    return signals.of(GRAVITY) + signals.of(INERTIA)
 
 
 def test_torques_of_a_plane_arm_are_the_textbook_ones():
@@ -72,7 +79,7 @@ def test_weight_does_not_twist_upright_joints_but_others():
 
 def test_reducer_gives_way_against_its_load_and_the_same_both_ways_round():
     q, w = np.array([[0.5, 0.8]]), np.array([[1.0, -2.0]])
-    effect = ReducerCompliance(None, SCARA_ARM)
+    effect = ReducerCompliance(ROBOT, SCARA_ARM)
     a = np.array([[20.0, 0.0]])
     columns = effect.columns(moving(q, w, a, 2.0))
     assert columns.shape == (1, 2, 2)
@@ -92,7 +99,7 @@ def test_reducers_suit_arms_of_known_mass_only():
 
 
 def test_ten_kelvin_lengthen_a_metre_of_aluminium_by_a_quarter_millimetre():
-    growth = ThermalGrowthLink(None, SCARA_ARM, sensor="link")
+    growth = ThermalGrowthLink(ROBOT, SCARA_ARM, sensor="link")
     chain = Chain(SCARA_ARM, np.zeros(3), 1e-3, (growth,))
     theta = chain.join(SCARA_ARM.parameters.nominal, np.zeros(3), Frame.identity())
     theta[-1] = 23e-6
@@ -115,7 +122,7 @@ def test_a_length_at_fault_is_named_link_length():
 
 def test_all_that_is_drawn_along_a_link_grows():
     arm = SerialArm(UR10, TOLERANCES)
-    lengths = dict(zip(arm.parameters.names, ThermalGrowthLink(None, arm).lengths(), strict=True))
+    lengths = dict(zip(arm.parameters.names, ThermalGrowthLink(ROBOT, arm).lengths(), strict=True))
     grown = {name: value for name, value in lengths.items() if value != 0}
     drawn = {
         "offset_1": 0.1273, "length_3": -0.612, "length_4": -0.5723,

@@ -20,7 +20,7 @@ from delta_calibration.description.look import Look
 from delta_calibration.description.looks import LOOKS
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.effects import EFFECTS, called, catalogue, effect_named
-from delta_calibration.effects.base import Effect, Stage, diagonal
+from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.demo import Demo
 from delta_calibration.effects.regressor import (
     ANGLE,
@@ -29,8 +29,10 @@ from delta_calibration.effects.regressor import (
     by_direction,
     by_payload,
 )
+from delta_calibration.effects.signals import JOINT
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.model.symbols import sin
 from delta_calibration.report.giveaway import _figure
 from delta_calibration.report.judged import Judged
 from delta_calibration.robot import load_robot
@@ -75,8 +77,14 @@ class Draught(Effect):
     def usual(self, thermometers):
         return {"pace": 2.0, "sensor": sorted(thermometers)[0]}
 
-    def columns(self, at):
-        return diagonal(-np.sin(self.pace * at.joint))
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s, v, c):
+        return -v[0] * sin(c[0] * s[0])
+
+    def constants(self, joint):
+        return (self.pace,)
 
 
 @dataclass(frozen=True)
@@ -91,8 +99,11 @@ class Plain(Effect):
     def parameters(self):
         return self.each_joint("far", "1", 1e-3)
 
-    def columns(self, at):
-        return diagonal(at.joint)
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s, v, c):
+        return v[0] * s[0]
 
 
 @pytest.fixture

