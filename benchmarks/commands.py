@@ -3,10 +3,10 @@
     python benchmarks/commands.py                 both tables, some minutes
     python benchmarks/commands.py --calls 100     fewer calls for each row
 
-First table: `JointCompensator.compensate(q[:1], at)` by Newton's method, called from Python for one
-command after the other, all conditions known. Only commands that come back corrected count. The
-machine has dimensions within its tolerances; effects have values within theirs. Second table: the
-direct problem and its identification Jacobian, many poses at once, the least of a few repeats.
+First table: `JointCompensator.compensate(q[:1], at)` by Newton's method, called from Python for
+one command after the other, all conditions known. Only commands that come back corrected count.
+The machine has dimensions within its tolerances; effects have values within theirs. Second table:
+the direct problem and its identification Jacobian, many poses at once, the least of a few repeats.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def known(robot: Robot, model: str | None, effects: tuple[Effect, ...]) -> Calib
 
 
 def conditions(q: Array) -> Conditions:
-    """Commands (n, m) given in motion, with a payload and a warm arm: all that effects may take."""
+    """Conditions of commands (n, m) in motion, with a payload and a warm arm."""
     rng, n = np.random.default_rng(SEED), len(q)
     return replace(
         at_rest(q),

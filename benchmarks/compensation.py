@@ -258,8 +258,8 @@ def table(rows: list[Row]) -> str:
 def failures(n: int, model: str, per_machine: int = 10) -> int:
     """Searches that end farther than `TOLERANCE` from their target, of n.
 
-    Judged by the mechanism's own direct problem. Each machine is drawn within its tolerances, has targets of its own, and its number is the
-    swarm's seed.
+    Judged by the mechanism's own direct problem. Each machine is drawn within its tolerances, has
+    targets of its own, and its number is the swarm's seed.
     """
     robot = load_robot("srbd")
     mechanism, rng = robot.model(model), np.random.default_rng(0)

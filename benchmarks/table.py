@@ -87,9 +87,7 @@ def exactness(robot: Robot) -> None:
         for nodes in NODES:
             settings = TableSettings(nodes=nodes, most=nodes)
             start = time.perf_counter()
-            tables = [
-                JointCompensator(each, "table", table=settings) for each in made
-            ]
+            tables = [JointCompensator(each, "table", table=settings) for each in made]
             seconds = (time.perf_counter() - start) / MACHINES
             off = [
                 np.linalg.norm(t.point(q + t.table.at(q)) - there, axis=1).max()

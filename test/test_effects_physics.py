@@ -60,7 +60,7 @@ def with_rods(change):
 
 
 def settled(at, longer):
-    """Platform's centre of the other machine, (n, 3) [m], its rods under the forces they then bear.
+    """Centre of the other machine's platform, (n, 3) [m], rods under the forces they then bear.
 
     `longer` is what forces (6,) [N] make of the rods [m]. NaN where none is found that agrees, as
     where a rod that is let go of would be pulled again.
@@ -155,9 +155,11 @@ def test_a_ball_joint_has_its_play_on_the_side_it_is_pulled_to() -> None:
     moved = predicted([effect("ball_joint_clearance")], [clearance], at)
     pulled = settled(at, lambda pull: clearance * np.sign(pull))
     found = np.isfinite(pulled).all(axis=1)
-    print((~found).sum(), np.abs(moved-pulled)[found].max(), np.flatnonzero(~found), np.sort(np.abs(rod_forces(at)).min(axis=1))[:6], np.abs(rod_forces(at)).min(axis=1)[~found])
+    assert found.sum() >= 59
     np.testing.assert_allclose(moved[found], pulled[found], atol=1e-12)
-    assert 0
+    # A rod that is pulled when short and pushed when long is somewhere in its play.
+    middle = MACHINE.point(q[~found])
+    assert np.abs(moved[~found] - middle).max(initial=0.0) < 5 * clearance
 
 
 @both_models
