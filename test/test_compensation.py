@@ -7,16 +7,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from delta_calibration.chain import Chain
 from delta_calibration.compensation import (
     Apso,
     ApsoSettings,
     ApsoStep,
     Compensator,
+    Machine,
     Newton,
     NewtonSettings,
+    backward_kernel,
 )
 from delta_calibration.compensation.apso import inertia, swarm_entropy, velocity
 from delta_calibration.errors import InputError
+from delta_calibration.mechanisms import Mechanism
+from delta_calibration.robot import load_robot
 
 Array = NDArray[np.float64]
 
@@ -58,6 +63,14 @@ class ToyDelta:
         turn = self.arm[:, None] * (-np.sin(a) * UNIT - np.cos(a) * [0, 0, 1])
         return np.linalg.solve(rods, np.sum(rods * turn, axis=-1)[..., None] * np.eye(3))
 
+    def machine(self) -> Machine:
+        """The package's Delta of the same dimensions: what Newton's method works on."""
+        cos, sin, none = np.cos(ETA), np.sin(ETA), np.zeros(3)
+        x, y, z = self.base.T  # of each leg, to be seen from its own frame
+        place = [cos * x + sin * y, cos * y - sin * x, z]
+        legs = np.stack([*place, none, none, self.zero, self.arm + none, self.rod + none], axis=1)
+        return of(load_robot("srbd").model("rotary_delta"), legs.ravel(), np.zeros(3))
+
     def inverse(self, p: Array) -> Array:
         """Nominal machine, arms outward: A sin q + B cos q = C."""
         u, z = p @ UNIT.T, p[..., 2:]
@@ -70,6 +83,30 @@ def machine(seed: int) -> ToyDelta:
     return ToyDelta(np.random.default_rng(seed))
 
 
+def of(mechanism: Mechanism, geometry: Array, tool: Array) -> Machine:
+    chain = Chain(mechanism, np.zeros(3), 1.0)
+    return Machine(chain, np.concatenate([geometry, np.zeros(9)]), tool)
+
+
+def task(name: str, model: str | None = None) -> tuple[Machine, Array, Array]:
+    """A robot's machine within its tolerances; commands, and what its drawing means by them."""
+    robot, rng = load_robot(name), np.random.default_rng(3)
+    mechanism = robot.model(model)
+    parameters, m = mechanism.parameters, mechanism.joints
+    off = parameters.nominal + 0.5 * parameters.prior * rng.standard_normal(len(parameters))
+    drawn = of(mechanism, parameters.nominal, robot.tool_offset)
+    some = rng.uniform(-0.1, 0.1, (9, mechanism.task_size))
+    x = mechanism.forward(mechanism.home[None], parameters.nominal)
+    slopes = mechanism.velocity_jacobian(mechanism.home[None], x, parameters.nominal)[0]
+    poses = x + some @ np.eye(mechanism.task_size, m) @ slopes.T * mechanism.joint_size
+    q = mechanism.inverse(poses[:, : mechanism.task_size], parameters.nominal)
+    assert np.isfinite(q).all()
+    return of(mechanism, off, robot.tool_offset), q, drawn.point(q)
+
+
+OTHERS = [("srbd", "six_rod_delta"), ("scara", None), ("ur10", None), ("cdpr8", None)]
+
+
 def paper_line(n: int) -> Array:
     """x = -y, z = -711 mm, |x| <= 450 mm."""
     x = np.linspace(-0.45, 0.45, n)
@@ -80,7 +117,7 @@ LINE = paper_line(31)
 COMMANDS = ToyDelta().inverse(LINE)
 SOLVERS: dict[str, Callable[[ToyDelta], Compensator]] = {
     "apso": lambda toy: Apso(toy.point),
-    "newton": lambda toy: Newton(toy.point, toy.jacobian),
+    "newton": lambda toy: Newton(toy.machine()),
 }
 
 
@@ -91,6 +128,16 @@ def test_toy_is_the_papers_delta() -> None:
     h = 1e-6 * np.eye(3)
     slopes = [(nominal.point(COMMANDS + d) - nominal.point(COMMANDS - d)) / 2e-6 for d in h]
     np.testing.assert_allclose(nominal.jacobian(COMMANDS), np.stack(slopes, -1), atol=1e-7)
+
+
+def test_toy_and_machine_are_one() -> None:
+    toy = machine(1)
+    made = toy.machine()
+    np.testing.assert_allclose(made.point(COMMANDS), toy.point(COMMANDS), atol=1e-12)
+    np.testing.assert_allclose(made.jacobian(COMMANDS), toy.jacobian(COMMANDS), atol=1e-10)
+    for none in (np.zeros((0, 3)), np.zeros((4, 0, 3))):
+        assert made.point(none).shape == none.shape
+        assert made.jacobian(none).shape == (*none.shape, 3)
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -140,6 +187,23 @@ def test_answer_depends_on_neither_row_nor_neighbours(name: str) -> None:
     np.testing.assert_allclose(alone.dq[0], together.dq[4], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize(("name", "model"), OTHERS)
+def test_newton_depends_on_neither_row_nor_neighbours_to_the_last_bit(
+    name: str, model: str | None
+) -> None:
+    made, q, target = task(name, model)
+    solver = Newton(made, NewtonSettings(bound_rad=load_robot(name).limits.correction))
+    together = solver.correct(q, target)
+    assert together.converged.all()
+    assert np.abs(together.dq).max() > 1e-5
+    order = np.array([8, 0, 3, 3, 7, 1])
+    shuffled = solver.correct(q[order], target[order])
+    alone = [solver.correct(q[[row]], target[[row]]).dq[0] for row in range(len(q))]
+    np.testing.assert_array_equal(shuffled.dq, together.dq[order])
+    np.testing.assert_array_equal(shuffled.error, together.error[order])
+    np.testing.assert_array_equal(alone, together.dq)
+
+
 def test_batches_larger_than_a_block() -> None:
     solver = Apso(machine(5).point, ApsoSettings(tolerance=1e-4))
     q, target = np.tile(COMMANDS, (20, 1)), np.tile(LINE, (20, 1))  # 620 rows
@@ -166,9 +230,9 @@ def test_bound_is_never_exceeded(name: str) -> None:
     toy, bound = machine(1), 5e-4  # several commands need more
     solver: Compensator = {
         "apso": Apso(toy.point, ApsoSettings(bound_rad=bound, iterations=60)),
-        "newton": Newton(toy.point, toy.jacobian, NewtonSettings(bound_rad=bound)),
+        "newton": Newton(toy.machine(), NewtonSettings(bound_rad=bound)),
     }[name]
-    needed = Newton(toy.point, toy.jacobian).correct(COMMANDS, LINE).dq
+    needed = Newton(toy.machine()).correct(COMMANDS, LINE).dq
     result = solver.correct(COMMANDS, LINE)
     assert np.abs(result.dq).max() <= bound
     outside = np.abs(needed).max(axis=1) > 1.01 * bound
@@ -177,6 +241,23 @@ def test_bound_is_never_exceeded(name: str) -> None:
     assert np.all(result.error[outside] > 1e-7)
     before = np.linalg.norm(toy.point(COMMANDS) - LINE, axis=1)
     assert np.all(result.error <= before)
+
+
+@pytest.mark.parametrize(("name", "model"), OTHERS)
+def test_no_machine_goes_beyond_the_bound(name: str, model: str | None) -> None:
+    """Nor where the joints follow from the pose."""
+    made, q, target = task(name, model)
+    most = load_robot(name).limits.correction
+    needed = np.abs(Newton(made, NewtonSettings(bound_rad=most)).correct(q, target).dq).max(axis=1)
+    assert 0.0 < needed.min() < needed.max() < most
+    bound = float(np.median(needed))
+    result = Newton(made, NewtonSettings(bound_rad=bound)).correct(q, target)
+    assert np.abs(result.dq).max() <= bound
+    np.testing.assert_array_equal(result.converged, needed <= bound)
+    assert 0 < result.converged.sum() < len(q)
+    far = Newton(made).correct(q, target + 100.0)  # [m]
+    assert np.abs(far.dq).max() <= NewtonSettings().bound_rad
+    assert not far.converged.any()
 
 
 def test_swarm_finds_the_best_place_inside_the_bound() -> None:
@@ -241,15 +322,12 @@ def test_particles_out_of_reach_do_no_harm(row: int) -> None:
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_nothing_in_reach(name: str) -> None:
-    def nowhere(q: Array) -> Array:
-        return np.full((*q.shape[:-1], 3), np.nan)
-
-    def slopes(q: Array) -> Array:
-        return np.full((*q.shape[:-1], 3, 3), np.nan)
-
+    """Rods of 0.1 m: the spheres about the elbows do not meet."""
+    toy = ToyDelta()
+    toy.rod = np.full(3, 0.1)
     solver: Compensator = {
-        "apso": Apso(nowhere, ApsoSettings(iterations=5)),
-        "newton": Newton(nowhere, slopes),
+        "apso": Apso(toy.point, ApsoSettings(iterations=5)),
+        "newton": Newton(toy.machine()),
     }[name]
     result = solver.correct(COMMANDS[:2], LINE[:2])
     assert result.evaluations.tolist() == {"apso": [6 * 24] * 2, "newton": [1, 1]}[name]
@@ -261,66 +339,70 @@ def test_nothing_in_reach(name: str) -> None:
 # Newton where it has no answer
 
 
-@pytest.mark.parametrize("slope", [0.0, 1e-12])
-def test_newton_stops_at_a_singular_jacobian(slope: float) -> None:
-    """A machine that hardly moves along z: it must not run to the bound for nothing."""
-    scale = np.array([0.3, 0.3, slope])
-    newton = Newton(lambda q: q * scale, lambda q: np.broadcast_to(np.diag(scale), (len(q), 3, 3)))
-    with np.errstate(all="raise"):
-        result = newton.correct(np.zeros((2, 3)), np.array([[1e-3, 0, 0], [0, 0, 1e-3]]))
+SCARA = load_robot("scara")
+ARM = of(SCARA.commanded, SCARA.commanded.parameters.nominal, SCARA.tool_offset)  # 0.5 m twice
+
+
+@pytest.mark.parametrize("elbow", [0.0, 1e-12])
+def test_newton_stops_at_a_singular_jacobian(elbow: float) -> None:
+    """A stretched arm hardly moves along itself: it must not run to the bound for nothing."""
+    q = np.array([[0.3, elbow]] * 2)
+    place = ARM.point(q)
+    result = Newton(ARM).correct(q, place * [[1.001], [0.999]])
     assert not result.converged.any()
     assert np.all(result.dq == 0.0)
     np.testing.assert_allclose(result.error, 1e-3)
 
 
-def test_newton_stops_at_a_jacobian_that_is_not_finite() -> None:
-    toy = machine(1)
-
-    def jacobian(q: Array) -> Array:
-        slopes = toy.jacobian(q)
-        slopes[0] = np.nan
-        return slopes
-
-    result = Newton(toy.point, jacobian).correct(COMMANDS[:1], LINE[:1])
-    assert not result.converged[0]
-    assert np.all(result.dq == 0.0)
-    assert result.error[0] == pytest.approx(np.linalg.norm(toy.point(COMMANDS[0]) - LINE[0]))
+@pytest.mark.parametrize("last", [0.0, np.nan])
+def test_there_is_no_step_by_slopes_that_are_singular_or_not_finite(last: float) -> None:
+    for slope in (np.diag([0.3, 0.3, last]), np.diag([0.3, 0.3, last])[:, 1:]):
+        gap, step = np.array([1e-3, 0.0, 1e-3]), np.zeros(3)
+        step_of = backward_kernel._least_squares.py_func
+        assert not step_of(slope, gap, np.zeros(3), np.zeros((4, 5)), step)
+        assert np.all(step == 0.0)
 
 
 def test_newton_halves_a_step_that_overshoots() -> None:
-    # p = arctan(q / 0.1) per joint from 0.25 rad off: full Newton steps run away from there.
-    def point(q: Array) -> Array:
-        return np.arctan(q / 0.1)
-
-    def jacobian(q: Array) -> Array:
-        return (0.1 / (0.01 + q**2))[..., None] * np.eye(3)
-
-    settings = NewtonSettings(bound_rad=1.0, iterations=30)
-    result = Newton(point, jacobian, settings).correct(np.full((1, 3), 0.25), np.zeros((1, 3)))
+    """An elbow at 0.02 rad for a place at 0.2: by the slope it should open by a radian."""
+    q, target = np.array([[0.3, 0.02]]), ARM.point(np.array([[0.3, 0.2]]))
+    settings = NewtonSettings(bound_rad=2.0, iterations=30)
+    result = Newton(ARM, settings).correct(q, target)
     assert result.converged[0]
-    np.testing.assert_allclose(result.dq, -0.25, atol=1e-9)
-    no_halving = replace(settings, halvings=0)
-    result = Newton(point, jacobian, no_halving).correct(np.full((1, 3), 0.25), np.zeros((1, 3)))
+    np.testing.assert_allclose(result.dq, [[0.0, 0.18]], atol=1e-7)
+    result = Newton(ARM, replace(settings, halvings=0)).correct(q, target)
     assert not result.converged[0]
+    assert np.all(result.dq == 0.0)
 
 
-def test_newton_with_more_joints_than_it_needs_takes_the_shortest_correction() -> None:
+def test_newton_begins_where_it_is_told() -> None:
+    toy = machine(4)
+    done = Newton(toy.machine()).correct(COMMANDS, LINE)
+    again = Newton(toy.machine()).correct(COMMANDS, LINE, start=done.dq)
+    assert np.all(again.evaluations == 1)
+    np.testing.assert_array_equal(again.dq, done.dq)
+    settings = NewtonSettings(bound_rad=0.5 * float(np.abs(done.dq).max(axis=1).min()))
+    beyond = Newton(toy.machine(), settings).correct(COMMANDS, LINE, start=done.dq)
+    assert np.all(beyond.dq == 0.0)
+    assert np.all(np.isinf(beyond.error))
+
+
+def test_with_more_joints_than_it_needs_a_step_is_the_shortest() -> None:
     # p = (q1 + q2, q3, q4): of all ways to 2 mm along x the shortest shares it: 1 mrad each
     weights = np.array([[1.0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    newton = Newton(lambda q: q @ weights.T, lambda q: np.broadcast_to(weights, (len(q), 3, 4)))
-    result = newton.correct(np.zeros((1, 4)), np.array([[2e-3, 0.0, 0.0]]))
-    assert result.converged[0]
-    np.testing.assert_allclose(result.dq, [[1e-3, 1e-3, 0, 0]], atol=1e-12)
+    target, step = np.array([2e-3, 0.0, 0.0]), np.zeros(4)
+    step_of = backward_kernel._least_squares.py_func
+    assert step_of(weights, np.zeros(3), target, np.zeros((5, 6)), step)
+    np.testing.assert_allclose(step, [-1e-3, -1e-3, 0, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("row", [5, 10, 15, 20, 25])
-def test_swarm_crosses_a_jump_where_newton_stalls(row: int) -> None:
+def test_swarm_crosses_a_jump(row: int) -> None:
     """A joint that jumps over a gap, as at reversal with play: no command reaches inside it.
 
     The target lies three quarters through the gap of joint 1. How near a point with joint 1 held
     at the upper edge can come follows from J: with r the first row of its inverse, the other two
-    joints do what they can, and gap / 4 / |r| is left. Newton's halved steps die out at the edge
-    before the other joints have done their part.
+    joints do what they can, and gap / 4 / |r| is left.
     """
     toy, q, gap = machine(7), COMMANDS[row : row + 1], np.array([2e-3, 0, 0])
 
@@ -333,13 +415,9 @@ def test_swarm_crosses_a_jump_where_newton_stalls(row: int) -> None:
     best = 0.25 * gap[0] / np.linalg.norm(r)
 
     swarm = Apso(lambda x: toy.point(played(x))).correct(q, target)
-    newton = Newton(lambda x: toy.point(played(x)), lambda x: toy.jacobian(played(x)))
-    stalled = newton.correct(q, target)
     assert swarm.error[0] == pytest.approx(best, rel=0.01)
     assert swarm.dq[0, 0] == pytest.approx(1e-3, abs=1e-5)
-    assert stalled.error[0] > 1.1 * best
     assert not swarm.converged[0]
-    assert not stalled.converged[0]
 
 
 # The swarm's equations, by hand
@@ -439,7 +517,8 @@ def test_apso_settings_are_checked(change: dict[str, float], message: str) -> No
         {"tolerance": 0.0},
         {"iterations": 0},
         {"halvings": -1},
-        {"condition_limit": float("nan")},
+        {"tolerance": float("nan")},
+        {"iterations": 2.5},
     ],
 )
 def test_newton_settings_are_checked(change: dict[str, float]) -> None:
@@ -456,6 +535,14 @@ def test_shapes_are_checked(name: str) -> None:
         solver.correct(COMMANDS[:3], LINE[:2])
 
 
+@pytest.mark.parametrize(("name", "size"), [("srbd", 3), ("scara", 2), ("ur10", 12)])
+def test_a_target_has_the_coordinates_that_the_machine_aims_at(name: str, size: int) -> None:
+    made, q, target = task(name)
+    assert target.shape == (9, size)
+    with pytest.raises(InputError, match=rf"shape \(9, {size - 1}\); it has to be \(9, {size}\)"):
+        Newton(made).correct(q, target[:, 1:])
+
+
 def test_arguments_are_not_changed() -> None:
     toy = machine(1)
     for solver in (SOLVERS["apso"](toy), SOLVERS["newton"](toy)):
@@ -463,3 +550,9 @@ def test_arguments_are_not_changed() -> None:
         solver.correct(q, target)
         np.testing.assert_array_equal(q, COMMANDS[:3])
         np.testing.assert_array_equal(target, LINE[:3])
+    newton, start = SOLVERS["newton"](toy), np.full((3, 3), 1e-4)
+    signals = newton.machine.resting(q)
+    rows = signals.rows.copy()
+    newton.correct(q, target, signals, start)
+    np.testing.assert_array_equal(start, 1e-4)
+    np.testing.assert_array_equal(signals.rows, rows)

@@ -450,19 +450,19 @@ def test_dimensions_that_change_are_followed_exactly_and_it_is_said(cause: str) 
     np.testing.assert_array_equal(done.joint, exact.joint)
 
 
-def test_at_other_dimensions_a_machine_has_no_table(small: JointCompensator) -> None:
-    """A table must not answer for arms that have grown by 10 um."""
-    machine = small._model
-    grown = small.calibration.geometry.copy()
+def test_at_other_dimensions_a_table_corrects_nothing(small: JointCompensator) -> None:
+    """A table must not answer for arms that are 0.1 mm longer than those that it was made for."""
+    grown = small.calibration.theta.copy()
     names = list(ROBOT.model("six_rod_delta").parameters.names)
     grown[[names.index(f"arm_{leg}") for leg in (1, 2, 3)]] += 1e-4
+    made = replace(small.calibration, theta=grown)  # its seal left as it is
     q = drawing_joints(np.array([[0.0, 0.05, -0.72]]))
-    target = small.targets(q)
-    here, there = (m.solver.correct(q, target) for m in (machine, machine.at(grown)))
-    assert here.evaluations[0] == 1
-    assert there.evaluations[0] > 1
-    assert there.error[0] < 1e-9
-    assert np.abs(here.dq - there.dq).max() > 1e-5
+    done = JointCompensator(made, "table", table=small.table).compensate(q)
+    assert done.verdicts == (Verdict.NOT_REACHED,)
+    assert (done.correction == 0).all()
+    here, there = (JointCompensator(c).compensate(q) for c in (small.calibration, made))
+    assert set(here.verdicts + there.verdicts) == {Verdict.CORRECTED}
+    assert np.abs(here.correction - there.correction).max() > 1e-5
 
 
 def test_what_it_is_made_of_is_told(small: JointCompensator) -> None:

@@ -20,7 +20,7 @@ Every target sees the *same* stream of random numbers, made from `seed` alone. I
 then on the seed, the target and the command, not on its row or its neighbours in the batch; and
 along a path the corrections of neighbouring targets vary together.
 
-This is the law to read, for any mechanism; `CompiledApso` is the same one for a Delta, compiled.
+This is the law to read, for any mechanism; `Swarm` is the same one, compiled.
 """
 
 from __future__ import annotations

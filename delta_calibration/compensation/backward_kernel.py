@@ -466,8 +466,15 @@ def correct(
     best: Array,
     room: Place,
 ) -> tuple[float, int]:
-    """Correct one command the way that goes with the mechanism."""
-    if not machine.by_pose:
-        return newton(machine, search, q, signals, target, best, room)
-    error, count = by_pose(machine, q, signals, target, best, room)
+    """Correct one command the way that goes with the mechanism; never beyond the bound."""
+    if machine.by_pose:
+        error, count = by_pose(machine, q, signals, target, best, room)
+    else:
+        error, count = newton(machine, search, q, signals, target, best, room)
+    for i in range(len(q)):
+        if not abs(best[i]) <= search.bound:
+            error = np.inf
+    if not error < np.inf:
+        for i in range(len(q)):
+            best[i] = 0.0
     return error, count

@@ -27,7 +27,7 @@ from delta_calibration.compensation.machine import (
     solver_of,
 )
 from delta_calibration.compensation.newton import NewtonSettings
-from delta_calibration.compensation.table import Stamp, Table
+from delta_calibration.compensation.table import Stamp, Table, Tabulated
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.effects.signals import JOINT, Signals
@@ -285,11 +285,9 @@ class JointCompensator:
         if self.table is None:
             solver = solver_of(own, self._solver, self.robot.limits.correction, self._seed)
             return solver.correct(q, target, signals)
-        start = self.table.at(q)
-        settings = replace(self._newton, iterations=1 if not self._effects else 15)
         if not self._effects:
-            settings = replace(settings, tolerance=self.table.bound)
-        return Newton(own, settings).correct(q, target, signals, start)
+            return Tabulated(self.table, own.point).correct(q, target)
+        return Newton(own, self._newton).correct(q, target, signals, self.table.at(q))
 
     @cached_property
     def _newton(self) -> NewtonSettings:

@@ -146,7 +146,7 @@ class Machine:
     def point(self, q: Array, at: Conditions | None = None) -> Array:
         """Places of the tool, (..., m) -> (..., a) [m]; NaN without a pose."""
         places, _ = self.stand(q.reshape(-1, q.shape[-1]), at)
-        return places.reshape((*q.shape[:-1], -1))
+        return places.reshape((*q.shape[:-1], places.shape[1]))
 
     def jacobian(self, q: Array) -> Array:
         """d(place)/dq of the mechanism, (..., m) -> (..., a, m) [m/rad]."""
