@@ -747,7 +747,7 @@ def rows(before: Path | None, runs: int, batch: int, only: list[str]) -> Iterato
             )
 
 
-def arm(tool: str) -> None:
+def arm(tool: str, chained: bool) -> None:
     """Print how long a six-axis arm's closure takes to generate [s], its derivatives by all."""
     from delta_calibration.mechanisms.serial_arm import SerialArm
     from delta_calibration.model.law import Law
@@ -768,8 +768,35 @@ def arm(tool: str) -> None:
     entries = np.array([tools.Symbol(f"i{k}") for k in range(51)], dtype=object)
     begin = time.perf_counter()
     f = SerialArm.equation(entries[:6], entries[6:12], entries[12:], None)
-    tools.cse([*f, *(row.diff(entry) for row in f for entry in entries)])
+    if chained:
+        chain_rule(tools, list(f), entries)
+    else:
+        tools.cse([*f, *(row.diff(entry) for row in f for entry in entries)])
     print(time.perf_counter() - begin)
+
+
+def chain_rule(tools: Any, f: list[Any], entries: Any) -> tuple[list[Any], list[Any]]:
+    """Lines (name, value) of f and its slopes: subexpressions first, then these one by one."""
+    parts, last = tools.cse(f)
+    known: dict[Any, dict[int, Any]] = {entry: {k: 1} for k, entry in enumerate(entries)}
+
+    def slopes(value: Any) -> dict[int, Any]:
+        found: dict[int, Any] = {}
+        if value.is_Relational:
+            return found
+        for symbol in value.free_symbols & known.keys():
+            by = value.diff(symbol)
+            for k, slope in known[symbol].items():
+                found[k] = found.get(k, 0) + by * slope
+        return found
+
+    lines = []
+    for name, value in parts:
+        lines.append((name, value))
+        own = slopes(value)
+        known[name] = {k: tools.Symbol(f"{name}_{k}") for k in own}
+        lines += [(known[name][k], slope) for k, slope in own.items()]
+    return lines, [(value, slopes(value)) for value in last]
 
 
 def larger(limit: float = 120.0) -> Iterator[str]:
@@ -777,8 +804,8 @@ def larger(limit: float = 120.0) -> Iterator[str]:
     yield "| closure of a six-axis arm, its derivatives by 51 numbers | generate [s] |"
     yield "|---|---:|"
     here = Path(__file__).parents[1]
-    for name in ("casadi", "sympy", "symengine"):
-        if not util.find_spec(name):
+    for name in ("casadi", "sympy", "symengine", "symengine,chain rule"):
+        if not util.find_spec(name.split(",")[0]):
             continue
         try:
             text = process(["-W", "ignore", __file__, "--arm", name], Path(), here, limit)
@@ -833,7 +860,7 @@ def main() -> None:
         child(given.child, given.folder, given.batch, given.timed)
         return
     if given.arm:
-        arm(given.arm)
+        arm(given.arm.split(",")[0], "," in given.arm)
         return
     for row in rows(given.before, given.runs, given.batch, given.only):
         print(row, flush=True)
