@@ -42,16 +42,24 @@ def modules() -> list[str]:
 
 
 def resolve_fields(names: list[str]) -> None:
-    """Let the constructors of dataclasses name types, not texts.
+    """Let the constructors of dataclasses and named tuples name types, not texts.
 
     A field's annotation is a text in the words of the module where the field stands; a class that
-    inherits it elsewhere has the text and not the words.
+    inherits it elsewhere, and the constructor Python writes for a named tuple, have the text and
+    not the words.
     """
     for name in names:
         for kind in vars(importlib.import_module(name)).values():
-            if isinstance(kind, type) and is_dataclass(kind) and "__init__" in vars(kind):
-                texts, types = kind.__init__.__annotations__, get_type_hints(kind)
-                texts.update({field: types[field] for field in texts if field in types})
+            if not isinstance(kind, type):
+                continue
+            if is_dataclass(kind) and "__init__" in vars(kind):
+                texts = kind.__init__.__annotations__
+            elif issubclass(kind, tuple) and hasattr(kind, "_fields"):
+                texts = kind.__new__.__annotations__
+            else:
+                continue
+            types = get_type_hints(kind)
+            texts.update({field: types[field] for field in texts if field in types})
 
 
 def main(folder: Path) -> None:
