@@ -71,10 +71,9 @@ class Case:
 
     def judge(self, theta: Array, evaluations: int, seconds: float) -> Outcome:
         """What a fit is worth."""
-        chain, at = self.problem.chain, self.problem.at
-        said = chain.predict(standing(self.joint), theta)
+        said = self.problem.chain.predict(standing(self.joint), theta)
         off = np.linalg.norm(said - self.reached, axis=1)
-        residual = self.problem.residual(theta, chain.pose(at, theta))
+        residual = self.problem.linearized(theta).residual
         misfit = float(np.sqrt(np.mean(residual**2)))
         return Outcome(
             float(np.sqrt(np.mean(off**2))), float(off.max()), misfit, evaluations, seconds

@@ -17,24 +17,30 @@ loads are that some effects take. Without effects q' is q.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.effects import SPREAD, Effect, Stage
-from delta_calibration.effects.base import stages_of, stand, terms_of
+from delta_calibration.effects.base import stages_of, table_of_stage
 from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.mechanisms.base import STRAY
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
 from delta_calibration.theta import Layout, Parts, frame_names, vector_names
 
+if TYPE_CHECKING:
+    from delta_calibration.model.view import Seen
+
 Array = NDArray[np.float64]
+Asked = Literal["nothing", "readings", "poses"]
 
 FRAME_NAMES = frame_names("tracker")
 OFFSET_NAMES = vector_names("reflector")
@@ -96,24 +102,27 @@ class Chain:
         """Of each effect its part of theta, (k,)."""
         return tuple(theta[part] for part in self.layout.each)
 
-    def joints(self, at: Conditions, theta: Array, x: Array | None = None) -> Array:
-        """Joint angles behind the drives, q', (n, m) [rad], of a machine at poses x, (n, k)."""
-        if not self._drive:
-            return at.joint
-        return at.joint + self._shift(Stage.DRIVE, self.signals(at, theta, x), theta)
+    def predictor(self, at: Conditions) -> Predictor:
+        """The chain made ready to predict samples for one machine after the other."""
+        return Predictor(self, recorded(self.mechanism, at))
 
-    def geometry(self, at: Conditions, theta: Array, x: Array | None = None) -> Array:
-        """Dimensions under these conditions, (n, p), or (p,) where all samples share them."""
-        g = theta[self.layout.geometry]
-        if not self._structure:
-            return g
-        return g + self._shift(Stage.STRUCTURE, self.signals(at, theta, x), theta)
+    def see(
+        self, at: Conditions, theta: Array, guess: Array | None = None, asked: Asked = "readings"
+    ) -> Seen:
+        """What a machine shows under these conditions, see `Predictor.see`."""
+        return self.predictor(at).see(theta, guess, asked)
 
     def pose(self, at: Conditions, theta: Array, guess: Array | None = None) -> Array:
         """Platform's pose in the base, (n, k); NaN rows out of reach."""
-        if not (self._drive or self._structure):
-            return self.mechanism.forward(at.joint, theta[self.layout.geometry], guess)
-        return self._stand(at, theta, guess)[1]
+        return self.see(at, theta, guess, "nothing").x
+
+    def predict(self, at: Conditions, theta: Array, guess: Array | None = None) -> Array:
+        """What the tracker will say under these conditions, (n, 3) [m]; NaN rows out of reach."""
+        return self.see(at, theta, guess, "nothing").reading
+
+    def jacobian(self, at: Conditions, theta: Array, guess: Array | None = None) -> Array:
+        """d(reading)/d(theta), (n, 3, P), at constant encoder angles."""
+        return self.see(at, theta, guess).jacobian
 
     def signals(
         self, at: Conditions, theta: Array, x: Array | None = None, robot: Robot | None = None
@@ -123,26 +132,22 @@ class Chain:
         Args:
             at: the conditions.
             theta: the machine.
-            x: its poses; sought where not given.
+            x: its poses, nearly; sought where not given.
             robot: whose masses are carried, where all loads are wanted; else only those that the
                 chain's own effects take are known.
         """
-        if x is None and (self._drive or self._structure):
-            known, x = self._stand(at, theta, None)
-        known, g = recorded(self.mechanism, at), theta[self.layout.geometry]
+        of = self.predictor(at)
         if robot is None and not self.effects:
-            return known
+            return of.signals
+        seen = of.see(theta, x, "nothing")
         asked = all_asked(self.mechanism)
         if robot is None:
-            robot, asked = self.effects[0].robot, self.stages(at.temperature_parts).asked
-        x = self.mechanism.forward(at.joint, g) if x is None else x
-        here = standing(known, robot, self.mechanism, x, g, asked)
-        if not (self._drive or self._structure):
-            return here
-        joint = at.joint + self._shift(Stage.DRIVE, here, theta)
-        own = g if not self._structure else g + self._shift(Stage.STRUCTURE, here, theta)
-        return standing(known, robot, self.mechanism, x, own, asked, joint)
+            robot, asked = self.effects[0].robot, of.stages.asked
+        return standing(
+            of.signals, robot, self.mechanism, seen.x, seen.geometry, asked, seen.joint
+        )
 
+    @cached_property
     def body(self) -> Any:
         """The mechanism as the compiled chain takes it, with what it carries."""
         masses = self.effects[0].robot.masses if self.effects else None
@@ -157,133 +162,77 @@ class Chain:
         places = Places.of(self.mechanism, parts)
         return stages_of(self.effects, tuple(self.layout.each), places)
 
-    def _stand(
-        self, at: Conditions, theta: Array, guess: Array | None
-    ) -> tuple[Signals, Array]:
-        """Signals and poses (n, k) of the machine."""
-        known = recorded(self.mechanism, at)
-        x = np.zeros((len(at), self.mechanism.pose_size))
-        near = guess is not None and not self.mechanism.exact
-        if near:
-            x[:] = guess
-        g = np.ascontiguousarray(theta[self.layout.geometry])
-        stand(self.body(), self.stages(at.temperature_parts), known.rows, g, theta, near, x)
-        return known, x
-
-    @property
-    def _drive(self) -> bool:
-        return any(effect.stage is Stage.DRIVE for effect in self.effects)
-
-    @property
-    def _structure(self) -> bool:
-        return any(effect.stage is Stage.STRUCTURE for effect in self.effects)
-
-    def reading(self, at: Conditions, x: Array, theta: Array) -> Array:
-        """What the tracker says of a platform at x, (n, 3) [m] in the tracker's frame."""
-        _, offset, frame = self.split(theta)
-        if not self._at_stage(Stage.MEASUREMENT):
-            return frame.apply(self.point(x, offset))
-        before = self.seen(at, x, theta)
-        signals = recorded(self.mechanism, before)
-        return before.reading + self._shift(Stage.MEASUREMENT, signals, theta)
-
-    def predict(self, at: Conditions, theta: Array) -> Array:
-        """What the tracker will say under these conditions, (n, 3) [m]; NaN rows out of reach."""
-        return self.reading(at, self.pose(at, theta), theta)
-
     def point(self, x: Array, offset: Array) -> Array:
         """A point fixed to the platform, in the base, (n, 3) [m]."""
         return self.mechanism.position(x) + self.mechanism.rotation(x) @ offset
 
-    def point_by_pose(self, x: Array, offset: Array) -> Array:
-        """d(point)/dx, (n, 3, k)."""
-        return self.mechanism.point_by_pose(x, offset)
 
-    def point_by_joints(self, at: Conditions, x: Array, theta: Array) -> Array:
-        """d(reflector in the base)/dq', (n, 3, m) [m/rad]."""
-        _, offset, _ = self.split(theta)
-        joints, geometry = self._here(at, x, theta)
-        by_pose = self.point_by_pose(x, offset)
-        return self.mechanism.moved_by(joints, x, geometry, by_pose)[0]
+def read_at(at: Conditions, seen: Seen) -> Conditions:
+    """The conditions with the readings before the last stage, and how fast they move there."""
+    return replace(at, reading=seen.before, reading_velocity=seen.rate)
 
-    def jacobian(self, at: Conditions, x: Array, theta: Array) -> Array:
-        """d(reading)/d(theta), (n, 3, P), at constant encoder angles."""
-        return self.columns(at, x, theta, *self.slopes(at, x, theta))
 
-    def columns(
-        self, at: Conditions, x: Array, theta: Array, by_joints: Array, by_geometry: Array
-    ) -> Array:
-        """The same with d(reading) by joints and geometry known, as `slopes` gives them."""
-        _, offset, frame = self.split(theta)
-        point = self.point(x, offset)
-        turn = np.broadcast_to(theta[self.layout.turn], point.shape)
-        by_effects = self.by_effects(at, x, theta, by_joints, by_geometry)
-        return self.layout.columns(
-            by_geometry,
-            frame.rotation @ self.mechanism.rotation(x),
-            rotations.exp_times_derivative(turn, point),
-            np.broadcast_to(np.eye(3), (len(at), 3, 3)),
-            by_effects,
+@dataclass(frozen=True)
+class Predictor:
+    """A chain made ready for some samples: what is the same for every theta."""
+
+    chain: Chain
+    signals: Signals  # recorded; `see` fills in what the machine makes of them
+
+    @cached_property
+    def stages(self) -> Any:
+        """Effects of drives and structure, see `Chain.stages`."""
+        return self.chain.stages(self.signals.places.parts)
+
+    @cached_property
+    def _last(self) -> Any:
+        """Effects of the measurement."""
+        return table_of_stage(
+            Stage.MEASUREMENT, self.chain.effects, self.chain.layout.each, self.signals.places
         )
 
-    def by_effects(
-        self, at: Conditions, x: Array, theta: Array, by_joints: Array, by_geometry: Array
-    ) -> list[Array]:
-        """d(reading) by the parameters of each effect, (n, 3, k) each, at their values."""
-        if not self.effects:
-            return []
-        signals, found = self.signals(at, theta, x), []
-        values = self.effect_values(theta)
-        for effect, value in zip(self.effects, values, strict=True):
-            if effect.stage is Stage.MEASUREMENT:
-                seen = recorded(self.mechanism, self.seen(at, x, theta, by_joints))
-                found.append(effect.columns_of(seen, value))
-            else:
-                slope = by_geometry if effect.stage is Stage.STRUCTURE else by_joints
-                found.append(slope @ effect.columns_of(signals, value))
-        return found
+    def see(self, theta: Array, guess: Array | None = None, asked: Asked = "readings") -> Seen:
+        """What a machine shows at every sample: see `model/view.py`.
 
-    def slopes(self, at: Conditions, x: Array, theta: Array) -> tuple[Array, Array]:
-        """d(reading) by joint angles behind the drives, (n, 3, m), and by geometry, (n, 3, p)."""
-        _, offset, frame = self.split(theta)
-        joints, geometry = self._here(at, x, theta)
-        by_pose = frame.rotation @ self.point_by_pose(x, offset)
-        return self.mechanism.moved_by(joints, x, geometry, by_pose)
+        Args:
+            theta: the machine, (P,).
+            guess: its poses, nearly, (n, k); sought from the beginning where not given.
+            asked: of what derivatives by theta are wanted: the tracker's "readings", the
+                platform's "poses" or "nothing".
 
-    def _here(self, at: Conditions, x: Array, theta: Array) -> tuple[Array, Array]:
-        """Joints behind the drives and dimensions of a machine at poses x."""
-        if not (self._drive or self._structure):
-            return at.joint, theta[self.layout.geometry]
-        signals, geometry = self.signals(at, theta, x), theta[self.layout.geometry]
-        joints = at.joint + self._shift(Stage.DRIVE, signals, theta)
-        if self._structure:
-            geometry = geometry + self._shift(Stage.STRUCTURE, signals, theta)
-        return joints, geometry
+        Returns:
+            Poses, readings and derivatives; NaN rows where it cannot stand.
+        """
+        chain, known = self.chain, self.signals
+        near = guess is not None and not chain.mechanism.exact
+        x = np.zeros((len(known), chain.mechanism.pose_size))
+        if near:
+            x[:] = guess
+        theta = np.ascontiguousarray(theta, dtype=float)
+        seen = _view().see(
+            chain.body, self.stages, self._last, self._device(theta), known.rows,
+            theta[chain.layout.geometry], theta, near, STRAY, _ASKED[asked], x,
+        )  # fmt: skip
+        return cast("Seen", seen)
 
-    def seen(
-        self, at: Conditions, x: Array, theta: Array, by_joints: Array | None = None
-    ) -> Conditions:
-        """The conditions with the reading before the last stage, and how fast it moves."""
-        _, offset, frame = self.split(theta)
-        velocity = np.zeros((len(at), 3))
-        moving = np.flatnonzero((at.velocity != 0).any(axis=1))
-        if moving.size:
-            slope = (
-                frame.rotation @ self.point_by_joints(at.take(moving), x[moving], theta)
-                if by_joints is None
-                else by_joints[moving]
-            )
-            velocity[moving] = (slope @ at.velocity[moving, :, None])[..., 0]
-        return replace(at, reading=frame.apply(self.point(x, offset)), reading_velocity=velocity)
+    def _device(self, theta: Array) -> Any:
+        """Reflector and frame as the compiled chain takes them."""
+        layout, turn = self.chain.layout, theta[self.chain.layout.turn]
+        turning = rotations.exp_times_derivative(turn, np.eye(3))
+        return _view().Device(
+            theta[layout.offset],
+            rotations.exp(turn),
+            theta[layout.place],
+            np.ascontiguousarray(turning.transpose(1, 0, 2)),
+            np.array([layout.offset.start, layout.turn.start, layout.place.start, layout.size]),
+        )
 
-    def _at_stage(self, stage: Stage) -> list[tuple[int, Effect]]:
-        return [(i, effect) for i, effect in enumerate(self.effects) if effect.stage is stage]
 
-    def _shift(self, stage: Stage, signals: Signals, theta: Array) -> Array:
-        """What the effects of a stage add together, (n, size of the stage); 0 without any."""
-        own = [(e, theta[part]) for e, part in zip(self.effects, self.layout.each, strict=True)]
-        here = [(effect, values) for effect, values in own if effect.stage is stage]
-        if not here:
-            return np.zeros((len(signals), 1))
-        terms = terms_of([effect for effect, _ in here], signals.places)
-        return terms.shifts(signals, np.concatenate([values for _, values in here]))
+_ASKED: Mapping[Asked, int] = {"nothing": 0, "readings": 1, "poses": 2}  # as in model/view.py
+
+
+def _view() -> Any:
+    """The compiled view; numba is loaded with the first use."""
+    from delta_calibration.model import view
+
+    return view

@@ -263,7 +263,7 @@ def test_every_robot_is_judged_by_the_cube_that_its_plan_drives(name):
     # where the machine truly stands in P1 to P5, told by the plan's own order: P5 down to P1
     chain, theta = machine.chain, machine.theta
     at = at_rest(plan.joint[:5])
-    there = chain.reading(at, chain.pose(at, theta), theta)
+    there = chain.predict(at, theta)
     true = np.linalg.norm(there[3] - there[1]) - np.linalg.norm(plan.target[3] - plan.target[1])
     assert found["AD", "P2-P4"] == pytest.approx(true, abs=found["RD", "P2-P4"])
     assert 0.0 < found["RD", "P2-P4"] < 2e-4

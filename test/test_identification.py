@@ -43,8 +43,7 @@ def combinations(cell, poses, result):
     They are the independent directions of the claimed covariance of what the model predicts at the
     measured places; the truth comes from the other machine, so no gauge enters.
     """
-    x = result.chain.pose(poses.conditions, result.theta)
-    jacobian = result.chain.jacobian(poses.conditions, x, result.theta)
+    jacobian = result.chain.jacobian(poses.conditions, result.theta)
     jacobian = jacobian.reshape(-1, len(result.theta))
     values, axes = np.linalg.eigh(jacobian @ result.covariance @ jacobian.T)
     error = (prediction(result, poses.joint) - cell.reading(poses.joint)).reshape(-1)

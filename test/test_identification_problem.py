@@ -42,11 +42,11 @@ def test_slope_is_that_of_the_whitened_prediction(problem):
     part = problem.take(np.arange(0, 80, 16))
     z, h = away(part, np.random.default_rng(2)), 1e-4
     theta = part.theta(z)
-    slope = part.slope(theta, part.chain.pose(part.at, theta))
+    slope = part.slope(part.linearized(theta))
 
     def residual(z):
         theta = part.theta(z)
-        return part.residual(theta, part.chain.pose(part.at, theta))
+        return part.linearized(theta).residual
 
     for k in range(len(z)):
         d = h * (np.arange(len(z)) == k)
@@ -125,7 +125,7 @@ def test_a_little_far_is_believed_less_and_far_not_at_all(problem):
 
 def points(solution):
     problem = solution.problem
-    return problem.chain.reading(problem.at, solution.pose, solution.theta)
+    return problem.chain.predict(problem.at, solution.theta)
 
 
 def test_a_start_out_of_reach_is_refused_by_pose():

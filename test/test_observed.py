@@ -170,9 +170,10 @@ def test_slopes_by_joints_are_those_of_the_chain():
     model = Observed.of(delta, [measured], frame)
     evidence = model.evidence
     chain = evidence.chain
-    by_joints, by_geometry = chain.slopes(evidence.at, evidence.pose, model.theta)
-    np.testing.assert_allclose(evidence.by_joints, by_joints / 10e-6, rtol=1e-6, atol=1e-2)
-    np.testing.assert_allclose(evidence.by_geometry, by_geometry / 10e-6, rtol=1e-8, atol=1e-4)
+    seen = chain.see(evidence.at, model.theta)
+    np.testing.assert_allclose(evidence.by_joints, seen.by_joints / 10e-6, rtol=1e-6, atol=1e-2)
+    by_geometry = seen.by_geometry / 10e-6
+    np.testing.assert_allclose(evidence.by_geometry, by_geometry, rtol=1e-8, atol=1e-4)
     assert model.placed
     assert model.reads
 

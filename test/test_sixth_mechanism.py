@@ -152,6 +152,6 @@ def sides(theta):
 def test_the_methods_fit_it(method, robot_file):
     robot, seen = every_robot.measured(robot_file, "", "identify", 20, 3)
     start, _, problem = prepare(seen.poses, robot, chain_of(robot))
-    before = problem.residual(start, problem.chain.pose(problem.at, start))
+    before = problem.linearized(start).residual
     fit = method_named(method).fit(problem, np.random.default_rng(0), lambda _: None)
     assert np.abs(fit.solution.residual).max() < 0.1 * np.abs(before).max()

@@ -211,11 +211,11 @@ def test_no_swarm_is_compiled_for_newton():
 def test_a_change_of_another_file_is_seen(tmp_path: Path):
     """What was kept of a function holds those of other files, and must not outlive them."""
     (tmp_path / "outer.py").write_text(
-        "import inner\n"
+        "from inner import more\n"
         "from delta_calibration.model.jit import compiled\n"
-        "@compiled('i8(i8)', inner)\n"
+        "@compiled('i8(i8)')\n"
         "def twice(x):\n"
-        "    return 2 * inner.more(x)\n"
+        "    return 2 * more(x)\n"
     )
 
     def run(more: int) -> tuple[str, ...]:

@@ -143,7 +143,7 @@ def test_a_chain_reads_each_part_where_its_layout_says():
     other[layout.offset] = 0.0
     other[layout.turn] = 0.0
     expected = made.mechanism.position(x) + frame.translation + (1.0, 2.0, 3.0)
-    np.testing.assert_allclose(made.reading(at, x, other), expected, atol=1e-12)
+    np.testing.assert_allclose(made.predict(at, other), expected, atol=1e-12)
     np.testing.assert_array_equal(theta[layout.geometry], made.mechanism.parameters.nominal)
 
 

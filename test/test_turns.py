@@ -80,9 +80,10 @@ def test_slopes_by_differences(mechanism):
     by_theta = np.stack([(turned(theta + w) - turned(theta - w)) / (2 * h) for w in ways], -1)
     spin = np.einsum("nijp,nkj->nikp", by_theta, still)  # dR R^T, a cross product
     expected = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
-    found = Turns(still).slopes(chain, at, x, theta)
+    by_theta = chain.predictor(at).see(theta[:-3], x, "poses").jacobian
+    missed, found = Turns(still).linearized(chain, x, theta, by_theta)
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
-    np.testing.assert_allclose(Turns(still).missed(chain, x, theta), 0.0, atol=1e-12)
+    np.testing.assert_allclose(missed, 0.0, atol=1e-12)
 
 
 def test_turns_set_three_more_combinations(found, without):
@@ -130,8 +131,7 @@ def test_the_methods_of_the_papers_take_the_turns_as_well(cell, found, method, l
     poses, chain = cell[2], chain_of(PROBED)
     start, noise, problem = prepare(poses, PROBED, chain)
     x = chain.pose(poses.conditions, start)
-    slope = chain.split(start)[2].rotation @ chain.point_by_joints(poses.conditions, x, start)
-    whiten = whitening(pose_covariance(poses, PROBED, chain, noise, start, slope))
+    whiten = whitening(pose_covariance(poses, PROBED, chain, noise, start))
     told = []
     problem = problem.turned(Turns.of(poses, PROBED, chain), whiten, x)
     fit = method.fit(problem, np.random.default_rng(0), told.append)

@@ -23,6 +23,7 @@ from delta_calibration.mechanisms import Mechanism
 Array = NDArray[np.float64]
 
 LEVER = 0.3  # [m]
+ARM = float(LEVER / np.sqrt(2))
 _SPACE = 3
 
 
@@ -57,14 +58,14 @@ class Aim:
         if not self.turns:
             return np.asarray(point)
         arms = np.swapaxes(rotation, 1, 2).reshape(len(x), -1)  # one after the other
-        return np.concatenate([point, _ARM * arms], axis=1)
+        return np.concatenate([point, ARM * arms], axis=1)
 
     def slopes(self, mechanism: Mechanism, x: Array) -> Array:
         """d(place)/dx, (n, size, k)."""
         point = mechanism.point_by_pose(x, self.tool)
         if not self.turns:
             return np.asarray(point[:, list(self.axes)])
-        arms = [mechanism.point_by_pose(x, self.tool + _ARM * e) - point for e in np.eye(_SPACE)]
+        arms = [mechanism.point_by_pose(x, self.tool + ARM * e) - point for e in np.eye(_SPACE)]
         return np.concatenate([point, *arms], axis=1)
 
     def parted(self, gap: Array) -> tuple[Array, Array]:
@@ -72,6 +73,3 @@ class Aim:
         far = np.linalg.norm(gap[:, : len(self.axes)], axis=1)
         chord = np.linalg.norm(gap[:, len(self.axes) :], axis=1) / (2 * LEVER)
         return far, 2 * np.arcsin(np.minimum(chord, 1.0))
-
-
-_ARM = LEVER / np.sqrt(2)

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.model.chain_signals import JOINT
 from delta_calibration.model.jit import compiled
 from delta_calibration.model.kernels import (
     FULL,
@@ -38,23 +39,12 @@ from delta_calibration.model.kernels import (
     solve,
     spread_joints,
 )
-from delta_calibration.model.loads import bear, point_at, set_masses
+from delta_calibration.model.loads import point_at, set_masses
 from delta_calibration.model.stand import (
-    ACCELERATION,
-    CENTRE,
-    GEOMETRY,
-    GRAVITY,
-    JOINT,
-    LOAD,
-    PAYLOAD,
-    POSE,
-    PULL,
-    PULL_HOME,
-    RATE,
-    TORQUE,
     Body,
     Stages,
     State,
+    add_signals,
     stand,
     state_of,
     take_dimensions,
@@ -63,11 +53,10 @@ from delta_calibration.model.terms import add_shift
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Counts = NDArray[np.int64]
 
-STRAY = 1e-9  # as in mechanisms/base.py
-_ARM = 0.3 / np.sqrt(2)  # [m], as in aim.py
-_ROUNDS, _SAME = 12, 1e-12  # [rad] by which a command still moves
+_ROUNDS = 12
+_POSED = 1e-12  # [m, rad] by which a pose that is aimed at still moves
+_JOINED = 1e-9  # [rad] by which joints that are brought to it still move
 
 
 class Aimed(NamedTuple):
@@ -76,6 +65,7 @@ class Aimed(NamedTuple):
     tool: Array  # (3,) [m] in the platform
     axes: Index  # of x, y, z
     turns: bool
+    arm: float  # [m] by which a turn counts as a place
 
 
 class Machine(NamedTuple):
@@ -89,10 +79,11 @@ class Machine(NamedTuple):
     by_pose: bool  # whether the pose is found before the joints
     reshaped: bool  # whether dimensions change from command to command
     exact: bool  # whether the mechanism's opening is the pose itself
+    stray: float  # largest closure that counts as closed
 
 
 class Search(NamedTuple):
-    """How far and how long Newton's steps go."""
+    """Limits of Newton's method: of a correction, of its error, of its steps."""
 
     bound: float  # largest |dq_j|
     tolerance: float  # [m]
@@ -127,7 +118,7 @@ def scratch(machine: Machine, signals: int) -> Place:
     wide = max(count, max(sizes[K], sizes[M])) + 1
     made = Place(
         state_of(machine.body, machine.stages),
-        np.zeros(machine.body.bearing.point_at[4]),
+        np.zeros(machine.body.bearing.point_at[5]),
         np.zeros(count),
         np.zeros((count, sizes[K])),
         np.zeros((count, sizes[M])),
@@ -160,7 +151,7 @@ def place_of(machine: Machine, x: Array, room: Place) -> None:
         return
     for arm in range(3):
         for i in range(3):
-            room.offset[i] = aim.tool[i] + (_ARM if i == arm else 0.0)
+            room.offset[i] = aim.tool[i] + (aim.arm if i == arm else 0.0)
         point_at(bearing, x, room.offset, room.point)
         for axis in range(3):
             row = 3 + 3 * arm + axis
@@ -180,7 +171,7 @@ def stands(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
         room.signals[machine.stages.at[JOINT] + i] = q[i]
     good = stand(
         machine.body, machine.stages, room.signals, machine.g, machine.theta,
-        room.near[0] > 0.0, STRAY, room.x, room.state,
+        room.near[0] > 0.0, machine.stray, room.x, room.state,
     )  # fmt: skip
     room.near[0] = 1.0 if good and not machine.exact else 0.0
     if good:
@@ -204,9 +195,7 @@ def distance(room: Place, target: Array) -> float:
 
 
 @compiled(borrows=True)
-def reached(
-    machine: Machine, q: Array, signals: Array, target: Array, room: Place
-) -> float:
+def reached(machine: Machine, q: Array, signals: Array, target: Array, room: Place) -> float:
     """Distance from the target after a command [m]; infinite where the machine cannot stand."""
     if not stands(machine, q, signals, room):
         return np.inf
@@ -313,7 +302,7 @@ def _posed(machine: Machine, target: Array, room: Place) -> bool:
             room.x[i] -= step[i]
         if not most < np.inf:
             return False
-        if most <= _SAME:
+        if most <= _POSED:
             break
     return True
 
@@ -334,39 +323,20 @@ def _joined(machine: Machine, room: Place) -> bool:
             state.joint[i] -= step[i]
         if not most < np.inf:
             return False
-        if most <= 1e3 * _SAME:
+        if most <= _JOINED:
             return True
     return False
-
-
-@compiled(borrows=True)
-def _loaded(machine: Machine, room: Place) -> None:
-    """Signals of the machine at the pose x with its joints: what effects may take of it."""
-    stages, state, signals = machine.stages, room.state, room.signals
-    at, m = stages.at, len(state.joint)
-    copy_into(signals[at[POSE] : at[POSE] + len(room.x)], room.x)
-    copy_into(signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)], state.geometry)
-    if stages.asked == 0:
-        return
-    found = state.carried
-    bear(
-        machine.body.limbs, machine.body.bearing, stages.asked, state.joint, room.x,
-        signals[at[RATE] : at[RATE] + m], signals[at[ACCELERATION] : at[ACCELERATION] + m],
-        signals[at[PAYLOAD]], signals[at[CENTRE] : at[CENTRE] + 3], state.room, found,
-    )  # fmt: skip
-    copy_into(signals[at[GRAVITY] : at[GRAVITY] + len(found.gravity)], found.gravity)
-    copy_into(signals[at[TORQUE] : at[TORQUE] + len(found.inertia)], found.inertia)
-    copy_into(signals[at[LOAD] : at[LOAD] + len(found.load)], found.load)
-    if len(found.pull) == m:
-        copy_into(signals[at[PULL] : at[PULL] + len(found.pull)], found.pull)
-        copy_into(signals[at[PULL_HOME] : at[PULL_HOME] + len(found.pull_home)], found.pull_home)
 
 
 @compiled(borrows=True)
 def by_pose(
     machine: Machine, q: Array, signals: Array, target: Array, best: Array, room: Place
 ) -> tuple[float, int]:
-    """The same by way of the pose: the error is that of the pose."""
+    """Correct one command by first finding the pose that has the place, then joints and command.
+
+    For machines whose joints command all of the pose: see the module's beginning. Distance that
+    is left [m], and evaluations.
+    """
     limbs, state, stages = machine.body.limbs, room.state, machine.stages
     m, told, shift = limbs.sizes[M], room.there, room.dq
     copy_into(told, q)
@@ -376,7 +346,7 @@ def by_pose(
     for _ in range(_ROUNDS):
         if machine.reshaped:
             copy_into(state.geometry, machine.g)
-        _loaded(machine, room)
+        add_signals(machine.body, stages, room.signals, room.x, state)
         if machine.reshaped:
             add_shift(
                 stages.structure, room.signals, machine.theta, state.structure, state.geometry
@@ -397,7 +367,7 @@ def by_pose(
             told[i] = goal
         if not most < np.inf:
             return np.inf, 1
-        if most <= 1e3 * _SAME:
+        if most <= _JOINED:
             break
     place_of(machine, room.x, room)
     for i in range(m):
@@ -440,7 +410,7 @@ def slopes(machine: Machine, signals: Array) -> Array:
 @compiled()
 def corrections(
     machine: Machine, search: Search, signals: Array, target: Array, start: Array
-) -> tuple[Array, Array, Counts]:
+) -> tuple[Array, Array, Index]:
     """Corrections dq (n, m), distances (n,) [m], evaluations (n,) of commands under signals.
 
     Sought from `start` (n, m), where that counts.

@@ -52,7 +52,7 @@ class Guards(NamedTuple):
 
 
 class CommandRoom(NamedTuple):
-    """Scratch for one command after the other."""
+    """Scratch arrays, used again for every command."""
 
     drawn: Place
     own: Place
@@ -74,7 +74,7 @@ def command_room(drawn: Machine, machine: Machine, of_drawn: int, of_own: int) -
         scratch(drawn, of_drawn),
         scratch(machine, of_own),
         np.zeros(of_drawn),
-        np.zeros(drawn.body.bearing.point_at[4]),
+        np.zeros(drawn.body.bearing.point_at[5]),
         np.zeros(3),
         np.eye(sizes[T], sizes[K]),
         np.zeros((sizes[T], sizes[M])),
@@ -232,7 +232,7 @@ def finished(
             square = (room.own.place[i] - target[i]) ** 2
             far, chord = (far + square, chord) if i < 3 else (far, chord + square)
         told[LEFT] = np.sqrt(far)
-        told[TURN] = 2 * np.arcsin(min(np.sqrt(chord) / 0.6, 1.0))
+        told[TURN] = 2 * np.arcsin(min(np.sqrt(chord / 8) / machine.aim.arm, 1.0))
     return PASSED
 
 

@@ -32,6 +32,7 @@ from delta_calibration.compensation.table_build import Follow, TableSettings, Ta
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.effects.signals import JOINT, Signals
 from delta_calibration.errors import InputError
+from delta_calibration.model.chain_signals import OF_PULLS
 from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
@@ -51,7 +52,6 @@ _VERDICTS = (  # by the codes of command_kernel.py
     Verdict.NOT_REACHED,
 )
 _FOUND, _JUDGED, _VERIFIED = range(3)
-_PULLS = 4  # as in model/loads.py
 _SHARE, _LEFT, _TURN, _COUNT = range(4)  # what is told of a command, see command_kernel.py
 
 
@@ -313,7 +313,7 @@ class JointCompensator:
             float(limits.correction),
             REACHED,
             _STEPPED,
-            _PULLS if self._nominal.pulls else 0,
+            OF_PULLS if self._nominal.pulls else 0,
         )
 
     def _told_share(self, share: Array) -> Array | None:

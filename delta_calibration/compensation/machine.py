@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.compensation.aim import Aim
+from delta_calibration.compensation.aim import ARM, Aim
 from delta_calibration.compensation.apso import ApsoSettings, first_places, stream
 from delta_calibration.compensation.base import Correction, checked_commands
 from delta_calibration.compensation.newton import NewtonSettings
@@ -19,6 +19,7 @@ from delta_calibration.effects import Stage
 from delta_calibration.effects.signals import JOINT, TRAVEL, Places, Signals, recorded
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism, RotaryDelta
+from delta_calibration.mechanisms.base import STRAY
 from delta_calibration.samples import Conditions
 from delta_calibration.swarm_law import entropy_terms
 
@@ -109,7 +110,7 @@ class Machine:
         """As the compiled functions take it: `backward_kernel.Machine`."""
         kernel = _kernel()
         aim = kernel.Aimed(
-            np.array(self.tool, dtype=float), np.array(self.aim.axes), bool(self.aim.turns)
+            np.array(self.tool, dtype=float), np.array(self.aim.axes), bool(self.aim.turns), ARM
         )
         theta = np.array(self.theta, dtype=float)
         g = theta[self.chain.layout.geometry].copy()
@@ -117,7 +118,7 @@ class Machine:
         reshaped = bool(self.reshaping)
         body = self.mechanism.body(self.masses)
         exact = bool(self.mechanism.exact)
-        return kernel.Machine(body, stages, g, theta, aim, self.by_pose, reshaped, exact)
+        return kernel.Machine(body, stages, g, theta, aim, self.by_pose, reshaped, exact, STRAY)
 
     def with_parts(self, parts: tuple[str, ...]) -> Machine:
         """The same where the temperatures of these parts are known."""
@@ -217,7 +218,7 @@ class Swarm:
         signals: Signals | None = None,
         start: Array | None = None,
     ) -> Correction:
-        """Search the correction of every command; see `Newton.correct`. `start` does not count."""
+        """Search the correction of every command, always from places of its own; else as `Newton`."""
         del start
         q, target, usable = checked_commands(q, target, self.machine.aim.size)
         known = (self.machine.resting(q) if signals is None else signals).take(usable)
@@ -283,8 +284,6 @@ def drawn(mechanism: Mechanism, tool: Array, masses: Any = None) -> Machine:
     chain = Chain(mechanism, np.zeros(3), 1.0)
     theta = np.concatenate([mechanism.parameters.nominal, np.zeros(9)])
     return Machine(chain, theta, tool, masses)
-
-
 
 
 def _kernel() -> Any:

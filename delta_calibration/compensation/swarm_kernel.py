@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.compensation.backward_kernel import Machine, Place, begin, reached, scratch
+from delta_calibration.model.chain_signals import JOINT
 from delta_calibration.model.jit import compiled
 from delta_calibration.model.kernels import M
-from delta_calibration.model.stand import JOINT
 
 Array = NDArray[np.float64]
-Counts = NDArray[np.int64]
+Index = NDArray[np.int64]
 Leg = tuple[float, float, float, float, float, float, float, float, float, float]
 Settings = tuple[float, float, float, float, float]  # of `ApsoSettings`, see search
 
@@ -138,7 +138,7 @@ def _remember(x: Array, square: Array, own: Array, fitness: Array) -> tuple[int,
 
 
 @compiled()
-def _inertia(x: Array, bound: float, gains: Array, bins: Counts, counts: Counts) -> float:
+def _inertia(x: Array, bound: float, gains: Array, bins: Index, counts: Index) -> float:
     """Weight w of (14) from the entropy along the box's diagonal, as `swarm_entropy` has it.
 
     `gains` (m,) is what a bin's share of E grows by with one particle more in it.

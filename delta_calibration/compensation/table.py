@@ -76,8 +76,7 @@ class Stamp:
         ):
             if own != other:
                 raise InputError(
-                    f"the table is stale: made for {what} {own}, in force is {other}; "
-                    "make it anew"
+                    f"the table is stale: made for {what} {own}, in force is {other}; make it anew"
                 )
 
 

@@ -127,9 +127,7 @@ def _filled(task: Task, settings: TableSettings, k: int, follow: Follow) -> Tabl
         raise DataError(f"no table: {settings.solver} has no answer at any of its nodes")
     nearest = distance_transform_edt(lacking, return_distances=False, return_indices=True)
     corrections = dq.reshape(k, k, k, -1)[tuple(nearest)]
-    return Table(
-        lower, upper, corrections, task.stamp, settings.solver, settings.bound, np.inf, 0
-    )
+    return Table(lower, upper, corrections, task.stamp, settings.solver, settings.bound, np.inf, 0)
 
 
 def _checked(task: Task, table: Table, follow: Follow) -> Table:

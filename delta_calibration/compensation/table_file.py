@@ -144,9 +144,7 @@ def _read(path: Path) -> tuple[Any, Array]:
         what = " ".join(str(error).split())
         raise ConfigError(f"{path}: not a whole table of corrections: {what}") from error
     if corrections.dtype != np.float64:
-        raise ConfigError(
-            f"{path}: corrections are {corrections.dtype}; they have to be float64"
-        )
+        raise ConfigError(f"{path}: corrections are {corrections.dtype}; they have to be float64")
     return header, corrections
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import median_filter
 
-from delta_calibration.chain import Chain
+from delta_calibration.chain import Chain, read_at
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.signals import Signals, recorded
@@ -302,10 +302,9 @@ def gather(
     chain, base = problem.chain, problem.chain.layout.base
     poses, paths = survey.poses, survey.paths
     at = survey.conditions
-    x = chain.pose(at, theta, guess)
-    off = at.reading - chain.reading(at, x, theta)
+    seen = chain.see(at, theta, guess)
+    off, by_joints = at.reading - seen.reading, seen.by_joints
     moving = slice(len(poses), len(at))
-    by_joints, by_geometry = chain.slopes(at, x, theta)
     slope = by_joints[moving]
     whiten_paths = _whiten_paths(paths, slope, cell)
     size = chain.mechanism.joint_size
@@ -313,7 +312,7 @@ def gather(
     apart = ~on_the_way(survey)
     root = np.sqrt(cell.weight * apart)[:, None, None]
     whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
-    jacobian = chain.columns(at, x, theta, by_joints, by_geometry)
+    jacobian = seen.jacobian
     columns = whiten @ jacobian[..., base] @ problem.basis[base, base]
     path = np.concatenate([np.full(len(poses), AT_REST), paths.path])
     rest = Rest.of(path, at, whiten @ by_joints * cell.noise.repeatability, size)
@@ -324,7 +323,7 @@ def gather(
         chain=chain,
         theta=theta,
         at=at,
-        pose=x,
+        pose=seen.x,
         whiten=whiten,
         residual=(whiten @ (off + effects)[..., None])[..., 0] + columns @ z,
         nuisance=columns,
@@ -332,8 +331,8 @@ def gather(
         precision=problem.has_prior[base].astype(float),
         poses=len(poses),
         by_joints=whiten @ by_joints,
-        by_geometry=whiten @ by_geometry,
-        seen=chain.seen(at, x, theta, by_joints),
+        by_geometry=whiten @ seen.by_geometry,
+        seen=read_at(at, seen),
         robot=cell.robot,
     )
 

@@ -36,7 +36,7 @@ def extended(model: Model, seed: int) -> Identification:
     covariance = covariance_of(model)
     geometry, frame = base.mechanism.parameters.nominal, chain.split(model.theta)[2]
     drawing = base.join(geometry, base.offset, frame)
-    jacobian = base.jacobian(at, base.pose(at, drawing), drawing)
+    jacobian = base.jacobian(at, drawing)
     nominal = base.mechanism.forward(poses.joint, geometry)
     return Identification(
         chain=chain,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
-from delta_calibration.chain import Chain
+from delta_calibration.chain import Chain, read_at
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.samples import Conditions, joined
@@ -84,11 +84,9 @@ class Foresight:
     def evidence(self, samples: Samples, x: Array) -> Evidence:
         """The samples, all within reach and at x (n, k), as evidence; their residuals are zero."""
         at, whiten = samples.at, self.whiten(samples, x)
-        by_joints, by_geometry = self.chain.slopes(at, x, self.theta)
-        slope = self.chain.columns(at, x, self.theta, by_joints, by_geometry)
-        columns = whiten @ slope[..., self.chain.layout.base] @ self.scale
-        seen = self.chain.seen(at, x, self.theta, by_joints)
-        by_joints, by_geometry = whiten @ by_joints, whiten @ by_geometry
+        seen = self.chain.see(at, self.theta, x)
+        columns = whiten @ seen.jacobian[..., self.chain.layout.base] @ self.scale
+        by_joints, by_geometry = whiten @ seen.by_joints, whiten @ seen.by_geometry
         size = self.chain.mechanism.joint_size
         return Evidence(
             chain=self.chain,
@@ -103,7 +101,7 @@ class Foresight:
             poses=int(np.sum(samples.path == AT_REST)),
             by_joints=by_joints,
             by_geometry=by_geometry,
-            seen=seen,
+            seen=read_at(at, seen),
         )
 
 
@@ -134,7 +132,7 @@ def _scale(evidence: Evidence) -> Array:
     """S with d(theta) = S z of the nuisance's first columns, read off one sample."""
     chain, layout = evidence.chain, evidence.chain.layout
     row = [int(np.flatnonzero(evidence.believed)[0])]
-    slope = chain.jacobian(evidence.at.take(np.array(row)), evidence.pose[row], evidence.theta)[0]
+    slope = chain.jacobian(evidence.at.take(np.array(row)), evidence.theta, evidence.pose[row])[0]
     scaled = np.linalg.solve(evidence.whiten[row[0]], evidence.nuisance[row[0], :, layout.base])
     offset, place = layout.offset, layout.place
     prior = chain.parameters.prior[layout.base]

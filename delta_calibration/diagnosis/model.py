@@ -294,4 +294,4 @@ def _sharpened(model: Model) -> Model:
 def _residual(model: Model) -> Array:
     """Whitened residuals of the poses, none set aside, (n, 3)."""
     problem = model.extended
-    return problem.residual(model.theta, problem.chain.pose(problem.at, model.theta))
+    return problem.linearized(model.theta).residual

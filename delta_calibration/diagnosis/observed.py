@@ -194,9 +194,8 @@ class Observed(Fitted):
     def _machine(self, at: Conditions) -> tuple[Machine, Array]:
         """As built under these conditions, and its joints behind the drives, (n, m)."""
         chain = self.cell.with_effects(self._effects)
-        frame = chain.split(self.theta)[2]
-        machine = Machine(chain.mechanism, chain.geometry(at, self.theta), frame)
-        return machine, chain.joints(at, self.theta)
+        seen, (_, _, frame) = chain.see(at, self.theta, asked="nothing"), chain.split(self.theta)
+        return Machine(chain.mechanism, seen.geometry, frame), seen.joint
 
     @property
     def reads(self) -> bool:

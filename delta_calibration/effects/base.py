@@ -27,18 +27,8 @@ from numpy.typing import NDArray
 from delta_calibration.effects.demo import Demo
 from delta_calibration.effects.regressor import ANGLE, Groups, Regressor, all_together
 from delta_calibration.effects.signals import (
-    ACCELERATION,
-    CENTRE,
-    GEOMETRY,
-    GRAVITY,
-    INERTIA,
-    JOINT,
-    LOAD,
-    PAYLOAD,
-    POSE,
     PULL,
     PULL_HOME,
-    RATE,
     Places,
     Signals,
     asked_of,
@@ -47,7 +37,7 @@ from delta_calibration.effects.signals import (
     standing_asked,
 )
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.mechanisms.base import STRAY
+from delta_calibration.model import chain_signals
 from delta_calibration.model.law import Law
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
@@ -330,45 +320,27 @@ class StageTerms:
 
 def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) -> Any:
     """Effects of drives and structure, whose values stand in theta, for the compiled chain."""
-    tables = []
-    for stage in (Stage.DRIVE, Stage.STRUCTURE):
-        here = [(e, part) for e, part in zip(effects, each, strict=True) if e.stage is stage]
-        tables.append(_terms().table_of(_parts(here, places)))
+    tables = [
+        table_of_stage(stage, effects, each, places) for stage in (Stage.DRIVE, Stage.STRUCTURE)
+    ]
     names = [n for e in effects if e.stage is not Stage.MEASUREMENT for n in e.takes]
-    signals = (JOINT, RATE, ACCELERATION, GRAVITY, INERTIA, PULL, PULL_HOME, POSE, GEOMETRY, LOAD,
-               PAYLOAD, CENTRE)  # fmt: skip
-    at = np.array([places.begin(name) for name in signals])
+    at = np.array([places.begin(name) for name in chain_signals.NAMES])
     asked = _asked(effects[0].mechanism, names) if effects else 0
     return _stand().Stages(*tables, asked, standing_asked(names), at)
+
+
+def table_of_stage(
+    stage: Stage, effects: Sequence[Effect], each: Sequence[slice], places: Places
+) -> Any:
+    """Terms of the effects of one stage, whose values stand in theta (model/terms.py)."""
+    here = [(e, part) for e, part in zip(effects, each, strict=True) if e.stage is stage]
+    return _terms().table_of(_parts(here, places))
 
 
 def _asked(mechanism: Mechanism, names: Iterable[str]) -> int:
     """Loads that these signals need; pulls are of limbs that can do nothing else."""
     of_pulls = () if mechanism.pulls else (PULL, PULL_HOME)
     return asked_of(name for name in names if name not in of_pulls)
-
-
-def stand(
-    body: Any, stages: Any, signals: Array, g: Array, values: Array, near: bool, x: Array
-) -> tuple[Array, Array]:
-    """Where a machine stands under n samples' signals, see `model/stand.py`.
-
-    Args:
-        body: the mechanism.
-        stages: its effects.
-        signals: (n, S); what the machine makes of them is filled in.
-        g: dimensions, (p,).
-        values: theta, in which the effects' values are.
-        near: whether x holds poses nearby.
-        x: poses, (n, k), filled in.
-
-    Returns:
-        Joints behind the drives (n, m), and dimensions (n, p), or (1, p) where all share them.
-    """
-    theta = np.ascontiguousarray(values)
-    found = _stand().stand_all(body, stages, signals, g, theta, near, STRAY, x)
-    joint, geometry = found
-    return joint, geometry
 
 
 def _parts(

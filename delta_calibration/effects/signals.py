@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.model.chain_signals import OF_INERTIA, OF_PULLS, OF_WEIGHT
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
 
@@ -29,8 +30,13 @@ POSE, GEOMETRY, LOAD = "pose", "geometry", "load"
 TIME, PAYLOAD, CENTRE, TEMPERATURE = "time", "payload", "centre", "temperature"
 READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
 
-_WEIGHT, _INERTIA, _PULLS = 1, 2, 4  # as in model/loads.py
-_ASKED = {GRAVITY: _WEIGHT, LOAD: _WEIGHT, INERTIA: _INERTIA, PULL: _PULLS, PULL_HOME: _PULLS}
+_ASKED = {
+    GRAVITY: OF_WEIGHT,
+    LOAD: OF_WEIGHT,
+    INERTIA: OF_INERTIA,
+    PULL: OF_PULLS,
+    PULL_HOME: OF_PULLS,
+}
 _STANDING = (*_ASKED, POSE, GEOMETRY)  # what only a machine that stands somewhere has
 OF_JOINTS = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, GRAVITY, INERTIA, PULL, PULL_HOME)
 
@@ -97,7 +103,7 @@ def _places(m: int, k: int, p: int, parts: tuple[str, ...]) -> Places:
 
 
 def asked_of(names: Any) -> int:
-    """Which loads (flags of model/loads.py) these signals need."""
+    """Which loads (sums of flags) these signals need."""
     flags = 0
     for name in names:
         flags |= _ASKED.get(name, 0)
@@ -106,7 +112,7 @@ def asked_of(names: Any) -> int:
 
 def all_asked(mechanism: Mechanism) -> int:
     """Flags of every load that a mechanism has."""
-    return _WEIGHT | _INERTIA | (_PULLS if mechanism.pulls else 0)
+    return OF_WEIGHT | OF_INERTIA | (OF_PULLS if mechanism.pulls else 0)
 
 
 def standing_asked(names: Any) -> bool:

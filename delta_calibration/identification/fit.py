@@ -161,7 +161,7 @@ def identify(
     drawing = full.theta.copy()
     drawing[layout.chain] = chain.join(*_nominal_but_frame(chain, full.theta))
     observability = observe(
-        problem.whiten @ problem.jacobian(drawing, chain.pose(poses.conditions, drawing)),
+        problem.linearized(drawing).jacobian,
         np.diag(problem.basis),
         problem.names,
     )
@@ -192,18 +192,16 @@ def _with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> P
     turns = Turns.of(poses, robot, chain)
     if turns is None:
         return problem
-    x = chain.pose(problem.at, start)
-    slope = chain.split(start)[2].rotation @ chain.point_by_joints(problem.at, x, start)
-    covariance = pose_covariance(poses, robot, chain, noise, start, slope)
-    return problem.turned(turns, whitening(covariance), x)
+    covariance = pose_covariance(poses, robot, chain, noise, start)
+    return problem.turned(turns, whitening(covariance), chain.pose(problem.at, start))
 
 
 def _turn_missed(full: Solution) -> float | None:
     problem = full.problem
     if problem.turns is None:
         return None
-    missed = problem.turns.missed(problem.chain, full.pose, full.theta)
-    return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
+    whitened = np.linalg.solve(problem.whiten, full.residual[..., None])[..., 0]
+    return float(np.sqrt(np.mean(np.sum(whitened[:, 3:] ** 2, axis=1))))
 
 
 def prepare(
@@ -232,7 +230,7 @@ def prepare(
     except DataError as error:
         raise DataError(f"{poses.source}: {error}") from error
     start = chain.join(nominal, chain.offset, frame)
-    slope = frame.rotation @ chain.point_by_joints(poses.conditions, x, start)
+    slope = chain.see(poses.conditions, start, x).by_joints
     unexplained = replace(poses, point=poses.point - explained)
     noise = estimate_noise(unexplained, slope, robot)
     whiten = whitening(noise.covariance(poses, slope, robot.tracker))
@@ -242,7 +240,7 @@ def prepare(
 def distances(solution: Solution) -> Array:
     """3-D distance between measured and predicted, (n,) [m]."""
     chain, problem = solution.problem.chain, solution.problem
-    missed = problem.y - chain.reading(problem.at, solution.pose, solution.theta)
+    missed = problem.y - chain.predict(problem.at, solution.theta, solution.pose)
     return np.asarray(np.linalg.norm(missed, axis=1))
 
 
@@ -290,9 +288,9 @@ def _residuals(
         held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
         fitted = method.fit(problem.take(seen), rng, watch, solution.z).solution
         at = problem.at.take(held)
-        x = problem.chain.pose(at, fitted.theta)
-        problem.chain.mechanism.require_reach(x, at.joint, "held-out command")
-        missed[held] = problem.y[held] - problem.chain.reading(at, x, fitted.theta)
+        machine = problem.chain.see(at, fitted.theta, asked="nothing")
+        problem.chain.mechanism.require_reach(machine.x, at.joint, "held-out command")
+        missed[held] = problem.y[held] - machine.reading
     whiten = problem.whiten[counted, :3, :3]  # Cholesky's: of the position alone
     return residuals_of(distances(solution)[counted], missed[counted], whiten)
 
@@ -324,7 +322,7 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
     """
     problem = solution.problem
     root = np.sqrt(solution.weight)[:, None, None]
-    slope = (root * problem.slope(solution.theta, solution.pose)).reshape(-1, len(solution.z))
+    slope = (root * problem.slope(solution.at)).reshape(-1, len(solution.z))
     information = slope.T @ slope
     prior = np.diag(problem.has_prior[problem.free].astype(float))
     inverse = np.linalg.inv(information + prior)
@@ -356,8 +354,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     geometry = problem.layout.geometry
     solution = solve(problem.only(~problem.layout.mask(geometry)), robust=False)
     # about the drawing: a reflector that was sent far off would magnify what parts can do
-    drawn = problem.chain.pose(problem.at, problem.theta0)
-    slope = problem.chain.jacobian(problem.at, drawn, problem.theta0)[..., geometry]
+    slope = problem.chain.jacobian(problem.at, problem.theta0)[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))

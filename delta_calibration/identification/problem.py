@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.chain import Chain
+from delta_calibration.chain import Chain, Predictor
 from delta_calibration.errors import DataError
 from delta_calibration.identification.turns import MOUNT_NAMES, Turns
 from delta_calibration.samples import Conditions
@@ -45,6 +45,15 @@ _ROUNDS = 12  # of the loss made to fit the residuals
 _SHRUNK = 0.9  # a bend of the loss that falls by less has settled
 # medians of the norm of so many standard normal numbers
 _CHI_MEDIAN = {3: 1.538172, 6: 2.312598}
+
+
+@dataclass(frozen=True)
+class Linearized:
+    """A problem about one theta."""
+
+    pose: Array  # (n, k) of the platform
+    residual: Array  # (n, d) whitened: measured less predicted
+    jacobian: Array  # (n, d, P) whitened d(predicted)/d(theta)
 
 
 @dataclass(frozen=True)
@@ -109,25 +118,33 @@ class Problem:
         """The scaled free unknowns of parameters; the inverse of `theta`."""
         return np.asarray(np.linalg.solve(self.basis, theta - self.theta0)[self.free])
 
-    def residual(self, theta: Array, x: Array) -> Array:
-        """Whitened measured less predicted, (n, d)."""
-        missed = self.y - self.chain.reading(self.at, x, theta)
+    @cached_property
+    def _predictor(self) -> Predictor:
+        return self.chain.predictor(self.at)
+
+    def linearized(self, theta: Array, guess: Array | None = None) -> Linearized:
+        """What is missed at these parameters, and how that goes with them.
+
+        Args:
+            theta: (P,).
+            guess: the platform's poses, nearly, (n, k); sought where not given.
+        """
+        seen = self._predictor.see(theta[self.layout.chain], guess)
+        missed, jacobian = self.y - seen.reading, seen.jacobian
         if self.turns is not None:
-            missed = np.concatenate([missed, self.turns.missed(self.chain, x, theta)], axis=1)
-        return (self.whiten @ missed[..., None])[..., 0]
+            turned = self._predictor.see(theta[self.layout.chain], seen.x, "poses").jacobian
+            own, by_theta = self.turns.linearized(self.chain, seen.x, theta, turned)
+            missed = np.concatenate([missed, own], axis=1)
+            unmoved = np.zeros((*jacobian.shape[:-1], by_theta.shape[-1] - jacobian.shape[-1]))
+            jacobian = np.concatenate([np.concatenate([jacobian, unmoved], -1), by_theta], axis=1)
+        residual = (self.whiten @ missed[..., None])[..., 0]
+        return Linearized(seen.x, residual, self.whiten @ jacobian)
 
-    def slope(self, theta: Array, x: Array) -> Array:
-        """d(whitened prediction)/dz, (n, d, F)."""
-        return self.whiten @ (self.jacobian(theta, x) @ self.basis[:, self.free])
-
-    def jacobian(self, theta: Array, x: Array) -> Array:
-        """d(prediction)/d(theta), (n, d, P)."""
-        positions = self.chain.jacobian(self.at, x, theta)
-        if self.turns is None:
-            return positions
-        padded = np.zeros((*positions.shape[:-1], len(theta)))
-        padded[..., self.layout.chain] = positions
-        return np.concatenate([padded, self.turns.slopes(self.chain, self.at, x, theta)], axis=1)
+    def slope(self, at: Linearized) -> Array:
+        """d(whitened prediction)/dz of the free unknowns, (n, d, F)."""
+        n, d, size = at.jacobian.shape
+        flat = at.jacobian.reshape(n * d, size) @ self.basis[:, self.free]
+        return np.asarray(flat.reshape(n, d, -1))
 
     def offset_rows(self) -> Mask:
         """Which of the free unknowns are the reflector's offset, (F,)."""
@@ -141,11 +158,20 @@ class Solution:
     problem: Problem
     theta: Array  # (P,)
     z: Array  # (F,)
-    pose: Array  # (n, k) of the platform at theta
-    residual: Array  # (n, d) whitened
+    at: Linearized
     weight: Array  # (n,) of each pose under the robust loss, 1 where fully believed
     cost: float
     evaluations: int  # how often all poses were predicted
+
+    @property
+    def pose(self) -> Array:
+        """Of the platform at theta, (n, k)."""
+        return self.at.pose
+
+    @property
+    def residual(self) -> Array:
+        """Whitened measured less predicted, (n, d)."""
+        return self.at.residual
 
 
 def build_problem(
@@ -205,7 +231,7 @@ def solve(
     if not robust:
         return _search(problem, _Loss(), start, settled)
     first = z = np.zeros(int(problem.free.sum())) if start is None else start
-    bend = _bend(_state(problem, z, _Loss(), None).residual)
+    bend = _bend(_state(problem, z, _Loss(), None).at.residual)
     made = 1
     for _ in range(_ROUNDS):
         found = _search(problem, _Loss(bend), z, max(settled, _ROUGHLY))
@@ -254,8 +280,8 @@ def solution_at(problem: Problem, z: Array) -> Solution:
     """
     own = _state(problem, z, _Loss(), None)
     _require_reach(problem, own, "the machine that was found", "a longer search may find another")
-    bend = _bend(own.residual)
-    now = _state(problem, z, _Loss(bend, _GROSS * bend), own.pose)
+    bend = _bend(own.at.residual)
+    now = _state(problem, z, _Loss(bend, _GROSS * bend), own.at.pose)
     return _solution(problem, replace(now, evaluations=2))
 
 
@@ -294,15 +320,16 @@ def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) 
     damping, steps = _DAMPING, 0
     while steps < _STEPS and damping < _GIVE_UP:
         steps += 1
-        step = _step(problem, now, every, loss, damping)
-        tried = _settle(problem, step, rest, loss, settled)
+        tried = _step(problem, now, every, loss, damping)
+        if not rest.all():
+            tried = _settle(problem, tried, rest, loss, settled)
         gain = now.cost - tried.cost
         if gain >= 0:
             now, damping = tried, max(damping / 10, _DAMPING)
-            if gain <= settled:
-                break
         else:
             now, damping = replace(now, evaluations=tried.evaluations), 10 * damping
+        if abs(gain) <= settled:
+            break
     return _solution(problem, now)
 
 
@@ -320,24 +347,22 @@ def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: f
 
 
 def _step(problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: float) -> _State:
-    slope = problem.slope(now.theta, now.pose)[..., moving]
-    root = np.sqrt(now.weight)[:, None, None]
+    root = np.sqrt(now.weight)[:, None, None] / loss.spread
+    rows = (root * problem.slope(now.at)).reshape(-1, len(now.z))[:, moving]
+    residual = (root[..., 0] * now.at.residual).reshape(-1)
     prior = problem.has_prior[problem.free]
-    rows = (root * slope).reshape(-1, slope.shape[-1]) / loss.spread
-    residual = (root[..., 0] * now.residual).reshape(-1) / loss.spread
     normal = rows.T @ rows + np.diag(prior[moving] + damping)
     gradient = rows.T @ residual - (prior * now.z)[moving]
     z = now.z.copy()
     z[moving] += np.linalg.solve(normal, gradient)
-    return _state(problem, z, loss, now.pose, now.evaluations)
+    return _state(problem, z, loss, now.at.pose, now.evaluations)
 
 
 @dataclass(frozen=True)
 class _State:
     z: Array
     theta: Array
-    pose: Array
-    residual: Array
+    at: Linearized
     weight: Array
     cost: float
     evaluations: int  # on the way here, steps that were not kept among them
@@ -347,20 +372,19 @@ def _state(
     problem: Problem, z: Array, loss: _Loss, guess: Array | None, evaluations: int = 0
 ) -> _State:
     theta = problem.theta(z)
-    pose = problem.chain.pose(problem.at, theta, guess)
-    residual = problem.residual(theta, pose)
-    losses, weight = loss(np.linalg.norm(residual, axis=1))
+    at = problem.linearized(theta, guess)
+    losses, weight = loss(np.linalg.norm(at.residual, axis=1))
     explained = np.sum(losses) / loss.spread**2
     cost = float(explained + np.sum(z[problem.has_prior[problem.free]] ** 2))
     cost = cost if np.isfinite(cost) else np.inf
-    return _State(z, theta, pose, residual, weight, cost, evaluations + 1)
+    return _State(z, theta, at, weight, cost, evaluations + 1)
 
 
 def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None:
     """Refuse a state that leaves a pose without a prediction."""
     if np.isfinite(now.cost):
         return
-    bad = int(np.flatnonzero(~np.isfinite(now.pose).all(axis=1))[0])
+    bad = int(np.flatnonzero(~np.isfinite(now.at.pose).all(axis=1))[0])
     joints = ", ".join(f"{v:.4f}" for v in problem.at.joint[bad])
     raise DataError(
         f"pose {bad + 1} of {len(problem.at)} cannot be reached by {whose}: joints "
@@ -369,6 +393,4 @@ def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None
 
 
 def _solution(problem: Problem, now: _State) -> Solution:
-    return Solution(
-        problem, now.theta, now.z, now.pose, now.residual, now.weight, now.cost, now.evaluations
-    )
+    return Solution(problem, now.theta, now.z, now.at, now.weight, now.cost, now.evaluations)

@@ -67,29 +67,29 @@ class Turns:
         seen = Rotation.from_matrix(np.swapaxes(platform, 1, 2) @ self.rotation)
         return np.asarray(seen.mean().as_rotvec())
 
-    def missed(self, chain: Chain, x: Array, theta: Array) -> Array:
-        """e, (n, 3) [rad]."""
-        frame = chain.split(theta)[2]
-        mount = rotations.exp(theta[chain.layout.mounted.mount])
-        predicted = frame.rotation @ chain.mechanism.rotation(x) @ mount
-        return rotations.log(self.rotation @ np.swapaxes(predicted, 1, 2))
+    def linearized(
+        self, chain: Chain, x: Array, theta: Array, by_theta: Array
+    ) -> tuple[Array, Array]:
+        """e, (n, 3) [rad], and d(predicted turn)/d(theta), (n, 3, P + 3), to first order in e.
 
-    def slopes(self, chain: Chain, at: Conditions, x: Array, theta: Array) -> Array:
-        """d(predicted turn)/d(theta), (n, 3, P + 3) [rad]; to first order in e."""
+        Args:
+            chain: of the cell.
+            x: poses, (n, k).
+            theta: with the mount, (P + 3,).
+            by_theta: dx/d(theta), (n, k, P).
+        """
         frame, layout = chain.split(theta)[2], chain.layout.mounted
-        by_pose = frame.rotation @ chain.mechanism.turn_by_pose(x)
-        joints, geometry = chain.joints(at, theta), chain.geometry(at, theta)
-        by_frame = rotations.left_jacobian(theta[layout.turn])
         platform = frame.rotation @ chain.mechanism.rotation(x)
-        return layout.columns(
-            by_pose @ chain.mechanism.identification_jacobian(joints, x, geometry),
-            turn=np.broadcast_to(by_frame, (len(at), 3, 3)),
-            mount=platform @ rotations.left_jacobian(theta[layout.mount]),
-        )
+        predicted = platform @ rotations.exp(theta[layout.mount])
+        slope = np.zeros((len(x), 3, layout.size))
+        slope[..., layout.chain] = frame.rotation @ chain.mechanism.turn_by_pose(x) @ by_theta
+        slope[..., layout.turn] = rotations.left_jacobian(theta[layout.turn])
+        slope[..., layout.mount] = platform @ rotations.left_jacobian(theta[layout.mount])
+        return rotations.log(self.rotation @ np.swapaxes(predicted, 1, 2)), slope
 
 
 def pose_covariance(
-    poses: Poses, robot: Robot, chain: Chain, noise: Noise, theta: Array, slope: Array
+    poses: Poses, robot: Robot, chain: Chain, noise: Noise, theta: Array
 ) -> Array:
     """Covariance of positions and turns together, (n, 6, 6) [m, rad].
 
@@ -101,12 +101,12 @@ def pose_covariance(
         chain: nominal, at `theta`.
         noise: of the positions.
         theta: of the chain.
-        slope: d(position)/d(joints) in the tracker's frame, (n, 3, m).
     """
     sigma = robot.tracker.turn or 0.0
-    x, at = chain.pose(poses.conditions, theta), poses.conditions
-    by_joints = chain.mechanism.velocity_jacobian(at.joint, x, theta[chain.layout.geometry])
-    turn = chain.split(theta)[2].rotation @ chain.mechanism.turn_by_pose(x) @ by_joints
+    predictor = chain.predictor(poses.conditions)
+    seen = predictor.see(theta)
+    slope, by_joints = seen.by_joints, predictor.see(theta, seen.x, "poses").by_joints
+    turn = chain.split(theta)[2].rotation @ chain.mechanism.turn_by_pose(seen.x) @ by_joints
     both = np.concatenate([slope, turn], axis=1)
     covariance = noise.repeatability**2 * both @ np.swapaxes(both, 1, 2)
     covariance[:, :3, :3] = noise.covariance(poses, slope, robot.tracker)

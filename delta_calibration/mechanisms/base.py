@@ -459,7 +459,7 @@ class Mechanism(ABC):
         point, mass = self._point, self._masses
         every = self.limbs if type(self).masses is not None else ()
         dims = [number for limb in every for number in limb.dimensions]
-        of_point = [point.offsets[name] for name in ("x", "o", "f", "f_x")]
+        of_point = [point.offsets[name] for name in ("x", "o", "f", "f_x", "f_o")]
         of_mass = [mass.offsets[name] for name in ("x", "q", "g", "f", "f_x", "f_q")]
         return _loads().Bearing(
             np.array(point.compiled.addresses),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from hashlib import blake2s
 from pathlib import Path
@@ -24,21 +25,21 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _LAW = types.void(types.CPointer(types.float64))  # type: ignore[no-untyped-call,unused-ignore]
 _STRICT = {"error_model": "numpy"}
 _CONTRACTED = {**_STRICT, "fastmath": {"contract"}}
+_IMPORT = re.compile(r"^from (delta_calibration[.\w]*) import", re.MULTILINE)
 _LOADED: list[Any] = []  # their code lives as long as they do
 
 
 def compiled(
     signature: str | None = None,
-    *others: ModuleType,
     contract: bool = False,
     borrows: bool = False,
     alone: bool = False,
 ) -> Callable[[_Function], _Function]:
     """Compile a function, at once if it has a signature, and keep the result for later processes.
 
-    What was kept is thrown away when the function's own file changes. Functions of other files
-    become part of this one as well: the sources of those that its own file takes compiled
-    functions from, and of `others`, are part of the name that the result is kept under. Where no
+    What was kept is thrown away when the function's own file changes. Functions and constants of
+    other files become part of this one as well: the sources of those of the package that its own
+    file imports from are part of the name that the result is kept under. Where no
     folder can be written (installed by root, run by a user without a home), each process compiles
     for itself.
 
@@ -58,9 +59,8 @@ def compiled(
         options["_nrt"] = False
 
     def decorate(function: _Function) -> _Function:
-        names = {__name__, *(other.__name__ for other in others)}
-        names.update(_taken_from(function.__globals__))
-        digest = _digest("".join(map(_sources, sorted(names - {function.__module__}))))
+        taken = {__name__, *_taken_from(sys.modules[function.__module__])}
+        digest = _digest("".join(map(_sources, sorted(taken))))
         function.__qualname__ = f"{function.__qualname__}_{digest}"
         return cast(_Function, _kept(njit, function, signature, nogil=not alone, **options))
 
@@ -100,18 +100,20 @@ def _digest(text: str) -> str:
 
 @cache
 def _sources(name: str) -> str:
-    """Of a module, and of those that it takes compiled functions from."""
+    """Of a module, and of those of the package that it imports from."""
     module = sys.modules[name]
-    others = sorted({*_taken_from(vars(module))} - {name})
     text = Path(str(module.__file__)).read_text(encoding="utf-8")
-    return "".join([text, *map(_sources, others)])
+    return "".join([text, *map(_sources, _taken_from(module))])
 
 
-def _taken_from(names: dict[str, Any]) -> Iterator[str]:
-    """Modules of the compiled functions among these names."""
-    for value in names.values():
-        if isinstance(value, CPUDispatcher):
-            yield value.py_func.__module__
+@cache
+def _taken_from(module: ModuleType) -> tuple[str, ...]:
+    """Modules of the package, and of compiled functions, that one imports from; not this one."""
+    text = Path(str(module.__file__)).read_text(encoding="utf-8")
+    values = vars(module).values()
+    functions = {v.py_func.__module__ for v in values if isinstance(v, CPUDispatcher)}
+    others = functions | {*_IMPORT.findall(text)} & {*sys.modules}
+    return tuple(sorted(others - {__name__, module.__name__}))
 
 
 def _kept(make: Any, function: Any, signature: Any, **options: Any) -> Any:

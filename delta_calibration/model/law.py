@@ -255,8 +255,7 @@ def _walk(
     fills = [function.sparsity_out(i) for i in range(len(names))]
     cells = [list(zip(*fill.get_triplet(), strict=True)) for fill in fills]
     stage_of = {
-        name: 0 if name in law.fixed else 1 if name in law.shared else 2
-        for name, _ in law.groups
+        name: 0 if name in law.fixed else 1 if name in law.shared else 2 for name, _ in law.groups
     }
     register: dict[int, str] = {}
     stage: dict[str, int] = {}

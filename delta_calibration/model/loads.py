@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.model.chain_signals import OF_INERTIA, OF_PULLS, OF_WEIGHT
 from delta_calibration.model.jit import call, compiled
 from delta_calibration.model.kernels import (
     FULL,
@@ -41,13 +42,13 @@ Index = NDArray[np.int64]
 GRAVITY = 9.80665  # [m/s^2] standard acceleration of free fall (ISO 80000-3)
 _MOMENT = 5e-3  # [s] over which a motion is differenced
 _STRAY = 1e-9
-WEIGHT, INERTIA, PULLS = 1, 2, 4  # what is asked for
 
 
 class Bearing(NamedTuple):
     """What a mechanism carries and where; z is up.
 
-    point (4,), point_at (5,)   law of a point fixed to the platform; places of x, o, f, f_x, size
+    point (4,), point_at (6,)   law of a point fixed to the platform; places of x, o, f, f_x, f_o,
+                                and its size
     mass (4,), mass_at (7,)     law of the masses' places; places of x, q, g, f, f_x, f_q, size
     dims (d,)                   dimensions that it takes, or fixed numbers behind them
     kg (k,), moves (k,)         each mass, and whether its inertia counts
@@ -97,7 +98,7 @@ def carried(limbs: Limbs, bearing: Bearing) -> Carried:
     """Scratch for one sample after the other."""
     m, k, p, r = limbs.sizes[M], limbs.sizes[K], limbs.sizes[2], limbs.sizes[R]
     return Carried(
-        np.zeros(bearing.point_at[4]),
+        np.zeros(bearing.point_at[5]),
         np.zeros(max(1, bearing.mass_at[6])),
         np.zeros((1, k)),
         np.zeros((1, m)),
@@ -174,9 +175,7 @@ def _add(bearing: Bearing, found: Carried, point: int, kg: float, a: Array, u_q:
 
 
 @compiled(borrows=True)
-def _work(
-    bearing: Bearing, payload: float, accelerated: bool, found: Carried, u_q: Array
-) -> None:
+def _work(bearing: Bearing, payload: float, accelerated: bool, found: Carried, u_q: Array) -> None:
     """u_x and u_q of all masses, under gravity or as `accelerated`; the laws are evaluated."""
     a, count = found.a, len(bearing.kg)
     fill(found.u_x, 0.0)
@@ -275,11 +274,11 @@ def bear(
 ) -> None:
     """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g."""
     u_q, moving = found.u_q, False
-    if asked & INERTIA:
+    if asked & OF_INERTIA:
         moving = _accelerate(limbs, bearing, q, x, rate, acceleration, centre, room, found)
         for i in range(len(q)):
             found.inertia[i] = 0.0
-    if asked & PULLS:
+    if asked & OF_PULLS:
         place(limbs, found.still, bearing.home, FULL, room)
         point_at(bearing, bearing.home, found.origin, found.point)
         masses_at(bearing, found.still, bearing.home, found.mass)
@@ -294,9 +293,9 @@ def bear(
         for i in range(len(q)):
             found.inertia[i] = u_q[i] + found.by_q[0, i]
     _work(bearing, payload, False, found, u_q)
-    if asked & PULLS:
+    if asked & OF_PULLS:
         _pulls(limbs, bearing, room, found, found.pull)
-    if asked & WEIGHT:
+    if asked & OF_WEIGHT:
         moved(limbs, found.u_x, room, found.by_q, found.by_g)
         for i in range(len(q)):
             found.gravity[i] = u_q[i] + found.by_q[0, i]

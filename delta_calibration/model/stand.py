@@ -16,6 +16,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.model.chain_signals import (
+    ACCELERATION,
+    CENTRE,
+    GEOMETRY,
+    GRAVITY,
+    INERTIA,
+    JOINT,
+    LOAD,
+    OF_INERTIA,
+    OF_PULLS,
+    OF_WEIGHT,
+    PAYLOAD,
+    POSE,
+    PULL,
+    PULL_HOME,
+    RATE,
+)
 from delta_calibration.model.jit import call, compiled
 from delta_calibration.model.kernels import (
     FULL,
@@ -32,16 +49,7 @@ from delta_calibration.model.kernels import (
     room,
     set_geometry,
 )
-from delta_calibration.model.loads import (
-    INERTIA,
-    PULLS,
-    WEIGHT,
-    Bearing,
-    Carried,
-    bear,
-    carried,
-    set_masses,
-)
+from delta_calibration.model.loads import Bearing, Carried, bear, carried, set_masses
 from delta_calibration.model.terms import Table, add_shift
 
 Array = NDArray[np.float64]
@@ -82,7 +90,7 @@ class Stages(NamedTuple):
     structure: Table
     asked: int  # loads
     stands: bool  # whether they need the pose
-    at: Index  # places of signals, see `Chain`
+    at: Index  # places of signals, see chain_signals.py
 
 
 class State(NamedTuple):
@@ -97,10 +105,6 @@ class State(NamedTuple):
     geometry: Array  # (p,) under these conditions
     before: Array  # (k,)
     said: Array  # (m,)
-
-
-(JOINT, RATE, ACCELERATION, GRAVITY, TORQUE, PULL, PULL_HOME,
- POSE, GEOMETRY, LOAD, PAYLOAD, CENTRE) = range(12)  # fmt: skip
 
 
 @compiled()
@@ -155,7 +159,7 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
 
 
 @compiled(borrows=True)
-def _signal(body: Body, stages: Stages, signals: Array, x: Array, state: State) -> None:
+def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: State) -> None:
     """Fill in what the machine makes of a sample: pose, dimensions, loads."""
     at = stages.at
     copy_into(signals[at[POSE] : at[POSE] + len(x)], x)
@@ -168,12 +172,12 @@ def _signal(body: Body, stages: Stages, signals: Array, x: Array, state: State) 
         signals[at[RATE] : at[RATE] + m], signals[at[ACCELERATION] : at[ACCELERATION] + m],
         signals[at[PAYLOAD]], signals[at[CENTRE] : at[CENTRE] + 3], state.room, found,
     )  # fmt: skip
-    if stages.asked & WEIGHT:
+    if stages.asked & OF_WEIGHT:
         copy_into(signals[at[GRAVITY] : at[GRAVITY] + len(found.gravity)], found.gravity)
         copy_into(signals[at[LOAD] : at[LOAD] + len(found.load)], found.load)
-    if stages.asked & INERTIA:
-        copy_into(signals[at[TORQUE] : at[TORQUE] + len(found.inertia)], found.inertia)
-    if stages.asked & PULLS:
+    if stages.asked & OF_INERTIA:
+        copy_into(signals[at[INERTIA] : at[INERTIA] + len(found.inertia)], found.inertia)
+    if stages.asked & OF_PULLS:
         copy_into(signals[at[PULL] : at[PULL] + len(found.pull)], found.pull)
         copy_into(signals[at[PULL_HOME] : at[PULL_HOME] + len(found.pull_home)], found.pull_home)
 
@@ -231,7 +235,7 @@ def stand(
         return False
     for _ in range(_ROUNDS):
         copy_into(state.before, x)
-        _signal(body, stages, signals, x, state)
+        add_signals(body, stages, signals, x, state)
         _shift(body, stages, signals, g, values, state)
         if not assemble(body.limbs, state.joint, x, stray, state.room):
             return False
@@ -241,33 +245,3 @@ def stand(
         if most <= _SETTLED:
             break
     return True
-
-
-@compiled()
-def stand_all(
-    body: Body,
-    stages: Stages,
-    signals: Array,
-    g: Array,
-    values: Array,
-    near: bool,
-    stray: float,
-    x: Array,
-) -> tuple[Array, Array]:
-    """The same of all samples: joints behind the drives (n, m), dimensions (n, p) or (1, p).
-
-    `signals` (n, S) and poses x (n, k) are filled in.
-    """
-    n, own = len(signals), state_of(body, stages)
-    reshaped = len(stages.structure.law) > 0
-    joint = np.empty((n, len(own.joint)))
-    geometry = np.empty((n if reshaped else 1, len(g)))
-    take_dimensions(body, g, own)
-    if not reshaped:
-        geometry[0] = g
-    for row in range(n):
-        stand(body, stages, signals[row], g, values, near, stray, x[row], own)
-        joint[row] = own.joint
-        if reshaped:
-            geometry[row] = own.geometry
-    return joint, geometry

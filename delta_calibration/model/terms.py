@@ -108,6 +108,39 @@ def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: A
                 shift[row] += work[first + i]
 
 
+@compiled(borrows=True)
+def slopes_into(table: Table, work: Array, by_stage: Array, slopes: Array) -> None:
+    """Add to `slopes` (d, K) how what goes with a stage as `by_stage` (d, size) goes with values.
+
+    The terms have been evaluated; their derivatives are in the workspaces.
+    """
+    for term in range(len(table.law)):
+        span = table.span[term]
+        count = span[V_COUNT]
+        first = span[W_AT] + span[F_AT] + span[O_COUNT]
+        for i in range(span[O_COUNT]):
+            row = table.output[span[O_AT] + i]
+            if row < 0:
+                continue
+            for j in range(count):
+                column = table.value[span[V_AT] + j]
+                slope = work[first + i * count + j]
+                for side in range(len(slopes)):
+                    if by_stage[side, row] != 0.0:  # else it is nothing, even of what is unknown
+                        slopes[side, column] += by_stage[side, row] * slope
+
+
+@compiled(borrows=True)
+def takes(table: Table, begin: int, count: int) -> bool:
+    """Whether any term takes one of these signals."""
+    for term in range(len(table.law)):
+        span = table.span[term]
+        for i in range(span[S_COUNT]):
+            if begin <= table.signal[span[S_AT] + i] < begin + count:
+                return True
+    return False
+
+
 @compiled()
 def shifts(table: Table, signals: Array, values: Array, size: int) -> Array:
     """What all terms add to a stage at every sample, (n, size)."""
@@ -120,18 +153,10 @@ def shifts(table: Table, signals: Array, values: Array, size: int) -> Array:
 @compiled()
 def columns(table: Table, signals: Array, values: Array, size: int) -> Array:
     """Derivatives of a stage by the values at every sample, (n, size, K)."""
-    found = np.zeros((len(signals), size, len(values)))
+    found, unit = np.zeros((len(signals), size, len(values))), np.eye(size)
     work = table.work.copy()
     for row in range(len(signals)):
         for term in range(len(table.law)):
             evaluate(table, term, signals[row], values, work)
-            span = table.span[term]
-            count = span[V_COUNT]
-            first = span[W_AT] + span[F_AT] + span[O_COUNT]
-            for i in range(span[O_COUNT]):
-                to = table.output[span[O_AT] + i]
-                if to >= 0:
-                    for j in range(count):
-                        column = table.value[span[V_AT] + j]
-                        found[row, to, column] += work[first + i * count + j]
+        slopes_into(table, work, unit, found[row])
     return found

@@ -148,9 +148,8 @@ class _FiledNoise:
         """(n, 3, 3) [1/m]."""
         at, joints = samples.at, self.robot.joints
         noise = Noise(1.0, 1.0, joints.repeatability, 0.0, 0, False)
-        rotation = self.chain.split(self.theta)[2].rotation
-        slope = rotation @ self.chain.point_by_joints(at, x, self.theta)
-        reading = noise.reading(self.chain.reading(at, x, self.theta), self.robot.tracker)
+        seen = self.chain.see(at, self.theta, x)
+        slope, reading = seen.by_joints, noise.reading(seen.reading, self.robot.tracker)
         resting = (samples.path == AT_REST)[:, None, None]
         spread = np.where(resting, joints.repeatability, joints.encoder / np.sqrt(_ON_PATH))
         readings = np.where(resting, _READINGS, _ON_PATH)

@@ -96,11 +96,10 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
     square = np.zeros((2, _POINTS))
     for side in (-1.0, 1.0):
         at = judged.usual(plan.joint, side)
-        pose = found.chain.pose(at, found.theta)
-        machine = found.chain.reading(at, pose, found.theta)
-        slope = found.chain.jacobian(at, pose, found.theta)
+        seen = found.chain.see(at, found.theta)
+        slope = seen.jacobian
         # linear, as in the fit: offset and frame may lie far from the other's, but move nothing
-        for row, missed in enumerate((machine - base.predict(at, drawing), slope @ change)):
+        for row, missed in enumerate((seen.reading - base.predict(at, drawing), slope @ change)):
             square[row] += np.sum(missed**2, axis=1) / 2
     spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.covariance, slope))
     # the region is that of the platform's centre, wherever the tool sits on it

@@ -59,9 +59,9 @@ class Machine:
         Raises:
             ReachError: joint angles at which the machine cannot be assembled.
         """
-        x = self.chain.pose(at, self.theta)
-        self.chain.mechanism.require_reach(x, at.joint, "joint command")
-        true = self.chain.reading(at, x, self.theta)
+        seen = self.chain.see(at, self.theta, asked="nothing")
+        self.chain.mechanism.require_reach(seen.x, at.joint, "joint command")
+        true = seen.reading
         distance = np.linalg.norm(true, axis=1, keepdims=True)
         beam = true / distance
         along, across = self.robot.tracker.sigmas(distance)
