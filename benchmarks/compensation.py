@@ -44,7 +44,7 @@ from delta_calibration.compensation.backward_kernel import begin, scratch, stand
 from delta_calibration.compensation.machine import spheres
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.model.jit import Held, compiled
+from delta_calibration.model.jit import compiled
 from delta_calibration.robot import Robot, load_robot
 from swarm_rivals import RIVALS, Objective, Solver, installed, root, solve
 
@@ -148,9 +148,8 @@ def point(task: Task) -> Callable[[Array], Array]:
 
 
 @compiled(alone=True)
-def places(held: Held, q: Array) -> Array:
+def places(machine: Compiled, signals: Array, room: Place, q: Array) -> Array:
     """Places of the tool (n, 3) [m] by the compiled chain, NaN where it cannot stand."""
-    machine, signals, room = held.value
     found = np.full(q.shape, np.nan)
     for row in range(len(q)):
         begin(room)
@@ -162,8 +161,8 @@ def places(held: Held, q: Array) -> Array:
 def fast_point(machine: Machine) -> Callable[[Array], Array]:
     """The same for the libraries, with as little as can be about the compiled function."""
     signals = machine.resting(machine.mechanism.home[None]).rows[0].copy()
-    held = Held((machine.compiled, signals, scratch(machine.compiled, len(signals))))
-    return lambda q: places(held, q)
+    compiled_machine, room = machine.compiled, scratch(machine.compiled, len(signals))
+    return lambda q: places(compiled_machine, signals, room, q)
 
 
 def our_swarms(task: Task) -> Iterator[Row]:

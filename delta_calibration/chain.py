@@ -142,7 +142,7 @@ class Chain:
         seen = of.see(theta, x, "nothing")
         asked = all_asked(self.mechanism)
         if robot is None:
-            robot, asked = self.effects[0].robot, of.stages.asked
+            robot, asked = self.effects[0].robot, asked_of_stages(self.effects)
         return standing(
             of.signals, robot, self.mechanism, seen.x, seen.geometry, asked, seen.joint
         )
@@ -218,13 +218,10 @@ class Predictor:
     def _device(self, theta: Array) -> Any:
         """Reflector and frame as the compiled chain takes them."""
         layout, turn = self.chain.layout, theta[self.chain.layout.turn]
-        turning = rotations.exp_times_derivative(turn, np.eye(3))
+        rotation, turning = rotations.exp_with_derivative(turn)
+        parts = layout.offset.start, layout.turn.start, layout.place.start, layout.size
         return _view().Device(
-            theta[layout.offset],
-            rotations.exp(turn),
-            theta[layout.place],
-            np.ascontiguousarray(turning.transpose(1, 0, 2)),
-            np.array([layout.offset.start, layout.turn.start, layout.place.start, layout.size]),
+            theta[layout.offset], rotation, theta[layout.place], turning, np.array(parts)
         )
 
 

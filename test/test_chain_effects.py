@@ -147,7 +147,7 @@ def test_slopes_are_by_what_is_behind_the_drives(model: str, cause: str) -> None
     chain, theta = crooked(model, before, effect(model, "joint_zero_drift", step_at=0.0))
     theta[chain.layout.effects][: len(before.parameters)] *= before.stage is not Stage.MEASUREMENT
     seen = chain.see(at, theta)
-    by_joints, by_geometry = seen.by_joints, seen.by_geometry
+    by_joints, by_geometry = seen.by_joints, seen.jacobian[..., chain.layout.geometry]
     predicts = [(lambda t: chain.predict(at, t), 1e-7)]
     if cause in LOADED:
         # Exact but for how loads change: what the effect itself does, times the share by which a

@@ -172,7 +172,7 @@ def test_slopes_by_joints_are_those_of_the_chain():
     chain = evidence.chain
     seen = chain.see(evidence.at, model.theta)
     np.testing.assert_allclose(evidence.by_joints, seen.by_joints / 10e-6, rtol=1e-6, atol=1e-2)
-    by_geometry = seen.by_geometry / 10e-6
+    by_geometry = seen.jacobian[..., chain.layout.geometry] / 10e-6
     np.testing.assert_allclose(evidence.by_geometry, by_geometry, rtol=1e-8, atol=1e-4)
     assert model.placed
     assert model.reads

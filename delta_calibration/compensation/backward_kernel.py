@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.model.chain_signals import JOINT
-from delta_calibration.model.jit import compiled
+from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
     FULL,
     NEAR,
@@ -35,11 +35,10 @@ from delta_calibration.model.kernels import (
     least_step,
     moved,
     place,
-    set_geometry,
     solve,
     spread_joints,
 )
-from delta_calibration.model.loads import point_at, set_masses
+from delta_calibration.model.loads import point_at
 from delta_calibration.model.stand import (
     Body,
     Stages,
@@ -48,6 +47,7 @@ from delta_calibration.model.stand import (
     stand,
     state_of,
     take_dimensions,
+    take_shape,
 )
 from delta_calibration.model.terms import add_shift
 
@@ -59,6 +59,7 @@ _POSED = 1e-12  # [m, rad] by which a pose that is aimed at still moves
 _JOINED = 1e-9  # [rad] by which joints that are brought to it still move
 
 
+@record
 class Aimed(NamedTuple):
     """What of the tool is aimed at, see aim.py."""
 
@@ -68,6 +69,7 @@ class Aimed(NamedTuple):
     arm: float  # [m] by which a turn counts as a place
 
 
+@record
 class Machine(NamedTuple):
     """A machine as identified, or as drawn, and how it is to be asked."""
 
@@ -82,6 +84,7 @@ class Machine(NamedTuple):
     stray: float  # largest closure that counts as closed
 
 
+@record
 class Search(NamedTuple):
     """Limits of Newton's method: of a correction, of its error, of its steps."""
 
@@ -91,6 +94,7 @@ class Search(NamedTuple):
     halvings: int
 
 
+@record
 class Place(NamedTuple):
     """Scratch for one machine's places."""
 
@@ -351,8 +355,7 @@ def by_pose(
             add_shift(
                 stages.structure, room.signals, machine.theta, state.structure, state.geometry
             )
-            set_geometry(limbs, state.geometry, state.room)
-            set_masses(limbs, machine.body.bearing, state.geometry, state.carried)
+            take_shape(machine.body, state)
         if not _joined(machine, room):
             return np.inf, 1
         most = 0.0

@@ -6,7 +6,7 @@ way, and so do corrections that were found otherwise, by a swarm or a table.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,7 @@ from delta_calibration.compensation.backward_kernel import (
     scratch,
     stands,
 )
-from delta_calibration.model.jit import Held as Held
-from delta_calibration.model.jit import compiled
+from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import FULL, K, M, T, moved, place
 from delta_calibration.model.loads import bear, point_at
 
@@ -35,6 +34,7 @@ FOUND, JUDGED, VERIFIED = range(3)  # what is asked for
 SHARE, LEFT, TURN, COUNT = range(4)  # numbers that are told of a command
 
 
+@record
 class Guards(NamedTuple):
     """What a command and its correction must keep to."""
 
@@ -51,6 +51,7 @@ class Guards(NamedTuple):
     pulls: int  # loads to be asked for where limbs can pull only, else 0
 
 
+@record
 class CommandRoom(NamedTuple):
     """Scratch arrays, used again for every command."""
 
@@ -64,6 +65,17 @@ class CommandRoom(NamedTuple):
     by_g: Array  # (t, p)
     told: Array  # (m,)
     still: Array  # (m,)
+
+
+@record
+class Single(NamedTuple):
+    """All that single commands need."""
+
+    drawn: Machine
+    machine: Machine
+    guards: Guards
+    search: Search
+    room: CommandRoom
 
 
 @compiled()
@@ -316,7 +328,7 @@ def every(
 
 @compiled(alone=True)
 def single(
-    held: Any,
+    own: Single,
     q: Array,
     signals: Array,
     payload: float,
@@ -326,8 +338,8 @@ def single(
     dq: Array,
     told: Array,
 ) -> int:
-    """The same of one command (m,), by what is held for it: see `Single`."""
-    drawn, machine, guards, search, room = held.value
+    """The same of one command (m,)."""
     return commanded(
-        drawn, machine, guards, search, q, signals, payload, centre, usable, target, dq, told, room
-    )
+        own.drawn, own.machine, own.guards, own.search, q, signals, payload, centre, usable,
+        target, dq, told, own.room,
+    )  # fmt: skip

@@ -235,7 +235,7 @@ class JointCompensator:
             machines = self._drawn.compiled, own.compiled
             room = kernel.command_room(*machines, self._drawn.places.size, own.places.size)
             newton = Newton(own, self._newton).numbers
-            held = kernel.Held((*machines, self._guards, newton, room))
+            held = kernel.Single(*machines, self._guards, newton, room)
             self._held = _Single(own, own.places.slices[JOINT], kernel.single, held)
         return self._held
 

@@ -331,7 +331,7 @@ def gather(
         precision=problem.has_prior[base].astype(float),
         poses=len(poses),
         by_joints=whiten @ by_joints,
-        by_geometry=whiten @ seen.by_geometry,
+        by_geometry=whiten @ jacobian[..., chain.layout.geometry],
         seen=read_at(at, seen),
         robot=cell.robot,
     )

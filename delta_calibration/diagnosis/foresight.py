@@ -86,7 +86,8 @@ class Foresight:
         at, whiten = samples.at, self.whiten(samples, x)
         seen = self.chain.see(at, self.theta, x)
         columns = whiten @ seen.jacobian[..., self.chain.layout.base] @ self.scale
-        by_joints, by_geometry = whiten @ seen.by_joints, whiten @ seen.by_geometry
+        own = self.chain.layout.geometry
+        by_joints, by_geometry = whiten @ seen.by_joints, whiten @ seen.jacobian[..., own]
         size = self.chain.mechanism.joint_size
         return Evidence(
             chain=self.chain,

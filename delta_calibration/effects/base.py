@@ -323,10 +323,20 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
     tables = [
         table_of_stage(stage, effects, each, places) for stage in (Stage.DRIVE, Stage.STRUCTURE)
     ]
-    names = [n for e in effects if e.stage is not Stage.MEASUREMENT for n in e.takes]
     at = np.array([places.begin(name) for name in chain_signals.NAMES])
-    asked = _asked(effects[0].mechanism, names) if effects else 0
-    return _stand().Stages(*tables, asked, standing_asked(names), at)
+    return _stand().Stages(
+        *tables, asked_of_stages(effects), standing_asked(_taken(effects)), at
+    )
+
+
+def asked_of_stages(effects: Sequence[Effect]) -> int:
+    """Loads that the effects of drives and structure need."""
+    return _asked(effects[0].mechanism, _taken(effects)) if effects else 0
+
+
+def _taken(effects: Sequence[Effect]) -> list[str]:
+    """Signals that the effects of drives and structure take."""
+    return [n for e in effects if e.stage is not Stage.MEASUREMENT for n in e.takes]
 
 
 def table_of_stage(

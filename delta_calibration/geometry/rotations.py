@@ -27,6 +27,9 @@ def skew(v: NDArray[Any]) -> NDArray[Any]:
     return matrix - np.swapaxes(matrix, -1, -2)
 
 
+_CROSS = skew(np.eye(3))  # [e_j]x
+
+
 def _coefficients(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """sin(t)/t, (1 - cos t)/t^2 and (t - sin t)/t^3 with t = |w|, each (..., 1, 1)."""
     t2 = np.sum(w * w, axis=-1)[..., None, None]
@@ -53,12 +56,22 @@ def exp(w: NDArray[Any]) -> NDArray[Any]:
 
 def exp_times_derivative(w: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
     """d(R(w) v)/dw = -R(w) [v]x J_r(w), J_r the right Jacobian.  2 (..., 3) -> (..., 3, 3)."""
+    rotation, right = _with_right_jacobian(w)
+    return np.asarray(-rotation @ skew(v) @ right)
+
+
+def exp_with_derivative(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """R(w) and dR[i, j]/dw[k] of one rotation vector.  (3,) [rad] -> (3, 3), (3, 3, 3)."""
+    rotation, right = _with_right_jacobian(w)
+    by_column = -rotation @ _CROSS @ right  # of R e_j, (j, i, k)
+    return rotation, np.ascontiguousarray(by_column.transpose(1, 0, 2))
+
+
+def _with_right_jacobian(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     a, b, c = _coefficients(w)
     k = skew(w)
     k2 = k @ k
-    rotation = np.eye(3) + a * k + b * k2
-    right = np.eye(3) - b * k + c * k2
-    return np.asarray(-rotation @ skew(v) @ right)
+    return np.eye(3) + a * k + b * k2, np.eye(3) - b * k + c * k2
 
 
 def left_jacobian(w: NDArray[Any]) -> NDArray[Any]:

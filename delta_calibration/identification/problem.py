@@ -228,35 +228,35 @@ def solve(
     Raises:
         DataError: the start, or the fit, leaves poses that the model cannot reach.
     """
+    z = np.zeros(int(problem.free.sum())) if start is None else start
+    now = first = _state(problem, z, _Loss(), None)
     if not robust:
-        return _search(problem, _Loss(), start, settled)
-    first = z = np.zeros(int(problem.free.sum())) if start is None else start
-    bend = _bend(_state(problem, z, _Loss(), None).at.residual)
-    made = 1
+        return _solution(problem, _search(problem, _Loss(), now, settled))
+    bend, made = _bend(now.at.residual), 1
     for _ in range(_ROUNDS):
-        found = _search(problem, _Loss(bend), z, max(settled, _ROUGHLY))
-        made += found.evaluations
-        last, bend, z = bend, min(bend, _bend(found.residual)), found.z
+        now = _search(problem, _Loss(bend), now, max(settled, _ROUGHLY))
+        made += now.evaluations
+        last, bend = bend, min(bend, _bend(now.at.residual))
         if bend > _SHRUNK * last:
             break
-    if np.linalg.norm(found.residual, axis=1).max() <= _GROSS * bend:
-        loss, starts = _Loss(bend), [z]
+    if np.linalg.norm(now.at.residual, axis=1).max() <= _GROSS * bend:
+        loss, starts = _Loss(bend), [now]
         if start is None or everywhere:  # the rounds may have led to the wrong floor
-            place = _likeliest_place(problem, loss, z, settled)
+            place = _likeliest_place(problem, loss, now, settled)
             made += place.evaluations
-            starts += [first, place.z]
+            starts += [first, place]
     else:  # and so may gross errors
-        drawing = _search(
-            problem, _Loss(bend), np.where(problem.offset_rows(), 0.0, z), settled
-        )
+        drawing = _state(problem, np.where(problem.offset_rows(), 0.0, now.z), _Loss(bend), None)
+        drawing = _search(problem, _Loss(bend), drawing, settled)
         made += drawing.evaluations
-        loss, starts = _Loss(bend, _GROSS * bend), [z, drawing.z]
+        loss, starts = _Loss(bend, _GROSS * bend), [now, drawing]
     ends = [_search(problem, loss, begin, settled) for begin in starts]
     made += sum(end.evaluations for end in ends)
-    return replace(min(ends, key=lambda end: end.cost), evaluations=made)
+    best = min(ends, key=lambda end: end.cost)
+    return _solution(problem, replace(best, evaluations=made))
 
 
-def _likeliest_place(problem: Problem, loss: _Loss, z: Array, settled: float) -> _State:
+def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float) -> _State:
     """The likeliest with the reflector where the file has it, or a standard deviation from there.
 
     In each of seven places all else is settled. A platform that hardly tilts tells of an offset
@@ -265,7 +265,7 @@ def _likeliest_place(problem: Problem, loss: _Loss, z: Array, settled: float) ->
     offset = np.flatnonzero(problem.offset_rows())
     rest, ends = ~problem.offset_rows(), []
     for place in (np.zeros(offset.size), *np.eye(offset.size), *-np.eye(offset.size)):
-        begin = z.copy()
+        begin = now.z.copy()
         begin[offset] = place
         ends.append(_settle(problem, _state(problem, begin, loss, None), rest, loss, settled))
     best = min(ends, key=lambda end: end.cost)
@@ -302,26 +302,26 @@ def _bend(residual: Array) -> float:
     return _HUBER * max(1.0, typical / _CHI_MEDIAN[residual.shape[1]])
 
 
-def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) -> Solution:
+def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _State:
     """Levenberg-Marquardt; every step is followed by a settling of all but the reflector's offset.
 
     The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that
     plain steps creep along. With the rest settled again at the new offset (variable projection) a
-    handful of steps do.
+    handful of steps do. Evaluations are counted from the beginning on.
     """
-    z = np.zeros(int(problem.free.sum())) if start is None else start
-    now = _state(problem, z, loss, None)
+    now = _under(problem, loss, begin)
     _require_reach(
         problem, now, "the nominal robot", "another robot, or joints of another zero?"
     )
-    every = np.ones(len(z), dtype=bool)
-    rest = ~problem.offset_rows()
-    now = _settle(problem, now, rest, loss, settled)
+    every, rest = np.ones(len(now.z), dtype=bool), ~problem.offset_rows()
+    in_two = not rest.all()
+    if in_two:
+        now = _settle(problem, now, rest, loss, settled)
     damping, steps = _DAMPING, 0
     while steps < _STEPS and damping < _GIVE_UP:
         steps += 1
         tried = _step(problem, now, every, loss, damping)
-        if not rest.all():
+        if in_two:
             tried = _settle(problem, tried, rest, loss, settled)
         gain = now.cost - tried.cost
         if gain >= 0:
@@ -330,7 +330,7 @@ def _search(problem: Problem, loss: _Loss, start: Array | None, settled: float) 
             now, damping = replace(now, evaluations=tried.evaluations), 10 * damping
         if abs(gain) <= settled:
             break
-    return _solution(problem, now)
+    return now
 
 
 def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: float) -> _State:
@@ -373,11 +373,17 @@ def _state(
 ) -> _State:
     theta = problem.theta(z)
     at = problem.linearized(theta, guess)
-    losses, weight = loss(np.linalg.norm(at.residual, axis=1))
+    state = _State(z, theta, at, np.ones(len(at.residual)), np.inf, evaluations + 1)
+    return replace(_under(problem, loss, state), evaluations=state.evaluations)
+
+
+def _under(problem: Problem, loss: _Loss, state: _State) -> _State:
+    """The same state, judged by another loss."""
+    losses, weight = loss(np.linalg.norm(state.at.residual, axis=1))
     explained = np.sum(losses) / loss.spread**2
-    cost = float(explained + np.sum(z[problem.has_prior[problem.free]] ** 2))
+    cost = float(explained + np.sum(state.z[problem.has_prior[problem.free]] ** 2))
     cost = cost if np.isfinite(cost) else np.inf
-    return _State(z, theta, at, weight, cost, evaluations + 1)
+    return replace(state, weight=weight, cost=cost, evaluations=0)
 
 
 def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None:

@@ -9,11 +9,15 @@ from functools import cache
 from hashlib import blake2s
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 import numba
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
+from numba.core.datamodel import default_manager, models
+from numba.core.extending import lower_getattr_generic
+from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import CPUDispatcher
 from numba.experimental import structref
 from numba.extending import intrinsic
@@ -21,6 +25,7 @@ from numba.extending import intrinsic
 from delta_calibration.model import lowering
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+_Kind = TypeVar("_Kind")
 
 _LAW = types.void(types.CPointer(types.float64))  # type: ignore[no-untyped-call,unused-ignore]
 _STRICT = {"error_model": "numpy"}
@@ -141,36 +146,81 @@ def _call(typing: Any, address: Any, workspace: Any) -> Any:
 call: Any = intrinsic(_call)  # in compiled functions: call(address, workspace)
 
 
-@structref.register
-class HeldType(types.StructRef):  # type: ignore[misc,unused-ignore]
-    """Type of what is held for compiled functions, see `Held`."""
+class RecordType(types.StructRef):  # type: ignore[misc,unused-ignore]
+    """Type of the records of one class, by the types of their fields, see `record`."""
+
+    def __init__(self, fields: Any) -> None:
+        """Named by a digest: a record of records of records has a name of a page."""
+        super().__init__(fields)
+        self.name = f"{type(self).__name__}_{_digest(self.name)}"
 
     def preprocess_fields(self, fields: Any) -> Any:
-        """Any value whatever."""
+        """Any values whatever."""
         unliteral: Any = types.unliteral
         return tuple((name, unliteral(kind)) for name, kind in fields)
 
 
-class Held(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
-    """Arrays taken over by compiled functions once, and handed to them by one reference.
+class Record(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
+    """A record as Python holds it: made, and handed on, but not read."""
 
-    Handing over a machine's arrays one by one takes longer than what is computed with them.
-    Inside a compiled function they are `held.value`.
+    _fields: ClassVar[tuple[str, ...]]
+    _make: ClassVar[Any]
+
+    def __new__(cls, *values: Any, **named: Any) -> Any:
+        """Of the values of all fields."""
+        rest = (named[name] for name in cls._fields[len(values) :])
+        return cls._make((*values, *rest))
+
+
+def record(kind: type[_Kind]) -> type[_Kind]:
+    """Let records of this class of named fields be handed on by reference, compiled and not.
+
+    A named tuple is handed to a compiled function array by array, which takes longer than the
+    work of a small one. Of a record only its address goes there.
     """
+    module, name = sys.modules[kind.__module__], kind.__name__
+    fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
+    names = {"__module__": module.__name__}
+    form = type(f"{name}Type", (RecordType,), names)
+    _register(form)
+    setattr(module, f"{name}Type", form)  # where it is looked for by what was kept
+    made = type(name, (Record,), {**names, "__doc__": kind.__doc__, "_fields": fields})
+    _structref.define_constructor(made, form, fields)
+    _structref.define_boxing(form, made)
+    made._make = _maker(made)  # type: ignore[attr-defined]
+    return cast(type[_Kind], made)
 
-    def __new__(cls, value: Any) -> Any:
-        """Take over a (nested) named tuple of arrays."""
-        return _hold(value)
+
+def _register(form: Any) -> None:
+    """Let compiled functions hold records of this type, make them and read their fields.
+
+    Theirs is the way of numba's `structref`, which counts who holds a record whenever it is read.
+    A function that `borrows` does not count.
+    """
+    default_manager.register(form, models.StructRefModel)
+    _structref.define_attributes(form)
+    extending: Any = lower_getattr_generic
+    extending(form)(_field)
 
 
+def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    """A field of a record: its memory is what numba's reference count stands in front of."""
+    record = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+    counted = builder.bitcast(record.meminfo, _COUNTED.as_pointer())
+    content = context.data_model_manager[kind.get_data_type()].get_value_type().as_pointer()
+    place = builder.bitcast(builder.load(cgutils.gep(builder, counted, 0, 3)), content)
+    fields = cgutils.create_struct_proxy(kind.get_data_type())(context, builder, ref=place)
+    return impl_ret_borrowed(context, builder, kind.field_dict[name], getattr(fields, name))
+
+
+def _maker(kind: Any) -> Any:
+    def make(values: Any) -> Any:
+        return kind(*values)
+
+    make.__qualname__ = f"make_{kind.__name__}_{_digest(_sources(kind.__module__))}"
+    return _kept(numba.njit, make, None)
+
+
+_WORD, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
+_COUNTED = ir.LiteralStructType([_WORD, _BYTES, _BYTES, _BYTES, _WORD])  # numba's MemInfo
 _structref: Any = structref  # typed in some of numba's versions, in others not
-_structref.define_constructor(Held, HeldType, ["value"])
-_structref.define_attributes(HeldType)
-_structref.define_boxing(HeldType, Held)
-
-
-def _hold_value(value: Any) -> Any:
-    return Held(value)
-
-
-_hold: Any = _kept(numba.njit, _hold_value, None)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.jit import call, compiled, record
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -35,6 +35,7 @@ _SETTLED = 1e-11  # [m, rad] last step; what is left is of the order of its squa
 _DAMPED_STEPS = 200
 
 
+@record
 class Limbs(NamedTuple):
     """A mechanism's law and which of its limbs takes what; see above."""
 
@@ -49,6 +50,7 @@ class Limbs(NamedTuple):
     most: Array
 
 
+@record
 class Room(NamedTuple):
     """Scratch of one mechanism, used again for all samples of a call."""
 
@@ -148,25 +150,26 @@ def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
 @compiled(borrows=True)
 def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
     """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`."""
-    at = limbs.at
-    first = room.work[0]
-    for limb in range(len(limbs.joints)):
-        work = room.work[limb]
-        for i in range(limbs.joints.shape[1]):
-            work[at[Q] + i] = q[limbs.joints[limb, i]]
-        for i in range(limbs.sizes[K]):
-            work[at[X] + i] = x[i]
+    at, law, joints, rows, k = limbs.at, limbs.law, limbs.joints, limbs.rows, limbs.sizes[K]
+    every, f, by_x = room.work, room.f, room.by_x
+    to_q, to_x, from_f, from_x = at[Q], at[X], at[F], at[F_X]
+    for limb in range(len(joints)):
+        work = every[limb]
+        for i in range(joints.shape[1]):
+            work[to_q + i] = q[joints[limb, i]]
+        for i in range(k):
+            work[to_x + i] = x[i]
         if limb == 0:
-            call(limbs.law[SHARED], work)
+            call(law[SHARED], work)
         else:
             for i in range(at[FROM], at[TO]):
-                work[i] = first[i]
-        call(limbs.law[stage], work)
-        for i in range(limbs.rows.shape[1]):
-            row = limbs.rows[limb, i]
-            room.f[row] = work[at[F] + i]
-            for j in range(limbs.sizes[K]):
-                room.by_x[row, j] = work[at[F_X] + i * limbs.sizes[K] + j]
+                work[i] = every[0, i]
+        call(law[stage], work)
+        for i in range(rows.shape[1]):
+            row = rows[limb, i]
+            f[row] = work[from_f + i]
+            for j in range(k):
+                by_x[row, j] = work[from_x + i * k + j]
 
 
 @compiled(borrows=True)
@@ -195,27 +198,27 @@ def spread_geometry(limbs: Limbs, room: Room) -> None:
 @compiled(borrows=True)
 def towards(room: Room, r: int, k: int) -> bool:
     """Newton's step in the pose, f_x^+ f, into `step`; False where there is none."""
-    system = room.system
+    system, by_x, f, step = room.system, room.by_x, room.f, room.step
     if r == k:
         for i in range(k):
             for j in range(k):
-                system[i, j] = room.by_x[i, j]
-            system[i, k] = room.f[i]
+                system[i, j] = by_x[i, j]
+            system[i, k] = f[i]
     else:  # normal equations
         for i in range(k):
             for j in range(k):
                 total = 0.0
                 for row in range(r):
-                    total += room.by_x[row, i] * room.by_x[row, j]
+                    total += by_x[row, i] * by_x[row, j]
                 system[i, j] = total
             total = 0.0
             for row in range(r):
-                total += room.by_x[row, i] * room.f[row]
+                total += by_x[row, i] * f[row]
             system[i, k] = total
     if not solve(system, k, 1):
         return False
     for i in range(k):
-        room.step[i] = system[i, k]
+        step[i] = system[i, k]
     return True
 
 
@@ -292,15 +295,15 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
     After it `system[:R, c0 + i]` is not used; the result stands in `system[i, :R]`.
     """
     r, k, count = limbs.sizes[R], limbs.sizes[K], len(by_pose)
-    system = room.system
+    system, by_x = room.system, room.by_x
     for i in range(k):
         for j in range(k):
             if r == k:
-                system[i, j] = room.by_x[j, i]
+                system[i, j] = by_x[j, i]
             else:
                 total = 0.0
                 for row in range(r):
-                    total += room.by_x[row, i] * room.by_x[row, j]
+                    total += by_x[row, i] * by_x[row, j]
                 system[i, j] = total
         for side in range(count):
             system[i, k + side] = by_pose[side, i]
@@ -311,7 +314,8 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
 def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) -> None:
     """Derivatives by joints (c, m) and dimensions (c, p) of what has `by_pose` (c, k).
 
-    By the implicit function theorem, where the limbs were placed with `FULL`.
+    By the implicit function theorem, where the limbs were placed with `FULL`. Columns of `by_g`
+    behind those of the dimensions become zero.
     """
     r, k, p, count = limbs.sizes[R], limbs.sizes[K], limbs.sizes[P], len(by_pose)
     found = back(limbs, by_pose, room)
@@ -319,24 +323,30 @@ def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) ->
     fill(by_g, 0.0 if found else np.nan)
     if not found:
         return
-    at, own, each = limbs.at, limbs.joints.shape[1], limbs.params.shape[1]
-    for side in range(count):
-        for limb in range(len(limbs.joints)):
-            work = room.work[limb]
-            for i in range(limbs.rows.shape[1]):
-                row = limbs.rows[limb, i]
-                weight = 0.0
+    joints, params, rows = limbs.joints, limbs.params, limbs.rows
+    own, each, from_q, from_g = joints.shape[1], params.shape[1], limbs.at[F_Q], limbs.at[F_G]
+    every, by_x, system, weight = room.work, room.by_x, room.system, room.step
+    for limb in range(len(joints)):
+        work = every[limb]
+        for i in range(rows.shape[1]):
+            row = rows[limb, i]
+            for side in range(count):
+                total = 0.0
                 if r == k:
-                    weight = -room.system[row, k + side]
+                    total = -system[row, k + side]
                 else:
                     for j in range(k):
-                        weight -= room.by_x[row, j] * room.system[j, k + side]
-                for j in range(own):
-                    by_q[side, limbs.joints[limb, j]] += weight * work[at[F_Q] + i * own + j]
-                for j in range(each):
-                    column = limbs.params[limb, j]
-                    if column < p:
-                        by_g[side, column] += weight * work[at[F_G] + i * each + j]
+                        total -= by_x[row, j] * system[j, k + side]
+                weight[side] = total
+            for j in range(own):
+                column, slope = joints[limb, j], work[from_q + i * own + j]
+                for side in range(count):
+                    by_q[side, column] += weight[side] * slope
+            for j in range(each):
+                column, slope = params[limb, j], work[from_g + i * each + j]
+                if column < p and slope != 0.0:
+                    for side in range(count):
+                        by_g[side, column] += weight[side] * slope
 
 
 # --- all samples ---------------------------------------------------------------------------------
@@ -363,6 +373,16 @@ def started(
             found[row, i] = work[at[3] + i]
 
 
+@compiled(borrows=True)
+def _poses(
+    limbs: Limbs, home: Array, stages: int, q: Array, g: Array, x: Array, stray: float, own: Room
+) -> None:
+    for row in range(len(q)):
+        if row == 0 or len(g) > 1:
+            set_geometry(limbs, g[min(row, len(g) - 1)], own)
+        follow(limbs, home, q[row], x[row], stages, stray, own)
+
+
 @compiled()
 def poses(
     limbs: Limbs, size: int, home: Array, stages: int, q: Array, g: Array, x: Array, stray: float
@@ -371,11 +391,7 @@ def poses(
 
     With more than one of the `stages` on the way from the joints `home` (m,): see `follow`.
     """
-    own, last = room(limbs, size), len(g) - 1
-    for row in range(len(q)):
-        if row == 0 or last > 0:
-            set_geometry(limbs, g[min(row, last)], own)
-        follow(limbs, home, q[row], x[row], stages, stray, own)
+    _poses(limbs, home, stages, q, g, x, stray, room(limbs, size))
 
 
 @compiled()
@@ -400,6 +416,17 @@ def closures(
     return f, by_x, by_q, by_g
 
 
+@compiled(borrows=True)
+def _slopes(
+    limbs: Limbs, q: Array, x: Array, g: Array, by_pose: Array, by_q: Array, by_g: Array, own: Room
+) -> None:
+    for row in range(len(q)):
+        if row == 0 or len(g) > 1:
+            set_geometry(limbs, g[min(row, len(g) - 1)], own)
+        place(limbs, q[row], x[row], FULL, own)
+        moved(limbs, by_pose[row], own, by_q[row], by_g[row])
+
+
 @compiled()
 def slopes(
     limbs: Limbs, size: int, q: Array, x: Array, g: Array, by_pose: Array
@@ -408,12 +435,7 @@ def slopes(
     n, count = len(q), by_pose.shape[1]
     by_q = np.empty((n, count, limbs.sizes[M]))
     by_g = np.empty((n, count, limbs.sizes[P]))
-    own, last = room(limbs, size), len(g) - 1
-    for row in range(n):
-        if row == 0 or last > 0:
-            set_geometry(limbs, g[min(row, last)], own)
-        place(limbs, q[row], x[row], FULL, own)
-        moved(limbs, by_pose[row], own, by_q[row], by_g[row])
+    _slopes(limbs, q, x, g, by_pose, by_q, by_g, room(limbs, size))
     return by_q, by_g
 
 

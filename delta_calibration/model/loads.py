@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.model.chain_signals import OF_INERTIA, OF_PULLS, OF_WEIGHT
-from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
     FULL,
     SETUP,
@@ -44,6 +44,7 @@ _MOMENT = 5e-3  # [s] over which a motion is differenced
 _STRAY = 1e-9
 
 
+@record
 class Bearing(NamedTuple):
     """What a mechanism carries and where; z is up.
 
@@ -71,6 +72,7 @@ class Bearing(NamedTuple):
     joints: Index
 
 
+@record
 class Carried(NamedTuple):
     """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home."""
 

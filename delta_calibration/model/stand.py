@@ -33,7 +33,7 @@ from delta_calibration.model.chain_signals import (
     PULL_HOME,
     RATE,
 )
-from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
     FULL,
     SETUP,
@@ -59,6 +59,7 @@ _ROUNDS = 12
 _SETTLED = 1e-12  # [m, rad] by which a round moves the pose
 
 
+@record
 class Opening(NamedTuple):
     """Law of a pose near the wanted assembly mode: stages, places of q, g, c, f and its size.
 
@@ -72,6 +73,7 @@ class Opening(NamedTuple):
     constants: Array
 
 
+@record
 class Body(NamedTuple):
     """A mechanism as the chain needs it."""
 
@@ -83,6 +85,7 @@ class Body(NamedTuple):
     stages: int  # of the way from home where there is no opening
 
 
+@record
 class Stages(NamedTuple):
     """Effects of drives and structure, and what they need."""
 
@@ -93,6 +96,7 @@ class Stages(NamedTuple):
     at: Index  # places of signals, see chain_signals.py
 
 
+@record
 class State(NamedTuple):
     """Scratch of one sample, and where it stands."""
 
@@ -132,8 +136,22 @@ def state_of(body: Body, stages: Stages) -> State:
 def take_dimensions(body: Body, g: Array, state: State) -> None:
     """Give the machine these dimensions (p,)."""
     copy_into(state.geometry, g)
-    set_geometry(body.limbs, g, state.room)
-    set_masses(body.limbs, body.bearing, g, state.carried)
+    take_shape(body, state)
+
+
+@compiled(borrows=True)
+def take_shape(body: Body, state: State) -> None:
+    """Let all laws have the dimensions that are in the state."""
+    set_geometry(body.limbs, state.geometry, state.room)
+    set_masses(body.limbs, body.bearing, state.geometry, state.carried)
+    opening, own, p = body.opening, state.opening, body.limbs.sizes[P]
+    if not len(opening.law):
+        return
+    for i in range(len(opening.dims)):
+        row = opening.dims[i]
+        value = state.geometry[row] if row < p else body.limbs.fixed[row - p]
+        own[opening.at[1] + i] = value
+    call(opening.law[SETUP], own)
 
 
 @compiled(borrows=True)
@@ -143,14 +161,9 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
     if not len(opening.law):
         copy_into(x, body.bearing.home)
         return follow(body.limbs, body.home, q, x, body.stages, stray, state.room)
-    own, p = state.opening, body.limbs.sizes[P]
-    for i in range(len(opening.dims)):
-        row = opening.dims[i]
-        value = state.geometry[row] if row < p else body.limbs.fixed[row - p]
-        own[opening.at[1] + i] = value
+    own = state.opening
     for i in range(len(opening.joints)):
         own[opening.at[0] + i] = q[opening.joints[i]]
-    call(opening.law[SETUP], own)
     call(opening.law[SHARED], own)
     call(opening.law[FULL], own)
     for i in range(len(x)):
@@ -193,8 +206,7 @@ def _shift(
     if len(stages.structure.law):
         copy_into(state.geometry, g)
         add_shift(stages.structure, signals, values, state.structure, state.geometry)
-        set_geometry(body.limbs, state.geometry, state.room)
-        set_masses(body.limbs, body.bearing, state.geometry, state.carried)
+        take_shape(body, state)
 
 
 @compiled(borrows=True)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.law import Law
 
 Array = NDArray[np.float64]
@@ -37,6 +37,7 @@ class Term:
     constants: tuple[float, ...] = ()
 
 
+@record
 class Table(NamedTuple):
     """Terms as the compiled loops take them."""
 
@@ -86,12 +87,14 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
 @compiled(borrows=True)
 def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array) -> None:
     """Evaluate one term on a sample's signals, in its workspace."""
-    span = table.span[term]
+    span, signal, value = table.span[term], table.signal, table.value
     own = work[span[W_AT] : span[W_AT] + span[W_SIZE]]
-    for i in range(span[S_COUNT]):
-        own[i] = signals[table.signal[span[S_AT] + i]]
+    first, count = span[S_AT], span[S_COUNT]
+    for i in range(count):
+        own[i] = signals[signal[first + i]]
+    first = span[V_AT]
     for i in range(span[V_COUNT]):
-        own[span[S_COUNT] + i] = values[table.value[span[V_AT] + i]]
+        own[count + i] = values[value[first + i]]
     call(table.law[term], own)
 
 

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.model.chain_signals import RATE, READING, READING_RATE
-from delta_calibration.model.jit import compiled
-from delta_calibration.model.kernels import FULL, K, M, P, fill, moved, place
+from delta_calibration.model.jit import compiled, record
+from delta_calibration.model.kernels import FULL, K, M, copy_into, fill, moved, place
 from delta_calibration.model.loads import point_at
 from delta_calibration.model.stand import Body, Stages, State, stand, state_of, take_dimensions
 from delta_calibration.model.terms import Table, add_shift, slopes_into, takes
@@ -30,6 +30,7 @@ Index = NDArray[np.int64]
 NOTHING, READINGS, POSES = range(3)  # of what derivatives are asked for
 
 
+@record
 class Device(NamedTuple):
     """A reflector on the platform, and how the device that measures it stands."""
 
@@ -50,8 +51,17 @@ class Seen(NamedTuple):
     rate: Array  # (n, 3) [m/s] how fast it moves there
     reading: Array  # (n, 3) [m]
     by_joints: Array  # (n, d, m) d(before) or d(pose) by the joints behind the drives
-    by_geometry: Array  # (n, d, p) the same by the dimensions
     jacobian: Array  # (n, d, P) d(reading) or d(pose) by theta
+
+
+@record
+class Room(NamedTuple):
+    """Scratch, used again for every sample."""
+
+    state: State
+    last: Array  # workspaces of the terms of the measurement
+    slope: Array  # (d, k) of what is derived, by the pose
+    unit: Array  # (3, 3)
 
 
 @compiled(borrows=True)
@@ -97,6 +107,79 @@ def _by_device(body: Body, device: Device, state: State, jacobian: Array) -> Non
             jacobian[i, origin + c] = 1.0 if i == c else 0.0
 
 
+@compiled(borrows=True)
+def _derive(
+    body: Body, stages: Stages, device: Device, asked: int, x: Array, own: State, slope: Array,
+    by_joints: Array, jacobian: Array,
+) -> None:
+    """Derivatives by joints and, into the first of `jacobian`'s columns, by dimensions.
+
+    And from them those by the values of the effects of drives and structure.
+    """  # fmt: skip
+    _by_pose(body, device, asked, own, slope)
+    place(body.limbs, own.joint, x, FULL, own.room)
+    moved(body.limbs, slope, own.room, by_joints, jacobian)
+    slopes_into(stages.drive, own.drive, by_joints, jacobian)
+    slopes_into(stages.structure, own.structure, jacobian, jacobian)
+
+
+@compiled(borrows=True)
+def _see_each(
+    body: Body,
+    stages: Stages,
+    last: Table,
+    device: Device,
+    signals: Array,
+    g: Array,
+    theta: Array,
+    near: bool,
+    stray: float,
+    asked: int,
+    found: Seen,
+    room: Room,
+) -> None:
+    """Fill in what every sample shows, one after the other."""
+    m, own = body.limbs.sizes[M], room.state
+    reshaped = len(stages.structure.law) > 0
+    rates, at = stages.at[RATE], stages.at[READING]
+    takes_rate = takes(last, stages.at[READING_RATE], 3)
+    take_dimensions(body, g, own)
+    if not reshaped:
+        copy_into(found.geometry[0], g)
+    for row in range(len(signals)):
+        x, before, reading = found.x[row], found.before[row], found.reading[row]
+        good = stand(body, stages, signals[row], g, theta, near, stray, x, own)
+        copy_into(found.joint[row], own.joint)
+        if reshaped:
+            copy_into(found.geometry[row], own.geometry)
+        if not good:
+            for i in range(3):
+                before[i] = reading[i] = np.nan
+            if asked != NOTHING:
+                fill(found.by_joints[row], np.nan)
+                fill(found.jacobian[row], np.nan)
+            continue
+        _place_reflector(body, device, x, own, before)
+        moving = False
+        for i in range(m):
+            moving = moving or (takes_rate and signals[row, rates + i] != 0.0)
+        some = row if asked != NOTHING else 0
+        if asked != NOTHING or moving:
+            by_joints, jacobian = found.by_joints[some], found.jacobian[some]
+            _derive(body, stages, device, asked, x, own, room.slope, by_joints, jacobian)
+            for i in range(3):
+                if moving and asked != POSES:
+                    for j in range(m):
+                        found.rate[row, i] += by_joints[i, j] * signals[row, rates + j]
+        for i in range(3):
+            signals[row, at + i] = reading[i] = before[i]
+            signals[row, stages.at[READING_RATE] + i] = found.rate[row, i]
+        add_shift(last, signals[row], theta, room.last, reading)
+        if asked == READINGS:
+            _by_device(body, device, own, found.jacobian[row])
+            slopes_into(last, room.last, room.unit, found.jacobian[row])
+
+
 @compiled()
 def see(
     body: Body,
@@ -126,65 +209,22 @@ def see(
         asked: of what derivatives are wanted: `NOTHING`, `READINGS` or `POSES`.
         x: (n, k), filled in.
     """
-    limbs, n = body.limbs, len(signals)
-    m, k, p = limbs.sizes[M], limbs.sizes[K], limbs.sizes[P]
-    own, work = state_of(body, stages), last.work.copy()
-    take_dimensions(body, g, own)
-    reshaped = len(stages.structure.law) > 0
+    n, m, k = len(signals), body.limbs.sizes[M], body.limbs.sizes[K]
     sides = k if asked == POSES else 3
-    some = 0 if asked == NOTHING else n
+    some = 1 if asked == NOTHING else n  # room for the rate of a sample
     found = Seen(
-        x, np.empty((n, m)), np.empty((n if reshaped else 1, p)), np.empty((n, 3)), np.zeros((n, 3)), np.empty((n, 3)),
-        np.empty((some, sides, m)), np.empty((some, sides, p)),
-        np.zeros((some, sides, device.at[3])),
+        x,
+        np.empty((n, m)),
+        np.empty((n if len(stages.structure.law) else 1, len(g))),
+        np.empty((n, 3)),
+        np.zeros((n, 3)),
+        np.empty((n, 3)),
+        np.empty((some, sides, m)),
+        np.empty((some, sides, device.at[3])),
+    )
+    slope, unit = np.empty((sides, k)), np.eye(3)
+    room = Room(state_of(body, stages), last.work.copy(), slope, unit)
+    _see_each(
+        body, stages, last, device, signals, g, theta, near, stray, asked, found, room
     )  # fmt: skip
-    if not reshaped:
-        found.geometry[0] = g
-    slope, by_q, by_g = np.empty((sides, k)), np.empty((sides, m)), np.empty((sides, p))
-    rates, unit = stages.at[RATE], np.eye(3)
-    takes_rate = takes(last, stages.at[READING_RATE], 3)
-    for row in range(n):
-        good = stand(body, stages, signals[row], g, theta, near, stray, x[row], own)
-        found.joint[row] = own.joint
-        if reshaped:
-            found.geometry[row] = own.geometry
-        if not good:
-            found.reading[row] = np.nan
-            found.before[row] = np.nan
-            if asked != NOTHING:
-                fill(found.by_joints[row], np.nan)
-                fill(found.by_geometry[row], np.nan)
-                fill(found.jacobian[row], np.nan)
-            continue
-        _place_reflector(body, device, x[row], own, found.before[row])
-        moving = False
-        for i in range(m):
-            moving = moving or (takes_rate and signals[row, rates + i] != 0.0)
-        if asked != NOTHING or moving:
-            _by_pose(body, device, asked, own, slope)
-            place(limbs, own.joint, x[row], FULL, own.room)
-            moved(limbs, slope, own.room, by_q, by_g)
-        if moving and asked != POSES:
-            for i in range(3):
-                for j in range(m):
-                    found.rate[row, i] += by_q[i, j] * signals[row, rates + j]
-        for i in range(3):
-            signals[row, stages.at[READING] + i] = found.before[row, i]
-            signals[row, stages.at[READING_RATE] + i] = found.rate[row, i]
-            found.reading[row, i] = found.before[row, i]
-        add_shift(last, signals[row], theta, work, found.reading[row])
-        if asked == NOTHING:
-            continue
-        jacobian = found.jacobian[row]
-        for i in range(sides):
-            for j in range(m):
-                found.by_joints[row, i, j] = by_q[i, j]
-            for j in range(p):
-                found.by_geometry[row, i, j] = by_g[i, j]
-                jacobian[i, j] = by_g[i, j]
-        slopes_into(stages.drive, own.drive, by_q, jacobian)
-        slopes_into(stages.structure, own.structure, by_g, jacobian)
-        if asked == READINGS:
-            _by_device(body, device, own, jacobian)
-            slopes_into(last, work, unit, jacobian)
     return found
