@@ -39,6 +39,7 @@ from delta_calibration.compensation import (
     Newton,
     NewtonSettings,
     Swarm,
+    backward_kernel,
 )
 from delta_calibration.compensation.backward_kernel import begin, scratch, stands
 from delta_calibration.compensation.machine import spheres
@@ -148,7 +149,9 @@ def point(task: Task) -> Callable[[Array], Array]:
 
 
 @compiled(alone=True)
-def places(machine: Compiled, signals: Array, room: Place, q: Array) -> Array:
+def places(
+    machine: backward_kernel.Machine, signals: Array, room: backward_kernel.Place, q: Array
+) -> Array:
     """Places of the tool (n, 3) [m] by the compiled chain, NaN where it cannot stand."""
     found = np.full(q.shape, np.nan)
     for row in range(len(q)):

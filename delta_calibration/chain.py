@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.effects import SPREAD, Effect, Stage
-from delta_calibration.effects.base import stages_of, table_of_stage
+from delta_calibration.effects.base import asked_of_stages, stages_of, table_of_stage
 from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from delta_calibration.model.view import Seen
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 Asked = Literal["nothing", "readings", "poses"]
 
 FRAME_NAMES = frame_names("tracker")
@@ -191,6 +192,12 @@ class Predictor:
             Stage.MEASUREMENT, self.chain.effects, self.chain.layout.each, self.signals.places
         )
 
+    @cached_property
+    def _begins(self) -> Index:
+        """Where offset, turn and place begin in theta."""
+        layout = self.chain.layout
+        return np.array([layout.offset.start, layout.turn.start, layout.place.start])
+
     def see(self, theta: Array, guess: Array | None = None, asked: Asked = "readings") -> Seen:
         """What a machine shows at every sample: see `model/view.py`.
 
@@ -215,14 +222,11 @@ class Predictor:
         )  # fmt: skip
         return cast("Seen", seen)
 
-    def _device(self, theta: Array) -> Any:
-        """Reflector and frame as the compiled chain takes them."""
-        layout, turn = self.chain.layout, theta[self.chain.layout.turn]
-        rotation, turning = rotations.exp_with_derivative(turn)
-        parts = layout.offset.start, layout.turn.start, layout.place.start, layout.size
-        return _view().Device(
-            theta[layout.offset], rotation, theta[layout.place], turning, np.array(parts)
-        )
+    def _device(self, theta: Array) -> tuple[Array, Array, Array, Array, Index]:
+        """Reflector and frame as the compiled chain takes them: fields of `view.Device`."""
+        layout = self.chain.layout
+        rotation, turning = rotations.exp_with_derivative(theta[layout.turn])
+        return theta[layout.offset], rotation, theta[layout.place], turning, self._begins
 
 
 _ASKED: Mapping[Asked, int] = {"nothing": 0, "readings": 1, "poses": 2}  # as in model/view.py

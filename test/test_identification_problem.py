@@ -42,7 +42,7 @@ def test_slope_is_that_of_the_whitened_prediction(problem):
     part = problem.take(np.arange(0, 80, 16))
     z, h = away(part, np.random.default_rng(2)), 1e-4
     theta = part.theta(z)
-    slope = part.slope(part.linearized(theta))
+    slope = part.linearized(theta).slope
 
     def residual(z):
         theta = part.theta(z)
@@ -97,15 +97,22 @@ def test_a_machine_as_drawn_stays_as_drawn():
 def test_loss_by_distance():
     """Square to the bend, straight to the cut, flat beyond, without a step; weight rho' / 2 d."""
     loss, d = _Loss(4.0, 12.0), np.array([0.0, 3.0, 4.0, 8.0, 12.0, 12.1, 1e4])
-    rho, weight = loss(d)
+    rho, weight = judged(loss, d)
     np.testing.assert_allclose(rho, [0, 9, 16, 48, 80, 80, 80])
     np.testing.assert_allclose(weight, [1, 1, 1, 0.5, 1 / 3, 0, 0])
     h, d = 1e-6, np.linspace(0.5, 11.7, 30)
-    slope = (loss(d + h)[0] - loss(d - h)[0]) / (2 * h)
-    np.testing.assert_allclose(slope, 2 * d * loss(d)[1], rtol=1e-6)
-    plain, believed = _Loss()(d)
+    slope = (judged(loss, d + h)[0] - judged(loss, d - h)[0]) / (2 * h)
+    np.testing.assert_allclose(slope, 2 * d * judged(loss, d)[1], rtol=1e-6)
+    plain, believed = judged(_Loss(), d)
     np.testing.assert_allclose(plain, d**2)
     np.testing.assert_array_equal(believed, 1)
+
+
+def judged(loss, distance):
+    """Loss and weight of poses each alone, at these whitened distances."""
+    way = np.array([0.6, 0.0, 0.8])
+    weight, cost = zip(*(loss.judge(d * way[None]) for d in distance), strict=True)
+    return np.array(cost) * loss.spread**2, np.concatenate(weight)
 
 
 def test_a_little_far_is_believed_less_and_far_not_at_all(problem):

@@ -218,7 +218,7 @@ class Swarm:
         signals: Signals | None = None,
         start: Array | None = None,
     ) -> Correction:
-        """Search the correction of every command, always from places of its own; else as `Newton`."""
+        """Search the correction of every command, from places of its own; see `Newton.correct`."""
         del start
         q, target, usable = checked_commands(q, target, self.machine.aim.size)
         known = (self.machine.resting(q) if signals is None else signals).take(usable)

@@ -31,13 +31,13 @@ _CROSS = skew(np.eye(3))  # [e_j]x
 
 
 def _coefficients(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """sin(t)/t, (1 - cos t)/t^2 and (t - sin t)/t^3 with t = |w|, each (..., 1, 1)."""
-    t2 = np.sum(w * w, axis=-1)[..., None, None]
+    """sin(t)/t, (1 - cos t)/t^2 and (t - sin t)/t^3 with t = |w|, each (..., 1, 1) or a number."""
+    t2 = w @ w if np.ndim(w) == 1 else np.sum(w * w, axis=-1)[..., None, None]
     small = np.abs(t2) < _SERIES_BELOW
     a = 1 - t2 / 6 + t2**2 / 120 - t2**3 / 5040
     b = 0.5 - t2 / 24 + t2**2 / 720 - t2**3 / 40320
     c = 1 / 6 - t2 / 120 + t2**2 / 5040
-    if small.all():  # tilts of machines are: a milliradian
+    if np.all(small):  # tilts of machines are: a milliradian
         return a, b, c
     safe = np.where(small, 1.0, t2)
     t = np.sqrt(safe)

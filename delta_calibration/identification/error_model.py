@@ -27,7 +27,7 @@ _FAR = 4.0  # standard deviations of a part; of all parts one in 16 000 is farth
 def error_model(problem: Problem, z: Array, spread: float) -> LinearResidual:
     """The problem about unknowns z (F,), by the unknowns; `spread` of what no part explains."""
     at = problem.linearized(problem.theta(z))
-    residual, slope = at.residual, problem.slope(at)
+    residual, slope = at.residual, at.slope
     root = np.sqrt(robust_weights(residual))[:, None] / spread
     data = (root[..., None] * slope).reshape(-1, len(z))
     priors = np.eye(len(z))[problem.has_prior[problem.free]]
@@ -44,8 +44,7 @@ def box_of(problem: Problem) -> Box:
     What has no prior, the tracker's frame, stands as far from the one that fits the drawing best
     as parts that far off can turn and shift it.
     """
-    slope = problem.slope(problem.linearized(problem.theta0))
-    slope = slope.reshape(-1, slope.shape[-1])
+    slope = problem.linearized(problem.theta0).rows
     known = problem.has_prior[problem.free]
     reach = np.ones(len(known))
     swept = np.linalg.lstsq(slope[:, ~known], slope[:, known], rcond=None)[0]

@@ -160,11 +160,9 @@ def identify(
         )
     drawing = full.theta.copy()
     drawing[layout.chain] = chain.join(*_nominal_but_frame(chain, full.theta))
-    observability = observe(
-        problem.linearized(drawing).jacobian,
-        np.diag(problem.basis),
-        problem.names,
-    )
+    scale = np.diag(problem.basis)
+    about = replace(problem, basis=np.eye(layout.size)).linearized(drawing)
+    observability = observe(about.slope, scale, problem.names)
     nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
     return Identification(
         chain=chain,
@@ -321,8 +319,8 @@ def _covariance(solution: Solution) -> tuple[Array, float]:
     priors. What only the priors know is as uncertain as before.
     """
     problem = solution.problem
-    root = np.sqrt(solution.weight)[:, None, None]
-    slope = (root * problem.slope(solution.at)).reshape(-1, len(solution.z))
+    root = np.repeat(np.sqrt(solution.weight), solution.residual.shape[1])
+    slope = root[:, None] * solution.at.rows
     information = slope.T @ slope
     prior = np.diag(problem.has_prior[problem.free].astype(float))
     inverse = np.linalg.inv(information + prior)

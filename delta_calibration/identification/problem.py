@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,12 @@ class Linearized:
 
     pose: Array  # (n, k) of the platform
     residual: Array  # (n, d) whitened: measured less predicted
-    jacobian: Array  # (n, d, P) whitened d(predicted)/d(theta)
+    rows: Array  # (n d, F) whitened d(predicted)/dz of the free unknowns
+
+    @property
+    def slope(self) -> Array:
+        """The rows by pose, (n, d, F)."""
+        return self.rows.reshape(*self.residual.shape, -1)
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,7 @@ class Problem:
 
     def theta(self, z: Array) -> Array:
         """Parameters of the scaled free unknowns."""
-        return self.theta0 + self.basis[:, self.free] @ z
+        return np.asarray(self.theta0 + self._freed @ z)
 
     def unknowns(self, theta: Array) -> Array:
         """The scaled free unknowns of parameters; the inverse of `theta`."""
@@ -137,14 +143,18 @@ class Problem:
             missed = np.concatenate([missed, own], axis=1)
             unmoved = np.zeros((*jacobian.shape[:-1], by_theta.shape[-1] - jacobian.shape[-1]))
             jacobian = np.concatenate([np.concatenate([jacobian, unmoved], -1), by_theta], axis=1)
-        residual = (self.whiten @ missed[..., None])[..., 0]
-        return Linearized(seen.x, residual, self.whiten @ jacobian)
+        residual, rows = _equations().whitened(missed, jacobian, self.whiten, self._freed)
+        return Linearized(seen.x, residual, rows)
 
-    def slope(self, at: Linearized) -> Array:
-        """d(whitened prediction)/dz of the free unknowns, (n, d, F)."""
-        n, d, size = at.jacobian.shape
-        flat = at.jacobian.reshape(n * d, size) @ self.basis[:, self.free]
-        return np.asarray(flat.reshape(n, d, -1))
+    @cached_property
+    def _freed(self) -> Array:
+        """d(theta)/dz of the free unknowns, (P, F)."""
+        return np.ascontiguousarray(self.basis[:, self.free])
+
+    @cached_property
+    def expected(self) -> Array:
+        """1 for free unknowns that have a prior, else 0, (F,)."""
+        return self.has_prior[self.free].astype(float)
 
     def offset_rows(self) -> Mask:
         """Which of the free unknowns are the reflector's offset, (F,)."""
@@ -199,13 +209,10 @@ class _Loss:
         """Standard deviation of the residuals that the loss is made for, 1 for the noise's own."""
         return self.bend / _HUBER if np.isfinite(self.bend) else 1.0
 
-    def __call__(self, distance: Array) -> tuple[Array, Array]:
-        """Loss and weight rho'(d) / 2 d of each distance, (n,)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            far, gross = distance > self.bend, distance > self.cut
-            weight = np.where(far, self.bend / distance, 1.0)
-            line = 2 * self.bend * np.minimum(distance, self.cut) - self.bend**2
-            return np.where(far, line, distance**2), np.where(gross, 0.0, weight)
+    def judge(self, residual: Array) -> tuple[Array, float]:
+        """Weight of each pose (n,) by its whitened residual (n, d), and the cost of all."""
+        weight, cost = _equations().judged(residual, self.bend, self.cut, self.spread)
+        return weight, cost
 
 
 def solve(
@@ -288,7 +295,7 @@ def solution_at(problem: Problem, z: Array) -> Solution:
 def robust_weights(residual: Array) -> Array:
     """Weight of each pose by its whitened residual (n, d): 1, less beyond 4 sigma, 0 beyond 12."""
     bend = _bend(residual)
-    return _Loss(bend, _GROSS * bend)(np.linalg.norm(residual, axis=1))[1]
+    return _Loss(bend, _GROSS * bend).judge(residual)[0]
 
 
 def spread_of(residual: Array) -> float:
@@ -347,12 +354,12 @@ def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: f
 
 
 def _step(problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: float) -> _State:
-    root = np.sqrt(now.weight)[:, None, None] / loss.spread
-    rows = (root * problem.slope(now.at)).reshape(-1, len(now.z))[:, moving]
-    residual = (root[..., 0] * now.at.residual).reshape(-1)
-    prior = problem.has_prior[problem.free]
-    normal = rows.T @ rows + np.diag(prior[moving] + damping)
-    gradient = rows.T @ residual - (prior * now.z)[moving]
+    normal, gradient = _equations().equations(
+        now.at.residual, now.at.rows, now.weight, now.z, problem.expected, loss.spread
+    )
+    if not moving.all():
+        normal, gradient = normal[np.ix_(moving, moving)], gradient[moving]
+    normal.flat[:: len(normal) + 1] += damping
     z = now.z.copy()
     z[moving] += np.linalg.solve(normal, gradient)
     return _state(problem, z, loss, now.at.pose, now.evaluations)
@@ -379,9 +386,8 @@ def _state(
 
 def _under(problem: Problem, loss: _Loss, state: _State) -> _State:
     """The same state, judged by another loss."""
-    losses, weight = loss(np.linalg.norm(state.at.residual, axis=1))
-    explained = np.sum(losses) / loss.spread**2
-    cost = float(explained + np.sum(state.z[problem.has_prior[problem.free]] ** 2))
+    weight, explained = loss.judge(state.at.residual)
+    cost = explained + float(problem.expected @ state.z**2)
     cost = cost if np.isfinite(cost) else np.inf
     return replace(state, weight=weight, cost=cost, evaluations=0)
 
@@ -400,3 +406,10 @@ def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None
 
 def _solution(problem: Problem, now: _State) -> Solution:
     return Solution(problem, now.theta, now.z, now.at, now.weight, now.cost, now.evaluations)
+
+
+def _equations() -> Any:
+    """The compiled normal equations; numba is loaded with the first use."""
+    from delta_calibration.identification import normal_equations
+
+    return normal_equations

@@ -19,7 +19,7 @@ from delta_calibration.errors import DataError
 from delta_calibration.geometry import rotations
 from delta_calibration.identification.noise import Noise
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, Poses
+from delta_calibration.samples import Poses
 from delta_calibration.theta import vector_names
 
 Array = NDArray[np.float64]

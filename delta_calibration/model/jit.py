@@ -14,8 +14,7 @@ from typing import Any, ClassVar, TypeVar, cast
 import numba
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
-from numba.core.datamodel import default_manager, models
+from numba.core import cgutils, datamodel
 from numba.core.extending import lower_getattr_generic
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import CPUDispatcher
@@ -151,7 +150,7 @@ class RecordType(types.StructRef):  # type: ignore[misc,unused-ignore]
 
     def __init__(self, fields: Any) -> None:
         """Named by a digest: a record of records of records has a name of a page."""
-        super().__init__(fields)
+        super().__init__(fields)  # type: ignore[no-untyped-call,unused-ignore]
         self.name = f"{type(self).__name__}_{_digest(self.name)}"
 
     def preprocess_fields(self, fields: Any) -> Any:
@@ -197,7 +196,7 @@ def _register(form: Any) -> None:
     Theirs is the way of numba's `structref`, which counts who holds a record whenever it is read.
     A function that `borrows` does not count.
     """
-    default_manager.register(form, models.StructRefModel)
+    _models.default_manager.register(form, _models.models.StructRefModel)
     _structref.define_attributes(form)
     extending: Any = lower_getattr_generic
     extending(form)(_field)
@@ -205,12 +204,12 @@ def _register(form: Any) -> None:
 
 def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
     """A field of a record: its memory is what numba's reference count stands in front of."""
-    record = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+    record = _proxy(kind)(context, builder, value=value)
     counted = builder.bitcast(record.meminfo, _COUNTED.as_pointer())
     content = context.data_model_manager[kind.get_data_type()].get_value_type().as_pointer()
-    place = builder.bitcast(builder.load(cgutils.gep(builder, counted, 0, 3)), content)
-    fields = cgutils.create_struct_proxy(kind.get_data_type())(context, builder, ref=place)
-    return impl_ret_borrowed(context, builder, kind.field_dict[name], getattr(fields, name))
+    place = builder.bitcast(builder.load(_gep(builder, counted, 0, 3)), content)
+    fields = _proxy(kind.get_data_type())(context, builder, ref=place)
+    return _borrowed(context, builder, kind.field_dict[name], getattr(fields, name))
 
 
 def _maker(kind: Any) -> Any:
@@ -223,4 +222,9 @@ def _maker(kind: Any) -> Any:
 
 _WORD, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
 _COUNTED = ir.LiteralStructType([_WORD, _BYTES, _BYTES, _BYTES, _WORD])  # numba's MemInfo
-_structref: Any = structref  # typed in some of numba's versions, in others not
+# typed in some of numba's versions, in others not
+_structref: Any = structref
+_models: Any = datamodel
+_proxy: Any = cgutils.create_struct_proxy
+_gep: Any = cgutils.gep
+_borrowed: Any = impl_ret_borrowed

@@ -38,7 +38,7 @@ class Device(NamedTuple):
     rotation: Array  # (3, 3) of the base in the device's frame
     place: Array  # (3,) [m]
     turning: Array  # (3, 3, 3) d(rotation[i, j]) / d(turn[k])
-    at: Index  # (4,) where offset, turn and place begin in theta, and its size
+    at: Index  # (3,) where offset, turn and place begin in theta
 
 
 class Seen(NamedTuple):
@@ -48,7 +48,7 @@ class Seen(NamedTuple):
     joint: Array  # (n, m) behind the drives
     geometry: Array  # (n, p) dimensions under its conditions, or (1, p) where all share them
     before: Array  # (n, 3) [m] where the reflector is, in the device's frame
-    rate: Array  # (n, 3) [m/s] how fast it moves there
+    rate: Array  # (n, 3) [m/s] how fast it moves there; 0 where nobody asks for it, see `see`
     reading: Array  # (n, 3) [m]
     by_joints: Array  # (n, d, m) d(before) or d(pose) by the joints behind the drives
     jacobian: Array  # (n, d, P) d(reading) or d(pose) by theta
@@ -142,7 +142,7 @@ def _see_each(
     m, own = body.limbs.sizes[M], room.state
     reshaped = len(stages.structure.law) > 0
     rates, at = stages.at[RATE], stages.at[READING]
-    takes_rate = takes(last, stages.at[READING_RATE], 3)
+    wanted = asked == READINGS or takes(last, stages.at[READING_RATE], 3)
     take_dimensions(body, g, own)
     if not reshaped:
         copy_into(found.geometry[0], g)
@@ -162,7 +162,7 @@ def _see_each(
         _place_reflector(body, device, x, own, before)
         moving = False
         for i in range(m):
-            moving = moving or (takes_rate and signals[row, rates + i] != 0.0)
+            moving = moving or (wanted and signals[row, rates + i] != 0.0)
         some = row if asked != NOTHING else 0
         if asked != NOTHING or moving:
             by_joints, jacobian = found.by_joints[some], found.jacobian[some]
@@ -185,7 +185,7 @@ def see(
     body: Body,
     stages: Stages,
     last: Table,
-    device: Device,
+    device: tuple[Array, Array, Array, Array, Index],
     signals: Array,
     g: Array,
     theta: Array,
@@ -200,13 +200,14 @@ def see(
         body: the mechanism.
         stages: effects of drives and structure.
         last: those of the measurement.
-        device: reflector and frame.
+        device: reflector and frame, the fields of `Device`.
         signals: (n, S) as recorded; what the machine makes of them is filled in.
         g: dimensions, (p,).
         theta: in which the effects' values are, (P,).
         near: whether x holds poses nearby.
         stray: largest closure that counts as closed.
-        asked: of what derivatives are wanted: `NOTHING`, `READINGS` or `POSES`.
+        asked: of what derivatives are wanted: `NOTHING`, `READINGS` or `POSES`. How fast the
+            reflector moves is found with those of readings, or where `last` takes it.
         x: (n, k), filled in.
     """
     n, m, k = len(signals), body.limbs.sizes[M], body.limbs.sizes[K]
@@ -220,11 +221,10 @@ def see(
         np.zeros((n, 3)),
         np.empty((n, 3)),
         np.empty((some, sides, m)),
-        np.empty((some, sides, device.at[3])),
+        np.empty((some, sides, len(theta))),
     )
     slope, unit = np.empty((sides, k)), np.eye(3)
     room = Room(state_of(body, stages), last.work.copy(), slope, unit)
-    _see_each(
-        body, stages, last, device, signals, g, theta, near, stray, asked, found, room
-    )  # fmt: skip
+    own = Device(device[0], device[1], device[2], device[3], device[4])
+    _see_each(body, stages, last, own, signals, g, theta, near, stray, asked, found, room)
     return found

@@ -1,0 +1,102 @@
+"""Normal equations of a robust least-squares problem, compiled.
+
+Each pose has a whitened residual r_i (d,) and rows A_i (d, F): the derivative of its prediction by
+the unknowns z. Under a loss rho of the distance |r_i|, made for residuals of spread s,
+
+    cost = sum_i rho(|r_i|) / s^2 + sum_prior z_k^2        w_i = rho'(|r_i|) / (2 |r_i|)
+    N = sum_i w_i A_i^T A_i / s^2 + P        b = sum_i w_i A_i^T r_i / s^2 - P z
+
+with P the ones of the priors. Gauss-Newton's step is N^-1 b.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.model.jit import compiled
+
+Array = NDArray[np.float64]
+
+
+@compiled()
+def whitened(
+    missed: Array, jacobian: Array, whiten: Array, basis: Array
+) -> tuple[Array, Array]:
+    """Residuals (n, d), and rows (n d, F) by the unknowns.
+
+    Args:
+        missed: measured less predicted, (n, d).
+        jacobian: d(predicted)/d(theta), (n, d, P).
+        whiten: (n, d, d).
+        basis: d(theta)/dz, (P, F).
+    """
+    n, d, size = jacobian.shape
+    scaled = np.dot(jacobian.reshape(n * d, size), basis)
+    count = scaled.shape[1]
+    residual, rows = np.zeros((n, d)), np.zeros((n * d, count))
+    for row in range(n):
+        for i in range(d):
+            for j in range(d):
+                weight = whiten[row, i, j]
+                if weight != 0.0:
+                    residual[row, i] += weight * missed[row, j]
+                    for k in range(count):
+                        rows[row * d + i, k] += weight * scaled[row * d + j, k]
+    return residual, rows
+
+
+@compiled()
+def judged(
+    residual: Array, bend: float, cut: float, spread: float
+) -> tuple[Array, float]:
+    """Weight of each pose (n,), and the cost of all residuals (n, d) under a loss.
+
+    Args:
+        residual: whitened.
+        bend: distance from which a pose counts linearly.
+        cut: distance from which it no longer counts.
+        spread: of the residuals that the loss is made for.
+    """
+    n, d = residual.shape
+    weight, cost = np.ones(n), 0.0
+    for row in range(n):
+        square = 0.0
+        for i in range(d):
+            square += residual[row, i] ** 2
+        distance = np.sqrt(square)
+        if distance > bend:
+            square = 2 * bend * min(distance, cut) - bend**2
+            weight[row] = 0.0 if distance > cut else bend / distance
+        cost += square
+    return weight, cost / spread**2
+
+
+@compiled()
+def equations(
+    residual: Array, rows: Array, weight: Array, z: Array, prior: Array, spread: float
+) -> tuple[Array, Array]:
+    """N (F, F) and b (F,) at unknowns z.
+
+    Args:
+        residual: (n, d).
+        rows: (n d, F).
+        weight: of each pose, (n,).
+        z: (F,).
+        prior: 1 where an unknown has a prior, else 0, (F,).
+        spread: of the residuals that the loss is made for.
+    """
+    n, d = residual.shape
+    weighted, error = np.empty_like(rows), np.empty(n * d)
+    for row in range(n):
+        root = np.sqrt(weight[row]) / spread
+        for i in range(row * d, row * d + d):
+            error[i] = root * residual[row, i - row * d]
+            for k in range(rows.shape[1]):
+                weighted[i, k] = root * rows[i, k]
+    normal = np.dot(weighted.T, weighted)
+    gradient = np.dot(weighted.T, error)
+    for k in range(len(z)):
+        normal[k, k] += prior[k]
+        gradient[k] -= prior[k] * z[k]
+    return normal, gradient
