@@ -200,22 +200,26 @@ class Evidence:
             Stage.STRUCTURE: self.by_geometry,
             Stage.MEASUREMENT: self.whiten,
         }[effect.stage]
-        columns = slope @ (self._raw(effect) * effect.parameters.prior)
-        return np.asarray(columns.reshape(self.size, -1))
+        columns = effect.columns_of(self._signals(effect), by_stage=slope)
+        return np.asarray((columns * effect.parameters.prior).reshape(self.size, -1))
 
-    def _raw(self, effect: Effect) -> Array:
-        """The effect's own columns, of the machine as it stands."""
+    def _signals(self, effect: Effect) -> Signals:
+        """What the effect takes of the machine as it stands."""
         if effect.stage is Stage.MEASUREMENT:
-            return effect.columns_of(recorded(self.chain.mechanism, self.seen))
+            return self._read
         if not effect.stands:
-            return effect.columns(self.at)
-        return effect.columns_of(self._signals(effect.robot))
-
-    def _signals(self, robot: Robot) -> Signals:
-        """What effects take of a machine with this robot's masses."""
+            return self._recorded
         if self.robot is not None:
             return self._standing
-        return self.chain.signals(self.at, self.theta, self.pose, robot)
+        return self.chain.signals(self.at, self.theta, self.pose, effect.robot)
+
+    @cached_property
+    def _recorded(self) -> Signals:
+        return recorded(self.chain.mechanism, self.at)
+
+    @cached_property
+    def _read(self) -> Signals:
+        return recorded(self.chain.mechanism, self.seen)
 
     @cached_property
     def _standing(self) -> Signals:

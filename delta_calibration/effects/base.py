@@ -150,15 +150,19 @@ class Effect(ABC):
         }
         return sizes[self.stage]
 
-    def columns_of(self, signals: Signals, values: Array | None = None) -> Array:
-        """d(stage)/d(parameters) at each sample, (n, size of the stage, k).
+    def columns_of(
+        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
+    ) -> Array:
+        """Derivatives by the parameters at each sample, (n, d, k).
 
         Args:
             signals: of the samples.
             values: at which parameters, (k,); `about` where not given.
+            by_stage: how what is derived goes with the stage, (n, d, size of the stage); the stage
+                itself is derived where not given.
         """
         at = self.about if values is None else np.ascontiguousarray(values)
-        return terms_of((self,), signals.places).columns(signals, at)
+        return terms_of((self,), signals.places).columns(signals, at, by_stage)
 
     @property
     def stands(self) -> bool:
@@ -313,9 +317,12 @@ class StageTerms:
         """What they add with these values (k,) at every sample, (n, size)."""
         return np.asarray(_terms().shifts(self.table, signals.rows, values, self.size))
 
-    def columns(self, signals: Signals, values: Array) -> Array:
-        """Derivatives of the stage by their values (k,), (n, size, k)."""
-        return np.asarray(_terms().columns(self.table, signals.rows, values, self.size))
+    def columns(
+        self, signals: Signals, values: Array, by_stage: Array | None = None
+    ) -> Array:
+        """Derivatives by their values (k,), (n, d, k), see `Effect.columns_of`."""
+        through = np.eye(self.size)[None] if by_stage is None else np.ascontiguousarray(by_stage)
+        return np.asarray(_terms().columns(self.table, signals.rows, values, through))
 
 
 def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) -> Any:

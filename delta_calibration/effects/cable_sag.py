@@ -44,14 +44,16 @@ class CableSag(CableEffect):
         at_home = slack_of_sag(length(own.home), level(own.home), own.pull_home)
         return -v[0] * (more - at_home) / own.gain
 
-    def columns_of(self, signals: Signals, values: Array | None = None) -> Array:
-        """(n, m, 1) [rad m^2/N^2].
+    def columns_of(
+        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
+    ) -> Array:
+        """See `Effect.columns_of`; of the stage itself (n, m, 1) [rad m^2/N^2].
 
         Raises:
             ReachError: a cable is slack at the mechanism's pretension.
         """
         self.cables.require_taut(self.pulls(signals))
-        return super().columns_of(signals, values)
+        return super().columns_of(signals, values, by_stage)
 
     def missing(self, at: Conditions) -> str:
         """The payload, or tension in every cable."""

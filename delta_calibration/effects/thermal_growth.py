@@ -141,8 +141,10 @@ class _Behind(Effect):
         """Those of the growth."""
         return self.growth.parameters
 
-    def columns_of(self, signals: Signals, values: Array | None = None) -> Array:
-        """(n, p, 1) [m K], of all samples of a session."""
+    def columns_of(
+        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
+    ) -> Array:
+        """See `Effect.columns_of`; (n, p, 1) [m K] of the stage, of all samples of a session."""
         clock = signals.of(TIME)[:, 0]
         order = np.argsort(clock)
         begin = signals.places.temperature(self.growth.sensor)
@@ -150,4 +152,5 @@ class _Behind(Effect):
         ends = np.clip(clock + np.array([[-_AROUND], [_AROUND]]), time[0], time[-1])
         rise, span = np.diff(np.interp(ends, time, celsius), axis=0)[0], np.ptp(ends, axis=0)
         rate = np.divide(rise, span, out=np.zeros_like(rise), where=span > 0)
-        return np.asarray(_BEHIND * rate[:, None, None] * self.growth.lengths()[:, None])
+        grown = _BEHIND * rate[:, None, None] * self.growth.lengths()[:, None]
+        return np.asarray(grown if by_stage is None else by_stage @ grown)

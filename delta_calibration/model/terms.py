@@ -153,13 +153,26 @@ def shifts(table: Table, signals: Array, values: Array, size: int) -> Array:
     return found
 
 
-@compiled()
-def columns(table: Table, signals: Array, values: Array, size: int) -> Array:
-    """Derivatives of a stage by the values at every sample, (n, size, K)."""
-    found, unit = np.zeros((len(signals), size, len(values))), np.eye(size)
-    work = table.work.copy()
+@compiled(borrows=True)
+def _columns(
+    table: Table, signals: Array, values: Array, by_stage: Array, work: Array, found: Array
+) -> None:
     for row in range(len(signals)):
         for term in range(len(table.law)):
             evaluate(table, term, signals[row], values, work)
-        slopes_into(table, work, unit, found[row])
+        slopes_into(table, work, by_stage[min(row, len(by_stage) - 1)], found[row])
+
+
+@compiled()
+def columns(table: Table, signals: Array, values: Array, by_stage: Array) -> Array:
+    """How what goes with a stage as `by_stage` goes with the values at every sample, (n, d, K).
+
+    Args:
+        table: the terms.
+        signals: (n, S).
+        values: (K,).
+        by_stage: (n, d, size of the stage), or (1, d, size) where all samples share it.
+    """
+    found = np.zeros((len(signals), by_stage.shape[1], len(values)))
+    _columns(table, signals, values, by_stage, table.work.copy(), found)
     return found
