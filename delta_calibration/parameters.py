@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -39,16 +40,18 @@ class ParameterSet:
     """Parameters in the order of the vector that holds their values."""
 
     items: tuple[Parameter, ...]
-    _rows: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Index the names; refuse doubles, which would make a value ambiguous."""
-        rows = {item.name: row for row, item in enumerate(self.items)}
-        if len(rows) != len(self.items):
+        """Refuse double names, which would make a value ambiguous."""
+        if len(self._rows) != len(self.items):
             names = [item.name for item in self.items]
             doubles = sorted({name for name in names if names.count(name) > 1})
             raise InputError(f"parameter names must differ, found twice: {', '.join(doubles)}")
-        object.__setattr__(self, "_rows", rows)
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        """Row of each name."""
+        return {item.name: row for row, item in enumerate(self.items)}
 
     def __len__(self) -> int:
         return len(self.items)

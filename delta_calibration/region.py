@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,19 +22,20 @@ class Region:
     """Convex hull of points in the base's frame, (v, 3) [m]."""
 
     vertices: Array
-    _planes: Array = field(init=False, repr=False, compare=False)  # (f, 4): n . p + d <= 0 inside
-
     def __post_init__(self) -> None:
-        """Compute the hull's planes.
+        """Refuse what has no inside.
 
         Raises:
             DataError: fewer than four points.
         """
         if len(self.vertices) < 4:
             raise DataError(f"a region needs 4 points or more, found {len(self.vertices)}")
+
+    @cached_property
+    def _planes(self) -> Array:
+        """Of the hull's faces, (f, 4): n . p + d <= 0 inside."""
         # Joggled, so that many points of one plane are no error.
-        hull = ConvexHull(self.vertices, qhull_options="QJ Pp")
-        object.__setattr__(self, "_planes", hull.equations)
+        return np.asarray(ConvexHull(self.vertices, qhull_options="QJ Pp").equations)
 
     @classmethod
     def of(cls, points: Array) -> Region:

@@ -22,8 +22,8 @@ the region and its boundary that know nothing of the grid; the grid is refined u
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 from importlib import import_module
 from typing import Any
 
@@ -97,11 +97,9 @@ class Table:
     worst: float  # [m] largest that was found there
     checked: int  # places at which it was looked for
     bend: float = BEND  # b, see above
-    _axes: Array = field(init=False, repr=False, compare=False)
-    _coefficients: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Find the splines through the nodes."""
+        """Refuse what is no table, and find its splines: no command is to wait for them."""
         shape, k = self.corrections.shape, len(self.corrections)
         if shape != (k, k, k, AXES) or k < FEWEST_NODES:
             raise InputError(
@@ -112,11 +110,20 @@ class Table:
             raise InputError("corrections hold values that are not finite")
         if self.lower.shape != (AXES,) or not (self.lower < self.upper).all():
             raise InputError(f"axes from {self.lower} to {self.upper}: no grid of three joints")
+        _ = self._axes, self._coefficients
+
+    @cached_property
+    def _axes(self) -> Array:
+        """As the lookup takes them, (3, 6)."""
         half = (self.upper - self.lower) / 2
-        steps = np.full(AXES, (k - 1) / 2 / (1 + self.bend))
+        steps = np.full(AXES, (self.nodes - 1) / 2 / (1 + self.bend))
         columns = self.lower, self.upper, self.lower + half, 1 / half, 0 * half + self.bend, steps
-        object.__setattr__(self, "_axes", np.stack(columns, axis=1))
-        object.__setattr__(self, "_coefficients", _splined(self.corrections))
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        """Of the splines through the nodes."""
+        return _splined(self.corrections)
 
     @property
     def nodes(self) -> int:

@@ -14,9 +14,9 @@ tests err to the careful side, and lack of fit cannot be told.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -309,8 +309,7 @@ class Observed(Fitted):
 
 def _at(observation: Observation, joint: Array) -> Observation:
     """The same measured at other joints (n, m)."""
-    moved = copy(observation)
-    object.__setattr__(moved, "joint", joint)
+    moved: Observation = replace(cast(Any, observation), joint=joint)
     return moved
 
 
