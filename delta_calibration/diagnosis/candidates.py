@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from delta_calibration.effects.unexplained import (
 )
 
 Array = NDArray[np.float64]
+
+_STEP = 1e-3  # of a searched field's interval, for differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,31 @@ def columns_of(candidate: Candidate, evidence: Evidence) -> Array:
     if candidate.effect is None:
         return np.asarray(evidence.geometry[:, rows])
     return np.asarray(evidence.columns(candidate.effect)[:, rows])
+
+
+def shape_columns(candidate: Candidate, evidence: Evidence, scaled: Array) -> Array:
+    """How a candidate's signal goes with its searched fields, whitened, (d n, fields).
+
+    In units of the spread of a field that lies anywhere in its interval: what a shape that was
+    found leaves open is a nuisance of prior precision 1.
+
+    Args:
+        candidate: in the shape that was found.
+        evidence: of the session.
+        scaled: its values in units of their priors, (k,).
+    """
+    effect, columns = candidate.effect, [np.zeros((evidence.size, 0))]
+    if effect is None:
+        return columns[0]
+    for name, low, high in effect.intervals():
+        at, step = getattr(effect, name), _STEP * (high - low)
+        ends = np.clip([at - step, at + step], low, high)
+        fields: list[dict[str, Any]] = [{name: float(end)} for end in ends]
+        shapes = (replace(candidate, effect=replace(effect, **field)) for field in fields)
+        before, after = (columns_of(shape, evidence) @ scaled for shape in shapes)
+        spread = (high - low) / np.sqrt(12)  # of a uniform distribution
+        columns.append(((after - before) * spread / np.ptp(ends))[:, None])
+    return np.concatenate(columns, axis=1)
 
 
 def typical_of(candidate: Candidate) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.candidates import shape_columns
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.geometry import as_drawn
 from delta_calibration.diagnosis.model import Model
@@ -62,8 +63,14 @@ def extended(model: Model, seed: int) -> Identification:
 
 
 def covariance_of(model: Model) -> Array:
-    """Covariance of theta given data and priors, (P, P); of what is not free it is zero."""
+    """Covariance of theta given data and priors, (P, P); of what is not free it is zero.
+
+    Fields of the effects that were searched are as uncertain as the data leave them.
+    """
     evidence, problem = model.beside, model.extended
+    shapes = [shape_columns(m, model.evidence, model.scaled(m)) for m in model.members]
+    opened = np.concatenate([np.zeros((evidence.size, 0)), *shapes], axis=1)
+    known, size = evidence.beside(opened, np.ones(opened.shape[1])), len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
     whole[base, base] = problem.basis[base, base]
@@ -73,7 +80,8 @@ def covariance_of(model: Model) -> Array:
             whole[rows, columns] += np.diag(problem.basis)[rows]
         else:
             whole[entries(own)[rows], columns] = member.effect.parameters.prior[rows]
-    return np.asarray(whole @ evidence.covariance() @ whole.T * max(1.0, model.misfit))
+    spread = known.covariance()[:size, :size]
+    return np.asarray(whole @ spread @ whole.T * max(1.0, model.misfit))
 
 
 def _residuals(evidence: Evidence, model: Model, seed: int) -> Residuals:

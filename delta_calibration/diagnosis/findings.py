@@ -7,7 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.candidates import (
+    Candidate,
+    bounds_of,
+    columns_of,
+    shape_columns,
+)
 from delta_calibration.diagnosis.confirm import (
     Gain,
     HeldOut,
@@ -147,9 +152,12 @@ def of_member(
 def _spread(evidence: Evidence, model: Fitted, member: Candidate) -> Array:
     """Standard deviations of a member's values in units of the priors, (k,).
 
-    By the residuals, and by what its conditions leave open (GUM, types A and B).
+    By the residuals, with what its shape leaves open, and by what its conditions leave open (GUM,
+    types A and B).
     """
     columns = columns_of(member, evidence)
+    shapes = shape_columns(member, evidence, model.scaled(member))
+    evidence = evidence.beside(shapes, np.ones(shapes.shape[1]))
     normal = evidence.information(columns) + PRECISION * np.eye(columns.shape[1])
     variance = np.diag(np.linalg.inv(normal)) * max(1.0, model.misfit)
     doubt = None if member.effect is None else member.effect.doubt()

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
-from delta_calibration.effects import Interval
+from delta_calibration.effects import Effect, Interval
 from delta_calibration.theta import Layout
 
 Array = NDArray[np.float64]
@@ -191,10 +191,22 @@ def _zoomed(
         values = np.linspace(low, high, _POINTS)
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
         shapes = [replace(member, effect=replace(member.effect, **field)) for field in fields]
-        top = int(np.argmax([_gain(evidence, shape, weighed) for shape in shapes]))
+        gains = np.array([_gain(evidence, shape, weighed) for shape in shapes])
+        top = int(np.argmax(gains))
         member = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
-    return member
+    best = float(values[top])
+    if 0 < top < _POINTS - 1:
+        best += float(values[1] - values[0]) * _vertex(*gains[top - 1 : top + 2].tolist())
+    field: dict[str, Any] = {name: best}
+    effect: Effect = replace(cast(Any, member.effect), **field)
+    return replace(member, effect=effect)
+
+
+def _vertex(before: float, top: float, after: float) -> float:
+    """Where a parabola through three points a unit apart has its top, from the middle one."""
+    bend = before - 2 * top + after
+    return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
 
 def _gain(evidence: Evidence, candidate: Candidate, weighed: Array) -> float:
