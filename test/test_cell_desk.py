@@ -65,12 +65,12 @@ def test_the_rate_of_corrections_is_of_the_joints_own_unit(
     """5 m/s of a slider would hold back nothing, 5 rad/s of a drum what is sound."""
     desk = Desk(Settings(name))
     assert desk.path.ramp.rate == pytest.approx(usual)
-    desk.set_options("pass_through", 1.0, 0.25, 0.0)
+    desk.set_options("pass_through", 1.0, 0.25, 0.0, "refuse")
     assert desk.path.ramp.rate == 0.25
-    desk.set_options("pass_through", 1.0, 0.0, 0.0)
+    desk.set_options("pass_through", 1.0, 0.0, 0.0, "refuse")
     assert desk.path.ramp.rate == pytest.approx(usual)
     with pytest.raises(InputError, match=rf"max_correction_rate is -1.0 {unit}/s; it has"):
-        desk.set_options("pass_through", 1.0, -1.0, 0.0)
+        desk.set_options("pass_through", 1.0, -1.0, 0.0, "refuse")
     assert f"correction [{unit}]" in desk.health(0.0, TIMEOUT_S).values
     # a correction that moves the platform as far takes as long, whatever moves it
     model = desk.robot.commanded

@@ -117,11 +117,68 @@ def test_no_correction_brings_a_joint_beyond_its_limit(on_failure: str) -> None:
         assert (out <= limits[1]).all()
         np.testing.assert_allclose(path.nominal(out), q)
     assert path.counts[command_path.LIMIT] > 0
-    beyond = path.send(Q + 0.2, 99, 0.3).joint[0]  # as commanded, and no farther
-    assert beyond == Q[0] + 0.2
-    held = path.counts[command_path.LIMIT]
-    path.send(Q - 2.0, 100, 9.0)  # beyond by itself, and nothing to be held
-    assert path.counts[command_path.LIMIT] == held
+
+
+@pytest.mark.parametrize("enabled", [False, True])
+@pytest.mark.parametrize("already", [False, True])
+def test_a_command_beyond_a_joint_limit_is_refused_or_brought_to_it(enabled, already) -> None:
+    """Compensated here, elsewhere or not at all."""
+    lower, upper = Q - 1.0, Q + 1.0
+    path = CommandPath(ramp_s=0.0, limits=(lower, upper))
+    path.load(Fixed())
+    path.enable(enabled)
+    assert path.send(np.array([0.1, 1e308, 0.3]), 0, 0.0, already) is None
+    assert path.send(np.array([0.1, -1.0, 0.3]), 1, 0.0, already) is None
+    assert path.counts[command_path.BEYOND] == 2
+    assert path.trouble == command_path.BEYOND
+    assert path.send(upper + 5e-10, 2, 0.0, already) is not None  # a limit in degrees, rounded
+    path.set_options(PASS_THROUGH, 0.0, beyond_limits="clamp")
+    sent = path.send(np.array([0.1, 1e308, 0.3]), 3, 0.0, already)
+    assert sent is not None
+    assert (sent.joint >= lower).all()
+    assert (sent.joint <= upper).all()
+    assert path.counts[command_path.CLAMPED] == 1
+
+
+def test_with_hold_the_last_good_output_stands_in_for_one_beyond_a_limit() -> None:
+    path = CommandPath(HOLD, ramp_s=0.0, limits=(Q - 1.0, Q + 1.0))
+    np.testing.assert_array_equal(path.send(Q, 0, 0.0).joint, Q)
+    np.testing.assert_array_equal(path.send(Q + 2.0, 1, 0.1).joint, Q)
+
+
+def test_a_ramp_is_bounded_a_step_where_commands_are_far_apart() -> None:
+    """One command in two seconds; with compensation on for 1 s the correction was all there."""
+    path = CommandPath(ramp_s=1.0, at_once_s=0.1)
+    path.load(Fixed())
+    path.send(Q, 0, 0.0)
+    path.enable(True)
+    out = np.array([path.send(Q, k, 2.0 * k).joint for k in range(1, 15)])
+    assert np.abs(np.diff(out, axis=0)).max() <= 0.1001 * np.abs(DQ).max()
+    np.testing.assert_allclose(out[-1], Q + DQ)
+
+
+def test_a_correction_is_held_to_its_rate_where_commands_are_far_apart() -> None:
+    path = CommandPath(ramp_s=0.0, rate=0.02, at_once_s=0.1)
+    path.load(Fixed())
+    path.enable(True)
+    path.send(Q, 0, 0.0)
+    path.compensator.dq = DQ + 0.01
+    path.load(path.compensator)
+    out = np.array([path.send(Q, k, 5.0 * k).joint for k in range(1, 9)])
+    assert np.abs(np.diff(out, axis=0)).max() <= 0.1001 * 0.02
+    np.testing.assert_allclose(out[-1], Q + DQ + 0.01)
+
+
+def test_a_command_marked_by_another_does_not_complete_a_ramp() -> None:
+    path = CommandPath(ramp_s=1.0, rate=0.1)
+    path.load(Fixed())
+    path.send(Q, 0, 0.0)
+    path.enable(True)
+    path.send(Q, 1, 0.01)
+    before = path.send(Q, 2, 0.02).joint
+    path.send(Q + 0.3, 3, 0.03, already=True)
+    after = path.send(Q, 4, 0.04).joint
+    assert np.abs(after - before).max() <= 0.03 * np.abs(DQ).max()
 
 
 def test_after_a_hold_the_output_goes_back_to_the_commands_without_a_jump() -> None:

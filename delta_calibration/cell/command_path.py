@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 PASS_THROUGH, HOLD = "pass_through", "hold"
 ON_FAILURE = (PASS_THROUGH, HOLD)
+REFUSE, CLAMP = "refuse", "clamp"
+BEYOND_LIMITS = (REFUSE, CLAMP)
 
 PASSED = "passed through"
 ALREADY = "already compensated, passed unchanged"
@@ -34,11 +36,16 @@ ECHO = "what was sent, unmarked, commanded again: passed unchanged"
 BLENDED = "correction blended out towards the edge of the region"
 LIMITED = "correction held to its rate"
 LIMIT = "correction held at a joint's limit"
+BEYOND = "commanded beyond a joint's limit: refused"
+CLAMPED = "commanded beyond a joint's limit: brought to it"
 STALE = "older than the timeout"
 REFUSED = "refused: malformed"
 HELD = "held: the last good command was sent instead"
 DROPPED = "dropped: nothing was sent"
 BACKWARD = "time went backwards"
+
+
+_ROUNDING = 1e-9  # [rad, m] of a limit that was given in degrees or millimetres
 
 
 class Corrects(Protocol):
@@ -62,8 +69,9 @@ class CommandPath:
 
     What fails a guard of the compensator goes out as it came (`pass_through`) or not at all, the
     last good command in its place (`hold`; nothing, before there is one). After a hold the output
-    goes back on a ramp to where the commands are by then. A command that is not finite, or older
-    than the timeout, goes out in neither case.
+    goes back on a ramp to where the commands are by then. A command that is not finite, older than
+    the timeout, or beyond a joint's limit goes out in neither case, compensation on or off; one
+    beyond a limit goes out at the limit where that is asked for.
 
     Attributes:
         ramp: the correction that the drives have, and how fast it changes.
@@ -79,8 +87,11 @@ class CommandPath:
         timeout_s: age [s] beyond which a command is not sent any more; 0 for none.
         speed: fastest motion of a joint on its way back from a hold [rad/s or m/s].
         unit: of the joints, for what is told.
-        limits: lowest and highest angle of each joint, each (m,) [rad]. A correction never brings
-            a joint beyond one, nor farther beyond one than it was commanded.
+        limits: lowest and highest angle of each joint, each (m,) [rad]. Neither a command nor its
+            correction brings a joint beyond one.
+        beyond_limits: `refuse` or `clamp`, of a command that is beyond one.
+        at_once_s: time [s] of a ramp, or of a correction at its rate, that one output makes up
+            for: where commands are far apart a correction comes in steps that are bounded.
     """
 
     def __init__(
@@ -92,10 +103,12 @@ class CommandPath:
         speed: float = np.inf,
         unit: str = "rad",
         limits: tuple[Array, Array] | None = None,
+        beyond_limits: str = REFUSE,
+        at_once_s: float = np.inf,
     ) -> None:
         self.ramp, self._unit = Ramp(ramp_s, rate), unit
-        self.set_options(on_failure, ramp_s, rate, timeout_s)
-        self._speed, self._limits = speed, limits
+        self.set_options(on_failure, ramp_s, rate, timeout_s, beyond_limits)
+        self._speed, self._limits, self._at_once_s = speed, limits, at_once_s
         self.counts: Counter[str] = Counter()
         self.trouble: str | None = None
         self.compensator: Corrects | None = None
@@ -116,9 +129,14 @@ class CommandPath:
         self._last_stamp: int | None = None
 
     def set_options(
-        self, on_failure: str, ramp_s: float, rate: float = np.inf, timeout_s: float = 0.0
+        self,
+        on_failure: str,
+        ramp_s: float,
+        rate: float = np.inf,
+        timeout_s: float = 0.0,
+        beyond_limits: str = REFUSE,
     ) -> None:
-        """Change what happens on failure, the length of ramps from the next one on, and limits.
+        """Change what happens on failure, the length of ramps from the next one on, and bounds.
 
         Raises:
             InputError: no such choice, a negative time, or a rate that is not above zero.
@@ -130,7 +148,11 @@ class CommandPath:
                 raise InputError(f"{name} is {value}; it has to be finite and not negative")
         if not rate > 0.0:
             raise InputError(f"max_correction_rate is {rate} {self._unit}/s; it has to be above 0")
+        if beyond_limits not in BEYOND_LIMITS:
+            allowed = ", ".join(BEYOND_LIMITS)
+            raise InputError(f"beyond_limits {beyond_limits!r}; choose from: {allowed}")
         self.on_failure, self.timeout_s = on_failure, timeout_s
+        self.beyond_limits = beyond_limits
         self.ramp.seconds, self.ramp.rate = ramp_s, rate
 
     @property
@@ -189,6 +211,11 @@ class CommandPath:
         if not self.takes(q, age_s):
             self.count(STALE if _finite(q) else Verdict.NOT_FINITE.value)
             return self._instead()
+        inside = self._inside(q)
+        if inside is None:
+            self.count(BEYOND)
+            return self._instead()
+        q = inside
         again = self._echo.of(q, already)
         if already or again is not None:
             self.count(ALREADY if already else ECHO)
@@ -238,6 +265,18 @@ class CommandPath:
         inside = np.clip(joint, np.minimum(lower, q), np.maximum(upper, q))
         return None if np.array_equal(inside, joint) else inside
 
+    def _inside(self, q: Array) -> Array | None:
+        """The command (m,) as far as the joints' limits let it go; None where it is refused."""
+        if self._limits is None:
+            return q
+        lower, upper = self._limits
+        if all(map(_between, lower.tolist(), q.tolist(), upper.tolist())):
+            return q
+        if self.beyond_limits == REFUSE:
+            return None
+        self.count(CLAMPED)
+        return np.clip(q, lower, upper)
+
     def _stale(self, age_s: float) -> bool:
         return 0.0 < self.timeout_s < age_s
 
@@ -260,7 +299,7 @@ class CommandPath:
 
     def _ramped(self, q: Array, goal: Array, source: object, now_s: float) -> Sent:
         before = self.ramp.limited
-        dq = self.ramp.toward(goal, source, now_s)
+        dq = self.ramp.toward(goal, source, now_s, self._at_once_s)
         if self.ramp.limited > before:
             self.counts[LIMITED] += 1
         inside = self.within(q, q + dq)
@@ -271,8 +310,9 @@ class CommandPath:
 
     def _unchanged(self, q: Array, again: Output | None, now_s: float) -> Sent:
         """Send what has been through here, or through another compensator, as it came."""
-        if again is None:  # whole, as far as is known
-            self.ramp.set(0.0, self.compensator)
+        if again is None:  # whole, as far as is known; but it is not the end of a ramp of ours
+            if self.ramp.whole:
+                self.ramp.set(0.0, self.compensator)
             return self._go(q, np.zeros_like(q), True, now_s)
         self.ramp.resume(again.stage, now_s)
         held = self._held
@@ -309,6 +349,10 @@ class CommandPath:
             return self._held
         self.counts[DROPPED] += 1
         return None
+
+
+def _between(lower: float, value: float, upper: float) -> bool:
+    return lower - _ROUNDING <= value <= upper + _ROUNDING
 
 
 def _finite(q: Array) -> bool:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cell.capture import Capture
-from delta_calibration.cell.command_path import PASS_THROUGH, CommandPath, Sent
+from delta_calibration.cell.command_path import PASS_THROUGH, REFUSE, CommandPath, Sent
 from delta_calibration.cell.fitting import COMPENSATOR, Fitted, Step, fit, silent
 from delta_calibration.cell.health import Health, Level, Watch
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
@@ -33,6 +33,9 @@ RATE = 5.0  # [rad/s] usual fastest change of a correction of a Delta's joint
 NAMED = 3  # troubles told at once
 
 
+AT_ONCE_S = 0.1  # of a ramp, in one output
+
+
 @dataclass(frozen=True)
 class Settings:
     """What a desk is set up with."""
@@ -42,6 +45,7 @@ class Settings:
     method: str = "newton"
     table: str = ""  # file of a table of corrections, for method table; empty: it is made
     on_failure: str = PASS_THROUGH
+    beyond_limits: str = REFUSE
     ramp_s: float = 1.0  # [s]
     # fastest change of a joint's correction, in its own unit [rad/s or m/s]; 0 for the usual one
     rate: float = 0.0
@@ -78,6 +82,8 @@ class Desk:
             self.robot.joints.speed,
             self.robot.joints.unit,
             (self.robot.joints.lower, self.robot.joints.upper),
+            settings.beyond_limits,
+            AT_ONCE_S,
         )
         self.trajectories = TrajectoryPath(self.path)
         self.around = Surroundings(
@@ -94,9 +100,11 @@ class Desk:
         if settings.calibration:
             self.reload(settings.calibration, settings.table)
 
-    def set_options(self, on_failure: str, ramp_s: float, rate: float, timeout_s: float) -> None:
+    def set_options(
+        self, on_failure: str, ramp_s: float, rate: float, timeout_s: float, beyond_limits: str
+    ) -> None:
         """Change options of the command path; see `CommandPath.set_options` and `Settings`."""
-        self.path.set_options(on_failure, ramp_s, self._rate(rate), timeout_s)
+        self.path.set_options(on_failure, ramp_s, self._rate(rate), timeout_s, beyond_limits)
 
     def _rate(self, asked: float) -> float:
         """Fastest change of a correction [rad/s or m/s]; by default as of a Delta's platform."""
@@ -333,9 +341,7 @@ class Desk:
         self, calibration: Calibration, table: Table | None = None
     ) -> JointCompensator:
         method, seed = self.settings.method, self.settings.seed
-        compensator = JointCompensator(
-            calibration, method, seed, table=table, follow=self._follow
-        )
+        compensator = JointCompensator(calibration, method, seed, table=table, follow=self._follow)
         # The first use is slow (imports, buffers), and so not left to the first command.
         compensator.compensate(self.robot.model().home[None])
         return compensator

@@ -6,6 +6,9 @@
 dq* is the correction that is wanted. A new ramp begins at t_0 from dq_0, the correction applied
 last, whenever dq* comes from another source (switched on or off, another calibration). Where it
 steps without that, as that of a play does when the motion turns round, the rate holds it.
+
+Drives that are given a ramp in steps take one step an output: where outputs are far apart no more
+time passes between them than `at_once_s`.
 """
 
 from __future__ import annotations
@@ -46,6 +49,7 @@ class Ramp:
         self._from: Array | float = 0.0
         self._since_s, self._length = -np.inf, 0.0  # [s]
         self._last_s = -np.inf
+        self._whole = True  # whether all that was wanted was applied
 
     def restart(self) -> None:
         """Begin anew from the correction that the drives still have, however long ago it was."""
@@ -54,7 +58,12 @@ class Ramp:
     def set(self, applied: Array | float, source: object) -> None:
         """Take notice of a correction that is applied already, whole, and not by this one."""
         self.applied, self.source, self._length = applied, source, 0.0
-        self._last_s = -np.inf  # nothing to be held to a rate from
+        self._last_s, self._whole = -np.inf, True  # nothing to be held to a rate from
+
+    @property
+    def whole(self) -> bool:
+        """Whether the last output had all of its correction, neither on a ramp nor held back."""
+        return self._whole
 
     @property
     def stage(self) -> Stage:
@@ -74,20 +83,33 @@ class Ramp:
         """Take notice of how far the correction has come by now, (m,) [rad], on its ramp."""
         self.applied, self._last_s = applied, now_s
 
-    def toward(self, goal: Array, source: object, now_s: float) -> Array:
-        """The correction (m,) [rad] at a time where `goal` is wanted; it counts as applied."""
+    def toward(
+        self, goal: Array, source: object, now_s: float, at_once_s: float = np.inf
+    ) -> Array:
+        """The correction (m,) [rad] at a time where `goal` is wanted; it counts as applied.
+
+        Args:
+            goal: the correction that is wanted.
+            source: what it comes from.
+            now_s: steady time.
+            at_once_s: time [s] of a ramp, or of a correction at its rate, that one step of the
+                drives makes up for; a point of a trajectory is no step.
+        """
         if source is not self.source:
             self.source, self._from = source, self.applied
             self._since_s, self._length = now_s, self.seconds
-        dq = goal
+        elif isfinite(self._last_s):  # on its way: a gap in the outputs is none in the ramp
+            self._since_s += max(now_s - self._last_s - at_once_s, 0.0)
+        dq, self._whole = goal, True
         if now_s < self._since_s + self._length:
             share = max(now_s - self._since_s, 0.0) / self._length
-            dq = (1.0 - share) * self._from + share * goal
+            dq, self._whole = (1.0 - share) * self._from + share * goal, False
         if isfinite(self.rate):
-            step = self.rate * max(now_s - self._last_s, 0.0)
+            gap = now_s - self._last_s
+            step = self.rate * (min(max(gap, 0.0), at_once_s) if isfinite(gap) else gap)
             if max(map(abs, (dq - self.applied).tolist())) > step:
                 dq = np.clip(dq, self.applied - step, self.applied + step)
-                self.limited += 1
+                self.limited, self._whole = self.limited + 1, False
         self._last_s, self.applied = now_s, dq
         return dq
 

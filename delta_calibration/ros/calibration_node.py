@@ -328,7 +328,8 @@ class CalibrationNode(SafeLifecycleNode):
             number, on_failure = self._settings.number, self._settings.text("on_failure")
             rate = number("max_correction_rate")
             timeout_s = number("command_timeout_s")
-            self._desk.set_options(on_failure, number("ramp_s"), rate, timeout_s)
+            beyond = self._settings.text("beyond_limits")
+            self._desk.set_options(on_failure, number("ramp_s"), rate, timeout_s, beyond)
             timeouts = number("temperature_timeout_s"), number("payload_timeout_s")
             self._desk.around.set_timeouts(*timeouts)
 

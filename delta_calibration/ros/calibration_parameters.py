@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from delta_calibration.cell.command_path import ON_FAILURE, PASS_THROUGH
+from delta_calibration.cell.command_path import BEYOND_LIMITS, ON_FAILURE, PASS_THROUGH, REFUSE
 from delta_calibration.cell.desk import Settings
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S
 from delta_calibration.compensation import METHODS
@@ -24,6 +24,13 @@ SPECS = (
         PASS_THROUGH,
         "what is sent for a command that cannot be compensated: itself, or the last good one",
         choices=ON_FAILURE,
+    ),
+    Spec(
+        "beyond_limits",
+        REFUSE,
+        "what becomes of a command beyond a joint's limit, compensated or not: nothing is sent "
+        "for it (the last good one with on_failure hold), or it is brought to the limit",
+        choices=BEYOND_LIMITS,
     ),
     Spec("ramp_s", 1.0, "time [s] over which corrections come and go", range=(0.0, 60.0)),
     Spec(
@@ -105,6 +112,7 @@ def desk_settings(table: ParameterTable) -> Settings:
         method=table.text("method"),
         table=table.text("table"),
         on_failure=table.text("on_failure"),
+        beyond_limits=table.text("beyond_limits"),
         ramp_s=table.number("ramp_s"),
         rate=table.number("max_correction_rate"),
         command_timeout_s=table.number("command_timeout_s"),
