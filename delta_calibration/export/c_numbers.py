@@ -54,9 +54,7 @@ def _members(
             yield f"{indent}.{field} = {int(part) if exact else number(part)},"
 
 
-def _array(
-    name: str, field: str, values: Any, laws: Mapping[int, str], arrays: list[str]
-) -> str:
+def _array(name: str, field: str, values: Any, laws: Mapping[int, str], arrays: list[str]) -> str:
     """Initialiser of an array; its numbers stand apart, none are a null pointer."""
     rows, width = len(values), values.shape[1] if values.ndim == 2 else 1
     if not values.size:

@@ -59,7 +59,7 @@ class CFiles:
 
 
 class _Given(NamedTuple):
-    """Where conditions go in a row of signals, and which have to be known: `Given` of machine.c."""
+    """Where conditions go in a row of signals, and which are needed: `Given` of machine.c."""
 
     size_drawn: int
     size_own: int
@@ -149,14 +149,25 @@ def _every_law(
 def _given(
     calibration: Calibration, effects: Collection[Effect], drawn: Places, own: Places
 ) -> _Given:
-    needs = [part for part in own.parts if _needs(calibration, effects, own.parts, part)]
-    begins = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, PAYLOAD, CENTRE, TIME, TEMPERATURE)
+    parts = own.parts
+    warm = [i for i, part in enumerate(parts) if _needs(calibration, effects, parts, part)]
     return _Given(
-        drawn.size, own.size, *(own.begin(name) for name in begins), len(own.parts),
-        _needs(calibration, effects, own.parts, PAYLOAD),
-        _needs(calibration, effects, own.parts, CENTRE),
-        np.array([own.parts.index(part) for part in needs], dtype=np.int64),
-    )  # fmt: skip
+        size_drawn=drawn.size,
+        size_own=own.size,
+        joint=own.begin(JOINT),
+        rate=own.begin(RATE),
+        acceleration=own.begin(ACCELERATION),
+        direction=own.begin(DIRECTION),
+        travel=own.begin(TRAVEL),
+        payload=own.begin(PAYLOAD),
+        centre=own.begin(CENTRE),
+        time=own.begin(TIME),
+        temperature=own.begin(TEMPERATURE),
+        temperatures=len(parts),
+        needs_payload=_needs(calibration, effects, parts, PAYLOAD),
+        needs_centre=_needs(calibration, effects, parts, CENTRE),
+        needs_temperature=np.array(warm, dtype=np.int64),
+    )
 
 
 def _needs(
