@@ -28,8 +28,6 @@ from delta_calibration.export import c_files
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
 
-CELSIUS = 25.0
-
 PROGRAM = r"""
 #define _POSIX_C_SOURCE 199309L
 #include <stdio.h>
@@ -44,10 +42,11 @@ static int by_size(const void *a, const void *b) {
 
 int main(int argc, char **argv) {
     static double numbers[100000];
-    const int count = atoi(argv[1]), calls = atoi(argv[2]), row = 4 * CORRECT_JOINTS;
+    const int count = argc == 3 ? atoi(argv[1]) : 0, calls = argc == 3 ? atoi(argv[2]) : 0;
+    const int row = 4 * CORRECT_JOINTS;
     double *times = malloc(sizeof(double) * (size_t)calls), out[CORRECT_JOINTS];
     int corrected = 0;
-    if (argc != 3 || !times) return 1;
+    if (count < 1 || calls < 1 || !times) return 1;
     for (int i = 0; i < count * row; i++)
         if (scanf("%lf", &numbers[i]) != 1) return 1;
     for (int call = 0; call < calls; call++) {
@@ -74,6 +73,7 @@ int main(int argc, char **argv) {
     qsort(times, (size_t)calls, sizeof(double), by_size);
     printf("%.2f %.2f %.2f %.1f\n", times[calls / 2], times[calls - 1 - calls / 100],
            times[calls - 1], 100.0 * corrected / calls);
+    free(times);
     return 0;
 }
 """

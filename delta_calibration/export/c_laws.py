@@ -7,6 +7,7 @@ lines whose results reach no slot of the workspace that is used.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Collection, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -48,7 +49,7 @@ def law_in_c(law: Law, asked: Collection[str]) -> tuple[dict[int, str], str]:
         address = int(module.ADDRESSES[stage])
         if stage not in functions or address in names:
             continue
-        names[address] = f"{law.name}_{stage}"
+        names[address] = re.sub(r"\W", "_", f"{law.name}_{stage}", flags=re.ASCII)
         lines = _wanted(functions[stage], _unused(law, asked))
         texts.append(_function(names[address], lines))
     return names, "\n".join(texts)

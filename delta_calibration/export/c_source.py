@@ -247,8 +247,9 @@ def _header(
 
 
 def _plain(text: str) -> str:
-    """Text that ends no comment and begins no other line."""
-    return "".join(c if c.isprintable() else " " for c in text).replace("*/", "* /")
+    """Text that begins and ends no comment and no line."""
+    line = "".join(c if c.isprintable() else " " for c in text)
+    return line.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
 def _banner(header: str) -> str:
