@@ -28,7 +28,7 @@ _NAMES = {"inf": "INFINITY", "nan": "NAN"}
 
 
 def law_in_c(law: Law, asked: Collection[str]) -> tuple[dict[int, str], str]:
-    """A law's stages as C functions.
+    """A law's stages as C functions; stage `near` without derivatives but those by the pose.
 
     Args:
         law: what to print.
@@ -50,7 +50,8 @@ def law_in_c(law: Law, asked: Collection[str]) -> tuple[dict[int, str], str]:
         if stage not in functions or address in names:
             continue
         names[address] = re.sub(r"\W", "_", f"{law.name}_{stage}", flags=re.ASCII)
-        lines = _wanted(functions[stage], _unused(law, asked))
+        wanted = [group for group in asked if stage != "near" or group == "x"]
+        lines = _wanted(functions[stage], _unused(law, wanted))
         texts.append(_function(names[address], lines))
     return names, "\n".join(texts)
 

@@ -1,6 +1,6 @@
 #include <math.h>
 
-/* --- arrays and structures: of the compiled chain, field by field ------------------------------ */
+/* --- arrays and structures: of the compiled chain, field by field -------------------------- */
 
 typedef void (*Law)(double *);
 
@@ -9,7 +9,7 @@ typedef struct { const int *at; int n, width; } Wholes;
 typedef struct { const Law *at; int n, width; } Laws;
 
 enum { Q_AT, X_AT, G_AT, C_AT, F_AT, F_X_AT, F_Q_AT, F_G_AT, SHARED_FROM, SHARED_TO };
-enum { SETUP, SHARED, NEAR, FULL };
+enum { SETUP, SHARED, NEAR, FULL }; /* NEAR has derivatives by the pose alone here */
 enum { OF_JOINTS, OF_POSE, OF_DIMENSIONS, OF_CLOSURES, OF_TASK };
 enum {
     JOINT, RATE, ACCELERATION, GRAVITY, INERTIA, PULL, PULL_HOME, POSE, GEOMETRY, LOAD, PAYLOAD,
@@ -108,7 +108,7 @@ static void idle(double *w) { (void)w; }
 
 /* @MACHINE@ */
 
-/* --- scratch: places in the room that the caller keeps ---------------------------------------- */
+/* --- scratch: places in the room that the caller keeps ------------------------------------- */
 
 typedef struct {
     double *work, *f, *by_x, *by_q, *system, *step, *way;
@@ -230,7 +230,7 @@ static void take_command_room(double *first, CommandRoom *r) {
     r->dq = take(&next, n[OF_JOINTS]);
 }
 
-/* --- the closures of a mechanism --------------------------------------------------------------- */
+/* --- the closures of a mechanism ----------------------------------------------------------- */
 
 static void copy_into(double *values, const double *source, int count) {
     for (int i = 0; i < count; i++) values[i] = source[i];
@@ -316,6 +316,25 @@ static void spread_joints(const Limbs *l, Room *room) {
                     room->work[limb * room->size + l->at.at[F_Q_AT] + i * count + j];
 }
 
+/* f_x^T f_x into the first columns of `system`; f_x^T f behind them where asked for. */
+static void normal_equations(Room *room, int r, int k, int with_f) {
+    double *system = room->system;
+    const int w = room->width;
+    for (int i = 0; i < k; i++) {
+        double total;
+        for (int j = i; j < k; j++) {
+            total = 0.0;
+            for (int row = 0; row < r; row++)
+                total += room->by_x[row * k + i] * room->by_x[row * k + j];
+            system[i * w + j] = system[j * w + i] = total;
+        }
+        if (!with_f) continue;
+        total = 0.0;
+        for (int row = 0; row < r; row++) total += room->by_x[row * k + i] * room->f[row];
+        system[i * w + k] = total;
+    }
+}
+
 /* Newton's step in the pose into `step`; 0 where there is none. */
 static int towards(Room *room, int r, int k) {
     double *system = room->system;
@@ -325,19 +344,8 @@ static int towards(Room *room, int r, int k) {
             copy_into(system + i * w, room->by_x + i * k, k);
             system[i * w + k] = room->f[i];
         }
-    } else { /* normal equations */
-        for (int i = 0; i < k; i++) {
-            double total;
-            for (int j = 0; j < k; j++) {
-                total = 0.0;
-                for (int row = 0; row < r; row++)
-                    total += room->by_x[row * k + i] * room->by_x[row * k + j];
-                system[i * w + j] = total;
-            }
-            total = 0.0;
-            for (int row = 0; row < r; row++) total += room->by_x[row * k + i] * room->f[row];
-            system[i * w + k] = total;
-        }
+    } else {
+        normal_equations(room, r, k, 1);
     }
     if (!solve(system, w, k, 1)) return 0;
     for (int i = 0; i < k; i++) room->step[i] = system[i * w + k];
@@ -399,17 +407,9 @@ static int follow(const Body *b, const double *q, double *x, double stray, Room 
 static int back(const Limbs *l, const double *by_pose, int count, Room *room) {
     const int r = l->sizes.at[OF_CLOSURES], k = l->sizes.at[OF_POSE], w = room->width;
     double *system = room->system;
+    if (r != k) normal_equations(room, r, k, 0);
     for (int i = 0; i < k; i++) {
-        for (int j = 0; j < k; j++) {
-            if (r == k) {
-                system[i * w + j] = room->by_x[j * k + i];
-            } else {
-                double total = 0.0;
-                for (int row = 0; row < r; row++)
-                    total += room->by_x[row * k + i] * room->by_x[row * k + j];
-                system[i * w + j] = total;
-            }
-        }
+        for (int j = 0; j < k && r == k; j++) system[i * w + j] = room->by_x[j * k + i];
         for (int side = 0; side < count; side++) system[i * w + k + side] = by_pose[side * k + i];
     }
     return solve(system, w, k, count);
@@ -478,7 +478,7 @@ static int least_step(const double *slope, int r, int count, const double *f, do
     return 1;
 }
 
-/* --- forces ------------------------------------------------------------------------------------ */
+/* --- forces -------------------------------------------------------------------------------- */
 
 static void point_at(const Bearing *b, const double *x, int k, const double *offset,
                      double *work) {
@@ -572,15 +572,10 @@ static void pulls_of(const Limbs *l, const Bearing *b, Room *room, const Carried
                      double *pull) {
     const int r = l->sizes.at[OF_CLOSURES], k = l->sizes.at[OF_POSE], w = room->width;
     double *system = room->system;
+    normal_equations(room, r, k, 0);
     for (int i = 0; i < k; i++) {
         double right = -found->u_x[i];
         for (int row = 0; row < r; row++) right -= room->by_x[row * k + i] * b->pretension;
-        for (int j = 0; j < k; j++) {
-            double total = 0.0;
-            for (int row = 0; row < r; row++)
-                total += room->by_x[row * k + i] * room->by_x[row * k + j];
-            system[i * w + j] = total;
-        }
         system[i * w + k] = right;
     }
     const int good = solve(system, w, k, 1);
@@ -624,7 +619,7 @@ static void bear(const Limbs *l, const Bearing *b, int asked, const double *q, c
     }
 }
 
-/* --- effects, and where the machine stands ----------------------------------------------------- */
+/* --- effects, and where the machine stands ------------------------------------------------- */
 
 /* Add what all terms do to a stage. */
 static void add_shift(const Table *t, const double *signals, const double *values, double *work,
@@ -731,13 +726,14 @@ static int stand(const Machine *me, double *signals, int near, double *x, State 
     return 1;
 }
 
-/* --- the chain backward ------------------------------------------------------------------------ */
+/* --- the chain backward -------------------------------------------------------------------- */
 
 /* Place of the tool at pose x, and its slope by the pose. */
 static void place_of(const Machine *me, const double *x, Place *room) {
     const Bearing *b = &me->body.bearing;
     const Aimed *aim = &me->aim;
-    const int k = me->body.limbs.sizes.at[OF_POSE], f = b->point_at.at[2], by_x = b->point_at.at[3];
+    const int k = me->body.limbs.sizes.at[OF_POSE];
+    const int f = b->point_at.at[2], by_x = b->point_at.at[3];
     point_at(b, x, k, aim->tool.at, room->point);
     for (int row = 0; row < aim->axes.n; row++) {
         const int axis = aim->axes.at[row];
@@ -879,7 +875,7 @@ static int bring_joints(Place *room) {
     State *state = &room->state;
     Room *scratch = &state->room;
     for (int round = 0; round < 2 * ROUNDS; round++) {
-        place(l, state->joint, room->x, NEAR, scratch);
+        place(l, state->joint, room->x, FULL, scratch);
         spread_joints(l, scratch);
         if (!least_step(scratch->by_q, r, m, scratch->f, scratch->system, scratch->width,
                         room->step))
@@ -944,7 +940,7 @@ static void find(const double *q, const double *signals, const double *target, d
     for (int i = 0; i < m && !(error < INFINITY); i++) best[i] = 0.0;
 }
 
-/* --- guards ------------------------------------------------------------------------------------ */
+/* --- guards -------------------------------------------------------------------------------- */
 
 static int all_finite(const double *values, int count) {
     for (int i = 0; i < count; i++)
@@ -957,7 +953,8 @@ static double outside(const double *point) {
     double most = -INFINITY;
     for (int i = 0; i < guards.planes.n; i++) {
         const double *face = guards.planes.at + 4 * i;
-        most = larger(most, face[0] * point[0] + face[1] * point[1] + face[2] * point[2] + face[3]);
+        most = larger(most, face[0] * point[0] + face[1] * point[1] + face[2] * point[2]
+                                + face[3]);
     }
     return most;
 }
@@ -978,10 +975,12 @@ static void singular_values(double *a, int rows, int columns, double *most, doub
                     jj += v * v;
                     ij += u * v;
                 }
-                if (!(fabs(ij) > 1e-15 * sqrt(ii * jj))) continue;
-                turned = 1;
+                const double scale = sqrt(ii * jj);
+                if (!(fabs(ij) > 1e-15 * scale)) continue;
+                if (fabs(ij) > 1e-9 * scale) turned = 1; /* a sweep squares what is left */
                 const double zeta = (jj - ii) / (2.0 * ij);
-                const double t = (zeta >= 0.0 ? 1.0 : -1.0) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
+                const double sign = zeta >= 0.0 ? 1.0 : -1.0;
+                const double t = sign / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
                 const double c = 1.0 / sqrt(1.0 + t * t), s = c * t;
                 for (int e = 0; e < length; e++) {
                     const double u = a[i * across + e * along], v = a[j * across + e * along];
@@ -1055,7 +1054,8 @@ static int judged(const double *q, double payload, const double *centre, double 
             *share = beyond <= 0.0 ? 1.0 : 0.0;
     }
     for (int i = 0; i < m; i++)
-        if (!(guards.lower.at[i] <= q[i] && q[i] <= guards.upper.at[i])) return CORRECT_JOINT_LIMIT;
+        if (!(guards.lower.at[i] <= q[i] && q[i] <= guards.upper.at[i]))
+            return CORRECT_JOINT_LIMIT;
     if (!good) return CORRECT_OUT_OF_REACH;
     if (!(beyond <= guards.margin)) return CORRECT_OUTSIDE_REGION;
     if (!regular(room)) return CORRECT_SINGULAR;
@@ -1086,7 +1086,7 @@ static int finished(const double *q, const double *signals, double share, Comman
     return code;
 }
 
-/* --- one command ------------------------------------------------------------------------------- */
+/* --- one command --------------------------------------------------------------------------- */
 
 static void fill_signals(const conditions *at, double *signals) {
     for (int i = 0; i < CORRECT_JOINTS; i++) {
