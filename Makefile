@@ -11,7 +11,7 @@ PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 LOG := $(VENV)/install.log
 # The tables of docs/performance.md, in its order; searches of the swarm that `make study` counts failures of.
-BENCHMARKS ?= run commands compensation table table_choices diagnosis node_rate
+BENCHMARKS ?= run commands export_c compensation table table_choices diagnosis node_rate
 FAILURES ?= 200000
 
 # .venv brings its own ROS. One sourced in this shell, or the library path that the wheels of another

@@ -375,7 +375,8 @@ def test_usage_errors_leave_with_2(capsys):
 
 
 @pytest.mark.parametrize(
-    "verb", ["simulate", "fit", "compensate", "iso9283", "replay", "info", "urdf", "demo"]
+    "verb",
+    ["simulate", "fit", "compensate", "export", "iso9283", "replay", "info", "urdf", "demo"],
 )
 def test_every_verb_explains_itself(verb, capsys):
     assert run([verb, "--help"]) == 0

@@ -46,6 +46,7 @@ LAYERS = [
     "accuracy",
     "compensation",
     "calibration_file",
+    "export",
     "simulation",
     "trial",
     "recording",

@@ -116,8 +116,9 @@ def test_wheel_from_sdist_carries_the_data(source: Path, tmp_path: Path) -> None
         packaged = content.read(f"{PACKAGE}/config/{CONFIG.name}")
     assert packaged == CONFIG.read_bytes()
     schemas = {f"{PACKAGE}/schemas/{path.name}" for path in (ROOT / PACKAGE / "schemas").glob("*")}
-    templates = (ROOT / PACKAGE / "report" / "templates").glob("*")
-    pages = {f"{PACKAGE}/report/templates/{path.name}" for path in templates}
+    templates = [*(ROOT / PACKAGE).glob("*/templates/*")]
+    assert {path.suffix for path in templates} >= {".css", ".c", ".h"}
+    pages = {path.relative_to(ROOT).as_posix() for path in templates}
     assert {f"{PACKAGE}/py.typed", *schemas, *pages} <= names
     generated = (ROOT / PACKAGE / "model" / "generated").glob("*.py")
     assert {f"{PACKAGE}/model/generated/{path.name}" for path in generated} <= names

@@ -11,6 +11,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import test_every_mechanism as every_robot
+from delta_calibration.compensation import JointCompensator, Verdict
 from delta_calibration.identification import chain_of, identify, method_named, prepare
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.mechanisms.base import Limb
@@ -18,6 +19,7 @@ from delta_calibration.model.symbols import norm, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import load_robot
 from delta_calibration.sections import length, tolerance
+from export_bench import Compiled, commands, machine, needs_compiler
 from test_mechanisms import (  # noqa: F401 (run on the mechanism below)
     test_closure_derivatives_against_complex_step,
     test_forward_meets_the_closure,
@@ -140,6 +142,18 @@ def test_its_machine_is_found(robot_file):
         sides(theta) for theta in (found.frame_only_theta, truth.theta, found.theta)
     )
     assert np.abs(fitted - real).max() < 0.1 * np.abs(drawing - real).max()
+
+
+@needs_compiler
+def test_it_is_exported_as_c(robot_file, tmp_path):
+    calibration = machine(load_robot(robot_file))
+    made = Compiled(calibration, tmp_path)
+    q = commands(calibration.robot, calibration.chain.mechanism, 200, 0)
+    expected = JointCompensator(calibration).compensate(q)
+    out, verdicts = made.correct(q)
+    assert verdicts == list(expected.verdicts)
+    assert Verdict.CORRECTED in verdicts
+    np.testing.assert_allclose(out, expected.joint, rtol=0, atol=1e-10)
 
 
 def sides(theta):

@@ -112,24 +112,15 @@ def command(
     options = TableOptions(table_file, table_by, table_bound_um)
     options.require_method(method)
     calibration = load_calibration(calibration_file, robot)
-    warm = _by_part(temperatures, calibration)
+    warm = warmth_by_part(temperatures, calibration)
     nominal = _nominal(robot, targets, payload)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
         compensator = JointCompensator(calibration, method, seed)
-    at = _conditions(nominal, payload, warm, robot.commanded.joint_size)
-    parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
-    found = Compensated.joined(
-        [
-            compensator.compensate(nominal[rows], at.take(rows))
-            for rows in progress(parts, len(parts), "part")
-        ]
-    )
-    _refuse_unknown(found, calibration_file)
-    _refuse_uncorrected(found, targets, calibration.region)
+    found = corrected(compensator, nominal, payload, warm, targets, calibration_file)
     _write(out, robot.joints, found)
-    _tell_of_blended(found, targets, out)
+    tell_of_blended(found, targets, out)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
     unit, factor = robot.joints.shown
@@ -140,6 +131,34 @@ def command(
         f"{found.model_error.max() * 1e3:.2e} mm{turn}, {found.evaluations.mean():.0f} "
         "evaluations each)"
     )
+
+
+def corrected(
+    compensator: JointCompensator,
+    nominal: Array,
+    payload: float | None,
+    warm: dict[str, float],
+    targets: Path,
+    calibration_file: Path,
+) -> Compensated:
+    """All commands (n, m) corrected, the machine stopping at one after the other.
+
+    Raises:
+        InputError: the calibration takes a condition that is not given.
+        DataError: a command cannot be corrected.
+    """
+    calibration = compensator.calibration
+    at = _conditions(nominal, payload, warm, calibration.robot.commanded.joint_size)
+    parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
+    found = Compensated.joined(
+        [
+            compensator.compensate(nominal[rows], at.take(rows))
+            for rows in progress(parts, len(parts), "part")
+        ]
+    )
+    _refuse_unknown(found, calibration_file)
+    _refuse_uncorrected(found, targets, calibration.region)
+    return found
 
 
 def _nominal(robot: Robot, file: Path, payload: float | None) -> Array:
@@ -153,7 +172,7 @@ def _nominal(robot: Robot, file: Path, payload: float | None) -> Array:
     return targets.joint
 
 
-def _by_part(
+def warmth_by_part(
     given: Sequence[tuple[str, float]], calibration: Calibration
 ) -> dict[str, float]:
     """Temperatures [deg C] by part, of parts that the robot has or the calibration goes by.
@@ -230,7 +249,7 @@ def _extent(region: Region) -> str:
     return ", ".join(f"{name} {least:.0f} to {most:.0f}" for name, least, most in sides) + " mm"
 
 
-def _tell_of_blended(found: Compensated, targets: Path, out: Path) -> None:
+def tell_of_blended(found: Compensated, targets: Path, out: Path) -> None:
     """Which points got a part of their correction only, and how far off they stay."""
     share = np.ones(len(found.joint)) if found.share is None else found.share
     blended = np.flatnonzero(share < 1.0)

@@ -24,6 +24,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
     },
     "Put right": {
         "compensate": "--robot srbd --calibration extended.yaml points.csv --out joints.csv",
+        "export": "--robot srbd --calibration extended.yaml --format c --out machine.c",
     },
     "Judge and sign": {
         "iso9283": "session --robot srbd --json iso.json",

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,16 @@ class _Single:
     joint: slice
     run: Any
     held: Any
+
+
+class SingleCommand(NamedTuple):
+    """All that the compiled way of single commands goes by, for programs that print it."""
+
+    drawn: Machine  # as the controller has it
+    own: Machine  # as identified
+    guards: Any  # of command_kernel.py, as are the next two
+    search: Any
+    room: Any  # scratch
 
 
 class JointCompensator:
@@ -141,6 +151,14 @@ class JointCompensator:
         at = replace(at, direction=np.ones_like(at.direction))
         texts = (effect.missing(at) for effect in self._effects)
         return "; ".join(dict.fromkeys(text for text in texts if text))
+
+    def single_command(self, parts: tuple[str, ...] = ()) -> SingleCommand:
+        """What single commands are corrected by, where temperatures of these parts are known."""
+        own, kernel = self._own.with_parts(parts), _kernel()
+        machines = self._drawn.compiled, own.compiled
+        room = kernel.command_room(*machines, self._drawn.places.size, own.places.size)
+        search = Newton(own, self._newton).numbers
+        return SingleCommand(self._drawn, own, self._guards, search, room)
 
     def warm_up(self) -> None:
         """Take the first command's delay now: compensate one at home and forget it."""
@@ -232,10 +250,8 @@ class JointCompensator:
         """What single commands need, made once for the parts whose temperature is known."""
         if self._held is None or self._held.own.parts != parts:
             kernel, own = _kernel(), self._machine(parts)
-            machines = self._drawn.compiled, own.compiled
-            room = kernel.command_room(*machines, self._drawn.places.size, own.places.size)
-            newton = Newton(own, self._newton).numbers
-            held = kernel.Single(*machines, self._guards, newton, room)
+            by = self.single_command(parts)
+            held = kernel.Single(by.drawn.compiled, own.compiled, by.guards, by.search, by.room)
             self._held = _Single(own, own.places.slices[JOINT], kernel.single, held)
         return self._held
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, cached_property
 from hashlib import blake2s
 from pathlib import Path
 from types import ModuleType
@@ -160,15 +160,37 @@ class RecordType(types.StructRef):  # type: ignore[misc,unused-ignore]
 
 
 class Record(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
-    """A record as Python holds it: made, and handed on, but not read."""
+    """A record as Python holds it: its fields can be read, and do not change."""
 
     _fields: ClassVar[tuple[str, ...]]
     _make: ClassVar[Any]
+    _read: ClassVar[Any]
 
     def __new__(cls, *values: Any, **named: Any) -> Any:
         """Of the values of all fields."""
-        rest = (named[name] for name in cls._fields[len(values) :])
-        return cls._make((*values, *rest))
+        every = (*values, *(named[name] for name in cls._fields[len(values) :]))
+        made = cls._make(every)
+        made.values = every
+        return made
+
+    @cached_property
+    def values(self) -> tuple[Any, ...]:
+        """Of all fields; of a record that compiled code has made, they are read out of it."""
+        return tuple(type(self)._read(self))
+
+    def __iter__(self) -> Iterator[Any]:
+        """Over the values."""
+        return iter(self.values)
+
+    def __getattr__(self, name: str) -> Any:
+        """A field.
+
+        Raises:
+            AttributeError: no such field.
+        """
+        if name not in self._fields:
+            raise AttributeError(f"{type(self).__name__} has no field {name!r}")
+        return self.values[self._fields.index(name)]
 
 
 def record(kind: type[_Kind]) -> type[_Kind]:
@@ -186,7 +208,7 @@ def record(kind: type[_Kind]) -> type[_Kind]:
     made = type(name, (Record,), {**names, "__doc__": kind.__doc__, "_fields": fields})
     _structref.define_constructor(made, form, fields)
     _structref.define_boxing(form, made)
-    made._make = _maker(made)  # type: ignore[attr-defined]
+    made._make, made._read = _maker(made), _reader(fields)  # type: ignore[attr-defined]
     return cast(type[_Kind], made)
 
 
@@ -210,6 +232,15 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
     place = builder.bitcast(builder.load(_gep(builder, counted, 0, 3)), content)
     fields = _proxy(kind.get_data_type())(context, builder, ref=place)
     return _borrowed(context, builder, kind.field_dict[name], getattr(fields, name))
+
+
+def _reader(fields: tuple[str, ...]) -> Any:
+    """What gives all fields of a record; compiled on its first use, which few things need."""
+    code = f"def read(own): return ({', '.join(f'own.{name}' for name in fields)},)"
+    names: dict[str, Any] = {}
+    exec(code, names)
+    njit: Any = numba.njit
+    return staticmethod(njit(names["read"]))
 
 
 def _maker(kind: Any) -> Any:

@@ -1,0 +1,163 @@
+"""`delta-cal export`: an identified machine for controllers that are not this package's."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import click
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.compensate import corrected, tell_of_blended, warmth_by_part
+from delta_calibration.cli.options import require_folder, robot_option, write_text
+from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
+from delta_calibration.compensation import JointCompensator
+from delta_calibration.description import describe, urdf
+from delta_calibration.documents import write_document
+from delta_calibration.errors import InputError, ReachError
+from delta_calibration.export import c_files, corrected_points, dh_tables, require_points
+from delta_calibration.plans.target_file import read_rows, targets_of
+from delta_calibration.robot import load_robot
+
+FORMATS = ("c", "urdf", "dh", "csv")
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)  # of C
+_FILE = re.compile(r"[A-Za-z0-9_.-]+")  # that a source may include by this name
+
+
+@click.command("export", short_help="the identified machine, for controllers of others")
+@robot_option
+@click.option(
+    "--calibration", "calibration_file", type=click.Path(path_type=Path), required=True,
+    help="File that `fit` or `diagnose` wrote for this robot.",
+)  # fmt: skip
+@click.option(
+    "--format", "form", type=click.Choice(FORMATS), required=True,
+    help="c: source and header that correct commands; urdf: the robot with its identified "
+    "dimensions; dh: tables of a serial arm; csv: a corrected list of points.",
+)  # fmt: skip
+@click.option(
+    "--points", type=click.Path(path_type=Path), default=None, metavar="TARGETS.csv",
+    help="For --format csv: the points, as for `compensate`.",
+)  # fmt: skip
+@click.option(
+    "--payload", type=MASS, default=None, metavar="KG",
+    help="For --format csv: what the platform will carry at its centre.",
+)  # fmt: skip
+@click.option(
+    "--temperature", "temperatures", multiple=True, metavar="PART=DEGREES",
+    type=OfPart(CELSIUS, "arm=27.5"),
+    help="For --format csv: how warm a part will be. As often as needed.",
+)  # fmt: skip
+@click.option(
+    "--prefix", default="", metavar="NAME_",
+    help="For --format c: in front of every public name, for two machines in one program.",
+)  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+def command(
+    robot_file: str,
+    calibration_file: Path,
+    form: str,
+    points: Path | None,
+    payload: float | None,
+    temperatures: tuple[tuple[str, float], ...],
+    prefix: str,
+    out: Path,
+) -> None:
+    """Write an identified machine for a controller that is not this package's.
+
+    \b
+    c     FILE.c and FILE.h, C99 that needs libm alone and allocates nothing:
+          int correct(const double *q, const conditions *, double *out)
+          does what `compensate --method newton` does, effects and guards with
+          it. The header says joints, units, conditions and return codes.
+          Compile it with cc -std=c99 -O2, never with -ffast-math.
+    urdf  the robot with its identified dimensions and the tracker's frame.
+    dh    YAML: the identified parameters of a serial arm, as modified and as
+          standard tables, with their signs and how they multiply.
+    csv   TARGETS.csv with corrected places in it, its columns as they came:
+          a controller that knows the drawing alone drives these points right.
+          Not for robots with more joints than freedoms.
+
+    Tables and URDF hold the geometry alone: of effects that were found (backlash, gravity, warmth
+    ...) they know nothing.
+    """  # noqa: D301 - to click \b is the control character
+    _require_fitting(form, points, payload, temperatures, prefix)
+    require_folder(out)
+    calibration = load_calibration(calibration_file, load_robot(robot_file))
+    if form == "c":
+        _write_c(calibration, out, prefix)
+    elif form == "urdf":
+        write_text(out, urdf(describe(calibration.robot, calibration).tree))
+    elif form == "dh":
+        write_document(out, dh_tables(calibration))
+    elif points is not None:
+        _write_points(calibration, calibration_file, points, payload, temperatures, out)
+    if form in ("urdf", "dh") and calibration.live:
+        causes = ", ".join(effect.cause for effect, _ in calibration.live)
+        click.echo(f"not in it: {causes}; a {form} file holds the geometry alone", err=True)
+    if form in ("c", "csv"):
+        for cause in calibration.left_out:
+            click.echo(
+                f"not compensated: {cause}, as it goes by the clock of the session it was in",
+                err=True,
+            )
+    click.echo(f"written: {out}" + (f" and {out.with_suffix('.h')}" if form == "c" else ""))
+
+
+def _require_fitting(
+    form: str,
+    points: Path | None,
+    payload: float | None,
+    temperatures: tuple[tuple[str, float], ...],
+    prefix: str,
+) -> None:
+    """Refuse options that belong to another format.
+
+    Raises:
+        InputError: names the option and the format that it is for.
+    """
+    of_points = {"--points": points, "--payload": payload, "--temperature": temperatures or None}
+    given = [name for name, value in of_points.items() if value is not None]
+    if form != "csv" and given:
+        raise InputError(f"{given[0]} is for --format csv, not {form}")
+    if form == "csv" and points is None:
+        raise InputError("--format csv needs --points TARGETS.csv")
+    if prefix and form != "c":
+        raise InputError(f"--prefix is for --format c, not {form}")
+    if prefix and not _NAME.fullmatch(prefix):
+        raise InputError(f"--prefix {prefix!r} is not allowed; letters, digits and _ of a C name")
+
+
+def _write_c(calibration: Calibration, out: Path, prefix: str) -> None:
+    """The source, and the header beside it under the same name."""
+    if out.suffix != ".c" or not _FILE.fullmatch(out.name):
+        raise InputError(
+            f"{out}: the name of a C source is expected: letters, digits, . _ - and .c at the end"
+        )
+    files = c_files(calibration, out.stem, prefix)
+    write_text(out.with_suffix(".h"), files.header)
+    write_text(out, files.source)
+
+
+def _write_points(
+    calibration: Calibration,
+    calibration_file: Path,
+    points: Path,
+    payload: float | None,
+    temperatures: tuple[tuple[str, float], ...],
+    out: Path,
+) -> None:
+    """The points with corrected places."""
+    robot = calibration.robot
+    require_points(robot)
+    warm = warmth_by_part(temperatures, calibration)
+    rows = read_rows(points, robot)
+    try:
+        nominal = targets_of(rows, robot, payload or 0.0).joint
+    except ReachError as error:
+        raise ReachError(f"{points}: {error}") from error
+    compensator = JointCompensator(calibration)
+    found = corrected(compensator, nominal, payload, warm, points, calibration_file)
+    write_text(out, corrected_points(robot, rows, found.joint))
+    tell_of_blended(found, points, out)

@@ -1,0 +1,71 @@
+"""Named tuples of the compiled chain as C: static arrays, and one initialiser that takes them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+_LAWS = ("law", "point", "mass")  # fields that hold addresses of laws
+_WIDE = 98
+IDLE = "idle"  # function of machine.c
+
+
+def number(value: float) -> str:
+    """A double that reads back as the same."""
+    if np.isnan(value):
+        return "NAN"
+    if np.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value))
+
+
+def constant(kind: str, name: str, value: Any, laws: Mapping[int, str]) -> str:
+    """A constant of the C type `kind` made of a (nested) named tuple.
+
+    Args:
+        kind: the C structure, whose members have the fields' names.
+        name: of the constant.
+        value: named tuple of numbers, arrays and named tuples.
+        laws: name of the C function by the address of a law's stage; others do nothing.
+    """
+    arrays: list[str] = []
+    body = "\n".join(_members(name, value, laws, arrays, 1))
+    return "\n".join([*arrays, f"static const {kind} {name} = {{", body, "};", ""])
+
+
+def _members(
+    path: str, value: Any, laws: Mapping[int, str], arrays: list[str], depth: int
+) -> Iterator[str]:
+    """Lines of an initialiser; the arrays that it points to go into `arrays`."""
+    indent = "    " * depth
+    for field, part in zip(value._fields, value, strict=True):
+        own = f"{path}_{field}"
+        if hasattr(part, "_fields"):
+            yield f"{indent}.{field} = {{"
+            yield from _members(own, part, laws, arrays, depth + 1)
+            yield f"{indent}}},"
+        elif isinstance(part, np.ndarray):
+            yield f"{indent}.{field} = {_array(own, field, part, laws, arrays)},"
+        else:
+            exact = isinstance(part, bool | int | np.integer)
+            yield f"{indent}.{field} = {int(part) if exact else number(part)},"
+
+
+def _array(name: str, field: str, values: Any, laws: Mapping[int, str], arrays: list[str]) -> str:
+    """Initialiser of an array; its numbers stand apart, none are a null pointer."""
+    rows, width = len(values), values.shape[1] if values.ndim == 2 else 1
+    if not values.size:
+        return f"{{0, {rows if width == 1 else 0}, {width}}}"
+    if field in _LAWS:
+        kind, texts = "Law", [laws.get(address, IDLE) for address in values.tolist()]
+    elif values.dtype.kind == "f":
+        kind, texts = "double", [number(each) for each in values.ravel().tolist()]
+    else:
+        kind, texts = "int", [str(each) for each in values.ravel().tolist()]
+    lines = textwrap.wrap(", ".join(texts), _WIDE - 4, break_long_words=False)
+    body = "\n".join(f"    {line}" for line in lines)
+    arrays.append(f"static const {kind} {name}[] = {{\n{body}\n}};")
+    return f"{{{name}, {rows}, {width}}}"

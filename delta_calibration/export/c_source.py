@@ -1,0 +1,271 @@
+"""An identified machine as one C99 header and source: the compiled path of single commands.
+
+Laws are those that the package runs, printed as C (c_laws.py); the numbers are the very named
+tuples that the compiled loops take (c_numbers.py). The loops stand in `templates/machine.c`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from importlib import resources
+from string import Template
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration import __version__
+from delta_calibration.calibration import Calibration
+from delta_calibration.compensation import JointCompensator
+from delta_calibration.effects import Effect
+from delta_calibration.effects.base import SENSOR, law_for
+from delta_calibration.effects.signals import (
+    ACCELERATION,
+    CENTRE,
+    DIRECTION,
+    JOINT,
+    LOAD,
+    PAYLOAD,
+    RATE,
+    TEMPERATURE,
+    TIME,
+    TRAVEL,
+    Places,
+)
+from delta_calibration.export.c_laws import law_in_c
+from delta_calibration.export.c_numbers import constant
+from delta_calibration.model.law import Law
+from delta_calibration.samples import Conditions, at_rest
+
+FIRST = "first"  # stands for the part whose temperature a session recorded first
+
+_MARK = "/* @MACHINE@ */"
+_PUBLIC = (
+    "correct", "correct_begin", "correct_in", "conditions", "conditions_at_rest",
+)  # fmt: skip
+_MACROS = ("JOINTS", "TEMPERATURES", "ROOM", "PASSED", "NOT_FINITE", "JOINT_LIMIT",
+           "OUT_OF_REACH", "OUTSIDE_REGION", "SINGULAR", "SLACK", "NOT_REACHED",
+           "MISSING_CONDITION")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CFiles:
+    """A header and a source, and the parts whose temperatures its conditions hold, in order."""
+
+    header: str
+    source: str
+    parts: tuple[str, ...]
+
+
+class _Given(NamedTuple):
+    """Where conditions go in a row of signals, and which are needed: `Given` of machine.c."""
+
+    size_drawn: int
+    size_own: int
+    joint: int
+    rate: int
+    acceleration: int
+    direction: int
+    travel: int
+    payload: int
+    centre: int
+    time: int
+    temperature: int
+    temperatures: int
+    needs_payload: bool
+    needs_centre: bool
+    needs_temperature: NDArray[np.int64]  # places among the temperatures
+
+
+def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
+    """The machine of a calibration as C.
+
+    Args:
+        calibration: what to print.
+        stem: of the files' names, which the source includes the header by.
+        prefix: in front of every public name, where two machines go into one program.
+
+    Raises:
+        ConfigError: a law has to be generated first, and CasADi is not installed.
+    """
+    effects = tuple(effect for effect, _ in calibration.live)
+    parts = parts_of(effects)
+    single = JointCompensator(calibration).single_command(parts)
+    names, laws = _laws(calibration, effects, single.own.places)
+    given = _given(calibration, effects, single.drawn.places, single.own.places)
+    numbers = [
+        constant("Machine", "drawn", single.drawn.compiled, names),
+        constant("Machine", "own", single.own.compiled, names),
+        constant("Guards", "guards", single.guards, names),
+        constant("Search", "search", single.search, names),
+        constant("Given", "given", given, names),
+    ]
+    room = _numbers_in(single.room) + given.size_own + single.own.aim.size + _joints(calibration)
+    header = _header(calibration, effects, parts, stem, prefix, room)
+    front = [f'#include "{stem}.h"', *_renamed(prefix), ""]
+    body = _template("machine.c").replace(_MARK, "\n".join([laws, *numbers]))
+    return CFiles(header, "\n".join([_banner(header), *front, body]), parts)
+
+
+def parts_of(effects: Collection[Effect]) -> tuple[str, ...]:
+    """Parts whose temperatures the effects take, in order.
+
+    A smooth map over temperature takes that of the part that came first in its session.
+    """
+    sensors = [str(effect.settings.get(SENSOR, "")) for effect in effects]
+    maps = [FIRST] if any(TEMPERATURE in effect.takes for effect in effects) else []
+    return tuple(dict.fromkeys([*maps, *filter(None, sensors)]))
+
+
+def _laws(
+    calibration: Calibration, effects: Collection[Effect], places: Places
+) -> tuple[dict[int, str], str]:
+    """Names of the C functions by address, and their text, of all that a command takes."""
+    loads = any(LOAD in effect.takes for effect in effects)
+    asked = ("x", "q", "g") if loads else ("x", "q")
+    names: dict[int, str] = {}
+    texts = []
+    for law in dict.fromkeys(_every_law(calibration, effects, places)):
+        own, text = law_in_c(law, asked)
+        texts += [text] if own.keys() - names.keys() else []
+        names |= own
+    return names, "\n".join(texts)
+
+
+def _every_law(
+    calibration: Calibration, effects: Collection[Effect], places: Places
+) -> Iterator[Law]:
+    """Of the machine that is commanded, the one that is identified, and its effects."""
+    for mechanism in (calibration.robot.commanded, calibration.chain.mechanism):
+        reaching = f"{mechanism.law_name}_reaching"  # of the inverse problem
+        yield from (law for law in mechanism.laws if law.name != reaching)
+    for effect in effects:
+        term = next(effect.terms(places), None)
+        if term is not None:
+            yield law_for(effect, term)
+
+
+def _given(
+    calibration: Calibration, effects: Collection[Effect], drawn: Places, own: Places
+) -> _Given:
+    parts = own.parts
+    warm = [i for i, part in enumerate(parts) if _needs(calibration, effects, parts, part)]
+    return _Given(
+        size_drawn=drawn.size,
+        size_own=own.size,
+        joint=own.begin(JOINT),
+        rate=own.begin(RATE),
+        acceleration=own.begin(ACCELERATION),
+        direction=own.begin(DIRECTION),
+        travel=own.begin(TRAVEL),
+        payload=own.begin(PAYLOAD),
+        centre=own.begin(CENTRE),
+        time=own.begin(TIME),
+        temperature=own.begin(TEMPERATURE),
+        temperatures=len(parts),
+        needs_payload=_needs(calibration, effects, parts, PAYLOAD),
+        needs_centre=_needs(calibration, effects, parts, CENTRE),
+        needs_temperature=np.array(warm, dtype=np.int64),
+    )
+
+
+def _needs(
+    calibration: Calibration, effects: Collection[Effect], parts: tuple[str, ...], what: str
+) -> bool:
+    """Whether an effect says that something is missing where this alone is not known."""
+    at = _all_known(calibration.robot.commanded.home[None], parts)
+    if what == PAYLOAD:
+        at = replace(at, payload=np.full(1, np.nan))
+    elif what == CENTRE:
+        at = replace(at, payload_centre=np.full((1, 3), np.nan))
+    else:
+        known = [np.nan if part == what else 20.0 for part in parts]
+        at = replace(at, temperature=np.array([known]))
+    return any(effect.missing(at) for effect in effects)
+
+
+def _all_known(q: NDArray[np.float64], parts: tuple[str, ...]) -> Conditions:
+    return replace(
+        at_rest(q),
+        direction=np.ones_like(q),
+        payload=np.zeros(1),
+        payload_centre=np.zeros((1, 3)),
+        temperature_parts=parts,
+        temperature=np.full((1, len(parts)), 20.0),
+    )
+
+
+def _numbers_in(scratch: Any) -> int:
+    """Numbers in a (nested) named tuple of arrays."""
+    if hasattr(scratch, "_fields"):
+        return sum(map(_numbers_in, scratch))
+    return int(scratch.size)
+
+
+def _joints(calibration: Calibration) -> int:
+    return len(calibration.robot.joints.names)
+
+
+def _header(
+    calibration: Calibration,
+    effects: Collection[Effect],
+    parts: tuple[str, ...],
+    stem: str,
+    prefix: str,
+    room: int,
+) -> str:
+    robot, macro = calibration.robot, prefix.upper()
+    celsius = "".join(f" {i}: {part}" for i, part in enumerate(parts))
+    limits = zip(robot.joints.names, robot.joints.lower, robot.joints.upper, strict=True)
+    return Template(_template("machine.h")).substitute(
+        file=_plain(f"{stem}.h"),
+        robot=robot.name,
+        version=__version__,
+        robot_hash=robot.hash,
+        calibration_hash=calibration.seal,
+        session=_plain(calibration.source),
+        mechanism=calibration.chain.mechanism.name,
+        commanded=robot.commanded.name,
+        effects=", ".join(effect.cause for effect in effects) or "none",
+        left_out=", ".join(calibration.left_out) or "nothing",
+        joints="\n".join(
+            f" *   {i}  {_plain(name)}, {low:.6g} to {high:.6g}"
+            for i, (name, low, high) in enumerate(limits)
+        ),
+        unit=robot.joints.unit,
+        count=_joints(calibration),
+        temperatures=len(parts),
+        temperature=f"    double temperature[{len(parts)}];  /* [deg C] of{_plain(celsius)} */\n"
+        if parts
+        else "",
+        room=room,
+        guard=f"{macro}CORRECT_H",
+        macro=macro,
+        prefix=prefix,
+    )
+
+
+def _plain(text: str) -> str:
+    """Text that begins and ends no comment and no line."""
+    line = "".join(c if c.isprintable() else " " for c in text)
+    return line.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+
+
+def _banner(header: str) -> str:
+    """The comment that the header begins with."""
+    return header[: header.index("*/") + 2].replace(".h:", ".c:", 1)
+
+
+def _renamed(prefix: str) -> list[str]:
+    """The names of machine.c as the header has them."""
+    if not prefix:
+        return []
+    macros = [f"CORRECT_{name}" for name in _MACROS]
+    lines = [f"#define {name} {prefix}{name}" for name in _PUBLIC]
+    return lines + [f"#define {name} {prefix.upper()}{name}" for name in macros]
+
+
+def _template(name: str) -> str:
+    folder = resources.files("delta_calibration").joinpath("export", "templates")
+    return folder.joinpath(name).read_text("utf-8")

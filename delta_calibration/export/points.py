@@ -1,0 +1,86 @@
+"""A list of points, corrected: a controller that knows the drawing alone drives them right.
+
+For a target p with nominal command q and correction dq the point is FK_nominal(q + dq): the
+drawing's inverse makes the corrected command of it.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.plans import nominal_joints
+from delta_calibration.plans.points import tool_frames
+from delta_calibration.plans.target_file import commanded_columns
+from delta_calibration.robot import Robot
+from delta_calibration.tables import Row
+
+Array = NDArray[np.float64]
+
+_COLUMNS = ("x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg")
+_UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)
+_SAME = 1e-8  # times the joint size: what the drawing's inverse may miss a command by
+
+
+def require_points(robot: Robot) -> None:
+    """Refuse a robot whose corrected commands no points say.
+
+    Raises:
+        InputError: it has more joints than the coordinates that they command.
+    """
+    model = robot.commanded
+    if model.joints != model.task_size:
+        raise InputError(
+            f"robot {robot.name}: {model.joints} joints command {model.task_size} coordinates; "
+            "its corrected commands are not those of any point. `compensate` writes the commands, "
+            "`export --format c` corrects them in the controller"
+        )
+
+
+def corrected_points(robot: Robot, rows: Sequence[Row], joint: Array) -> str:
+    """The text of a file of targets with corrected coordinates in it, its columns as they came.
+
+    Coordinates that the joints do not command stay as they were written, and so do other columns.
+
+    Args:
+        robot: whose drawing the controller goes by.
+        rows: lines of the targets' file.
+        joint: corrected commands, (n, m).
+
+    Raises:
+        InputError: such a robot's commands are not those of any point.
+        DataError: the drawing's inverse makes another command of a corrected point.
+    """
+    require_points(robot)
+    point, turn = tool_frames(robot, joint)
+    _require_back(robot, point, turn, joint)
+    said = dict(zip(_COLUMNS, (np.hstack([point, turn]) / _UNITS).T, strict=True))
+    commanded = set(commanded_columns(robot))
+    head = [*rows[0].text, *(name for name in _COLUMNS if name in commanded - {*rows[0].text})]
+    file = io.StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(head)
+    for number, row in enumerate(rows):
+        writer.writerow(
+            [
+                f"{said[name][number] + 0.0:.9f}" if name in commanded else row.text[name] or ""
+                for name in head
+            ]
+        )
+    return file.getvalue()
+
+
+def _require_back(robot: Robot, point: Array, turn: Array, joint: Array) -> None:
+    again = nominal_joints(robot, point, turn)
+    missed = np.abs(again - joint).max(axis=1)
+    bad = np.flatnonzero(~(missed <= _SAME * robot.commanded.joint_size))
+    if bad.size:
+        raise DataError(
+            f"point {bad[0] + 1}: the drawing's inverse makes another command of its corrected "
+            f"place, {missed[bad[0]]:.3g} {robot.joints.unit} off; `compensate` writes the command"
+        )
