@@ -48,7 +48,7 @@ SLOPE = 1.0  # [MB/min] that memory may grow by at most
 FIRST = 10.0  # [MB] that a first round takes: what is used for the first time stays
 GUARDS = (
     Verdict.CORRECTED.value,
-    Verdict.JOINT_LIMIT.value,
+    path.BEYOND,
     Verdict.OUTSIDE_REGION.value,
     Verdict.SINGULAR.value,
     Verdict.NOT_REACHED.value,

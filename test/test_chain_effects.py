@@ -309,31 +309,3 @@ def test_loads_are_those_of_the_machine_that_is_looked_at(model: str, cause: str
     stands = one.columns_of(chain.signals(at, theta))
     assert 1e-4 * scale < np.abs(stands - drawn).max() < 0.1 * scale
     np.testing.assert_array_equal(one.columns(replace(at)), drawn)
-
-
-def test_a_joint_whose_crossing_would_turn_its_own_load_round_ends_without_load() -> None:
-    """A sharp clearance, crossed under accelerations: neither side of it is where it rests."""
-    delta, rng = ROBOT.model("rotary_delta"), np.random.default_rng(0)
-    chain = Chain(
-        delta,
-        np.zeros(3),
-        0.05,
-        (effect_named("ball_joint_clearance", ROBOT, delta, {"force": 0.0}),),
-    )
-    theta = chain.join(delta.parameters.nominal, np.zeros(3), Frame.identity())
-    theta[chain.layout.effects] = 2e-4
-    n = 3000
-    at = replace(
-        at_rest(rng.uniform(-0.3, 1.2, (n, 3))),
-        velocity=rng.standard_normal((n, 3)),
-        acceleration=300 * rng.standard_normal((n, 3)),
-        payload=rng.uniform(0, 5, n),
-    )
-    seen = chain.see(at, theta, asked="nothing")
-    between = np.abs(delta.closure(seen.joint, seen.x, seen.geometry)).max(axis=1) > 1e-9
-    assert between.sum() >= 3
-    rods = [p.name.startswith("rod_") for p in delta.parameters]
-    load = np.abs(chain.signals(at, theta, seen.x).of("load")[:, rods])
-    least = load.min(axis=1)
-    assert least[between].max() < 2e-3 * np.median(load)
-    assert np.median(least[~between]) > 0.1 * np.median(load)

@@ -7,8 +7,7 @@ For one sample, with D what the effects of the drives add and S those of the str
 Loads, and what else an effect takes of the machine, are those at the pose itself: it is sought in
 rounds, each with the effects at the pose of the round before. Effects do hundredths of what the
 joints do, so that a few rounds settle it. Where a clearance is crossed by the very motion that
-crossing it makes, no side of it is the machine's: from there on each round goes half as far as the
-one before, and ends where the two sides meet.
+crossing it makes, no side of it is the machine's own, and the last one tried is taken.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ from delta_calibration.model.terms import Table, add_shift
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_ROUNDS, _DAMPED = 12, 40
+_ROUNDS = 12
 _SETTLED = 1e-12  # [m, rad] by which a round moves the pose
 
 
@@ -247,7 +246,7 @@ def stand(
         state.joint[i] = signals[stages.at[JOINT] + i]
     if not near and not opened(body, state.joint, x, stray, state):
         return False
-    for number in range(_ROUNDS + _DAMPED):
+    for _ in range(_ROUNDS):
         copy_into(state.before, x)
         add_signals(body, stages, signals, x, state)
         _shift(body, stages, signals, g, values, state)
@@ -258,8 +257,4 @@ def stand(
             most = max(most, abs(x[i] - state.before[i]))
         if most <= _SETTLED:
             break
-        if number >= _ROUNDS:
-            share = 0.5 ** (number - _ROUNDS + 1)
-            for i in range(len(x)):
-                x[i] = state.before[i] + share * (x[i] - state.before[i])
     return True

@@ -140,7 +140,6 @@ typedef struct {
 
 #define STEPS 25
 #define ROUNDS 12
-#define DAMPED 40 /* rounds more, each half as far as the one before: see model/stand.py */
 #define SIDES 6
 static const double settled_step = 1e-11, settled_pose = 1e-12, posed = 1e-12, joined = 1e-9;
 static const double moment = 5e-3, gravity_z = 9.80665, load_stray = 1e-9;
@@ -715,8 +714,7 @@ static int stand(const Machine *me, double *signals, int near, double *x, State 
     }
     copy_into(state->joint, signals + me->stages.at.at[JOINT], b->limbs.sizes.at[OF_JOINTS]);
     if (!near && !opened(b, state->joint, x, me->stray, state)) return 0;
-    double share = 1.0;
-    for (int round = 0; round < ROUNDS + DAMPED; round++) {
+    for (int round = 0; round < ROUNDS; round++) {
         copy_into(state->before, x, k);
         add_signals(me, signals, x, state);
         shift_by(me, signals, state);
@@ -724,9 +722,6 @@ static int stand(const Machine *me, double *signals, int near, double *x, State 
         double most = 0.0;
         for (int i = 0; i < k; i++) most = larger(most, fabs(x[i] - state->before[i]));
         if (most <= settled_pose) break;
-        if (round < ROUNDS) continue;
-        share /= 2;
-        for (int i = 0; i < k; i++) x[i] = state->before[i] + share * (x[i] - state->before[i]);
     }
     return 1;
 }
