@@ -22,7 +22,7 @@ endif
 unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint laws docs bench methods study soak clean
+.PHONY: help install demo test lint laws docs bench methods study recovery soak clean
 
 help: ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -70,6 +70,9 @@ docs: install ## build the API reference, a page a module (out/docs); what is mi
 study: install ## put swarm and diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
 	@$(PY) benchmarks/compensation.py --failures $(FAILURES)
 	@PYTHONPATH=test:benchmarks $(PY) -m study $(STUDY_ARGS)
+
+recovery: install ## count hidden values within their intervals, every effect on every robot (RECOVERY_ARGS="--help")
+	@OPENBLAS_NUM_THREADS=1 $(PY) benchmarks/recovery.py $(RECOVERY_ARGS)
 
 bench: install ## time kernels, fits, bags, tables, the node at 1 kHz; swarms of others (EXTRAS=bench,... for all)
 	@mkdir -p out
