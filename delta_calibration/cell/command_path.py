@@ -44,7 +44,6 @@ HELD = "held: the last good command was sent instead"
 DROPPED = "dropped: nothing was sent"
 BACKWARD = "time went backwards"
 
-
 _ROUNDING = 1e-9  # [rad, m] of a limit that was given in degrees or millimetres
 
 

@@ -31,9 +31,7 @@ Array = NDArray[np.float64]
 SOURCE = "captured"
 RATE = 5.0  # [rad/s] usual fastest change of a correction of a Delta's joint
 NAMED = 3  # troubles told at once
-
-
-AT_ONCE_S = 0.1  # of a ramp, in one output
+AT_ONCE_S = 0.1  # of a ramp that one output makes up for
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Named tuples of the compiled chain as C: static arrays, and one initialiser that takes them."""
+"""Records of the compiled chain as C: static arrays, and one initialiser that takes them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def number(value: float) -> str:
 
 
 def constant(kind: str, name: str, value: Any, laws: Mapping[int, str]) -> str:
-    """A constant of the C type `kind` made of a (nested) named tuple.
+    """A constant of the C type `kind` made of a (nested) record.
 
     Args:
         kind: the C structure, whose members have the fields' names.
         name: of the constant.
-        value: named tuple of numbers, arrays and named tuples.
+        value: record of numbers, arrays and records, or a named tuple.
         laws: name of the C function by the address of a law's stage; others do nothing.
     """
     arrays: list[str] = []

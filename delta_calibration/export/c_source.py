@@ -197,7 +197,7 @@ def _all_known(q: NDArray[np.float64], parts: tuple[str, ...]) -> Conditions:
 
 
 def _numbers_in(scratch: Any) -> int:
-    """Numbers in a (nested) named tuple of arrays."""
+    """How many numbers a (nested) record of arrays holds."""
     if hasattr(scratch, "_fields"):
         return sum(map(_numbers_in, scratch))
     return int(scratch.size)
@@ -247,7 +247,7 @@ def _header(
 
 
 def _plain(text: str) -> str:
-    """Text that begins and ends no comment and no line."""
+    """The text without what would end a line or a comment in C."""
     line = "".join(c if c.isprintable() else " " for c in text)
     return line.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
