@@ -30,7 +30,7 @@ from delta_calibration.effects.base import asked_of_stages, stages_of, table_of_
 from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.mechanisms.base import STRAY
+from delta_calibration.model.chain_constants import NOTHING, POSES, READINGS, STRAY
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
@@ -178,7 +178,7 @@ class Predictor:
     """A chain made ready for some samples: what is the same for every theta."""
 
     chain: Chain
-    signals: Signals  # recorded; `see` fills in what the machine makes of them
+    signals: Signals  # recorded
 
     @cached_property
     def stages(self) -> Any:
@@ -229,7 +229,7 @@ class Predictor:
         return theta[layout.offset], rotation, theta[layout.place], turning, self._begins
 
 
-_ASKED: Mapping[Asked, int] = {"nothing": 0, "readings": 1, "poses": 2}  # as in model/view.py
+_ASKED: Mapping[Asked, int] = {"nothing": NOTHING, "readings": READINGS, "poses": POSES}
 
 
 def _view() -> Any:

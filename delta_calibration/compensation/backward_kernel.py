@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_signals import JOINT
+from delta_calibration.model.chain_constants import JOINED, JOINT, ROUNDS, SETTLED_POSE
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
     FULL,
@@ -54,9 +54,6 @@ from delta_calibration.model.terms import add_shift
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_ROUNDS = 12
-_POSED = 1e-12  # [m, rad] by which a pose that is aimed at still moves
-_JOINED = 1e-9  # [rad] by which joints that are brought to it still move
 
 
 @record
@@ -296,7 +293,7 @@ def newton(
 def _posed(machine: Machine, target: Array, room: Place) -> bool:
     """Bring the pose x to the target, whatever the joints say."""
     step = room.step
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         place_of(machine, room.x, room)
         if not _least_squares(room.slope, room.place, target, room.normal, step):
             return False
@@ -306,7 +303,7 @@ def _posed(machine: Machine, target: Array, room: Place) -> bool:
             room.x[i] -= step[i]
         if not most < np.inf:
             return False
-        if most <= _POSED:
+        if most <= SETTLED_POSE:
             break
     return True
 
@@ -316,7 +313,7 @@ def _joined(machine: Machine, room: Place) -> bool:
     """Bring the joints behind the drives to the pose x."""
     limbs, state = machine.body.limbs, room.state
     own, step = state.room, room.step
-    for _ in range(2 * _ROUNDS):
+    for _ in range(2 * ROUNDS):
         place(limbs, state.joint, room.x, NEAR, own)
         spread_joints(limbs, own)
         if not least_step(own.by_q, own.f, 0.0, own.system, step):
@@ -327,7 +324,7 @@ def _joined(machine: Machine, room: Place) -> bool:
             state.joint[i] -= step[i]
         if not most < np.inf:
             return False
-        if most <= _JOINED:
+        if most <= JOINED:
             return True
     return False
 
@@ -347,7 +344,7 @@ def by_pose(
     begin(room)
     if not stands(machine, q, signals, room) or not _posed(machine, target, room):
         return np.inf, 1
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         if machine.reshaped:
             copy_into(state.geometry, machine.g)
         add_signals(machine.body, stages, room.signals, room.x, state)
@@ -370,7 +367,7 @@ def by_pose(
             told[i] = goal
         if not most < np.inf:
             return np.inf, 1
-        if most <= _JOINED:
+        if most <= JOINED:
             break
     place_of(machine, room.x, room)
     for i in range(m):

@@ -32,7 +32,7 @@ from delta_calibration.compensation.table_build import Follow, TableSettings, Ta
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.effects.signals import JOINT, Signals
 from delta_calibration.errors import InputError
-from delta_calibration.model.chain_signals import OF_PULLS
+from delta_calibration.model.chain_constants import OF_PULLS
 from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]

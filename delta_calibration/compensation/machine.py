@@ -19,7 +19,7 @@ from delta_calibration.effects import Stage
 from delta_calibration.effects.signals import JOINT, TRAVEL, Places, Signals, recorded
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism, RotaryDelta
-from delta_calibration.mechanisms.base import STRAY
+from delta_calibration.model.chain_constants import STRAY
 from delta_calibration.samples import Conditions
 from delta_calibration.swarm_law import entropy_terms
 

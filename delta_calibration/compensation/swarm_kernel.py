@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.compensation.backward_kernel import Machine, Place, begin, reached, scratch
-from delta_calibration.model.chain_signals import JOINT
+from delta_calibration.model.chain_constants import JOINT
 from delta_calibration.model.jit import compiled
 from delta_calibration.model.kernels import M
 

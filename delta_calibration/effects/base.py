@@ -37,7 +37,7 @@ from delta_calibration.effects.signals import (
     standing_asked,
 )
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.model import chain_signals
+from delta_calibration.model import chain_constants
 from delta_calibration.model.law import Law
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
@@ -330,7 +330,7 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
     tables = [
         table_of_stage(stage, effects, each, places) for stage in (Stage.DRIVE, Stage.STRUCTURE)
     ]
-    at = np.array([places.begin(name) for name in chain_signals.NAMES])
+    at = np.array([places.begin(name) for name in chain_constants.NAMES])
     return _stand().Stages(
         *tables, asked_of_stages(effects), standing_asked(_taken(effects)), at
     )

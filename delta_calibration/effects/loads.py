@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.model.chain_constants import FREE_FALL
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.80665  # [m/s^2] standard acceleration of free fall (ISO 80000-3)
 
 
 def carried_mass(robot: Robot, at: Conditions) -> Array:
@@ -26,7 +26,7 @@ def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Arra
     own = (carried_mass(robot, at) - at.payload)[:, None]
     centre = mechanism.point_by_pose(x, np.zeros(3))[:, 2]
     payload = mechanism.point_by_pose(x, at.payload_centre)[:, 2]
-    return np.asarray(GRAVITY * (own * centre + at.payload[:, None] * payload))
+    return np.asarray(FREE_FALL * (own * centre + at.payload[:, None] * payload))
 
 
 def weight_known(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Array:

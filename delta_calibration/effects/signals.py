@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.model.chain_signals import OF_INERTIA, OF_PULLS, OF_WEIGHT
+from delta_calibration.model.chain_constants import OF_INERTIA, OF_PULLS, OF_WEIGHT
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions
 

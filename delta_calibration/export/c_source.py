@@ -35,12 +35,13 @@ from delta_calibration.effects.signals import (
 )
 from delta_calibration.export.c_laws import law_in_c
 from delta_calibration.export.c_numbers import constant
+from delta_calibration.model import chain_constants
 from delta_calibration.model.law import Law
 from delta_calibration.samples import Conditions, at_rest
 
 FIRST = "first"  # stands for the part whose temperature a session recorded first
 
-_MARK = "/* @MACHINE@ */"
+_MARK, _CONSTANTS = "/* @MACHINE@ */", "/* @CONSTANTS@ */"
 _PUBLIC = (
     "correct", "correct_begin", "correct_in", "conditions", "conditions_at_rest",
 )  # fmt: skip
@@ -104,8 +105,15 @@ def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
     room = _numbers_in(single.room) + given.size_own + single.own.aim.size + _joints(calibration)
     header = _header(calibration, effects, parts, stem, prefix, room)
     front = [f'#include "{stem}.h"', *_renamed(prefix), ""]
-    body = _template("machine.c").replace(_MARK, "\n".join([laws, *numbers]))
+    body = _template("machine.c").replace(_CONSTANTS, _constants())
+    body = body.replace(_MARK, "\n".join([laws, *numbers]))
     return CFiles(header, "\n".join([_banner(header), *front, body]), parts)
+
+
+def _constants() -> str:
+    """The constants that the compiled loops have, for the same loops in C."""
+    names = (name for name, value in vars(chain_constants).items() if type(value) in (int, float))
+    return "\n".join(f"#define {name} {getattr(chain_constants, name)!r}" for name in names)
 
 
 def parts_of(effects: Collection[Effect]) -> tuple[str, ...]:

@@ -26,15 +26,14 @@ from numpy.typing import NDArray
 from delta_calibration.errors import ReachError, SingularityError
 from delta_calibration.geometry import rotations
 from delta_calibration.model import symbols
+from delta_calibration.model.chain_constants import SIDES, STRAY
 from delta_calibration.model.law import Law
 from delta_calibration.parameters import ParameterSet
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
 _STAGES = 4  # of the way from home, where no opening is known
-_MOST_SLOPES = 6  # what follows a pose: a point, a place and a turn
 _UNREACHED = 1e-12  # the same of the inverse problem, where steps are damped [m, rad]
 
 
@@ -259,9 +258,9 @@ class Mechanism(ABC):
         """
         c, q, x, g = self._compiled, *self._samples(q, x, g)
         slopes = np.require(by_pose, np.float64, ["C", "A", "W"])
-        if slopes.shape[::2] != (len(q), self.pose_size) or slopes.shape[1] > _MOST_SLOPES:
+        if slopes.shape[::2] != (len(q), self.pose_size) or slopes.shape[1] > SIDES:
             raise ValueError(
-                f"by_pose of shape {slopes.shape} is not allowed; ({len(q)}, up to {_MOST_SLOPES},"
+                f"by_pose of shape {slopes.shape} is not allowed; ({len(q)}, up to {SIDES},"
                 f" {self.pose_size})"
             )
         by_q, by_g = _kernels().slopes(c.limbs, c.size, q, x, g, slopes)

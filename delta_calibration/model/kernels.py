@@ -24,14 +24,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.model.chain_constants import SETTLED_STEP, SIDES, STEPS
 from delta_calibration.model.jit import call, compiled, record
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-STEPS = 25  # of Newton's method
-SIDES = 6  # that `moved` may be asked for at once, of a pose of fewer coordinates
-_SETTLED = 1e-11  # [m, rad] last step; what is left is of the order of its square
 _DAMPED_STEPS = 200
 
 
@@ -261,7 +259,7 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
         if not most < np.inf:
             break
         good = closed(limbs, room, stray)
-        if most <= _SETTLED:
+        if most <= SETTLED_STEP:
             break
     if good:
         return True
@@ -489,7 +487,7 @@ def joints_for(
                 x[row, t + j] -= own.step[m + j]
             for j in range(count):
                 most = max(most, abs(own.step[j]))
-            if good and most <= _SETTLED:
+            if good and most <= SETTLED_STEP:
                 break
         if not good:
             q[row] = np.nan

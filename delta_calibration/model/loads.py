@@ -16,7 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_signals import OF_INERTIA, OF_PULLS, OF_WEIGHT
+from delta_calibration.model.chain_constants import (
+    FREE_FALL,
+    MOMENT,
+    OF_INERTIA,
+    OF_PULLS,
+    OF_WEIGHT,
+    STRAY,
+)
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
     FULL,
@@ -39,9 +46,6 @@ from delta_calibration.model.kernels import (
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-GRAVITY = 9.80665  # [m/s^2] standard acceleration of free fall (ISO 80000-3)
-_MOMENT = 5e-3  # [s] over which a motion is differenced
-_STRAY = 1e-9
 
 
 @record
@@ -186,7 +190,7 @@ def _work(bearing: Bearing, payload: float, accelerated: bool, found: Carried, u
     for point in range(-1, count):
         kg = payload if point < 0 else bearing.kg[point]
         for axis in range(3):
-            a[axis] = 0.0 if axis < 2 else GRAVITY
+            a[axis] = 0.0 if axis < 2 else FREE_FALL
             if accelerated:
                 a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
         if accelerated and point >= 0 and bearing.moves[point] == 0.0:
@@ -226,15 +230,15 @@ def _accelerate(
         return False
     there, way = found.there, found.way
     for side in (-1.0, 0.0, 1.0):
-        t = side * _MOMENT
+        t = side * MOMENT
         for i in range(len(q)):
             way[i] = q[i] + rate[i] * t + acceleration[i] * t * t / 2
         for i in range(len(x)):
             there[i] = x[i]
-        assemble(limbs, way, there, _STRAY, room)
+        assemble(limbs, way, there, STRAY, room)
         point_at(bearing, there, centre, found.point)
         masses_at(bearing, way, there, found.mass)
-        _places(bearing, found, (-2.0 if side == 0.0 else 1.0) / _MOMENT**2)
+        _places(bearing, found, (-2.0 if side == 0.0 else 1.0) / MOMENT**2)
     return True
 
 

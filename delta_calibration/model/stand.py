@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_signals import (
+from delta_calibration.model.chain_constants import (
     ACCELERATION,
     CENTRE,
     GEOMETRY,
@@ -33,6 +33,8 @@ from delta_calibration.model.chain_signals import (
     PULL,
     PULL_HOME,
     RATE,
+    ROUNDS,
+    SETTLED_POSE,
 )
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
@@ -56,8 +58,6 @@ from delta_calibration.model.terms import Table, add_shift
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_ROUNDS = 12
-_SETTLED = 1e-12  # [m, rad] by which a round moves the pose
 
 
 @record
@@ -94,7 +94,7 @@ class Stages(NamedTuple):
     structure: Table
     asked: int  # loads
     stands: bool  # whether they need the pose
-    at: Index  # places of signals, see chain_signals.py
+    at: Index  # places of signals, see chain_constants.py
 
 
 @record
@@ -246,7 +246,7 @@ def stand(
         state.joint[i] = signals[stages.at[JOINT] + i]
     if not near and not opened(body, state.joint, x, stray, state):
         return False
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         copy_into(state.before, x)
         add_signals(body, stages, signals, x, state)
         _shift(body, stages, signals, g, values, state)
@@ -255,6 +255,6 @@ def stand(
         most = 0.0
         for i in range(len(x)):
             most = max(most, abs(x[i] - state.before[i]))
-        if most <= _SETTLED:
+        if most <= SETTLED_POSE:
             break
     return True

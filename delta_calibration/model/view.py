@@ -17,7 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_signals import RATE, READING, READING_RATE
+from delta_calibration.model.chain_constants import (
+    NOTHING,
+    POSES,
+    RATE,
+    READING,
+    READING_RATE,
+    READINGS,
+)
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import FULL, K, M, copy_into, fill, moved, place
 from delta_calibration.model.loads import point_at
@@ -26,8 +33,6 @@ from delta_calibration.model.terms import Table, add_shift, slopes_into, takes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
-NOTHING, READINGS, POSES = range(3)  # of what derivatives are asked for
 
 
 @record
@@ -59,6 +64,7 @@ class Room(NamedTuple):
     """Scratch, used again for every sample."""
 
     state: State
+    signals: Array  # (S,) of a sample, with what the machine makes of it
     last: Array  # workspaces of the terms of the measurement
     slope: Array  # (d, k) of what is derived, by the pose
     unit: Array  # (3, 3)
@@ -139,7 +145,7 @@ def _see_each(
     room: Room,
 ) -> None:
     """Fill in what every sample shows, one after the other."""
-    m, own = body.limbs.sizes[M], room.state
+    m, own, sample = body.limbs.sizes[M], room.state, room.signals
     reshaped = len(stages.structure.law) > 0
     rates, at = stages.at[RATE], stages.at[READING]
     wanted = asked == READINGS or takes(last, stages.at[READING_RATE], 3)
@@ -148,7 +154,8 @@ def _see_each(
         copy_into(found.geometry[0], g)
     for row in range(len(signals)):
         x, before, reading = found.x[row], found.before[row], found.reading[row]
-        good = stand(body, stages, signals[row], g, theta, near, stray, x, own)
+        copy_into(sample, signals[row])
+        good = stand(body, stages, sample, g, theta, near, stray, x, own)
         copy_into(found.joint[row], own.joint)
         if reshaped:
             copy_into(found.geometry[row], own.geometry)
@@ -162,7 +169,7 @@ def _see_each(
         _place_reflector(body, device, x, own, before)
         moving = False
         for i in range(m):
-            moving = moving or (wanted and signals[row, rates + i] != 0.0)
+            moving = moving or (wanted and sample[rates + i] != 0.0)
         some = row if asked != NOTHING else 0
         if asked != NOTHING or moving:
             by_joints, jacobian = found.by_joints[some], found.jacobian[some]
@@ -170,11 +177,11 @@ def _see_each(
             for i in range(3):
                 if moving and asked != POSES:
                     for j in range(m):
-                        found.rate[row, i] += by_joints[i, j] * signals[row, rates + j]
+                        found.rate[row, i] += by_joints[i, j] * sample[rates + j]
         for i in range(3):
-            signals[row, at + i] = reading[i] = before[i]
-            signals[row, stages.at[READING_RATE] + i] = found.rate[row, i]
-        add_shift(last, signals[row], theta, room.last, reading)
+            sample[at + i] = reading[i] = before[i]
+            sample[stages.at[READING_RATE] + i] = found.rate[row, i]
+        add_shift(last, sample, theta, room.last, reading)
         if asked == READINGS:
             _by_device(body, device, own, found.jacobian[row])
             slopes_into(last, room.last, room.unit, found.jacobian[row])
@@ -201,7 +208,7 @@ def see(
         stages: effects of drives and structure.
         last: those of the measurement.
         device: reflector and frame, the fields of `Device`.
-        signals: (n, S) as recorded; what the machine makes of them is filled in.
+        signals: (n, S) as recorded.
         g: dimensions, (p,).
         theta: in which the effects' values are, (P,).
         near: whether x holds poses nearby.
@@ -224,7 +231,8 @@ def see(
         np.empty((some, sides, len(theta))),
     )
     slope, unit = np.empty((sides, k)), np.eye(3)
-    room = Room(state_of(body, stages), last.work.copy(), slope, unit)
+    sample = np.empty(signals.shape[1])
+    room = Room(state_of(body, stages), sample, last.work.copy(), slope, unit)
     own = Device(device[0], device[1], device[2], device[3], device[4])
     _see_each(body, stages, last, own, signals, g, theta, near, stray, asked, found, room)
     return found

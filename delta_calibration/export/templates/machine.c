@@ -11,11 +11,7 @@ typedef struct { const Law *at; int n, width; } Laws;
 enum { Q_AT, X_AT, G_AT, C_AT, F_AT, F_X_AT, F_Q_AT, F_G_AT, SHARED_FROM, SHARED_TO };
 enum { SETUP, SHARED, NEAR, FULL }; /* NEAR has derivatives by the pose alone here */
 enum { OF_JOINTS, OF_POSE, OF_DIMENSIONS, OF_CLOSURES, OF_TASK };
-enum {
-    JOINT, RATE, ACCELERATION, GRAVITY, INERTIA, PULL, PULL_HOME, POSE, GEOMETRY, LOAD, PAYLOAD,
-    CENTRE
-};
-enum { OF_WEIGHT = 1, OF_INERTIA = 2, OF_PULLS = 4 };
+/* @CONSTANTS@ */
 enum { S_AT, S_COUNT, V_AT, V_COUNT, O_AT, O_COUNT, W_AT, W_SIZE, T_F_AT, SPAN };
 
 /* Closures: which limb takes which joints, dimensions and rows, all of one law. */
@@ -137,12 +133,6 @@ typedef struct {
     Place drawn, own;
     double *signals, *signals_own, *centre, *origin, *task, *by_q, *told, *target, *dq;
 } CommandRoom;
-
-#define STEPS 25
-#define ROUNDS 12
-#define SIDES 6
-static const double settled_step = 1e-11, settled_pose = 1e-12, posed = 1e-12, joined = 1e-9;
-static const double moment = 5e-3, gravity_z = 9.80665, load_stray = 1e-9;
 
 static int most_of(int a, int b) { return a > b ? a : b; }
 
@@ -382,7 +372,7 @@ static int assemble(const Limbs *l, const double *q, double *x, double stray, Ro
         }
         if (!(most < INFINITY)) break;
         good = closed(l, room, stray);
-        if (most <= settled_step) break;
+        if (most <= SETTLED_STEP) break;
     }
     if (good) return 1;
     for (int i = 0; i < k; i++) x[i] = NAN;
@@ -535,7 +525,7 @@ static void work_of(const Limbs *l, const Bearing *b, double payload, int accele
     for (int i = 0; i < m; i++) found->u_q[i] = 0.0;
     for (int point = -1; point < count; point++) {
         const double kg = point < 0 ? payload : b->kg.at[point];
-        double a[3] = {0.0, 0.0, gravity_z};
+        double a[3] = {0.0, 0.0, FREE_FALL};
         if (accelerated) copy_into(a, found->accelerated + 3 * (point < 0 ? count : point), 3);
         if (accelerated && point >= 0 && b->moves.at[point] == 0.0) continue;
         add_work(b, found, k, point, kg, a);
@@ -552,11 +542,11 @@ static int accelerate(const Limbs *l, const Bearing *b, const double *q, const d
     for (int i = 0; i < 3 * (count + 1); i++) found->accelerated[i] = 0.0;
     if (!moving) return 0;
     for (int side = -1; side <= 1; side++) {
-        const double t = side * moment, weight = (side == 0 ? -2.0 : 1.0) / (moment * moment);
+        const double t = side * MOMENT, weight = (side == 0 ? -2.0 : 1.0) / (MOMENT * MOMENT);
         for (int i = 0; i < m; i++)
             found->way[i] = q[i] + rate[i] * t + acceleration[i] * t * t / 2;
         copy_into(found->there, x, k);
-        assemble(l, found->way, found->there, load_stray, room);
+        assemble(l, found->way, found->there, STRAY, room);
         point_at(b, found->there, k, centre, found->point);
         masses_at(b, found->way, found->there, k, found->mass);
         for (int i = 0; i < 3 * count; i++)
@@ -721,7 +711,7 @@ static int stand(const Machine *me, double *signals, int near, double *x, State 
         if (!assemble(&b->limbs, state->joint, x, me->stray, &state->room)) return 0;
         double most = 0.0;
         for (int i = 0; i < k; i++) most = larger(most, fabs(x[i] - state->before[i]));
-        if (most <= settled_pose) break;
+        if (most <= SETTLED_POSE) break;
     }
     return 1;
 }
@@ -863,7 +853,7 @@ static int bring_pose(const double *target, Place *room) {
             room->x[i] -= room->step[i];
         }
         if (!(most < INFINITY)) return 0;
-        if (most <= posed) break;
+        if (most <= SETTLED_POSE) break;
     }
     return 1;
 }
@@ -886,7 +876,7 @@ static int bring_joints(Place *room) {
             state->joint[i] -= room->step[i];
         }
         if (!(most < INFINITY)) return 0;
-        if (most <= joined) return 1;
+        if (most <= JOINED) return 1;
     }
     return 0;
 }
@@ -922,7 +912,7 @@ static double by_pose(const double *q, const double *signals, const double *targ
             said[i] = goal;
         }
         if (!(most < INFINITY)) return INFINITY;
-        if (most <= joined) break;
+        if (most <= JOINED) break;
     }
     place_of(&own, room->x, room);
     for (int i = 0; i < m; i++) best[i] = said[i] - q[i];

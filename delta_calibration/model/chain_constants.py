@@ -1,0 +1,33 @@
+"""Constants of the compiled chain, for its loops, for those who call them and for exported C.
+
+What an effect may take of a sample are named numbers in one row (`effects/signals.py`). Of most of
+them the chain knows nothing; it has to find those of `NAMES`. Their places in the row are handed
+to it as `Stages.at`, in this order: `at[POSE]` is where the pose begins.
+"""
+
+from __future__ import annotations
+
+NAMES = (
+    "joint", "rate", "acceleration", "gravity", "inertia", "pull", "pull_home",
+    "pose", "geometry", "load", "payload", "centre", "reading", "reading_rate",
+)  # fmt: skip
+(
+    JOINT, RATE, ACCELERATION, GRAVITY, INERTIA, PULL, PULL_HOME,
+    POSE, GEOMETRY, LOAD, PAYLOAD, CENTRE, READING, READING_RATE,
+) = range(len(NAMES))  # fmt: skip
+
+# Loads are asked for by a sum of these.
+OF_WEIGHT, OF_INERTIA, OF_PULLS = 1, 2, 4
+
+# Of what derivatives are asked for.
+NOTHING, READINGS, POSES = range(3)
+
+FREE_FALL = 9.80665  # [m/s^2] standard acceleration (ISO 80000-3)
+MOMENT = 5e-3  # [s] over which a motion is differenced
+STEPS = 25  # of Newton's method
+SIDES = 6  # that may be derived at once, of a pose of fewer coordinates
+ROUNDS = 12  # of effects at the pose that they lead to, and of poses that are aimed at
+STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
+SETTLED_STEP = 1e-11  # [m, rad] last of Newton's; what is left is of the order of its square
+SETTLED_POSE = 1e-12  # [m, rad] by which a round moves a pose
+JOINED = 1e-9  # [rad, m] by which joints that are brought to a pose still move
