@@ -55,8 +55,9 @@ demo: install ## run a simulated cell: measure, fit, compensate (out/demo*; DEMO
 test: install ## run the tests on two workers, real ROS nodes on loopback
 	@$(PY) -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
 
-lint: install ## ruff, mypy --strict on the package, codespell
+lint: install ## ruff (rules and layout), mypy --strict on the package, codespell
 	@$(PY) -m ruff check .
+	@$(PY) -m ruff format --check --quiet .
 	@$(PY) -m mypy
 	@$(VENV)/bin/codespell
 

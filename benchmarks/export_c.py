@@ -103,16 +103,20 @@ def measured(calibration: Calibration, calls: int) -> list[float]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, text in (
-            ("machine.h", files.header), ("machine.c", files.source), ("time.c", PROGRAM),
-        ):  # fmt: skip
+            ("machine.h", files.header),
+            ("machine.c", files.source),
+            ("time.c", PROGRAM),
+        ):
             (folder / file).write_text(text, encoding="utf-8")
         compiler = ["cc", "-std=c99", "-O2", "-o", "time", "time.c", "machine.c", "-lm"]
         subprocess.run(compiler, cwd=folder, check=True)
         said = subprocess.run(
             [str(folder / "time"), str(len(q)), str(calls)],
-            input=" ".join(map(repr, rows.ravel().tolist())), text=True, capture_output=True,
+            input=" ".join(map(repr, rows.ravel().tolist())),
+            text=True,
+            capture_output=True,
             check=True,
-        )  # fmt: skip
+        )
     scratch = next(line for line in files.header.splitlines() if "CORRECT_ROOM" in line)
     return [*map(float, said.stdout.split()), float(scratch.split()[2])]
 
@@ -124,8 +128,10 @@ def main() -> int:
     parser.add_argument("--robot", nargs="*", default=list(known_robots()), help="names")
     parser.add_argument("--each", action="store_true", help="each effect by itself as well")
     asked = parser.parse_args()
-    print("| robot | model | effects | p50 [us] | p99 [us] | longest [us] | corrected [%] |"
-          " scratch [kB] |")  # fmt: skip
+    print(
+        "| robot | model | effects | p50 [us] | p99 [us] | longest [us] | corrected [%] |"
+        " scratch [kB] |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     for name, model, effects in cases(asked.robot, asked.each):
         calibration = known(load_robot(name), model, effects)

@@ -45,7 +45,7 @@ DRAWING = CableDimensions(  # rough anchors, to start from
     tackle=np.array([2.0, 2.0, 2.0, 4.0]),
     home_place=np.zeros(3),
     pretension=30.0,  # assumed, as the mass is; the recorded forces are 7 to 37 N
-)  # fmt: skip
+)
 MASS = 1.5  # [kg] assumed; both matter to elasticity alone
 _STILL = 1e-9  # [m] by which a last step may change a closure
 _STEPS = 100

@@ -45,8 +45,12 @@ SIZES = {"q": 1, "x": 6, "g": 20, "c": 2}  # of a leg's law, in the order of its
 INPUTS, BY, ROWS = 29, 27, 2  # derivatives by all but c
 BASICS = ("numpy", "scipy", "numba", "llvmlite")  # what the package needs anyway
 DRAWING = {
-    "base_radius": 0.2, "platform_radius": 0.055, "arm": 0.32, "rod": 0.85, "half_width": 0.04
-}  # fmt: skip
+    "base_radius": 0.2,
+    "platform_radius": 0.055,
+    "arm": 0.32,
+    "rod": 0.85,
+    "half_width": 0.04,
+}
 SAMPLES = 16  # on which the tools are compared
 LARGE = 2000  # samples of a batch in numpy, whose temporaries no longer fit a cache beyond
 TIMED_S = 1.0  # [s] at least, for a time a sample
@@ -289,9 +293,11 @@ def by_symforce(folder: Path) -> Built:
         w = sf.Matrix(INPUTS, 1).symbolic("w")
         every = sf.Matrix(outputs(equation, list(w.to_flat_list())))
         made = codegen.Codegen(
-            values.Values(w=w), values.Values(f=every), name="leg",
+            values.Values(w=w),
+            values.Values(f=every),
+            name="leg",
             config=codegen.PythonConfig(use_numba=True),
-        ).generate_function(str(folder / "symforce"))  # fmt: skip
+        ).generate_function(str(folder / "symforce"))
         text = (made.function_dir / "leg.py").read_text(encoding="utf-8")
         text = text.replace("from __future__ import annotations", "")
         text = text.replace("@numba.njit", "@numba.njit(cache=True)")
@@ -573,11 +579,13 @@ TOOLS = {
     "JAX, jacfwd": Tool(by_jax, "jax", "jax", symbolic_lines),
     "JAX, jacrev": Tool(lambda folder: by_jax(folder, False), "jax", "jax", symbolic_lines),
     "numba, dual numbers by hand": Tool(
-        lambda folder: looped(folder, lambda: DUALS + DUAL_LAW, 1000), "numba", "numba",
+        lambda folder: looped(folder, lambda: DUALS + DUAL_LAW, 1000),
+        "numba",
+        "numba",
         lambda: lines_of(DUAL_LAW),
     ),
     "numpy by hand (before)": Tool(by_numpy, "numpy", "numpy", lambda: 0),
-}  # fmt: skip
+}
 BEFORE = "numpy by hand (before)"
 IMPORTED = {"SymForce to numba": "symforce.symbolic"}  # to generate, where that is another module
 
@@ -642,9 +650,13 @@ def process(code: list[str], folder: Path, path: Path, limit: float | None = Non
     environment = {**os.environ, **where, "XDG_CACHE_HOME": str(folder)}
     environment["LAW_TOOLS_START"] = repr(time.time())
     run = subprocess.run(
-        [sys.executable, *code], env=environment, text=True, capture_output=True, check=False,
+        [sys.executable, *code],
+        env=environment,
+        text=True,
+        capture_output=True,
+        check=False,
         timeout=limit,
-    )  # fmt: skip
+    )
     if run.returncode:
         raise SystemExit(run.stderr)
     return run.stderr if "importtime" in code else run.stdout

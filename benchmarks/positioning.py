@@ -101,9 +101,16 @@ def truth(machine: Machine) -> Calibration:
     joints = machine.robot.joints
     anywhere = Region(np.vstack([np.zeros(3), np.eye(3)]))
     return Calibration(
-        machine.robot, machine.chain, machine.theta, anywhere, joints.lower, joints.upper,
-        1e-5, "truth", seal="",
-    )  # fmt: skip
+        machine.robot,
+        machine.chain,
+        machine.theta,
+        anywhere,
+        joints.lower,
+        joints.upper,
+        1e-5,
+        "truth",
+        seal="",
+    )
 
 
 def _off(machine: Machine, joint: Array, wanted: Array) -> Array:

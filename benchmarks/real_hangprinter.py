@@ -100,9 +100,7 @@ class Machine:
             payload_centre=np.zeros((n, 3)),
         )
 
-    def _at(
-        self, joint: Array, place: Array, seen: NDArray[np.bool_]
-    ) -> tuple[Measured, ...]:
+    def _at(self, joint: Array, place: Array, seen: NDArray[np.bool_]) -> tuple[Measured, ...]:
         at = self.conditions(joint)
         known = ClosureAtPose(joint[seen], place[seen], self.mechanism.joints, SIZE)
         redundant = self.mechanism.joints - self.mechanism.pose_size
@@ -120,9 +118,12 @@ class Machine:
 def verdict(machine: Machine) -> Judgement:
     """The general diagnosis, with nothing said of what to look for."""
     return diagnose_observations(
-        machine.measured, machine.mechanism, machine.robot,
-        stated=False, further=machine.further(),
-    )  # fmt: skip
+        machine.measured,
+        machine.mechanism,
+        machine.robot,
+        stated=False,
+        further=machine.further(),
+    )
 
 
 def fits(machine: Machine, found: Judgement) -> dict[str, Observed]:

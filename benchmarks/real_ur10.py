@@ -167,9 +167,13 @@ def extensions(left: Left) -> Iterator[tuple[str, Array]]:
     over = [1 - np.exp(-series.time / constant) for constant in WARMING]
     links = left.growth[..., None] * GROWTH
     yield "links grow as the arm warms up", _times(links, np.stack(over, axis=1))
-    yield "one and two cycles a turn of each joint", np.concatenate(
-        [left.by_joint * wave(n * q)[:, None] for n in (1, 2) for wave in (np.sin, np.cos)], -1
-    ) * HARMONIC
+    yield (
+        "one and two cycles a turn of each joint",
+        np.concatenate(
+            [left.by_joint * wave(n * q)[:, None] for n in (1, 2) for wave in (np.sin, np.cos)], -1
+        )
+        * HARMONIC,
+    )
 
 
 def gravity(left: Left) -> Array:

@@ -197,9 +197,7 @@ def take(
     kept = np.arange(len(observation.joint)) == row
     rows = kept if alone else ~kept
     if isinstance(observation, HeightAtContact):
-        return replace(
-            observation, joint=observation.joint[rows], height=observation.height[rows]
-        )
+        return replace(observation, joint=observation.joint[rows], height=observation.height[rows])
     return replace(
         observation,
         joint=observation.joint[rows],

@@ -47,9 +47,13 @@ class Cell:
         self.seconds, self.rate, self.hz = seconds, rate, hz
         self.middle = robot.model().home
         self._arguments = given(
-            robot=robot_file, autostart=True, calibration=calibrations["plain"],
-            command_controller="forward", tracker_timeout_s=1.0, **self.parameters(),
-        )  # fmt: skip
+            robot=robot_file,
+            autostart=True,
+            calibration=calibrations["plain"],
+            command_controller="forward",
+            tracker_timeout_s=1.0,
+            **self.parameters(),
+        )
         self.spoil: float | None = None
         self.tracked = self.warm = self.sending = True
         self.echoing = self.holding = False

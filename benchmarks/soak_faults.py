@@ -24,10 +24,23 @@ class Faults:
     def round(self, cell: Any) -> Steps:
         """All of them once."""
         each = (
-            self.nan_burst, self.tracker_gone, self.clock_steps, self.late, self.marked,
-            self.echo, self.beyond, self.singular, self.swapped, self.sensor_gone,
-            self.useless, self.broken, self.switched, self.lifecycle, self.storm, self.held,
-        )  # fmt: skip
+            self.nan_burst,
+            self.tracker_gone,
+            self.clock_steps,
+            self.late,
+            self.marked,
+            self.echo,
+            self.beyond,
+            self.singular,
+            self.swapped,
+            self.sensor_gone,
+            self.useless,
+            self.broken,
+            self.switched,
+            self.lifecycle,
+            self.storm,
+            self.held,
+        )
         for fault in each:
             yield from fault(cell)
             yield from cell.wait(0.3)

@@ -91,9 +91,7 @@ def mealpy(f: Objective, seed: int) -> None:
     library = importlib.import_module("mealpy")
     box = library.FloatVar(lb=3 * [-1.0], ub=3 * [1.0])
     problem = {"bounds": box, "minmax": "min", "obj_func": f.one, "log_to": None}
-    model = library.PSO.OriginalPSO(
-        epoch=MOST // PARTICLES, pop_size=PARTICLES, c1=C1, c2=C2, w=W
-    )
+    model = library.PSO.OriginalPSO(epoch=MOST // PARTICLES, pop_size=PARTICLES, c1=C1, c2=C2, w=W)
     model.solve(problem, seed=seed)
 
 

@@ -111,10 +111,13 @@ def conditions(series: Series) -> Conditions:
     """Still, nothing carried but the probe, the room's temperature."""
     n = len(series.joint)
     return replace(
-        at_rest(series.joint), time=series.time - series.time[0], payload=np.zeros(n),
-        payload_centre=np.zeros((n, 3)), temperature_parts=("room",),
+        at_rest(series.joint),
+        time=series.time - series.time[0],
+        payload=np.zeros(n),
+        payload_centre=np.zeros((n, 3)),
+        temperature_parts=("room",),
         temperature=series.temperature[:, None],
-    )  # fmt: skip
+    )
 
 
 def candidates(arm: SerialArm, series: Series) -> list[Effect]:
@@ -208,4 +211,3 @@ def _gains(gains: dict[str, list[Gained]]) -> Figure:
         ),
         columns=1,
     )
-

@@ -32,9 +32,16 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
     """The calibration that `save_calibration` would write and `load_calibration` read back."""
     lower, upper = found.region_joints
     return Calibration(
-        robot, found.chain, found.theta, found.region, lower, upper, found.noise.floor,
-        poses.source, content_hash(_content(found, robot, poses)),
-    )  # fmt: skip
+        robot,
+        found.chain,
+        found.theta,
+        found.region,
+        lower,
+        upper,
+        found.noise.floor,
+        poses.source,
+        content_hash(_content(found, robot, poses)),
+    )
 
 
 def save_calibration(path: Path, found: Identification, robot: Robot, poses: Poses) -> None:
@@ -138,9 +145,7 @@ def _require_possible(path: Path, chain: Chain, geometry: Array) -> None:
         )
 
 
-def _joint_range(
-    path: Path, region: Mapping[str, Any], robot: Robot
-) -> tuple[Array, Array]:
+def _joint_range(path: Path, region: Mapping[str, Any], robot: Robot) -> tuple[Array, Array]:
     """Lowest and highest measured joints, (m,) each [rad]."""
     ends = []
     for key in ("joints_lower_rad", "joints_upper_rad"):
@@ -213,9 +218,7 @@ def _effects(found: Identification) -> list[dict[str, Any]]:
 def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:
     lower, upper = found.region_joints
     base = found.chain.layout.base
-    fitted = zip(
-        found.parameters.items[base], found.theta[base], found.std[base], strict=True
-    )
+    fitted = zip(found.parameters.items[base], found.theta[base], found.std[base], strict=True)
     content = {
         "schema": 1,
         "robot": {"name": robot.name, "sha256": robot.hash},

@@ -217,9 +217,18 @@ class Predictor:
             x[:] = guess
         theta = np.ascontiguousarray(theta, dtype=float)
         seen = _view().see(
-            chain.body, self.stages, self._last, self._device(theta), known.rows,
-            theta[chain.layout.geometry], theta, near, STRAY, _ASKED[asked], x,
-        )  # fmt: skip
+            chain.body,
+            self.stages,
+            self._last,
+            self._device(theta),
+            known.rows,
+            theta[chain.layout.geometry],
+            theta,
+            near,
+            STRAY,
+            _ASKED[asked],
+            x,
+        )
         return cast("Seen", seen)
 
     def _device(self, theta: Array) -> tuple[Array, Array, Array, Array, Index]:

@@ -22,6 +22,7 @@ class Region:
     """Convex hull of points in the base's frame, (v, 3) [m]."""
 
     vertices: Array
+
     def __post_init__(self) -> None:
         """Refuse what has no inside.
 

@@ -60,9 +60,7 @@ class Joints:
             return ""
         unit, factor = self.shown
         value, low, high = factor * np.array([joint, self.lower, self.upper])[:, out[0]]
-        return (
-            f"{value:.2f} {unit} for {self.names[out[0]]}; allowed: {low:.1f} to {high:.1f}"
-        )
+        return f"{value:.2f} {unit} for {self.names[out[0]]}; allowed: {low:.1f} to {high:.1f}"
 
 
 @dataclass(frozen=True)

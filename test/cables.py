@@ -63,11 +63,12 @@ def built(dimensions, rng, scale=1.0, offsets=0.0) -> Winches:
     return Winches(
         anchors=d.anchors + scale * rng.normal(0.0, 10e-3, d.anchors.shape),
         joints=d.joints + body * scale * rng.normal(0.0, 2e-3, d.joints.shape),
-        gains=d.drum_radius / (d.gear * d.tackle)
+        gains=d.drum_radius
+        / (d.gear * d.tackle)
         * (1 + scale * rng.normal(0.0, 5e-3, len(d.gear))),
         home=d.home,
         offsets=offsets,
-    )  # fmt: skip
+    )
 
 
 def workspace(dimensions, n, rng) -> np.ndarray:

@@ -27,10 +27,16 @@ COMPILER = shutil.which("cc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc) here")
 STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 VERDICTS = (
-    Verdict.CORRECTED, Verdict.NOT_FINITE, Verdict.JOINT_LIMIT, Verdict.OUT_OF_REACH,
-    Verdict.OUTSIDE_REGION, Verdict.SINGULAR, Verdict.SLACK, Verdict.NOT_REACHED,
+    Verdict.CORRECTED,
+    Verdict.NOT_FINITE,
+    Verdict.JOINT_LIMIT,
+    Verdict.OUT_OF_REACH,
+    Verdict.OUTSIDE_REGION,
+    Verdict.SINGULAR,
+    Verdict.SLACK,
+    Verdict.NOT_REACHED,
     Verdict.MISSING_CONDITION,
-)  # fmt: skip
+)
 EVERYWHERE = Region(10.0 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0))  # [m]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 

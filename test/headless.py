@@ -66,8 +66,11 @@ class Browser:
         """Change the size of the window [px]."""
         self._call(
             "Emulation.setDeviceMetricsOverride",
-            width=width, height=height, deviceScaleFactor=1, mobile=False,
-        )  # fmt: skip
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
 
     def settle(self, seconds: float = 0.5) -> None:
         """Let the page work."""
@@ -84,8 +87,9 @@ class Browser:
     def screenshot(self, selector: str | None = None) -> bytes:
         """PNG of an element, or of the whole page."""
         expression = (
-            f"document.querySelector({json.dumps(selector)})" if selector else
-            "document.documentElement"
+            f"document.querySelector({json.dumps(selector)})"
+            if selector
+            else "document.documentElement"
         )
         box = self.run(
             f"(() => {{ const b = {expression}.getBoundingClientRect();"

@@ -25,12 +25,15 @@ def _models() -> dict[str, Mechanism]:
     mount, tool = np.array([0.4, np.pi / 2, -1.1]), np.array([0.02, -0.01, 0.09])
     for name, change in (
         ("mounted", {"mount": mount, "tool": tool}),
-        ("three_axes", {
-            "links": six.dimensions.links[:3],
-            "tool": np.array([-0.57, 0.0, 0.16]),
-            "home": six.dimensions.home[:3],
-        }),
-    ):  # fmt: skip
+        (
+            "three_axes",
+            {
+                "links": six.dimensions.links[:3],
+                "tool": np.array([-0.57, 0.0, 0.16]),
+                "home": six.dimensions.home[:3],
+            },
+        ),
+    ):
         drawing = replace(six.dimensions, **change)
         models[f"{name}-serial_arm"] = MECHANISMS["serial_arm"](drawing, six.tolerances)
     return models

@@ -22,11 +22,22 @@ from ros_helpers import Bench
 BAGS = Path(__file__).parents[1] / "bags"
 # What ROS itself gives every node, or every lifecycle node.
 ROS_OWN = {
-    "parameter_events", "rosout", "describe_parameters", "get_parameter_types", "get_parameters",
-    "list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description",
-    "change_state", "get_state", "get_available_states", "get_available_transitions",
-    "get_transition_graph", "transition_event",
-}  # fmt: skip
+    "parameter_events",
+    "rosout",
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+    "get_type_description",
+    "change_state",
+    "get_state",
+    "get_available_states",
+    "get_available_transitions",
+    "get_transition_graph",
+    "transition_event",
+}
 
 
 @dataclass(frozen=True, order=True)
@@ -104,8 +115,10 @@ def qos_words(qos: QoSProfile) -> str:
     """`reliable, volatile, depth 100`."""
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    return ", ".join([
-        "reliable" if reliable else "best effort",
-        "transient local" if latched else "volatile",
-        f"depth {qos.depth}",
-    ])
+    return ", ".join(
+        [
+            "reliable" if reliable else "best effort",
+            "transient local" if latched else "volatile",
+            f"depth {qos.depth}",
+        ]
+    )

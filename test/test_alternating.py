@@ -161,12 +161,14 @@ def test_any_mechanism_with_an_explicit_inverse_problem():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mechanism": SixRodDelta(ROBOT.dimensions, ROBOT.tolerances)},
-         "six_rod_delta: 6 closures for 3 joints and 6 coordinates .* one closure a joint"),
+        (
+            {"mechanism": SixRodDelta(ROBOT.dimensions, ROBOT.tolerances)},
+            "six_rod_delta: 6 closures for 3 joints and 6 coordinates .* one closure a joint",
+        ),
         ({"pose": np.zeros((40, 3))}, r"pose: \(40, 3\) is not allowed; \(40, 6\), finite"),
         ({"joint": np.full((40, 8), np.nan)}, r"joint: \(40, 8\) is not allowed; .* finite"),
     ],
-)  # fmt: skip
+)
 def test_what_has_no_residual_is_refused(change, message):
     problem, _ = measured()
     parts = {n: getattr(problem, n) for n in ("mechanism", "joint", "pose", "whiten")}
@@ -176,9 +178,7 @@ def test_what_has_no_residual_is_refused(change, message):
 
 def test_too_few_poses_are_refused():
     problem, _ = measured()
-    few = JointProblem(
-        problem.mechanism, problem.joint[:7], problem.pose[:7], problem.whiten[:7]
-    )
+    few = JointProblem(problem.mechanism, problem.joint[:7], problem.pose[:7], problem.whiten[:7])
     with pytest.raises(DataError, match=r"7 measured poses of 8 joints .* 62 unknowns; 8 or more"):
         together(few)
 

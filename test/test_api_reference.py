@@ -26,9 +26,13 @@ def modules_in(folder: Path, suffix: str) -> set[Path]:
 def test_the_reference_is_built_without_warnings(tmp_path: Path) -> None:
     script = ROOT / "docs" / "make_api.py"
     done = subprocess.run(
-        [sys.executable, script, tmp_path], cwd=ROOT, capture_output=True, text=True, check=False,
+        [sys.executable, script, tmp_path],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
         env=child_environment() | {"PYTHONPATH": ":".join([str(ROOT), *sys.path[1:]])},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "delta_calibration" / "chain.html").read_text(encoding="utf-8")
     assert "The chain of measurement" in page
@@ -45,8 +49,11 @@ def test_a_warning_is_an_error(tmp_path: Path) -> None:
         f"make_api.modules = lambda: ['broken']\nmake_api.main(Path({str(tmp_path / 'o')!r}))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False,
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
         env=child_environment() | {"PYTHONPATH": ":".join([str(ROOT), *sys.path[1:]])},
-    )  # fmt: skip
+    )
     assert done.returncode != 0
     assert "Nothing" in done.stderr

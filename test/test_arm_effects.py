@@ -125,7 +125,10 @@ def test_all_that_is_drawn_along_a_link_grows():
     lengths = dict(zip(arm.parameters.names, ThermalGrowthLink(ROBOT, arm).lengths(), strict=True))
     grown = {name: value for name, value in lengths.items() if value != 0}
     drawn = {
-        "offset_1": 0.1273, "length_3": -0.612, "length_4": -0.5723,
-        "offset_5": 0.1157, "offset_6": 0.0922,
-    }  # fmt: skip
+        "offset_1": 0.1273,
+        "length_3": -0.612,
+        "length_4": -0.5723,
+        "offset_5": 0.1157,
+        "offset_6": 0.0922,
+    }
     assert grown == pytest.approx(drawn, abs=1e-12)

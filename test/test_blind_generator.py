@@ -25,13 +25,32 @@ BLIND = Path(__file__).parent / "blind"
 ALLOWED = {"delta_calibration.samples", "delta_calibration.recording"}
 
 CONTRACT = {
-    "geometry", "joint_zero_offset", "arm_length", "forearm_length", "base_joint_position",
-    "base_joint_tilt", "parallelogram_mismatch", "smr_offset", "tracker_scale", "tracker_drift",
-    "timestamp_latency", "encoder_eccentricity", "transmission_error", "joint_scale", "backlash",
-    "joint_compliance", "joint_lag", "joint_zero_drift", "stick_slip", "thermal_growth_arm",
-    "thermal_growth_base", "thermal_growth_forearm", "forearm_compliance", "dynamic_deflection",
+    "geometry",
+    "joint_zero_offset",
+    "arm_length",
+    "forearm_length",
+    "base_joint_position",
+    "base_joint_tilt",
+    "parallelogram_mismatch",
+    "smr_offset",
+    "tracker_scale",
+    "tracker_drift",
+    "timestamp_latency",
+    "encoder_eccentricity",
+    "transmission_error",
+    "joint_scale",
+    "backlash",
+    "joint_compliance",
+    "joint_lag",
+    "joint_zero_drift",
+    "stick_slip",
+    "thermal_growth_arm",
+    "thermal_growth_base",
+    "thermal_growth_forearm",
+    "forearm_compliance",
+    "dynamic_deflection",
     "ball_joint_clearance",
-}  # fmt: skip
+}
 
 # (raw, after the best frame) [um] of effects of these sizes on a workspace of 560 mm, from a table
 # of real machines' errors. Ours is 800 mm across, loads and temperatures change in it, and all
@@ -248,10 +267,12 @@ def test_inertia_deflects_with_acceleration_as_published() -> None:
     moved = np.linalg.norm(measured.reading - measured.plain, axis=1)
     h = 2e-3
     at = [
-        assemble(world.command + s * h * world.velocity + h**2 / 2 * world.acceleration * abs(s),
-                 world.build).place
+        assemble(
+            world.command + s * h * world.velocity + h**2 / 2 * world.acceleration * abs(s),
+            world.build,
+        ).place
         for s in (-1, 0, 1)
-    ]  # fmt: skip
+    ]
     acceleration = np.linalg.norm(at[0] - 2 * at[1] + at[2], axis=1) / h**2
     hard = (acceleration > 2.0) & (world.payload == 0)
     ratio = np.median(moved[hard] / acceleration[hard])

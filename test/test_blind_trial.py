@@ -29,9 +29,14 @@ SESSIONS = Path(__file__).resolve().parents[2] / "shared" / "sessions"
 SIGNAL = 600.0  # lambda, well above the 160 that a name needs
 CONFIDENT = 0.8
 CAUSES = (
-    "backlash", "joint_compliance", "transmission_error", "thermal_growth_base",
-    "timestamp_latency", "tracker_drift", "joint_scale",
-)  # fmt: skip
+    "backlash",
+    "joint_compliance",
+    "transmission_error",
+    "thermal_growth_base",
+    "timestamp_latency",
+    "tracker_drift",
+    "joint_scale",
+)
 PAIRS = (
     # two maps, over time and temperature, could draw them
     (408147, (("tracker_drift", 3057.0), ("thermal_growth_arm", 2074.0))),

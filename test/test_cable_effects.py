@@ -123,6 +123,7 @@ def test_elasticity_is_what_unstretched_lengths_under_tension_give():
 
 def weight(x, payload):
     """dU/dx by differences of the height of the masses, (n, 6)."""
+
     def energy(pose):
         arm = CABLES.rotation(pose[None])[0] @ [0.02, -0.01, 0.05]
         return GRAVITY * ((20.0 + payload) * pose[2] + payload * arm[2])
@@ -150,8 +151,10 @@ def test_sag_is_a_catenary_integrated_along_its_arc(level, rise):
 def test_sag_is_shared_out_by_horizontal_span_and_pull():
     effect = CableSag(ROBOT, CABLES)
     pull = CABLES.tensions(X, G, weight(X, 5.0))
-    vector = EIGHT_CABLES.anchors - X[:, None, :3] - np.einsum(
-        "nij,mj->nmi", CABLES.rotation(X), EIGHT_CABLES.joints
+    vector = (
+        EIGHT_CABLES.anchors
+        - X[:, None, :3]
+        - np.einsum("nij,mj->nmi", CABLES.rotation(X), EIGHT_CABLES.joints)
     )
     chord, level = np.linalg.norm(vector, axis=-1), np.linalg.norm(vector[..., :2], axis=-1)
     slack = level**2 * chord / (24 * pull**2)

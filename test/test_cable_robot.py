@@ -121,8 +121,11 @@ def test_lengths_that_fit_no_pose_give_that_of_least_squares(robot):
     for row, lengths in zip(x, wanted, strict=True):
         other = least_squares(
             lambda pose, lengths=lengths: drawn.lengths(pose) - lengths,
-            robot.dimensions.home, xtol=1e-15, ftol=1e-15, gtol=1e-15,
-        )  # fmt: skip
+            robot.dimensions.home,
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+        )
         np.testing.assert_allclose(row, other.x, atol=1e-7)
 
 
@@ -174,9 +177,11 @@ def test_every_parameter_shows_in_the_lengths(dimensions, free, parameters, in_p
 def test_names_units_and_causes():
     items = {p.name: p for p in FREE.parameters}
     assert [p.name for p in FREE.parameters][8:16] == [
-        *(f"anchor_{axis}_2" for axis in "xyz"), *(f"platform_{axis}_2" for axis in "xyz"),
-        "gain_2", "zero_2",
-    ]  # fmt: skip
+        *(f"anchor_{axis}_2" for axis in "xyz"),
+        *(f"platform_{axis}_2" for axis in "xyz"),
+        "gain_2",
+        "zero_2",
+    ]
     assert {p.location for p in FREE.parameters} == {f"cable_{i}" for i in range(1, 9)}
     gain = items["gain_3"]
     assert (gain.unit, gain.cause, gain.nominal) == ("m/rad", "drum_scale", pytest.approx(5e-3))

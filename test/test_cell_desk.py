@@ -56,9 +56,14 @@ def file(fitted: Desk, tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(
     ("name", "usual", "unit"),
-    [("srbd", 5.0, "rad"), ("five_axis", 1.5, "m"), ("linear_delta", 1.5, "m"),
-     ("cdpr8", 300.0, "rad"), ("ur10", 5.0, "rad")],
-)  # fmt: skip
+    [
+        ("srbd", 5.0, "rad"),
+        ("five_axis", 1.5, "m"),
+        ("linear_delta", 1.5, "m"),
+        ("cdpr8", 300.0, "rad"),
+        ("ur10", 5.0, "rad"),
+    ],
+)
 def test_the_rate_of_corrections_is_of_the_joints_own_unit(
     name: str, usual: float, unit: str
 ) -> None:
@@ -75,9 +80,10 @@ def test_the_rate_of_corrections_is_of_the_joints_own_unit(
     # a correction that moves the platform as far takes as long, whatever moves it
     model = desk.robot.commanded
     slope = model.velocity_jacobian(
-        model.home[None], model.forward(model.home[None], model.parameters.nominal),
+        model.home[None],
+        model.forward(model.home[None], model.parameters.nominal),
         model.parameters.nominal,
-    )[0, :3]  # fmt: skip
+    )[0, :3]
     fastest = np.linalg.norm(slope, axis=0).max() * usual  # [m/s]
     assert 0.5 < fastest < 10.0
 

@@ -108,9 +108,12 @@ def test_a_load_is_corrected_once_the_payload_is_known(
     fitted: Any, tmp_path: Path, on_failure: str
 ) -> None:
     bench = Bench(
-        fitted, tmp_path, {"joint_compliance": ({}, 4e-5)}, on_failure=on_failure,
+        fitted,
+        tmp_path,
+        {"joint_compliance": ({}, 4e-5)},
+        on_failure=on_failure,
         payload_timeout_s=1.0,
-    )  # fmt: skip
+    )
     if on_failure == HOLD:
         assert bench.desk.send(Q, 1, 0.0, False) is None
     else:

@@ -152,7 +152,6 @@ def test_outcomes_are_written_whole(tmp_path: Path) -> None:
 # --- standing
 
 
-
 def standing(count: int = 3, last: np.ndarray | None = None) -> Standing:
     return Standing(NAMES, TOLD, 1e-4, count, ROBOT.tracker, last)
 

@@ -86,10 +86,16 @@ def test_slope_by_joints(model):
 def test_theta_is_geometry_offset_frame():
     c = chain("rotary_delta")
     assert c.parameters.names[-9:] == (
-        "reflector_x", "reflector_y", "reflector_z",
-        "tracker_turn_x", "tracker_turn_y", "tracker_turn_z",
-        "tracker_place_x", "tracker_place_y", "tracker_place_z",
-    )  # fmt: skip
+        "reflector_x",
+        "reflector_y",
+        "reflector_z",
+        "tracker_turn_x",
+        "tracker_turn_y",
+        "tracker_turn_z",
+        "tracker_place_x",
+        "tracker_place_y",
+        "tracker_place_z",
+    )
     assert np.isinf(c.parameters.prior[-6:]).all()
     assert np.isfinite(c.parameters.prior[:-6]).all()
     rng = np.random.default_rng(5)

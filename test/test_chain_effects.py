@@ -237,9 +237,13 @@ def test_stages_follow_each_other_as_in_the_machine() -> None:
 
 @pytest.mark.parametrize(
     ("one", "other"),
-    [("backlash", "joint_compliance"), ("forearm_compliance", "thermal_growth_base"),
-     ("tracker_scale", "tracker_drift"), ("joint_lag", "timestamp_latency")],
-)  # fmt: skip
+    [
+        ("backlash", "joint_compliance"),
+        ("forearm_compliance", "thermal_growth_base"),
+        ("tracker_scale", "tracker_drift"),
+        ("joint_lag", "timestamp_latency"),
+    ],
+)
 @pytest.mark.parametrize("model", MODELS)
 def test_two_effects_add_in_either_order(model: str, one: str, other: str) -> None:
     """At the same stage exactly; through different ones but for products of both."""

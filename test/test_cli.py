@@ -27,10 +27,24 @@ def cell(tmp_path_factory):
     """A small session and the calibration fitted to it."""
     folder = tmp_path_factory.mktemp("cell")
     session, calibration = folder / "session", folder / "calibration.yaml"
-    assert run(
-        ["simulate", "--robot", ROBOT, "--plan", "identify", "--count", "40", "--seed", "3",
-         "--out", str(session)]
-    ) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "simulate",
+                "--robot",
+                ROBOT,
+                "--plan",
+                "identify",
+                "--count",
+                "40",
+                "--seed",
+                "3",
+                "--out",
+                str(session),
+            ]
+        )
+        == 0
+    )
     assert run(["fit", str(session), "--robot", ROBOT, "--out", str(calibration)]) == 0
     return folder
 

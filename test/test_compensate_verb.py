@@ -52,9 +52,18 @@ def cell(tmp_path_factory):
 
 def arguments(cell: Path, name: str, *more: str) -> list[str]:
     return [
-        "compensate", "--robot", "srbd", "--calibration", str(cell / f"{name}.yaml"),
-        "--method", "newton", str(cell / "targets.csv"), "--out", str(cell / f"{name}.csv"), *more,
-    ]  # fmt: skip
+        "compensate",
+        "--robot",
+        "srbd",
+        "--calibration",
+        str(cell / f"{name}.yaml"),
+        "--method",
+        "newton",
+        str(cell / "targets.csv"),
+        "--out",
+        str(cell / f"{name}.csv"),
+        *more,
+    ]
 
 
 def commands(cell: Path, name: str, *more: str) -> np.ndarray:

@@ -102,9 +102,7 @@ TOGETHER = [("backlash", "forearm_compliance"), ("joint_compliance", "thermal_gr
 
 @pytest.mark.parametrize("causes", [*ALONE, *TOGETHER], ids="+".join)
 @pytest.mark.parametrize("model", MODELS)
-def test_the_whole_chain_ends_where_the_drawing_means(
-    causes: tuple[str, ...], model: str
-) -> None:
+def test_the_whole_chain_ends_where_the_drawing_means(causes: tuple[str, ...], model: str) -> None:
     made, at = calibration(*causes, model=model), conditions(Q)
     done = JointCompensator(made).compensate(Q, at)
     assert set(done.verdicts) == {Verdict.CORRECTED}
@@ -120,8 +118,7 @@ def test_the_whole_chain_ends_where_the_drawing_means(
 def test_the_swarm_goes_through_the_stages_as_newton_does() -> None:
     made, at = calibration("backlash", "forearm_compliance", model="rotary_delta"), conditions(Q)
     newton, swarm = (
-        JointCompensator(made, method).compensate(Q, at)
-        for method in ("newton", "apso")
+        JointCompensator(made, method).compensate(Q, at) for method in ("newton", "apso")
     )
     assert set(swarm.verdicts) == {Verdict.CORRECTED}
     np.testing.assert_allclose(swarm.joint, newton.joint, atol=1e-6)

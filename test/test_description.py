@@ -94,9 +94,7 @@ def test_both_ends_of_every_strut_meet_the_platform(name: str, crooked: bool) ->
             np.testing.assert_allclose(tip, centre[k] + held @ end, atol=CLOSED)
 
 
-def tip_of(
-    file: Urdf, skeleton: Skeleton, strut: str, values: dict[str, float]
-) -> np.ndarray:
+def tip_of(file: Urdf, skeleton: Skeleton, strut: str, values: dict[str, float]) -> np.ndarray:
     """Far end of a strut in the file: as long as the file draws it, or where a cable ends."""
     if f"end_{strut}" in file.links:
         return file.place(f"end_{strut}", values)[:3, 3]

@@ -90,9 +90,10 @@ def test_the_extended_calibration_is_read_back_as_it_was_found(
     assert [e.cause for e in read.chain.effects] == [e.cause for e in made.chain.effects]
     at = poses.conditions
     np.testing.assert_allclose(
-        read.chain.predict(at, read.theta), found.identification.chain.predict(
-            at, found.identification.theta), atol=1e-12,
-    )  # fmt: skip
+        read.chain.predict(at, read.theta),
+        found.identification.chain.predict(at, found.identification.theta),
+        atol=1e-12,
+    )
     rest = poses.point - read.chain.predict(at, read.theta)
     assert np.sqrt(np.mean(np.sum(rest**2, axis=1))) < 12e-6
 
@@ -127,8 +128,26 @@ def test_what_is_always_fitted_is_named_beyond_its_priors(
 ) -> None:
     """Parts off by four times their tolerances; a reflector 0.3 m from where it should be."""
     out = tmp_path / "session"
-    assert run(["simulate", "--robot", "srbd", "--plan", "identify", "--count", "40",
-                "--effect", effect, "--seed", "3", "--out", str(out)]) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "simulate",
+                "--robot",
+                "srbd",
+                "--plan",
+                "identify",
+                "--count",
+                "40",
+                "--effect",
+                effect,
+                "--seed",
+                "3",
+                "--out",
+                str(out),
+            ]
+        )
+        == 0
+    )
     (finding,) = verdict(read_session(out)).findings
     assert finding.cause == cause
     assert len(finding.parameters) == parameters
@@ -213,8 +232,24 @@ def test_the_command_writes_verdict_and_calibration(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     session, out = tmp_path / "session", tmp_path / "extended.yaml"
-    assert run(["simulate", "--robot", "srbd", "--plan", "identify", "--seed", "3",
-                "--effect", "backlash:strength=1", "--out", str(session)]) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "simulate",
+                "--robot",
+                "srbd",
+                "--plan",
+                "identify",
+                "--seed",
+                "3",
+                "--effect",
+                "backlash:strength=1",
+                "--out",
+                str(session),
+            ]
+        )
+        == 0
+    )
     arguments = ["diagnose", str(session), "--robot", "srbd", "--out", str(out)]
     assert run([*arguments, "--json", str(tmp_path / "verdict.json"), "-v"]) == 0
     said = capsys.readouterr().out

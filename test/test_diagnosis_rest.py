@@ -14,9 +14,12 @@ RNG = np.random.default_rng(1)
 STOPS, EACH = 4, 6
 # a sweep there and, soon, back; two more, somewhere else and later; and one after a stop
 BEGIN = {
-    3: (0.0, 0.0, 0.3), 4: (6.5, 0.3, 0.0), 7: (14.0, 0.9, 0.6), 8: (60.0, 0.6, 0.9),
+    3: (0.0, 0.0, 0.3),
+    4: (6.5, 0.3, 0.0),
+    7: (14.0, 0.9, 0.6),
+    8: (60.0, 0.6, 0.9),
     9: (82.0, 0.9, 0.6),
-}  # fmt: skip
+}
 STOP = 75.0
 SHARED = [(3, 4), (3, 4, 7, 8)]
 PATH = np.repeat([AT_REST, *BEGIN], [STOPS, *[EACH] * 5])

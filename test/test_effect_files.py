@@ -309,10 +309,12 @@ def named(source: str) -> set[str]:
 def told_apart(source: str) -> set[str]:
     """Classes of effects that `isinstance` is asked for."""
     calls = (
-        node for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+        node
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
         and node.func.id == "isinstance"
-    )  # fmt: skip
+    )
     names = (node.id for call in calls for node in ast.walk(call) if isinstance(node, ast.Name))
     return KINDS & set(names)
 

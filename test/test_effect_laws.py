@@ -38,8 +38,12 @@ from machines import MODELS, ROBOTS, differences
 
 PARTS = ("arm", "base")
 COUNT = 12  # samples
-MACHINES = [(robot, MODELS[name]) for robot in ROBOTS for name in MODELS
-            if name.startswith(f"{robot.name}-")]  # fmt: skip
+MACHINES = [
+    (robot, MODELS[name])
+    for robot in ROBOTS
+    for name in MODELS
+    if name.startswith(f"{robot.name}-")
+]
 CABLES = load_robot("cdpr8")
 POINTS = [(CABLES, CableRobot(FOUR_CABLES, tolerances)) for tolerances in (TOLERANCES, ZEROS_FREE)]
 # settings in which a law goes another way than by default
@@ -91,19 +95,21 @@ def anything(mechanism, rng, parts=PARTS) -> Signals:
     places = Places.of(mechanism, parts)
     found = Signals(places, rng.uniform(-1.0, 1.0, (COUNT, places.size)))
     m, size = mechanism.joints, mechanism.joint_size
-    return found.with_(**{
-        JOINT: mechanism.home + size * rng.uniform(-1, 1, (COUNT, m)),
-        DIRECTION: rng.choice([-1.0, 1.0], (COUNT, m)),
-        TRAVEL: size * rng.uniform(0, 0.4, (COUNT, m)),
-        PULL: rng.uniform(20, 90, (COUNT, m)),
-        PULL_HOME: rng.uniform(20, 90, (COUNT, m)),
-        POSE: mechanism.home_pose + rng.uniform(-0.1, 0.1, (COUNT, mechanism.pose_size)),
-        GEOMETRY: mechanism.parameters.nominal * rng.uniform(0.95, 1.05, (COUNT, 1)),
-        TIME: rng.uniform(0, 7200, (COUNT, 1)),
-        PAYLOAD: rng.uniform(0, 3, (COUNT, 1)),
-        TEMPERATURE: rng.uniform(15, 35, (COUNT, len(parts))),
-        NOTHING: np.zeros((COUNT, 1)),
-    })  # fmt: skip
+    return found.with_(
+        **{
+            JOINT: mechanism.home + size * rng.uniform(-1, 1, (COUNT, m)),
+            DIRECTION: rng.choice([-1.0, 1.0], (COUNT, m)),
+            TRAVEL: size * rng.uniform(0, 0.4, (COUNT, m)),
+            PULL: rng.uniform(20, 90, (COUNT, m)),
+            PULL_HOME: rng.uniform(20, 90, (COUNT, m)),
+            POSE: mechanism.home_pose + rng.uniform(-0.1, 0.1, (COUNT, mechanism.pose_size)),
+            GEOMETRY: mechanism.parameters.nominal * rng.uniform(0.95, 1.05, (COUNT, 1)),
+            TIME: rng.uniform(0, 7200, (COUNT, 1)),
+            PAYLOAD: rng.uniform(0, 3, (COUNT, 1)),
+            TEMPERATURE: rng.uniform(15, 35, (COUNT, len(parts))),
+            NOTHING: np.zeros((COUNT, 1)),
+        }
+    )
 
 
 def values_of(effect: Effect, rng) -> np.ndarray:
@@ -115,8 +121,9 @@ def values_of(effect: Effect, rng) -> np.ndarray:
 def test_every_effect_is_among_them():
     assert {effect.cause for effect in EVERY} == {
         *(cause for cause, kind in EFFECTS.items() if kind.__module__.startswith("delta_cal")),
-        Unexplained.cause, JointCurve.cause,
-    }  # fmt: skip
+        Unexplained.cause,
+        JointCurve.cause,
+    }
     assert {effect.mechanism.name for effect in EVERY} == {*MECHANISMS}
 
 

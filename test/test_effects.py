@@ -21,13 +21,33 @@ MODELS = ("rotary_delta", "six_rod_delta")
 # The causes of a Delta by the names that are fixed for verdicts; geometry is the mechanism's.
 KINDS = {
     "measurement": {"tracker_scale", "tracker_drift", "timestamp_latency"},
-    "drive": {"encoder_eccentricity", "transmission_error", "joint_scale", "backlash",
-              "joint_compliance", "joint_lag", "joint_zero_drift", "stick_slip"},
-    "structure": {"thermal_growth_arm", "thermal_growth_base", "thermal_growth_forearm",
-                  "forearm_compliance", "dynamic_deflection", "ball_joint_clearance"},
-    "geometry": {"joint_zero_offset", "arm_length", "forearm_length", "base_joint_position",
-                 "base_joint_tilt", "parallelogram_mismatch"},
-}  # fmt: skip
+    "drive": {
+        "encoder_eccentricity",
+        "transmission_error",
+        "joint_scale",
+        "backlash",
+        "joint_compliance",
+        "joint_lag",
+        "joint_zero_drift",
+        "stick_slip",
+    },
+    "structure": {
+        "thermal_growth_arm",
+        "thermal_growth_base",
+        "thermal_growth_forearm",
+        "forearm_compliance",
+        "dynamic_deflection",
+        "ball_joint_clearance",
+    },
+    "geometry": {
+        "joint_zero_offset",
+        "arm_length",
+        "forearm_length",
+        "base_joint_position",
+        "base_joint_tilt",
+        "parallelogram_mismatch",
+    },
+}
 UNITS = {"1", "m", "s", "rad", "1/K", "m/N", "rad/(N m)"}
 ALL = [(model, e.cause) for model in MODELS for e in catalogue(ROBOT, ROBOT.model(model))]
 each_effect = pytest.mark.parametrize(("model", "cause"), ALL)

@@ -215,8 +215,13 @@ def test_friction_lets_go_by_stribecks_law() -> None:
     speed, level = np.linspace(0.0, 0.5, 40), 0.3
     law = solve_ivp(
         lambda v, e: -2 * v * (e - level) / 0.08**2,
-        (0, 0.5), [1.0], t_eval=speed, rtol=1e-10, atol=1e-12, max_step=0.01,
-    )  # fmt: skip
+        (0, 0.5),
+        [1.0],
+        t_eval=speed,
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=0.01,
+    )
     for sign in (1.0, -1.0):
         way = sign * np.ones((40, 3))
         at = replace(at_rest(0 * way), velocity=speed[:, None] * way, direction=way)

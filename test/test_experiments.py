@@ -56,9 +56,7 @@ def dimension(cause, evidence, location="joint_1"):
 def contrast(evidence, first, second):
     pair = Pair(first, second)
     layout = evidence.chain.layout
-    return pair.contrast(
-        pair.products(evidence), evidence.precision[layout.base], layout.geometry
-    )
+    return pair.contrast(pair.products(evidence), evidence.precision[layout.base], layout.geometry)
 
 
 # What is proposed

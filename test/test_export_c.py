@@ -31,9 +31,14 @@ from export_bench import (
 
 pytestmark = needs_compiler
 MACHINES = [
-    ("srbd", "rotary_delta"), ("srbd", "six_rod_delta"), ("linear_delta", None), ("cdpr8", None),
-    ("five_axis", None), ("scara", None), ("ur10", None),
-]  # fmt: skip
+    ("srbd", "rotary_delta"),
+    ("srbd", "six_rod_delta"),
+    ("linear_delta", None),
+    ("cdpr8", None),
+    ("five_axis", None),
+    ("scara", None),
+    ("ur10", None),
+]
 SAME = 1e-10  # of a joint
 WARM = 20e-6  # [1/K]
 MAPS = {
@@ -211,8 +216,9 @@ def test_two_machines_go_into_one_program(tmp_path):
         "        || right_correct(q, 0, b) != RIGHT_CORRECT_PASSED || a[0] == b[0];\n"
         "}\n"
     )
-    subprocess.run([COMPILER, *STRICT, "both.c", *objects, "-o", "both", "-lm"], cwd=tmp_path,
-                   check=True)  # fmt: skip
+    subprocess.run(
+        [COMPILER, *STRICT, "both.c", *objects, "-o", "both", "-lm"], cwd=tmp_path, check=True
+    )
     subprocess.run([str(tmp_path / "both")], check=True)
 
 
@@ -229,9 +235,14 @@ def test_the_header_says_what_it_is_made_of():
     calibration = with_effects(load_robot("ur10"), None, ["thermal_growth_link", "backlash"])
     files = c_files(replace(calibration, source="a/*b*/ #error\nno??/"), "arm")
     for text in (
-        calibration.robot.hash, calibration.seal, "serial_arm", "backlash, thermal_growth_link",
-        "joint_3", "of 0: ", "#define CORRECT_TEMPERATURES 1",
-    ):  # fmt: skip
+        calibration.robot.hash,
+        calibration.seal,
+        "serial_arm",
+        "backlash, thermal_growth_link",
+        "joint_3",
+        "of 0: ",
+        "#define CORRECT_TEMPERATURES 1",
+    ):
         assert text in files.header
     assert "a/ *b* / #error no? ?/" in files.header
     assert '#include "arm.h"' in files.source

@@ -25,8 +25,10 @@ from extended_bench import with_effects
 
 EFFECTS = {"backlash": ({}, 4e-4), "joint_compliance": ({}, 4e-5)}
 X, Y, Z = np.eye(3)
-UR10 = "x_mm,y_mm,z_mm,turn_x_deg,turn_y_deg,turn_z_deg,note\n-600,-250,500,0,0,0,first\n" \
-    "-550,-200,450,5,-3,2,\n"  # fmt: skip
+UR10 = (
+    "x_mm,y_mm,z_mm,turn_x_deg,turn_y_deg,turn_z_deg,note\n-600,-250,500,0,0,0,first\n"
+    "-550,-200,450,5,-3,2,\n"
+)
 
 
 def calibrated(name: str, folder: Path, effects=None) -> Path:
@@ -48,9 +50,17 @@ def files_fixture(tmp_path_factory) -> dict[str, Path]:
 
 def arguments(files, name: str, form: str, out: Path, *more: str) -> list[str]:
     return [
-        "export", "--robot", name, "--calibration", str(files[name]), "--format", form,
-        "--out", str(out), *more,
-    ]  # fmt: skip
+        "export",
+        "--robot",
+        name,
+        "--calibration",
+        str(files[name]),
+        "--format",
+        form,
+        "--out",
+        str(out),
+        *more,
+    ]
 
 
 def error_of(capsys, arguments: list[str], code: int = 2) -> str:
@@ -76,8 +86,20 @@ def test_c_compiles_and_names_what_it_is(files, tmp_path, capsys):
 def test_urdf_is_of_the_identified_machine(files, tmp_path, capsys):
     assert run(arguments(files, "srbd", "urdf", tmp_path / "a.urdf")) == 0
     assert "not in it: backlash, joint_compliance" in capsys.readouterr().err
-    assert run(["urdf", "--robot", "srbd", "--calibration", str(files["srbd"]), "--out",
-                str(tmp_path / "b.urdf")]) == 0  # fmt: skip
+    assert (
+        run(
+            [
+                "urdf",
+                "--robot",
+                "srbd",
+                "--calibration",
+                str(files["srbd"]),
+                "--out",
+                str(tmp_path / "b.urdf"),
+            ]
+        )
+        == 0
+    )
     assert (tmp_path / "a.urdf").read_text() == (tmp_path / "b.urdf").read_text()
     assert ElementTree.parse(tmp_path / "a.urdf").getroot().tag == "robot"
 

@@ -100,9 +100,9 @@ def test_twenty_of_twenty_four_errors_show_and_the_others_are_named():
     seen = observe(jacobian, MACHINE.parameters.prior, MACHINE.parameters.names)
     assert (seen.columns, seen.rank) == (24, 20)
     assert {(r.parameter, r.same_as) for r in seen.redundancies} == {(n, ()) for n in HIDDEN}
-    assert {MACHINE.parameters.names[row] for row in trial.FREE} == {
-        *MACHINE.parameters.names
-    } - {*HIDDEN}
+    assert {MACHINE.parameters.names[row] for row in trial.FREE} == {*MACHINE.parameters.names} - {
+        *HIDDEN
+    }
     assert np.linalg.matrix_rank(jacobian[:, :, trial.FREE].reshape(-1, 20)) == 20
 
 

@@ -57,16 +57,22 @@ def driven(search: GridSearch, plant: Plant) -> tuple[GridResult, np.ndarray]:
 
 
 PRINTED = {  # target; nodes at k = 16, 8, 4, 2; error [mm]
-    "a": ([247.8500, 933.4200],
-          [[247.3936, 933.7072], [247.9989, 933.3594], [247.9989, 933.3594], [247.8476, 933.4464]],
-          0.0265),
-    "b": ([248.4800, 933.0750],
-          [[248.6037, 933.0108], [248.6037, 933.0108], [248.6037, 933.0108], [248.4526, 933.0980]],
-          0.0358),
-    "c": ([249.8500, 933.0300],
-          [[250.0000, 933.0127], [250.0000, 933.0127], [250.0000, 933.0127], [249.8255, 933.0127]],
-          0.0300),  # printed 0.0275, which its own coordinates do not give
-}  # fmt: skip
+    "a": (
+        [247.8500, 933.4200],
+        [[247.3936, 933.7072], [247.9989, 933.3594], [247.9989, 933.3594], [247.8476, 933.4464]],
+        0.0265,
+    ),
+    "b": (
+        [248.4800, 933.0750],
+        [[248.6037, 933.0108], [248.6037, 933.0108], [248.6037, 933.0108], [248.4526, 933.0980]],
+        0.0358,
+    ),
+    "c": (
+        [249.8500, 933.0300],
+        [[250.0000, 933.0127], [250.0000, 933.0127], [250.0000, 933.0127], [249.8255, 933.0127]],
+        0.0300,
+    ),  # printed 0.0275, which its own coordinates do not give
+}
 
 
 @pytest.mark.parametrize("every_node", [True, False])
@@ -76,9 +82,7 @@ def test_table_1_to_its_last_decimal(group: str, every_node: bool) -> None:
     search = GridSearch(START, np.array(target), settings(every_node=every_node))
     found, steps = driven(search, scara)
     assert [level.spacing for level in found.levels] == [16, 8, 4, 2, 1]
-    np.testing.assert_array_equal(
-        np.round([level.point for level in found.levels[:4]], 4), nodes
-    )
+    np.testing.assert_array_equal(np.round([level.point for level in found.levels[:4]], 4), nodes)
     np.testing.assert_array_equal(found.levels[4].dq, found.levels[3].dq)
     assert round(found.error, 4) == error
     assert found.stop is Stop.FINEST

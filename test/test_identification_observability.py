@@ -35,9 +35,7 @@ def test_rank_and_each_sentence_about_what_does_not_show(model, rank, columns):
             up, down = (SixRods({name: d}).point(poses.joint) for d in (h, -h))
             return (up - down).reshape(-1, 3) @ frame.rotation.T / (2 * h)
         d = h * (np.arange(len(nominal)) == row)
-        up, down = (
-            chain.predict(poses.conditions, t) for t in (nominal + d, nominal - d)
-        )
+        up, down = (chain.predict(poses.conditions, t) for t in (nominal + d, nominal - d))
         return (up - down) / (2 * h)
 
     for redundancy in seen.redundancies:

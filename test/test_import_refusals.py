@@ -233,9 +233,7 @@ MAPPINGS = {
         "position.columns[2]: column 'x' is already that of position.columns[0]; each has its own",
     ),
     "a column of two joints": (
-        {"commands": [
-            {"joint": f"joint_{k}", "column": "q1", "unit": "deg"} for k in (1, 2, 3)
-        ]},
+        {"commands": [{"joint": f"joint_{k}", "column": "q1", "unit": "deg"} for k in (1, 2, 3)]},
         "commands: joint_2: column 'q1' is already that of commands: joint_1",
     ),
     "a joint that is a coordinate": (
@@ -243,23 +241,25 @@ MAPPINGS = {
         "position.columns[1]: column 'q2' is already that of commands: joint_2",
     ),
     "a part's temperature twice": (
-        {"temperature": [
-            {"part": "arm", "column": c, "unit": "degC"} for c in ("t1", "t2")
-        ]},
+        {"temperature": [{"part": "arm", "column": c, "unit": "degC"} for c in ("t1", "t2")]},
         "temperature: part 'arm' is there twice; one column a part",
     ),
     "scale of nothing": (
-        {"commands": [
-            {"joint": f"joint_{k}", "column": f"q{k}", "unit": "deg", "scale": k - 1}
-            for k in (1, 2, 3)
-        ]},
+        {
+            "commands": [
+                {"joint": f"joint_{k}", "column": f"q{k}", "unit": "deg", "scale": k - 1}
+                for k in (1, 2, 3)
+            ]
+        },
         "commands[0].scale: 0 is not allowed; anything but 0 is",
     ),
     "no unit": (
-        {"position": {"columns": ["x", "y", "z"]}}, "position: missing key unit",
+        {"position": {"columns": ["x", "y", "z"]}},
+        "position: missing key unit",
     ),
     "unknown unit": (
-        {"position": {"columns": ["x", "y", "z"], "unit": "ft"}}, "position.unit: 'ft' is not",
+        {"position": {"columns": ["x", "y", "z"], "unit": "ft"}},
+        "position.unit: 'ft' is not",
     ),
     "unknown key": ({"units": "mm"}, "unknown key units; allowed: schema, rows"),
     "joints": (
@@ -271,14 +271,17 @@ MAPPINGS = {
         "joint_1: unit 'mm' is not allowed; the joint turns: urad, mrad, rad, deg, turn",
     ),
     "microsteps of no size": (
-        {"commands": [
-            {"joint": f"joint_{k}", "column": "q1", "unit": "microsteps"} for k in (1, 2, 3)
-        ]},
+        {
+            "commands": [
+                {"joint": f"joint_{k}", "column": "q1", "unit": "microsteps"} for k in (1, 2, 3)
+            ]
+        },
         "unit microsteps with no step is not allowed; step_deg goes with microsteps",
     ),
     "stream without time": ({"rows": "stream"}, "missing key time"),
     "format": (
-        {"time": {"column": "t", "unit": "s", "format": "%S"}}, "a format, such as",
+        {"time": {"column": "t", "unit": "s", "format": "%S"}},
+        "a format, such as",
     ),
     "angles": (
         {"rotation": {"columns": ["x", "y", "z"], "form": "rpy", "unit": "deg"}},
@@ -292,7 +295,7 @@ MAPPINGS = {
         {"position": {"columns": ["x", "y", "up"], "unit": "mm"}},
         "column up missing; expected q1, q2, q3, x, y, up, found q1, q2, q3, x, y, z",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", MAPPINGS)

@@ -16,8 +16,10 @@ def cell(tmp_path_factory):
     _, poses = measured()
     return tmp_path_factory.mktemp("repeats"), *stops(poses)
 
+
 def rounded(rows, digits):
     return [[*row[:3], *(f"{float(v):.{digits}f}" for v in row[3:])] for row in rows]
+
 
 @pytest.mark.parametrize("digits", [12, 4, 3, 2])
 def test_a_block_that_was_pasted_twice(cell, capsys, digits):
@@ -29,22 +31,23 @@ def test_a_block_that_was_pasted_twice(cell, capsys, digits):
     assert ".csv: lines" in said
     assert "`repeated: skip` in the mapping leaves them out, `keep` believes them" in said
 
+
 def test_numbers_written_otherwise_are_the_same_numbers(cell, capsys):
     folder, head, rows = cell
     again = [f"{float(v):+.17e}" for v in rows[5]]
     said = refused(capsys, folder, head, [*rows, again], mapping_of())
     assert f"line {len(rows) + 2} repeats line 7 to the last digit" in said
 
+
 def test_copies_in_another_order_under_other_times_and_loads(cell, capsys):
     folder, head, rows = cell
     more = [*rows, *(rows[k] for k in (9, 3, 4, 5))]
     more = [[10 * k, *row, k % 3] for k, row in enumerate(more)]
-    timed = mapping_of(
-        time={"column": "t", "unit": "s"}, payload={"column": "kg", "unit": "kg"}
-    )
+    timed = mapping_of(time={"column": "t", "unit": "s"}, payload={"column": "kg", "unit": "kg"})
     said = refused(capsys, folder, ["t", *head, "kg"], more, timed)
     n = len(rows) + 2
     assert f"lines {n} to {n + 3} repeat lines 5 to 7, 11 to the last digit" in said
+
 
 def test_copies_are_left_out_or_kept(cell, capsys):
     folder, head, rows = cell
@@ -55,6 +58,7 @@ def test_copies_are_left_out_or_kept(cell, capsys):
     out = imported(folder, head, table, mapping_of(repeated="keep"))
     assert "note" not in capsys.readouterr().out
     assert len(read_session(out).tracker.stamp_ns) == len(rows) + 10
+
 
 def test_repeated_poses_that_coarse_digits_make_alike(cell, capsys):
     """New readings of the same stops with the tracker's noise, in steps of 0.1 mm: no copies."""
@@ -69,6 +73,7 @@ def test_repeated_poses_that_coarse_digits_make_alike(cell, capsys):
     imported(folder, head, rounded(table, 4), mapping_of())
     assert "note" not in capsys.readouterr().out
 
+
 def test_a_robot_that_stands_still_twice_is_no_copy_in_a_stream(cell, capsys):
     """Encoders and commands come back; the clock does not."""
     folder, head, rows = cell
@@ -79,6 +84,7 @@ def test_a_robot_that_stands_still_twice_is_no_copy_in_a_stream(cell, capsys):
     said = refused(capsys, folder, ["t", *head], twice, mapping)
     assert f"repeat lines 2 to {len(rows) + 1} to the last digit" in said
 
+
 def test_rows_in_motion_may_have_the_same_commands(cell):
     folder, head, rows = cell
     going = [[*row[:3], "", "", ""] for row in rows[:3]]
@@ -87,6 +93,7 @@ def test_rows_in_motion_may_have_the_same_commands(cell):
     table[9:9] = [[*row, "go"] for row in going]
     moving = {"column": "state", "at_rest": ["stop"]}
     imported(folder, [*head, "state"], table, mapping_of(moving=moving))
+
 
 @pytest.mark.parametrize("step", [0.1, 1.0, 5.0, 40.0])
 def test_the_chance_of_two_readings_that_round_alike(step):

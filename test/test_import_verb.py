@@ -93,17 +93,41 @@ def test_every_column_a_table_may_have(cell, capsys):
     turn = Rotation.from_rotvec([0.1, -0.2, 0.3])
     spun = turn.as_euler("XYZ", degrees=True)
     head = [
-        "when", "q3", "q1", "q2", "x", "y", "z", "rx", "ry", "rz", "load", "hot", "side", "state",
+        "when",
+        "q3",
+        "q1",
+        "q2",
+        "x",
+        "y",
+        "z",
+        "rx",
+        "ry",
+        "rz",
+        "load",
+        "hot",
+        "side",
+        "state",
         "pose",
-    ]  # fmt: skip
+    ]
     rows = []
     for k in range(12):
         steps = [-(joint[k, 0] - 3.0) / step, *joint[k, 1:]]
         place = 1e3 * poses.point[k]
-        rows.append([
-            f"2024-05-0{1 + k // 6} 10:{k:02d}:30", steps[2], steps[0], steps[1], *place, *spun,
-            500 if k < 6 else 750, 68 + k, 1 if k % 2 else -1, "stop" if k != 4 else "go", k,
-        ])  # fmt: skip
+        rows.append(
+            [
+                f"2024-05-0{1 + k // 6} 10:{k:02d}:30",
+                steps[2],
+                steps[0],
+                steps[1],
+                *place,
+                *spun,
+                500 if k < 6 else 750,
+                68 + k,
+                1 if k % 2 else -1,
+                "stop" if k != 4 else "go",
+                k,
+            ]
+        )
     rows[4][4:10] = ["", "", "", "", "", ""]
     names = SRBD.joints.names
     mapping = mapping_of(
@@ -113,8 +137,12 @@ def test_every_column_a_table_may_have(cell, capsys):
             {"joint": names[1], "column": "q2", "unit": "deg"},
             {"joint": names[2], "column": "q3", "unit": "deg"},
             {
-                "joint": names[0], "column": "q1", "unit": "microsteps", "step_deg": step,
-                "scale": -1.0, "offset": 3.0 / step,
+                "joint": names[0],
+                "column": "q1",
+                "unit": "microsteps",
+                "step_deg": step,
+                "scale": -1.0,
+                "offset": 3.0 / step,
             },
         ],
         rotation={"columns": ["rx", "ry", "rz"], "form": "rpy", "unit": "deg", "axes": "XYZ"},
@@ -123,7 +151,7 @@ def test_every_column_a_table_may_have(cell, capsys):
         direction=["side"],
         moving={"column": "state", "at_rest": ["stop"]},
         same_command="pose",
-    )  # fmt: skip
+    )
     out = imported(folder, head, rows, mapping)
     assert "1 rows in motion" in capsys.readouterr().out
     back = read_session(out)
@@ -196,10 +224,12 @@ def test_a_published_table_of_a_real_arm(tmp_path, capsys):
         "position": {"columns": [f"measurement_{a}" for a in "xyz"], "unit": "mm"},
         "rotation": {
             "columns": [f"measurement_r{a}" for a in "xyz"],
-            "form": "rpy", "unit": "deg", "axes": "XYZ",
+            "form": "rpy",
+            "unit": "deg",
+            "axes": "XYZ",
         },
         "temperature": [{"part": "room", "column": "measurement_temperature", "unit": "degC"}],
-    }  # fmt: skip
+    }
     some = rows[1::90]
     out = imported(tmp_path, head, some, mapping, "ur10")
     poses = collect(read_session(out), UR10.joints.names)

@@ -40,15 +40,20 @@ def arm_of(joints):
     links = tuple(
         replace(
             plain.links[0],
-            twist=rng.uniform(-2, 2), length=rng.uniform(-0.5, 0.5),
-            offset=rng.uniform(-0.5, 0.5), parallel=i % 3 == 2,
+            twist=rng.uniform(-2, 2),
+            length=rng.uniform(-0.5, 0.5),
+            offset=rng.uniform(-0.5, 0.5),
+            parallel=i % 3 == 2,
         )
         for i in range(joints)
-    )  # fmt: skip
+    )
     drawing = replace(
-        plain, links=links, home=rng.uniform(-1, 1, joints), tool=rng.uniform(-0.1, 0.1, 3),
+        plain,
+        links=links,
+        home=rng.uniform(-1, 1, joints),
+        tool=rng.uniform(-0.1, 0.1, 3),
         mount=rng.uniform(-2, 2, 3),
-    )  # fmt: skip
+    )
     return SerialArm(drawing, ArmTolerances(1e-3, 1e-3, 1e-3, 1e-3, 1e-3))
 
 
@@ -118,9 +123,11 @@ def test_jacobians_are_those_of_the_implicit_function_theorem(mechanism):
     f_x, f_q, f_g = (
         by(q, x, g)
         for by in (
-            mechanism.closure_by_pose, mechanism.closure_by_joints, mechanism.closure_by_geometry,
+            mechanism.closure_by_pose,
+            mechanism.closure_by_joints,
+            mechanism.closure_by_geometry,
         )
-    )  # fmt: skip
+    )
     back = -np.linalg.pinv(f_x)
     by_pose = rng.standard_normal((5, 6, mechanism.pose_size))
     wanted = by_pose @ back @ f_q, by_pose @ back @ f_g
@@ -294,8 +301,11 @@ def test_generated_files_are_the_same_in_every_process(tmp_path):
     for seed, changed in (("1", "4"), ("2", "0")):
         done = subprocess.run(
             [sys.executable, "-c", script, tmp_path],
-            check=True, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed},
-        )  # fmt: skip
+            check=True,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        )
         assert done.stdout.strip() == changed
 
 
@@ -320,12 +330,26 @@ def run_by_python(law, workspace):
 
 def run_text(text, workspace):
     names = {
-        "law": lambda function, digest: function, "idle": lambda: lambda workspace: None,
-        "sqrt": np.sqrt, "sin": np.sin, "cos": np.cos,
-        "acos": np.arccos, "atan2": np.arctan2, "floor": np.floor, "exp": np.exp, "log": np.log,
-        "tanh": np.tanh, "tan": np.tan, "asin": np.arcsin, "atan": np.arctan, "sinh": np.sinh,
-        "cosh": np.cosh, "ceil": np.ceil, "inf": np.inf, "nan": np.nan,
-    }  # fmt: skip
+        "law": lambda function, digest: function,
+        "idle": lambda: lambda workspace: None,
+        "sqrt": np.sqrt,
+        "sin": np.sin,
+        "cos": np.cos,
+        "acos": np.arccos,
+        "atan2": np.arctan2,
+        "floor": np.floor,
+        "exp": np.exp,
+        "log": np.log,
+        "tanh": np.tanh,
+        "tan": np.tan,
+        "asin": np.arcsin,
+        "atan": np.arctan,
+        "sinh": np.sinh,
+        "cosh": np.cosh,
+        "ceil": np.ceil,
+        "inf": np.inf,
+        "nan": np.nan,
+    }
     lines = (line for line in text.splitlines() if not line.startswith("from "))
     exec("\n".join(lines), names)
     with np.errstate(all="ignore"):
@@ -393,18 +417,21 @@ VOCABULARY = {
     "root": (lambda v: (v[0] + 3) ** 1.5, lambda a, b: (a + 3) ** 1.5),
     "whole power": (lambda v: v[0] ** 3, lambda a, b: a**3),
     "of a negative number": (
-        lambda v: (-2.0) ** (2 * symbols.sign(v[1])), lambda a, b: (-2.0) ** (2 * np.sign(b))
+        lambda v: (-2.0) ** (2 * symbols.sign(v[1])),
+        lambda a, b: (-2.0) ** (2 * np.sign(b)),
     ),
     "inverse": (lambda v: 1 / (v[0] - 0.3), lambda a, b: 1 / (a - 0.3)),
     "absolute": (lambda v: symbols.absolute(v[0]) - 2 * v[1], lambda a, b: np.abs(a) - 2 * b),
     "least of infinite": (
-        lambda v: symbols.minimum(v[0], math.inf), lambda a, b: np.minimum(a, np.inf)
+        lambda v: symbols.minimum(v[0], math.inf),
+        lambda a, b: np.minimum(a, np.inf),
     ),
     "wrapped": (
-        lambda v: symbols.wrapped(4 * v[0]), lambda a, b: np.pi - np.mod(np.pi - 4 * a, 2 * np.pi)
+        lambda v: symbols.wrapped(4 * v[0]),
+        lambda a, b: np.pi - np.mod(np.pi - 4 * a, 2 * np.pi),
     ),
     "constant": (lambda v: symbols.column(0.25), lambda a, b: 0.25 + 0 * a),
-}  # fmt: skip
+}
 
 
 @needs_casadi
@@ -620,8 +647,12 @@ def test_after_installing_nothing_is_left_to_compile(tmp_path):
     def run(*arguments):
         return subprocess.run(
             [sys.executable, "-m", *arguments],
-            check=True, capture_output=True, text=True, env=own, cwd=tmp_path,
-        ).stdout  # fmt: skip
+            check=True,
+            capture_output=True,
+            text=True,
+            env=own,
+            cwd=tmp_path,
+        ).stdout
 
     warmed = run("delta_calibration.cli.warm")
     lines = [line for line in warmed.splitlines() if not line.startswith("[cache]")]
@@ -630,9 +661,19 @@ def test_after_installing_nothing_is_left_to_compile(tmp_path):
     assert "data saved" in warmed
     main = "delta_calibration.cli.main"
     simulated = run(
-        main, "simulate", "--robot", "srbd", "--plan", "identify", "--count", "30", "--seed", "1",
-        "--out", "session",
-    )  # fmt: skip
+        main,
+        "simulate",
+        "--robot",
+        "srbd",
+        "--plan",
+        "identify",
+        "--count",
+        "30",
+        "--seed",
+        "1",
+        "--out",
+        "session",
+    )
     fitted = run(main, "fit", "session", "--robot", "srbd", "--out", "calibration.yaml")
     assert "data loaded" in fitted
     assert "data saved" not in simulated + fitted

@@ -130,9 +130,12 @@ def test_an_edit_of_a_number_that_is_imported_is_noticed(how, name, tmp_path):
         for place in (tmp_path, package):
             (place / "sizes.py").write_text(f"RATIO = {ratio}\n")
         done = subprocess.run(
-            [sys.executable, "-c", "import mine"], env=own, capture_output=True, text=True,
+            [sys.executable, "-c", "import mine"],
+            env=own,
+            capture_output=True,
+            text=True,
             check=True,
-        )  # fmt: skip
+        )
         assert float(done.stdout) == pytest.approx(2 * ratio)
 
 

@@ -310,9 +310,14 @@ def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
     at = swinging()
     for lag in (4e-3, 2e-3):
         servo = solve_ivp(
-            lambda t, x, lag=lag: (swing(t) - x) / lag, (0, 6), swing(0.0),
-            method="Radau", t_eval=TIMES, rtol=1e-10, atol=1e-12,
-        ).y.T  # fmt: skip
+            lambda t, x, lag=lag: (swing(t) - x) / lag,
+            (0, 6),
+            swing(0.0),
+            method="Radau",
+            t_eval=TIMES,
+            rtol=1e-10,
+            atol=1e-12,
+        ).y.T
         told = at.joint + effect("joint_lag").columns(at) @ np.full(3, lag)
         left = np.abs(told - servo)[1:].max()
         assert left < 1.1 * lag**2 * np.abs(at.acceleration).max()

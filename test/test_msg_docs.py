@@ -59,11 +59,15 @@ def field_differences(kind: str, text: str) -> list[str]:
     """Fields that the message does not have, and fields that no row is about."""
     package, group, name = kind.split("/")
     message = getattr(import_module(f"{package}.{group}"), name)
-    has = set(fields_of(message)) if group == "msg" else {
-        f"{part}.{field}"
-        for part, half in (("request", message.Request), ("response", message.Response))
-        for field in fields_of(half)
-    }  # fmt: skip
+    has = (
+        set(fields_of(message))
+        if group == "msg"
+        else {
+            f"{part}.{field}"
+            for part, half in (("request", message.Request), ("response", message.Response))
+            for field in fields_of(half)
+        }
+    )
     table = text.partition("| field |")[2]
     rows = re.findall(r"^\| `([a-z_.\[\]]+)` \| .+ \|$", table, re.MULTILINE)
     told = {
@@ -96,9 +100,7 @@ def test_each_topic_and_service_has_its_page(every: set[End]) -> None:
     assert pages <= wanted, f"pages of what no node has: {sorted(pages - wanted)}"
 
 
-@pytest.mark.parametrize(
-    "path", sorted(FOLDER.glob("[a-z]*.md")), ids=lambda path: path.stem
-)
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("[a-z]*.md")), ids=lambda path: path.stem)
 def test_a_page_says_what_the_nodes_do(path: Path, every: set[End]) -> None:
     ends = ends_of(every, path.stem)
     assert ends, f"{path.name}: no node has this"

@@ -41,9 +41,11 @@ BUILD_UP, NOISE = 70e-6, 0.3e-3
 def conditions(joint):
     n = len(joint)
     return replace(
-        at_rest(joint), time=60.0 * np.arange(n), payload=np.zeros(n),
+        at_rest(joint),
+        time=60.0 * np.arange(n),
+        payload=np.zeros(n),
         payload_centre=np.zeros((n, 3)),
-    )  # fmt: skip
+    )
 
 
 def hung(build_up, rng, n=60, seen=12, said=NOISE):
@@ -142,9 +144,7 @@ def test_what_a_free_pose_spares_is_all_that_is_missed():
     slope = alone.slopes(machine)
     for k, h in [(0, 1e-5), (3, 1e-8), (14, 1e-5)]:
         step = h * np.eye(len(g))[k]
-        ahead, back = (
-            alone.missed(replace(machine, geometry=g + way)) for way in (step, -step)
-        )
+        ahead, back = (alone.missed(replace(machine, geometry=g + way)) for way in (step, -step))
         numeric = (back - ahead) / (2 * h)
         np.testing.assert_allclose(slope[..., k], numeric, atol=0.03 * np.abs(numeric).max())
 

@@ -65,10 +65,15 @@ def tool(machine: Machine, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def test_the_tool_stands_where_the_drawing_meant_it(name: str) -> None:
     robot = load_robot(name)
     machine, q = draw_machine(robot, 4), places(robot)
-    nominal = Machine(robot, machine.chain, machine.chain.join(
-        robot.commanded.parameters.nominal, robot.tracker.reflector_offset,
-        machine.chain.split(machine.theta)[2],
-    ))  # fmt: skip
+    nominal = Machine(
+        robot,
+        machine.chain,
+        machine.chain.join(
+            robot.commanded.parameters.nominal,
+            robot.tracker.reflector_offset,
+            machine.chain.split(machine.theta)[2],
+        ),
+    )
     (meant, held), (before, _) = tool(nominal, q), tool(machine, q)
     done = JointCompensator(known(machine)).compensate(q)
     assert set(done.verdicts) == {Verdict.CORRECTED}

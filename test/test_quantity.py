@@ -70,8 +70,11 @@ def test_a_target_beyond_all_reach_is_refused_before_it_overflows(
     name: str, far: str, tmp_path: Path
 ) -> None:
     robot = load_robot(name)
-    names = [f"{letter}_mm" for letter, k in zip("xyz", range(3), strict=True)
-             if k in robot.commanded.freedoms]  # fmt: skip
+    names = [
+        f"{letter}_mm"
+        for letter, k in zip("xyz", range(3), strict=True)
+        if k in robot.commanded.freedoms
+    ]
     row = [far, *["0"] * (len(names) - 1)]
     file = tmp_path / "targets.csv"
     file.write_text(f"{','.join(names)}\n{','.join(row)}\n")

@@ -133,9 +133,9 @@ def test_two_series_four_months_apart_tell_the_same_curve_of_joint_3():
 def simulated(rng, n, size):
     """An arm off its drawing whose third joint errs by a wave of 17 cycles; base turned far."""
     tool, mount = np.array([0.01, -0.02, 0.1]), np.array([0.5, 0.3, -0.8])
-    arm = SerialArm(replace(UR10, tool=tool, mount=mount), replace(
-        real_ur10.TOLERANCES, tool=1e-3, mount=1e-3
-    ))  # fmt: skip
+    arm = SerialArm(
+        replace(UR10, tool=tool, mount=mount), replace(real_ur10.TOLERANCES, tool=1e-3, mount=1e-3)
+    )
     p = arm.parameters
     joint = rng.uniform(-2.5, 2.5, (n, 6))
     wave = np.zeros((n, 6))
@@ -181,9 +181,12 @@ def test_the_verdict_on_the_arm_names_the_joints_own_curves():
     causes = {"joint_error_curve", "joint_compliance", "encoder_eccentricity", "joint_scale"}
     tried = [e for e in ur10_verdict.candidates(arm, series) if e.cause in causes]
     found = diagnose_observations(
-        [Measured(point, ur10_verdict.conditions(series))], arm, ur10_verdict.ROBOT, frame,
+        [Measured(point, ur10_verdict.conditions(series))],
+        arm,
+        ur10_verdict.ROBOT,
+        frame,
         effects=tried,
-    )  # fmt: skip
+    )
     first = found.verdict.findings[0]
     assert first.cause == "joint_error_curve"
     assert first.confidence > 0.94

@@ -81,15 +81,27 @@ def test_stamped_messages_are_byte_for_byte_what_rosbags_writes(frame: str) -> N
     centre = types["geometry_msgs/msg/Vector3"](0.0, 0.01, -0.03)
     inertia = types["geometry_msgs/msg/Inertia"](2.5, centre, *[0.0] * 6)
     pairs = [
-        (POSE_STAMPED, types[POSE_STAMPED](header, pose),
-         messages.encode_pose(START_NS, frame, (1.0, -2.0, 3.5), (0.1, 0.2, 0.3, 0.9))),
-        (POINT_STAMPED, types[POINT_STAMPED](header, point),
-         messages.encode_point(START_NS, frame, (1.0, -2.0, 3.5))),
-        (TEMPERATURE, types[TEMPERATURE](header, 21.5, 0.01),
-         messages.encode_temperature(START_NS, frame, 21.5, 0.01)),
-        (INERTIA_STAMPED, types[INERTIA_STAMPED](header, inertia),
-         messages.encode_payload(START_NS, frame, 2.5, (0.0, 0.01, -0.03))),
-    ]  # fmt: skip
+        (
+            POSE_STAMPED,
+            types[POSE_STAMPED](header, pose),
+            messages.encode_pose(START_NS, frame, (1.0, -2.0, 3.5), (0.1, 0.2, 0.3, 0.9)),
+        ),
+        (
+            POINT_STAMPED,
+            types[POINT_STAMPED](header, point),
+            messages.encode_point(START_NS, frame, (1.0, -2.0, 3.5)),
+        ),
+        (
+            TEMPERATURE,
+            types[TEMPERATURE](header, 21.5, 0.01),
+            messages.encode_temperature(START_NS, frame, 21.5, 0.01),
+        ),
+        (
+            INERTIA_STAMPED,
+            types[INERTIA_STAMPED](header, inertia),
+            messages.encode_payload(START_NS, frame, 2.5, (0.0, 0.01, -0.03)),
+        ),
+    ]
     for type_name, message, ours in pairs:
         assert ours == bytes(STORE.serialize_cdr(message, type_name)), type_name
 

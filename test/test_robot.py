@@ -83,50 +83,73 @@ def robot_like(tmp_path, name, old, new):
 TOWERS = "angles_deg: [210.0, 330.0, 90.0]"
 DRAWINGS = {  # robot, what is replaced by what, what is said
     "towers in one place": (
-        "linear_delta", TOWERS, "angles_deg: [90, 330, 90]",
+        "linear_delta",
+        TOWERS,
+        "angles_deg: [90, 330, 90]",
         r"geometry.angles_deg: \[90, 330, 90\] is not allowed; 3 towers at least 1 deg apart",
     ),
     "towers in one place, a turn apart": (
-        "linear_delta", TOWERS, "angles_deg: [-270, 330, 90]", r"\[-270, 330, 90\] is not allowed",
+        "linear_delta",
+        TOWERS,
+        "angles_deg: [-270, 330, 90]",
+        r"\[-270, 330, 90\] is not allowed",
     ),
     "arms too short": (
-        "linear_delta", "arm_mm: 345.0", "arm_mm: 150.0",
+        "linear_delta",
+        "arm_mm: 345.0",
+        "arm_mm: 150.0",
         "geometry.arm_mm: 150 is not allowed; more than radius_mm, 160, to reach the middle",
     ),
     "rods too short": (
-        "srbd", "rod_mm: 850.0", "rod_mm: 465",
+        "srbd",
+        "rod_mm: 850.0",
+        "rod_mm: 465",
         r"geometry.rod_mm: 465 is not allowed; more than 465 \(base_radius_mm \+ arm_mm - ",
     ),
     "rods stretched": (
-        "srbd", "rod_mm: 850.0", "rod_mm: 465.0001",
+        "srbd",
+        "rod_mm: 850.0",
+        "rod_mm: 465.0001",
         "geometry: base_radius_mm 200.0, .* rod_mm 465.0001, .* a six_rod_delta of these "
         "dimensions is singular at home",
     ),
     "struts too short": (
-        "five_axis", "strut_mm: 628.0", "strut_mm: 28.0",
+        "five_axis",
+        "strut_mm: 628.0",
+        "strut_mm: 28.0",
         "geometry.turning.strut_mm: 28 is not allowed; more than 354.379",
     ),
     "a stretched arm": (
-        "scara", "home_deg: [60.0, 30.0]", "home_deg: [60.0, 0.0]",
+        "scara",
+        "home_deg: [60.0, 30.0]",
+        "home_deg: [60.0, 0.0]",
         r"home_deg \[60.0, 0.0\], .*: a serial_arm of these dimensions is singular at home",
     ),
     "home beyond the limits": (
-        "scara", "home_deg: [60.0, 30.0]", "home_deg: [60.0, -160.0]",
+        "scara",
+        "home_deg: [60.0, 30.0]",
+        "home_deg: [60.0, -160.0]",
         r"joints: joint_2 is at -160 degrees at home \(geometry.home_deg\), beyond lower_deg -150",
     ),
     "sliding home beyond the limits": (
-        "linear_delta", "height_mm: 415.0", "height_mm: 1000.0",
+        "linear_delta",
+        "height_mm: 415.0",
+        "height_mm: 1000.0",
         r"carriage_1 is at 500 mm at home \(half of geometry.height_mm\), beyond upper_mm 450",
     ),
     "one home too few": (
-        "scara", "home_deg: [60.0, 30.0]", "home_deg: [60.0]",
+        "scara",
+        "home_deg: [60.0, 30.0]",
+        "home_deg: [60.0]",
         r"geometry.home_deg: \[60\] is not allowed; 2 finite numbers",
     ),
     "cables without a turn": (
-        "cdpr8", "home_turn_deg: [0.0, 0.0, 0.0]", "",
+        "cdpr8",
+        "home_turn_deg: [0.0, 0.0, 0.0]",
+        "",
         r"geometry.joints_mm: \[\[-200, 200, 400\], .* as a point \(no home_turn_deg\)",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.filterwarnings("error")

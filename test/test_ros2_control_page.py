@@ -142,12 +142,15 @@ def test_the_controller_corrects_over_a_ramp(tmp_path):
     calibration = machine(load_robot("srbd"), "rotary_delta")
     files = c_files(calibration, "machine")
     for name, text in (
-        ("machine.h", files.header), ("machine.c", files.source), ("run.cpp", PROGRAM),
-        ("corrector_controller.cpp", block("cpp")), ("stand_in.hpp", STAND_IN),
+        ("machine.h", files.header),
+        ("machine.c", files.source),
+        ("run.cpp", PROGRAM),
+        ("corrector_controller.cpp", block("cpp")),
+        ("stand_in.hpp", STAND_IN),
         ("controller_interface/chainable_controller_interface.hpp", '#include "stand_in.hpp"\n'),
         ("hardware_interface/types/hardware_interface_type_values.hpp", ""),
         ("pluginlib/class_list_macros.hpp", "#define PLUGINLIB_EXPORT_CLASS(a, b)\n"),
-    ):  # fmt: skip
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     subprocess.run([COMPILER, *STRICT, "-c", "machine.c"], cwd=tmp_path, check=True)

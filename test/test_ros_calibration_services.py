@@ -134,9 +134,13 @@ class Gate:
 
 @pytest.mark.parametrize("service", ["save", "reload"])
 def test_no_command_waits_for_a_file(
-    bench: Bench, desk: Desk, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    bench: Bench,
+    desk: Desk,
+    file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     service: str,
-) -> None:  # fmt: skip
+) -> None:
     cell = Cell(bench, calibration=file, output=tmp_path / "saved.yaml", ramp_s=0.0)
     cell.node._desk.fitted = desk.fitted
     assert cell.call("enable", True)[0]

@@ -59,8 +59,10 @@ def test_points_are_driven_right_and_it_ends(launch: Launch, points: Path, tmp_p
     nominal = nominal_joints(ROBOT, TARGETS)
     assert len(rows) == len(TARGETS)
     for row, target, command in zip(rows, TARGETS, nominal, strict=True):
-        columns = [[float(row[f"{kind}{n}"]) for n in ROBOT.joints.names]
-                   for kind in ("", "correction_", "std_")]  # fmt: skip
+        columns = [
+            [float(row[f"{kind}{n}"]) for n in ROBOT.joints.names]
+            for kind in ("", "correction_", "std_")
+        ]
         joint, correction, std = np.array(columns)
         place = [float(row[name]) for name in ("x_mm", "y_mm", "z_mm")]
         np.testing.assert_allclose(place, 1e3 * target, atol=1e-5)

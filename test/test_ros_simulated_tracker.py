@@ -236,8 +236,9 @@ def test_the_truth_is_nowhere_to_be_read(bench: Bench) -> None:
     assert not cell.states[-1].velocity
     known = {spec for spec in cell.cell.list_parameters([], 0).names if "." not in spec}
     assert known <= {"robot", "seed", "scatter", "rate", "noise", "effects", "warm_up"} | {
-        "use_sim_time", "start_type_description_service"
-    }  # fmt: skip
+        "use_sim_time",
+        "start_type_description_service",
+    }
 
 
 def test_hidden_effects_are_in_what_it_says(bench: Bench) -> None:
@@ -273,9 +274,7 @@ def test_hidden_effects_are_in_what_it_says(bench: Bench) -> None:
         ("effects", ["none", "backlash:value"], "'value' is not of the form key=value"),
     ],
 )
-def test_wrong_parameters_are_refused(
-    bench: Bench, name: str, value: object, said: str
-) -> None:
+def test_wrong_parameters_are_refused(bench: Bench, name: str, value: object, said: str) -> None:
     with pytest.raises(InputError, match=said):
         SimulatedTracker(context=bench.context, parameter_overrides=[Parameter(name, value=value)])
 

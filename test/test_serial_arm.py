@@ -17,12 +17,14 @@ from delta_calibration.robot import load_robot
 SCARA = load_robot("scara").dimensions
 UR10 = load_robot("ur10").dimensions
 TOLERANCES = ArmTolerances(0.5e-3, 1e-3, 1e-3, 2e-3, 5e-3)
-MOUNTED = replace(
-    UR10, tool=np.array([0.02, -0.01, 0.09]), mount=np.array([0.4, np.pi / 2, -1.1])
-)
-ARMS = {"six_axes": MOUNTED, "scara": SCARA, "three_axes": replace(
-    UR10, links=UR10.links[:3], tool=np.array([-0.57, 0.0, 0.16]), home=UR10.home[:3]
-)}  # fmt: skip
+MOUNTED = replace(UR10, tool=np.array([0.02, -0.01, 0.09]), mount=np.array([0.4, np.pi / 2, -1.1]))
+ARMS = {
+    "six_axes": MOUNTED,
+    "scara": SCARA,
+    "three_axes": replace(
+        UR10, links=UR10.links[:3], tool=np.array([-0.57, 0.0, 0.16]), home=UR10.home[:3]
+    ),
+}
 
 
 @pytest.fixture(params=ARMS)

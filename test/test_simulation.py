@@ -205,9 +205,11 @@ def test_noise_has_the_stated_size_along_and_across_the_beam():
 def test_readings_are_of_the_reflector_in_the_trackers_frame():
     """Without noise, distances between readings are those between places of the reflector."""
     robot = with_tracker(
-        radial=1e-15, transverse=1e-15, transverse_per_metre=0.0,
+        radial=1e-15,
+        transverse=1e-15,
+        transverse_per_metre=0.0,
         reflector_offset=np.array([0.1, 0.0, -0.05]),
-    )  # fmt: skip
+    )
     machine = draw_machine(robot, 1, 0.0)
     y = machine.readings(standing(Q), np.random.default_rng(0))
     seen, real = y[1:] - y[0], PLACES[1:] - PLACES[0]  # a platform as drawn does not tilt

@@ -27,8 +27,12 @@ def test_a_minute_of_faults(tmp_path: Path) -> None:
     script = str(ROOT / "benchmarks" / "soak.py")
     run = subprocess.run(
         [sys.executable, script, "--seconds", "60", "--hz", "250", "--logs", str(tmp_path)],
-        env=environment(), text=True, capture_output=True, check=False, timeout=540,
-    )  # fmt: skip
+        env=environment(),
+        text=True,
+        capture_output=True,
+        check=False,
+        timeout=540,
+    )
     assert run.returncode == 0, run.stdout + run.stderr[-4000:]
     assert run.stdout.rstrip().endswith("passed")
 

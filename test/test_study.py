@@ -58,18 +58,30 @@ def test_a_whole_study_has_500_clean_machines_and_every_cause():
 def outcome(group: str, hidden: dict, findings: list, unknown: bool = False, **more) -> dict:
     return {
         "key": json.dumps({"causes": [[name, 0] for name in hidden]}),
-        "group": group, "plan": "rich", "seed": 1, "hidden": hidden,
-        "location": dict.fromkeys(hidden), "findings": findings, "unknown": unknown,
-        "cannot_tell": [], "intervals": [], "seconds": 1.0, "noise_um": 9.0,
-        "error_um": {"calibrated": 2.0, "extended": 1.0, "oracle": 1.0}, **more,
-    }  # fmt: skip
+        "group": group,
+        "plan": "rich",
+        "seed": 1,
+        "hidden": hidden,
+        "location": dict.fromkeys(hidden),
+        "findings": findings,
+        "unknown": unknown,
+        "cannot_tell": [],
+        "intervals": [],
+        "seconds": 1.0,
+        "noise_um": 9.0,
+        "error_um": {"calibrated": 2.0, "extended": 1.0, "oracle": 1.0},
+        **more,
+    }
 
 
 def finding(cause: str, *equivalents: str, confidence: float = 0.9) -> dict:
     return {
-        "cause": cause, "location": None, "equivalents": list(equivalents),
-        "confidence": confidence, "signal": 100.0,
-    }  # fmt: skip
+        "cause": cause,
+        "location": None,
+        "equivalents": list(equivalents),
+        "confidence": confidence,
+        "signal": 100.0,
+    }
 
 
 def row_of(text: str, begin: str) -> list[str]:

@@ -41,9 +41,7 @@ class Made:
         self.errors = dict(zip(parameters.names, drawn, strict=True))
         self.geometry = parameters.nominal + drawn
         self.chain = Chain(self.mechanism, np.zeros(3), 0.05)
-        self.machine = Machine(
-            self.chain, np.concatenate([self.geometry, np.zeros(9)]), TOOL
-        )
+        self.machine = Machine(self.chain, np.concatenate([self.geometry, np.zeros(9)]), TOOL)
 
     def point(self, q):
         rows = q.reshape(-1, 3)
@@ -225,9 +223,7 @@ def test_a_change_of_another_file_is_seen(tmp_path: Path):
             "def more(x):\n"
             f"    return x + {more}\n"
         )
-        script = (
-            "import outer; print(outer.twice(0), sum(outer.twice.stats.cache_hits.values()))"
-        )  # fmt: skip
+        script = "import outer; print(outer.twice(0), sum(outer.twice.stats.cache_hits.values()))"
         environment = {
             **os.environ,
             "PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}",
@@ -235,8 +231,11 @@ def test_a_change_of_another_file_is_seen(tmp_path: Path):
         }
         done = subprocess.run(
             [sys.executable, "-c", script],
-            check=True, capture_output=True, text=True, env=environment,
-        )  # fmt: skip
+            check=True,
+            capture_output=True,
+            text=True,
+            env=environment,
+        )
         return tuple(done.stdout.split())
 
     assert run(1) == ("2", "0")

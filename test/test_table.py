@@ -51,8 +51,10 @@ def calibration(
     chain = Chain(mechanism, np.zeros(3), 0.05, made)
     theta = chain.join(mechanism.parameters.nominal, np.zeros(3), Frame.identity())
     theta[:60] += np.array([wrong.get(name, 0.0) for name in mechanism.parameters.names])
-    values = [size * np.ones(len(e.parameters)) for e, (_, size) in
-              zip(made, (effects or {}).values(), strict=True)]  # fmt: skip
+    values = [
+        size * np.ones(len(e.parameters))
+        for e, (_, size) in zip(made, (effects or {}).values(), strict=True)
+    ]
     theta[chain.layout.effects] = np.concatenate([np.zeros(0), *values])
     lower, upper = ROBOT.joints.lower, ROBOT.joints.upper
     return Calibration(ROBOT, chain, theta, region, lower, upper, 1e-5, "made", "0" * 64)
@@ -69,9 +71,7 @@ def places(n: int, radius: float, low: float, high: float, seed: int) -> np.ndar
 @pytest.fixture(scope="module")
 def small() -> JointCompensator:
     """A machine's table over a small body."""
-    return JointCompensator(
-        calibration(errors(1), body(0.2, -0.75, -0.7)), "table"
-    )
+    return JointCompensator(calibration(errors(1), body(0.2, -0.75, -0.7)), "table")
 
 
 # The bound
@@ -93,9 +93,7 @@ def test_fifteen_nodes_keep_the_papers_disc_within_a_micrometre(seed: int) -> No
     assert after.max() <= compensator.table.worst  # which was found elsewhere
     np.testing.assert_allclose(done.model_error[whole], after, atol=1e-10)
     assert set(done.evaluations) == {1}
-    exact = JointCompensator(compensator.calibration).compensate(
-        drawing_joints(target)
-    )
+    exact = JointCompensator(compensator.calibration).compensate(drawing_joints(target))
     np.testing.assert_allclose(done.joint, exact.joint, atol=1e-6)
 
 
@@ -222,9 +220,7 @@ def test_the_work_is_handed_out_in_blocks_for_a_bar() -> None:
 
 
 def table_of(values: np.ndarray, lower=(-0.5, -0.4, 0.1), upper=(1.5, 1.2, 1.0)) -> Table:
-    return Table(
-        np.array(lower), np.array(upper), values, STAMP, "newton", 1e-6, 0.0, 1
-    )  # fmt: skip
+    return Table(np.array(lower), np.array(upper), values, STAMP, "newton", 1e-6, 0.0, 1)
 
 
 def straight(table: Table, q: np.ndarray) -> np.ndarray:

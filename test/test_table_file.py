@@ -38,10 +38,15 @@ def calibration() -> Calibration:
 
 MADE = calibration()
 TABLE = Table(
-    lower=np.array([-0.1, 0.2, 1 / 3]), upper=np.array([0.9, 1.1, 1.3]),
-    corrections=RNG.normal(0, 1e-3, (6, 6, 6, 3)), stamp=Stamp.of(MADE), solver="apso",
-    bound=1e-6, worst=4.2e-7, checked=1234,
-)  # fmt: skip
+    lower=np.array([-0.1, 0.2, 1 / 3]),
+    upper=np.array([0.9, 1.1, 1.3]),
+    corrections=RNG.normal(0, 1e-3, (6, 6, 6, 3)),
+    stamp=Stamp.of(MADE),
+    solver="apso",
+    bound=1e-6,
+    worst=4.2e-7,
+    checked=1234,
+)
 
 
 @pytest.fixture

@@ -32,8 +32,11 @@ def cell(tmp_path_factory):
         found[seed] = identify(poses, ROBOT, "rotary_delta"), poses
     play, grown = {"backlash": ({}, 4e-4)}, {"thermal_growth_arm": ({"sensor": "arm"}, 23e-6)}
     for name, seed, effects in (
-        ("plain", 5, {}), ("play", 5, play), ("grown", 5, grown), ("other", 6, {}),
-    ):  # fmt: skip
+        ("plain", 5, {}),
+        ("play", 5, play),
+        ("grown", 5, grown),
+        ("other", 6, {}),
+    ):
         fit, poses = found[seed]
         save_calibration(folder / f"{name}.yaml", with_effects(fit, ROBOT, effects), ROBOT, poses)
     turn = np.linspace(0, 5, 30)
@@ -45,11 +48,19 @@ def cell(tmp_path_factory):
 def compensate(cell: Path, name: str, method: str, *more: str) -> int:
     return run(
         [
-            "compensate", "--robot", "srbd", "--calibration", str(cell / f"{name}.yaml"),
-            "--method", method, str(cell / "targets.csv"), "--out", str(cell / f"{method}.csv"),
+            "compensate",
+            "--robot",
+            "srbd",
+            "--calibration",
+            str(cell / f"{name}.yaml"),
+            "--method",
+            method,
+            str(cell / "targets.csv"),
+            "--out",
+            str(cell / f"{method}.csv"),
             *more,
         ]
-    )  # fmt: skip
+    )
 
 
 def commands(cell: Path, method: str) -> np.ndarray:

@@ -40,8 +40,13 @@ def chain(*causes: str) -> Chain:
 
 def atoms(layout: Layout) -> tuple[slice, ...]:
     return (
-        layout.geometry, layout.offset, layout.turn, layout.place, *layout.each, layout.mount,
-    )  # fmt: skip
+        layout.geometry,
+        layout.offset,
+        layout.turn,
+        layout.place,
+        *layout.each,
+        layout.mount,
+    )
 
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
@@ -55,8 +60,15 @@ def test_parts_lie_side_by_side_and_cover_theta(layout):
 def test_places_by_hand():
     """Written out once, apart from the code: five of geometry, then 3 + 3 + 3, 2 + 0 + 1, 3."""
     assert [(p.start, p.stop) for p in atoms(FULL)] == [
-        (0, 5), (5, 8), (8, 11), (11, 14), (14, 16), (16, 16), (16, 17), (17, 20),
-    ]  # fmt: skip
+        (0, 5),
+        (5, 8),
+        (8, 11),
+        (11, 14),
+        (14, 16),
+        (16, 16),
+        (16, 17),
+        (17, 20),
+    ]
     assert (FULL.dimensions, FULL.frame, FULL.base) == (slice(0, 8), slice(8, 14), slice(0, 14))
     assert (FULL.effects, FULL.chain, FULL.size) == (slice(14, 17), slice(0, 17), 20)
     assert (FULL["play"], FULL["map"], FULL["scale"]) == FULL.each

@@ -110,13 +110,19 @@ def run_page(path: Path, folder: Path, seconds: float) -> None:
             script.append(f"mkdir -p '{place.parent}'")
             script.append(f"cat > '{place}' <<'END OF FILE'\n{step.text}END OF FILE")
         else:
-            script.append(f"{step.text}\necho \"{MARK} {len(asked)}: $?\"")
+            script.append(f'{step.text}\necho "{MARK} {len(asked)}: $?"')
             asked.append(step)
     assert asked, f"{path.name}: holds no command"
     done = subprocess.run(
-        ["bash"], input="\n".join(script), cwd=folder, env=shell_environment(folder),
-        capture_output=True, text=True, check=False, timeout=seconds,
-    )  # fmt: skip
+        ["bash"],
+        input="\n".join(script),
+        cwd=folder,
+        env=shell_environment(folder),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=seconds,
+    )
     parts = re.split(rf"^{MARK} \d+: (\d+)\n", done.stdout, flags=re.MULTILINE)
     for command, printed, code in zip(asked, parts[::2], parts[1::2], strict=False):
         where = f"{path.name}, line {command.line}: $ {command.text}"

@@ -26,14 +26,20 @@ from study.trials import tasks
 @click.option("--workers", type=click.IntRange(1), help="Of the local cluster; as many as cores.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option(
-    "--share", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True,
+    "--share",
+    type=click.FloatRange(0, min_open=True),
+    default=1.0,
+    show_default=True,
     help="Of the trials: 0.1 for a tenth of each kind.",
-)  # fmt: skip
+)
 @click.option("--only", multiple=True, metavar="GROUP", help="Kinds of trials; may be repeated.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("out/study.jsonl"), show_default=True,
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/study.jsonl"),
+    show_default=True,
     help="Outcomes, a line each; those that are there are not run again.",
-)  # fmt: skip
+)
 @click.option("--page", "document", type=click.Path(path_type=Path), help="Write the tables here.")
 def study(
     scheduler: str | None,

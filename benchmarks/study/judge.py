@@ -186,9 +186,13 @@ def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
                     continue
                 true = _true_value(trial, cause.name, ours, name.removeprefix(theirs))
                 rows.append(
-                    {"of": f"{cause.name}.{name}", "true": true,
-                     "value": estimate.value, "std": estimate.std}
-                )  # fmt: skip
+                    {
+                        "of": f"{cause.name}.{name}",
+                        "true": true,
+                        "value": estimate.value,
+                        "std": estimate.std,
+                    }
+                )
     return [row for row in rows if row["true"] is not None]
 
 

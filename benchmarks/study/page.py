@@ -146,10 +146,15 @@ def _rates(outcomes: Sequence[Outcome]) -> str:
         for least in (_NAMED, _SURE)
     ]
     rows = [
-        [name, _rate(some, _alarm), _rate(some, _in_class), _rate(some, _named),
-         _rate(some, _confidently_wrong)]
+        [
+            name,
+            _rate(some, _alarm),
+            _rate(some, _in_class),
+            _rate(some, _named),
+            _rate(some, _confidently_wrong),
+        ]
         for name, some in groups
-    ]  # fmt: skip
+    ]
     head = ["lambda", "seen", "class right", "name right", f"wrong, {_CONFIDENT:.0%} sure"]
     return _table(head, rows)
 
@@ -178,9 +183,7 @@ def _pairs(outcomes: Sequence[Outcome]) -> str:
     strong = [o for o in outcomes if len(o["hidden"]) == 2 and _weakest(o) >= _SURE]
     exact = _rate(strong, _exact)
     up_to_class = _rate(strong, _exact_classes)
-    missed = [
-        [" + ".join(o["hidden"]), _sentence(o)] for o in strong if not _exact_classes(o)
-    ]
+    missed = [[" + ".join(o["hidden"]), _sentence(o)] for o in strong if not _exact_classes(o)]
     return (
         f"Both named, and nothing else: {exact}. The same up to what cannot be told apart: "
         f"{up_to_class}.\n\n" + _table(["hidden", "said where that failed"], sorted(missed))
@@ -255,9 +258,14 @@ def _poor(outcomes: Sequence[Outcome]) -> str:
     for plan in sorted({o["plan"] for o in outcomes}):
         own = [o for o in outcomes if o["plan"] == plan and _weakest(o) >= _NAMED]
         rows.append(
-            [plan, _rate(own, _named), _rate(own, _in_class), _rate(own, _confidently_wrong),
-             _rate(own, lambda o: bool(o["cannot_tell"]))]
-        )  # fmt: skip
+            [
+                plan,
+                _rate(own, _named),
+                _rate(own, _in_class),
+                _rate(own, _confidently_wrong),
+                _rate(own, lambda o: bool(o["cannot_tell"])),
+            ]
+        )
     sure = f"wrong, {_CONFIDENT:.0%} sure"
     head = ["plan", "name right", "class right", sure, "says what it cannot tell"]
     wrong = [
@@ -274,10 +282,13 @@ def _poor(outcomes: Sequence[Outcome]) -> str:
 
 def _gain(outcomes: Sequence[Outcome]) -> str:
     named = [
-        o for o in outcomes
-        if "oracle" in o["error_um"] and o["hidden"] and _weakest(o) >= _NAMED
+        o
+        for o in outcomes
+        if "oracle" in o["error_um"]
+        and o["hidden"]
+        and _weakest(o) >= _NAMED
         and o["group"] in ("single", "pair")
-    ]  # fmt: skip
+    ]
     had = np.array([_gained(o, "extended") for o in named])
     could = np.array([_gained(o, "oracle") for o in named])
     told = [o for o in outcomes if o["error_um"]]

@@ -9,18 +9,32 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 GEOMETRY = (
-    "joint_zero_offset", "arm_length", "forearm_length", "base_joint_position",
-    "base_joint_tilt", "parallelogram_mismatch",
-)  # fmt: skip
+    "joint_zero_offset",
+    "arm_length",
+    "forearm_length",
+    "base_joint_position",
+    "base_joint_tilt",
+    "parallelogram_mismatch",
+)
 MEASUREMENT = ("tracker_drift", "timestamp_latency")
 DRIVES = (
-    "backlash", "stick_slip", "joint_lag", "encoder_eccentricity", "transmission_error",
-    "joint_scale", "joint_zero_drift", "joint_compliance", "dynamic_deflection",
-)  # fmt: skip
+    "backlash",
+    "stick_slip",
+    "joint_lag",
+    "encoder_eccentricity",
+    "transmission_error",
+    "joint_scale",
+    "joint_zero_drift",
+    "joint_compliance",
+    "dynamic_deflection",
+)
 STRUCTURE = (
-    "thermal_growth_arm", "thermal_growth_base", "thermal_growth_forearm",
-    "forearm_compliance", "ball_joint_clearance",
-)  # fmt: skip
+    "thermal_growth_arm",
+    "thermal_growth_base",
+    "thermal_growth_forearm",
+    "forearm_compliance",
+    "ball_joint_clearance",
+)
 BEYOND_GEOMETRY = MEASUREMENT + DRIVES + STRUCTURE
 KINDS = ("bump", "ripple", "drag", "cross_talk", "grip", "rub", "rocking")
 POOR = ("poor", "one_sided", "one_payload", "no_sweeps", "still", "no_temperatures")

@@ -32,9 +32,12 @@ KINDS = (".yaml", ".yml", ".json")
 @click.command("compare", short_help="drift of calibrations or verdicts over months")
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option(
-    "--robot", "robot_file", default=None, metavar="FILE|NAME",
+    "--robot",
+    "robot_file",
+    default=None,
+    metavar="FILE|NAME",
     help="The robot of the calibrations; verdicts need none.",
-)  # fmt: skip
+)
 @click.option("--out", type=PATH, default=None, help="HTML page to write; it opens offline.")
 @figures_option
 @numbers_option

@@ -46,25 +46,36 @@ _BATCH = 64  # commands searched side by side
 @click.command("compensate", short_help="joint commands that put the tool where it is meant to be")
 @robot_option
 @click.option(
-    "--calibration", "calibration_file", type=click.Path(path_type=Path), required=True,
+    "--calibration",
+    "calibration_file",
+    type=click.Path(path_type=Path),
+    required=True,
     help="File that `fit` wrote for this robot.",
-)  # fmt: skip
+)
 @click.option(
-    "--method", type=click.Choice(METHODS), default=None,
+    "--method",
+    type=click.Choice(METHODS),
+    default=None,
     help="How corrections are found.  [default: apso; newton where more than three joints are "
     "searched]",
-)  # fmt: skip
+)
 @click.argument("targets", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
 @click.option(
-    "--payload", type=MASS, default=None, metavar="KG",
+    "--payload",
+    type=MASS,
+    default=None,
+    metavar="KG",
     help="What the platform will carry at its centre; for a calibration with loads in it.",
-)  # fmt: skip
+)
 @click.option(
-    "--temperature", "temperatures", multiple=True, metavar="PART=DEGREES",
+    "--temperature",
+    "temperatures",
+    multiple=True,
+    metavar="PART=DEGREES",
     type=OfPart(CELSIUS, "arm=27.5"),
     help="How warm a part will be; for a calibration with growth in it. As often as needed.",
-)  # fmt: skip
+)
 @table_options
 @seed_option
 def command(
@@ -194,8 +205,11 @@ def warmth_by_part(
                 f"--temperature {part}={celsius:g}: {part} is given before as {by_part[part]:g}"
             )
         if part not in asked:
-            click.echo(f"no growth of {part} in the calibration: --temperature {part}="
-                       f"{celsius:g} changes nothing", err=True)  # fmt: skip
+            click.echo(
+                f"no growth of {part} in the calibration: --temperature {part}="
+                f"{celsius:g} changes nothing",
+                err=True,
+            )
         by_part[part] = celsius
     return by_part
 

@@ -49,9 +49,11 @@ _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 @click.command("demo", short_help="a live simulated cell, from measurement to compensation")
 @click.option("--robot", "robot_file", default="srbd", show_default=True, metavar="FILE|NAME")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=None,
+    "--out",
+    type=click.Path(path_type=Path),
+    default=None,
     help="Folder for what is left.  [default: out/demo; of another robot out/demo_ROBOT]",
-)  # fmt: skip
+)
 @click.option(
     "--seed", type=click.IntRange(min=0), default=7, show_default=True, help="Of the machine."
 )
@@ -59,12 +61,12 @@ _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
     "--method", type=click.Choice(["newton", "apso"]), default="newton", show_default=True
 )
 @click.option(
-    "--draw", type=click.IntRange(min=0), default=None,
+    "--draw",
+    type=click.IntRange(min=0),
+    default=None,
     help="Of what the second act of a live cell hides.  [default: by the clock]",
-)  # fmt: skip
-def command(
-    robot_file: str, out: Path | None, seed: int, method: str, draw: int | None
-) -> None:
+)
+def command(robot_file: str, out: Path | None, seed: int, method: str, draw: int | None) -> None:
     """Take a simulated cell through a calibration.
 
     A robot of the Delta paper's kind (srbd): its nodes are started as processes on this machine.
@@ -100,9 +102,7 @@ def _without_nodes(robot: Robot, called: str, out: Path, seed: int, method: str)
     _report(out, robot)
 
 
-def _with_nodes(
-    robot_file: str, out: Path, seed: int, method: str, draw: int | None
-) -> None:
+def _with_nodes(robot_file: str, out: Path, seed: int, method: str, draw: int | None) -> None:
     """The demonstration of a live cell."""
     if importlib.util.find_spec("rclpy") is None:
         raise InputError(

@@ -40,13 +40,18 @@ _FILE = click.Path(path_type=Path)
 @in_force_option
 @click.option("--json", "json_file", type=_FILE, default=None, help="Verdict to write.")
 @click.option(
-    "--out", type=_FILE, default=None,
+    "--out",
+    type=_FILE,
+    default=None,
     help="Calibration file to write, extended by what was found.",
-)  # fmt: skip
+)
 @click.option(
-    "--report", "report_file", type=_FILE, default=None,
+    "--report",
+    "report_file",
+    type=_FILE,
+    default=None,
     help="HTML page to write; it opens offline.",
-)  # fmt: skip
+)
 @model_option
 @seed_option
 @topics_option
@@ -108,9 +113,7 @@ def diagnosed(
             bar.update(STEPS.index(name) - bar.n)
             bar.set_description(name)
 
-        return diagnose(
-            seen, robot, model, seed=seed, calibration=calibration, step=step
-        )
+        return diagnose(seen, robot, model, seed=seed, calibration=calibration, step=step)
 
 
 def describe(

@@ -28,31 +28,48 @@ _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # that a source may include by this name
 @click.command("export", short_help="the identified machine, for controllers of others")
 @robot_option
 @click.option(
-    "--calibration", "calibration_file", type=click.Path(path_type=Path), required=True,
+    "--calibration",
+    "calibration_file",
+    type=click.Path(path_type=Path),
+    required=True,
     help="File that `fit` or `diagnose` wrote for this robot.",
-)  # fmt: skip
+)
 @click.option(
-    "--format", "form", type=click.Choice(FORMATS), required=True,
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    required=True,
     help="c: source and header that correct commands; urdf: the robot with its identified "
     "dimensions; dh: tables of a serial arm; csv: a corrected list of points.",
-)  # fmt: skip
+)
 @click.option(
-    "--points", type=click.Path(path_type=Path), default=None, metavar="TARGETS.csv",
+    "--points",
+    type=click.Path(path_type=Path),
+    default=None,
+    metavar="TARGETS.csv",
     help="For --format csv: the points, as for `compensate`.",
-)  # fmt: skip
+)
 @click.option(
-    "--payload", type=MASS, default=None, metavar="KG",
+    "--payload",
+    type=MASS,
+    default=None,
+    metavar="KG",
     help="For --format csv: what the platform will carry at its centre.",
-)  # fmt: skip
+)
 @click.option(
-    "--temperature", "temperatures", multiple=True, metavar="PART=DEGREES",
+    "--temperature",
+    "temperatures",
+    multiple=True,
+    metavar="PART=DEGREES",
     type=OfPart(CELSIUS, "arm=27.5"),
     help="For --format csv: how warm a part will be. As often as needed.",
-)  # fmt: skip
+)
 @click.option(
-    "--prefix", default="", metavar="NAME_",
+    "--prefix",
+    default="",
+    metavar="NAME_",
     help="For --format c: in front of every public name, for two machines in one program.",
-)  # fmt: skip
+)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
 def command(
     robot_file: str,

@@ -46,23 +46,32 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     "--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write."
 )
 @click.option(
-    "--method", type=click.Choice(METHODS), default=METHODS[0], show_default=True,
+    "--method",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
     help="How the fit (MAP: whitened residuals, robust, parts by their tolerances) is solved; "
     "docs/methods.md says what each costs and finds.",
-)  # fmt: skip
+)
 @click.option(
-    "--particles", type=click.IntRange(min=2), default=None,
+    "--particles",
+    type=click.IntRange(min=2),
+    default=None,
     help="Of a swarm.  [default: 80, as in the five-axis paper]",
-)  # fmt: skip
+)
 @click.option(
-    "--iterations", type=click.IntRange(min=1), default=None,
+    "--iterations",
+    type=click.IntRange(min=1),
+    default=None,
     help="Of each search of a swarm.  [default: 300, as in that paper; 120 of one direction]",
-)  # fmt: skip
+)
 @click.option(
-    "--order", type=click.Choice(ORDERS), default=None,
+    "--order",
+    type=click.Choice(ORDERS),
+    default=None,
     help="How stepwise_qpso goes: by singular direction, or by parameter as soon as it has "
     "settled, as in that paper.  [default: singular]",
-)  # fmt: skip
+)
 @model_option
 @seed_option
 @topics_option

@@ -38,9 +38,7 @@ def hidden_and_found(machine: Machine, extended: Path) -> str:
     return table(("hidden", "unit", "true", "found", "95 % interval"), rows)
 
 
-def _row(
-    name: str, own: str, true: float, found: tuple[float, float] | None
-) -> tuple[str, ...]:
+def _row(name: str, own: str, true: float, found: tuple[float, float] | None) -> tuple[str, ...]:
     factor, unit = _SHOWN.get(own, (1.0, own))
     if found is None:
         return name, unit, figures(factor * true, 4), NO_VALUE, NO_VALUE

@@ -19,9 +19,13 @@ from delta_calibration.robot import load_robot
 @click.command("import", short_help="make a session of anyone's table (CSV)")
 @click.argument("table", type=click.Path(path_type=Path))
 @click.option(
-    "--mapping", "mapping_file", type=click.Path(path_type=Path), required=True, metavar="YAML",
+    "--mapping",
+    "mapping_file",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="YAML",
     help="What the table's columns are, each with its unit; see docs/import.md.",
-)  # fmt: skip
+)
 @robot_option
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the session to write."

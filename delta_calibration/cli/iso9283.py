@@ -28,13 +28,19 @@ _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
 @SESSION
 @robot_option
 @click.option(
-    "--calibration", "calibration_file", type=click.Path(path_type=Path), default=None,
+    "--calibration",
+    "calibration_file",
+    type=click.Path(path_type=Path),
+    default=None,
     help="Registers the tracker; else the best frame over the same stops does, which flatters AP.",
-)  # fmt: skip
+)
 @click.option(
-    "--conditions", type=click.Choice(sorted(_CONDITIONS)), default="standard", show_default=True,
+    "--conditions",
+    type=click.Choice(sorted(_CONDITIONS)),
+    default="standard",
+    show_default=True,
     help="Cycles: 30 / 30 / 10 of the standard, or 25 / 30 / 3 of the Delta paper.",
-)  # fmt: skip
+)
 @click.option(
     "--json", "json_file", type=click.Path(path_type=Path), default=None, help="File to write."
 )

@@ -62,9 +62,7 @@ class LiveCell:
             machine["effects"] = f"[{', '.join(repr(effect) for effect in self._effects)}]"
         self._children.start("simulated_tracker", machine)
         node = {"autostart": True, "method": self._method, "ramp_s": _RAMP}
-        self._children.start(
-            "calibration_node", {**common, **node, "output": self._calibration}
-        )
+        self._children.start("calibration_node", {**common, **node, "output": self._calibration})
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -75,12 +73,18 @@ class LiveCell:
         self.begun[part] = time.time_ns()
         self._children.plan(
             {
-                "robot": self._robot_file, "plan": plan, "count": STOPS[plan], "dwell": _DWELL,
-                "rate": RATE, "both_sides": both_sides, "radius": RADIUS, "seed": self._seed,
+                "robot": self._robot_file,
+                "plan": plan,
+                "count": STOPS[plan],
+                "dwell": _DWELL,
+                "rate": RATE,
+                "both_sides": both_sides,
+                "radius": RADIUS,
+                "seed": self._seed,
                 "subscribers": 2,  # the calibration node and the recorder
             },
             _TIMEOUT,
-        )  # fmt: skip
+        )
 
     def order(self, service: str, value: bool | None = None) -> str:
         """Call a service of the calibration node; its answer's message."""

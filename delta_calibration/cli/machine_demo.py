@@ -72,9 +72,7 @@ def machine_demo(
     summary: dict[str, object] = {"first_act": _first_act(robot, out, seed, method, trial, say)}
     if robot.camera is not None:
         say("positioning by a camera, without a model")
-        summary["camera"] = positioned_by_camera(
-            draw_machine(robot, seed), robot.camera, seed
-        )
+        summary["camera"] = positioned_by_camera(draw_machine(robot, seed), robot.camera, seed)
     summary["second_act"] = _second_act(robot, out, seed, method, trial, say)
     again = f"--robot {shlex.quote(called)} --seed {seed} --method {method}"
     click.echo(f"the same again: delta-cal demo {again}\n")

@@ -16,9 +16,22 @@ from delta_calibration.errors import CalibrationError
 
 VERBS = (
     "completion",
-    "plan", "simulate", "fit", "diagnose", "report", "compare", "compensate", "export", "iso9283",
-    "replay", "import", "info", "recover", "urdf", "demo",
-)  # fmt: skip
+    "plan",
+    "simulate",
+    "fit",
+    "diagnose",
+    "report",
+    "compare",
+    "compensate",
+    "export",
+    "iso9283",
+    "replay",
+    "import",
+    "info",
+    "recover",
+    "urdf",
+    "demo",
+)
 _MODULES = {"import": "import_table"}  # where a verb is no name in Python
 _INTERRUPTED = 130
 

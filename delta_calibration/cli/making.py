@@ -47,9 +47,7 @@ def report_on(
     return report_of(found, robot, provenance, _standard(of_cycles, robot, calibration))
 
 
-def _standard(
-    session: Session, robot: Robot, calibration: Calibration | None
-) -> IsoReport | str:
+def _standard(session: Session, robot: Robot, calibration: Calibration | None) -> IsoReport | str:
     """The standard's criteria by its own cycles, else by the paper's; or why there are none."""
     names = robot.joints.names
     size = robot.commanded.joint_size

@@ -20,7 +20,6 @@ Item = TypeVar("Item")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-
 def robots(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """What `--robot` may go on with: a name, or a file."""
     names = [CompletionItem(name) for name in known_robots() if name.startswith(begun)]
@@ -33,9 +32,13 @@ SESSION = click.argument("session", type=click.Path(path_type=Path))
 def robot_option(function: Function) -> Function:
     """`--robot`: a robot file or name."""
     return click.option(
-        "--robot", "robot_file", required=True, metavar="FILE|NAME", shell_complete=robots,
+        "--robot",
+        "robot_file",
+        required=True,
+        metavar="FILE|NAME",
+        shell_complete=robots,
         help="Robot file (config/srbd.yaml), or the name of one that comes with it (srbd).",
-    )(function)  # fmt: skip
+    )(function)
 
 
 def seed_option(function: Function) -> Function:
@@ -52,43 +55,57 @@ def seed_option(function: Function) -> Function:
 def topics_option(function: Function) -> Function:
     """`--topic`, as often as needed."""
     return click.option(
-        "--topic", "topics", multiple=True, metavar="STREAM=TOPIC",
+        "--topic",
+        "topics",
+        multiple=True,
+        metavar="STREAM=TOPIC",
         help="Where a stream was recorded under another name: command=/my/joint_command; streams: "
         "command, states, tracker_pose, tracker_point, temperature, payload. An empty name leaves "
         "a stream out.",
-    )(function)  # fmt: skip
+    )(function)
 
 
 def model_option(function: Function) -> Function:
     """`--model`."""
     return click.option(
-        "--model", type=click.Choice(sorted(MECHANISMS)), default=None,
+        "--model",
+        type=click.Choice(sorted(MECHANISMS)),
+        default=None,
         help="Mechanism to fit; the robot file's own where not given.",
-    )(function)  # fmt: skip
+    )(function)
 
 
 def in_force_option(function: Function) -> Function:
     """`--calibration` that is the baseline."""
     return click.option(
-        "--calibration", "in_force", type=click.Path(path_type=Path), default=None,
+        "--calibration",
+        "in_force",
+        type=click.Path(path_type=Path),
+        default=None,
         help="What the robot is compensated by: held against the session in the drawing's place.",
-    )(function)  # fmt: skip
+    )(function)
 
 
 def figures_option(function: Function) -> Function:
     """`--figures`."""
     return click.option(
-        "--figures", type=click.Path(path_type=Path), default=None, metavar="FOLDER",
+        "--figures",
+        type=click.Path(path_type=Path),
+        default=None,
+        metavar="FOLDER",
         help="Also every figure as a PNG file in this folder (needs matplotlib).",
-    )(function)  # fmt: skip
+    )(function)
 
 
 def numbers_option(function: Function) -> Function:
     """`--numbers`."""
     return click.option(
-        "--numbers", type=click.Path(path_type=Path), default=None, metavar="FOLDER",
+        "--numbers",
+        type=click.Path(path_type=Path),
+        default=None,
+        metavar="FOLDER",
         help="Also all numbers: report.json, and a CSV file a figure and table.",
-    )(function)  # fmt: skip
+    )(function)
 
 
 def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:

@@ -40,38 +40,57 @@ _STOPS = 20  # of --separate, where --count is not given
 @click.command("plan", short_help="where to measure, from which side, with what load")
 @robot_option
 @click.option(
-    "--name", default=None, metavar="NAME",
+    "--name",
+    default=None,
+    metavar="NAME",
     help="A plan by name: line, disc, iso9283, identify, rich; the nodes and `simulate` have the "
     "same. `identify` spreads its places over the workspace, --identify chooses them.",
-)  # fmt: skip
+)
 @click.option(
     "--identify", is_flag=True, help="The D-optimal poses to fit the geometry, from both sides."
 )
 @click.option(
-    "--separate", nargs=2, default=None, metavar="CAUSE CAUSE",
+    "--separate",
+    nargs=2,
+    default=None,
+    metavar="CAUSE CAUSE",
     help="What parts the first cause from the second; `geometry` for all dimensions.",
-)  # fmt: skip
+)
 @click.option(
-    "--from", "session", type=click.Path(path_type=Path), default=None, metavar="SESSION",
+    "--from",
+    "session",
+    type=click.Path(path_type=Path),
+    default=None,
+    metavar="SESSION",
     help="What was measured before, to which --separate adds.",
-)  # fmt: skip
+)
 @click.option(
-    "--calibration", "calibration_file", type=click.Path(path_type=Path), default=None,
+    "--calibration",
+    "calibration_file",
+    type=click.Path(path_type=Path),
+    default=None,
     help="The machine that --separate goes by, in place of the drawing.",
-)  # fmt: skip
+)
 @click.option(
-    "--count", type=click.IntRange(min=1), default=None,
+    "--count",
+    type=click.IntRange(min=1),
+    default=None,
     help=f"Of different places ({PLACES} to identify; cycles for iso9283), or of stops for "
     "--separate (20).",
-)  # fmt: skip
+)
 @click.option(
-    "--payload-kg", type=Quantity(0, 100_000, above=True), default=2.0, show_default=True,
+    "--payload-kg",
+    type=Quantity(0, 100_000, above=True),
+    default=2.0,
+    show_default=True,
     help="That can be put on the platform, for rich and --separate.",
-)  # fmt: skip
+)
 @click.option(
-    "--radius-mm", type=Quantity(0, 1_000_000, above=True), default=None,
+    "--radius-mm",
+    type=Quantity(0, 1_000_000, above=True),
+    default=None,
     help="Keep the tool within this distance of the axis.",
-)  # fmt: skip
+)
 @seed_option
 @topics_option
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")

@@ -19,14 +19,20 @@ from delta_calibration.recording import inspect_session
 @click.command("replay", short_help="play a session onto its topics, with /clock")
 @SESSION
 @click.option(
-    "--rate", type=Quantity(1e-3, 10_000), default=1.0, show_default=True,
+    "--rate",
+    type=Quantity(1e-3, 10_000),
+    default=1.0,
+    show_default=True,
     help="Times as fast as it was recorded.",
-)  # fmt: skip
+)
 @click.option("--loop", is_flag=True, help="Begin again at the end.")
 @click.option(
-    "--start", type=Quantity(0, 1_000_000_000), default=0.0, show_default=True,
+    "--start",
+    type=Quantity(0, 1_000_000_000),
+    default=0.0,
+    show_default=True,
     help="Begin so many seconds in.",
-)  # fmt: skip
+)
 def command(session: Path, rate: float, loop: bool, start: float) -> None:
     """Play SESSION by the node `session_player`; needs ROS. Ctrl-C ends it.
 

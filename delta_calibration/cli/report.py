@@ -41,9 +41,13 @@ PATH = click.Path(path_type=Path)
 @click.option("--out", type=PATH, required=True, help="HTML page to write; it opens offline.")
 @in_force_option
 @click.option(
-    "--iso9283", "cycles", type=PATH, default=None, metavar="SESSION",
+    "--iso9283",
+    "cycles",
+    type=PATH,
+    default=None,
+    metavar="SESSION",
     help="A session of the standard's cycles (plan iso9283), where SESSION does not hold them.",
-)  # fmt: skip
+)
 @figures_option
 @numbers_option
 @model_option

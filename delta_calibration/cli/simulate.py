@@ -84,23 +84,31 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
 )
 @robot_option
 @click.option(
-    "--effect", "effects", multiple=True, metavar="NAME[:k=v,...]", shell_complete=_causes,
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="NAME[:k=v,...]",
+    shell_complete=_causes,
     help="Cause to hide, e.g. backlash:location=joint_2,value=0.0003 (SI); may be repeated.",
-)  # fmt: skip
+)
 @click.option(
-    "--plan", default="rich", show_default=True, metavar="NAME|CSV",
+    "--plan",
+    default="rich",
+    show_default=True,
+    metavar="NAME|CSV",
     help="line, disc, iso9283, identify, rich, or a CSV of tool points (x_mm, y_mm, z_mm).",
-)  # fmt: skip
+)
 @click.option(
     "--count", type=click.IntRange(min=1), default=None, help="Of points; cycles for iso9283."
 )
 @click.option(
-    "--scatter", type=Quantity(0, 1000), default=1.0, show_default=True,
+    "--scatter",
+    type=Quantity(0, 1000),
+    default=1.0,
+    show_default=True,
     help="Size of the manufacturing errors; 1 is a real machine's.",
-)  # fmt: skip
-@click.option(
-    "--rate", type=Quantity(1, 1000), default=20.0, show_default=True, help="[1/s]"
 )
+@click.option("--rate", type=Quantity(1, 1000), default=20.0, show_default=True, help="[1/s]")
 @seed_option
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the session to write."

@@ -61,9 +61,7 @@ class TableOptions:
         file = self.file
         there = file is not None and file.exists()
         table = self._loaded(file, calibration) if file and there else self._settings()
-        made = JointCompensator(
-            calibration, TABLE, seed, table=table, follow=_bar
-        )
+        made = JointCompensator(calibration, TABLE, seed, table=table, follow=_bar)
         said = f"corrections by {made.way}"
         if file and there:
             said += f", loaded from {file}"
@@ -94,18 +92,26 @@ def table_options(function: Function) -> Function:
     """`--table`, `--table-by` and `--table-bound-um`."""
     options = (
         click.option(
-            "--table", "table_file", type=click.Path(path_type=Path), default=None,
+            "--table",
+            "table_file",
+            type=click.Path(path_type=Path),
+            default=None,
             help="File of --method table: loaded if it is there, else made and written.",
         ),
         click.option(
-            "--table-by", type=click.Choice(SOLVERS), default=None,
+            "--table-by",
+            type=click.Choice(SOLVERS),
+            default=None,
             help="What finds the corrections of a table that is made.  [default: newton]",
         ),
         click.option(
-            "--table-bound-um", default=None, metavar="UM", type=Quantity(0, 1, above=True),
+            "--table-bound-um",
+            default=None,
+            metavar="UM",
+            type=Quantity(0, 1, above=True),
             help="Error that a table may have between its nodes.  [default: 1]",
         ),
-    )  # fmt: skip
+    )
     for option in reversed(options):
         function = option(function)
     return function

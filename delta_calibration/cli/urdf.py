@@ -16,9 +16,11 @@ from delta_calibration.robot import load_robot
 @click.command("urdf", short_help="the robot as URDF, for RViz and Foxglove")
 @robot_option
 @click.option(
-    "--calibration", type=click.Path(path_type=Path), default=None,
+    "--calibration",
+    type=click.Path(path_type=Path),
+    default=None,
     help="The robot as identified, with the tracker's frame, in place of the drawing.",
-)  # fmt: skip
+)
 @click.option(
     "--out", type=click.Path(path_type=Path), default=None, help="File to write; else printed."
 )

@@ -55,7 +55,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-
 @record
 class Aimed(NamedTuple):
     """What of the tool is aimed at, see aim.py."""
@@ -171,9 +170,16 @@ def stands(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
     for i in range(len(q)):
         room.signals[machine.stages.at[JOINT] + i] = q[i]
     good = stand(
-        machine.body, machine.stages, room.signals, machine.g, machine.theta,
-        room.near[0] > 0.0, machine.stray, room.x, room.state,
-    )  # fmt: skip
+        machine.body,
+        machine.stages,
+        room.signals,
+        machine.g,
+        machine.theta,
+        room.near[0] > 0.0,
+        machine.stray,
+        room.x,
+        room.state,
+    )
     room.near[0] = 1.0 if good and not machine.exact else 0.0
     if good:
         place_of(machine, room.x, room)
@@ -420,9 +426,14 @@ def corrections(
     room = scratch(machine, signals.shape[1])
     for row in range(n):
         error[row], count[row] = correct(
-            machine, search, signals[row, at : at + m].copy(), signals[row], target[row],
-            dq[row], room,
-        )  # fmt: skip
+            machine,
+            search,
+            signals[row, at : at + m].copy(),
+            signals[row],
+            target[row],
+            dq[row],
+            room,
+        )
     return dq, error, count
 
 

@@ -28,8 +28,9 @@ from delta_calibration.model.loads import bear, point_at
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-(PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, SLACK,
- NOT_REACHED) = range(8)  # fmt: skip
+(PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, SLACK, NOT_REACHED) = (
+    range(8)
+)
 FOUND, JUDGED, VERIFIED = range(3)  # what is asked for
 SHARE, LEFT, TURN, COUNT = range(4)  # numbers that are told of a command
 
@@ -145,9 +146,18 @@ def _borne(
     known = payload == payload and _finite(centre)
     where = centre if known else room.origin
     bear(
-        drawn.body.limbs, drawn.body.bearing, guards.pulls, own.state.joint, own.x, still, still,
-        payload if known else 0.0, where, own.state.room, own.state.carried,
-    )  # fmt: skip
+        drawn.body.limbs,
+        drawn.body.bearing,
+        guards.pulls,
+        own.state.joint,
+        own.x,
+        still,
+        still,
+        payload if known else 0.0,
+        where,
+        own.state.room,
+        own.state.carried,
+    )
     for pull in own.state.carried.pull:  # noqa: SIM110
         if not pull > 0.0:
             return False
@@ -320,9 +330,20 @@ def every(
             )
         else:
             code[row] = commanded(
-                drawn, machine, guards, search, q[row], signals[row], payload[row], centre[row],
-                usable[row] and mode == FOUND, target[row], dq[row], told[row], room,
-            )  # fmt: skip
+                drawn,
+                machine,
+                guards,
+                search,
+                q[row],
+                signals[row],
+                payload[row],
+                centre[row],
+                usable[row] and mode == FOUND,
+                target[row],
+                dq[row],
+                told[row],
+                room,
+            )
     return code
 
 
@@ -340,6 +361,17 @@ def single(
 ) -> int:
     """The same of one command (m,)."""
     return commanded(
-        own.drawn, own.machine, own.guards, own.search, q, signals, payload, centre, usable,
-        target, dq, told, own.room,
-    )  # fmt: skip
+        own.drawn,
+        own.machine,
+        own.guards,
+        own.search,
+        q,
+        signals,
+        payload,
+        centre,
+        usable,
+        target,
+        dq,
+        told,
+        own.room,
+    )

@@ -237,14 +237,27 @@ class JointCompensator:
         joints, told = q.shape[1], np.empty((1, 4))
         target, dq = np.empty(single.own.aim.size), np.empty((1, joints))
         code = single.run(
-            single.held, q[0], rows[0], at.payload[0], at.payload_centre[0], True, target, dq[0],
+            single.held,
+            q[0],
+            rows[0],
+            at.payload[0],
+            at.payload_centre[0],
+            True,
+            target,
+            dq[0],
             told[0],
-        )  # fmt: skip
+        )
         turns = told[:, _TURN] if single.own.aim.turns else None
         return Compensated(
-            q + dq, dq, told[:, _LEFT], told[:, _COUNT].astype(np.int64), (_VERDICTS[code],), "",
-            self._told_share(told[:, _SHARE]), turns,
-        )  # fmt: skip
+            q + dq,
+            dq,
+            told[:, _LEFT],
+            told[:, _COUNT].astype(np.int64),
+            (_VERDICTS[code],),
+            "",
+            self._told_share(told[:, _SHARE]),
+            turns,
+        )
 
     def _singles(self, parts: tuple[str, ...]) -> _Single:
         """What single commands need, made once for the parts whose temperature is known."""
@@ -291,10 +304,21 @@ class JointCompensator:
     ) -> Any:
         """Codes of commands, (n,); the last three are filled in, see command_kernel.py."""
         return _kernel().every(
-            self._drawn.compiled, own.compiled, self._guards, Newton(own, self._newton).numbers,
-            self._drawn.places.size, mode, q, signals.rows, np.ascontiguousarray(at.payload),
-            np.ascontiguousarray(at.payload_centre), usable, target, dq, told,
-        )  # fmt: skip
+            self._drawn.compiled,
+            own.compiled,
+            self._guards,
+            Newton(own, self._newton).numbers,
+            self._drawn.places.size,
+            mode,
+            q,
+            signals.rows,
+            np.ascontiguousarray(at.payload),
+            np.ascontiguousarray(at.payload_centre),
+            usable,
+            target,
+            dq,
+            told,
+        )
 
     def _search(self, own: Machine, q: Array, target: Array, signals: Any) -> Any:
         """Corrections by swarm, or by the table and, where drives have effects, from there."""
@@ -368,9 +392,16 @@ class JointCompensator:
         at, own, n = at_rest(q), self._own.bare, len(q)
         rest, target = own.resting(q), np.empty((n, own.aim.size))
         code = self._run(
-            _JUDGED, own, np.ascontiguousarray(q), at, rest, np.ones(n, dtype=np.bool_), target,
-            np.zeros((n, q.shape[1])), np.empty((n, 4)),
-        )  # fmt: skip
+            _JUDGED,
+            own,
+            np.ascontiguousarray(q),
+            at,
+            rest,
+            np.ones(n, dtype=np.bool_),
+            target,
+            np.zeros((n, q.shape[1])),
+            np.empty((n, 4)),
+        )
         return np.asarray(code == 0)
 
 

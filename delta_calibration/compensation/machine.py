@@ -193,9 +193,12 @@ class Newton:
         known = known.take(usable)
         begin = np.zeros_like(q) if start is None else start
         dq, error, count = _kernel().corrections(
-            self.machine.compiled, self.numbers, np.ascontiguousarray(known.rows),
-            np.ascontiguousarray(target[usable]), np.ascontiguousarray(begin[usable]),
-        )  # fmt: skip
+            self.machine.compiled,
+            self.numbers,
+            np.ascontiguousarray(known.rows),
+            np.ascontiguousarray(target[usable]),
+            np.ascontiguousarray(begin[usable]),
+        )
         good = error <= self.settings.tolerance
         return Correction(dq, error, count, converged=good).spread(usable)
 
@@ -224,10 +227,13 @@ class Swarm:
         known = (self.machine.resting(q) if signals is None else signals).take(usable)
         s, m = self.settings, q.shape[1]
         out = _swarm_kernel().search(
-            self.machine.compiled, self._legs, np.ascontiguousarray(known.rows),
-            np.ascontiguousarray(target[usable]), *drawn_beforehand(s, m),
+            self.machine.compiled,
+            self._legs,
+            np.ascontiguousarray(known.rows),
+            np.ascontiguousarray(target[usable]),
+            *drawn_beforehand(s, m),
             (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social),
-        )  # fmt: skip
+        )
         dq, error, count = out[:, :m].copy(), out[:, m].copy(), out[:, m + 1].astype(np.int64)
         return Correction(dq, error, count, converged=error <= s.tolerance).spread(usable)
 

@@ -29,9 +29,18 @@ from delta_calibration.errors import ConfigError, InputError
 
 _SEAL = "sha256"
 _UNREADABLE = (  # what numpy, zip and JSON raise for a file that is none of theirs, or not whole
-    OSError, ValueError, EOFError, KeyError, TypeError, AttributeError, NotImplementedError,
-    RecursionError, MemoryError, BadZipFile, zlib.error,
-)  # fmt: skip
+    OSError,
+    ValueError,
+    EOFError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    NotImplementedError,
+    RecursionError,
+    MemoryError,
+    BadZipFile,
+    zlib.error,
+)
 
 
 def save_table(path: Path, table: Table) -> None:

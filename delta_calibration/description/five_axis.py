@@ -66,12 +66,15 @@ class FiveAxisLook(Look):
         fork = abs(strut[2:, PLATFORM][:, 1]).max()
         rise = strut[2:, PLATFORM][:, 2].mean() * Z
         return Parts(
-            tuple(columns), tuple(links), tuple(joints), tuple(struts),
+            tuple(columns),
+            tuple(links),
+            tuple(joints),
+            tuple(struts),
             plate(float(np.linalg.norm(strut[0, PLATFORM][:2]))),
             (Link(_FORK, (Cylinder(rise - fork * Y, rise + fork * Y, _ROD, BLACK),)),),
             (Joint(_FORK, CONTINUOUS, TOOL, _FORK, axis=Y),),
             _unturned,
-        )  # fmt: skip
+        )
 
 
 def _unturned(values: Values, pose: Array) -> Values:

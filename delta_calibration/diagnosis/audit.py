@@ -93,9 +93,7 @@ def _along(path: Index) -> Near:
     return within, ((places < len(path)) & (path[within] == path[:, None])).astype(float)
 
 
-def _going_along(
-    evidence: Evidence, left: Array, drawn: Array, rows: Index, along: Near
-) -> float:
+def _going_along(evidence: Evidence, left: Array, drawn: Array, rows: Index, along: Near) -> float:
     """Root mean square of what neighbours on a path have in common beyond chance [m]."""
     if not along[1].any():
         return 0.0

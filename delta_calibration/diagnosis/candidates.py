@@ -63,9 +63,7 @@ class Candidate:
 
     def same_cause(self, other: Candidate) -> bool:
         """Whether both would be reported under one name."""
-        return self.cause == other.cause and (
-            not self.unexplained or self.label == other.label
-        )
+        return self.cause == other.cause and (not self.unexplained or self.label == other.label)
 
 
 def columns_of(candidate: Candidate, evidence: Evidence) -> Array:

@@ -213,9 +213,7 @@ def of_geometry(
     return _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
 
 
-def of_reflector(
-    found: Found, held: HeldOutModels, rng: np.random.Generator
-) -> Finding | None:
+def of_reflector(found: Found, held: HeldOutModels, rng: np.random.Generator) -> Finding | None:
     """What is said of a reflector that is not where the robot's file has it, by its prior."""
     evidence = found.model.beside
     log_p = displaced(evidence)

@@ -104,9 +104,7 @@ def judged(
         noise_mm=MM * found.model.floor,
         baseline=Held(name, held.mm(against)),
         calibrated=Held(_name((), start.placed), held.mm(held.members((), held.sectors))),
-        extended=Held(
-            _name(members, start.placed), held.mm(held.members(members, held.sectors))
-        ),
+        extended=Held(_name(members, start.placed), held.mm(held.members(members, held.sectors))),
         findings=tuple(findings),
         unknown_structure=unknown,
         cannot_tell=unseen(found.model.evidence, members, effects, findings),
@@ -259,9 +257,7 @@ def _where_a_map_is(found: Found, sought: Fitted, doubtful: bool) -> Iterator[Fi
     yield sought
 
 
-def _mapped(
-    model: Fitted, member: Candidate, tests: dict[str, float | None]
-) -> UnknownStructure:
+def _mapped(model: Fitted, member: Candidate, tests: dict[str, float | None]) -> UnknownStructure:
     """What the map says: how large it is, and where it is largest.
 
     Of its displacement what the geometry would not take up, as that of the map and what

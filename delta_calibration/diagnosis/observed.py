@@ -319,9 +319,7 @@ def _by_joints(observation: Observation, machine: Machine) -> Array:
     h = _DIFFERENCE * machine.mechanism.joint_size
     slopes = []
     for step in h * np.eye(joint.shape[1]):
-        ahead, back = (
-            _at(observation, joint + way).missed(machine) for way in (step, -step)
-        )
+        ahead, back = (_at(observation, joint + way).missed(machine) for way in (step, -step))
         slopes.append((back - ahead) / (2 * h))
     return np.stack(slopes, axis=-1)
 

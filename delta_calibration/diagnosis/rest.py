@@ -45,9 +45,7 @@ class Rest:
     passing: Array  # (n, 3, m) of one that goes from half less to half more
 
     @classmethod
-    def of(
-        cls, path: Index, at: Conditions, by_joints: Array, joint_size: float = 1.0
-    ) -> Rest:
+    def of(cls, path: Index, at: Conditions, by_joints: Array, joint_size: float = 1.0) -> Rest:
         """Of the paths of samples.
 
         Args:

@@ -225,9 +225,7 @@ def free_decrease(information: Array, b: Array) -> Array:
     return np.asarray(np.sum((axes[:, shown].T @ b) ** 2 / values[shown, None], axis=0))
 
 
-def log_bayes(
-    information: Array, b: Array, value: Array, spans: Sequence[slice] = ()
-) -> float:
+def log_bayes(information: Array, b: Array, value: Array, spans: Sequence[slice] = ()) -> float:
     """ln B at v: the explained part less the price of the parameters."""
     explained = float(b @ value - value @ information @ value / 2)
     return explained - price_of(information, value, spans)

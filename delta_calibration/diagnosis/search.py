@@ -206,9 +206,7 @@ def _without_maps(
     return members
 
 
-def beyond_names(
-    model: Fitted, here: Scan, short: tuple[Score, ...]
-) -> tuple[Candidate, ...]:
+def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:
     """The members, a map in the place of names that are not plainly likelier.
 
     Nothing is left beside true causes, and each does what no map does at its price. Beside one

@@ -41,7 +41,10 @@ class Backlash(Effect):
         """By the direction in which the joint last went."""
         return by_direction(at, joint)
 
-    takes: ClassVar[tuple[str, ...]] = (DIRECTION, TRAVEL,)
+    takes: ClassVar[tuple[str, ...]] = (
+        DIRECTION,
+        TRAVEL,
+    )
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

@@ -317,9 +317,7 @@ class StageTerms:
         """What they add with these values (k,) at every sample, (n, size)."""
         return np.asarray(_terms().shifts(self.table, signals.rows, values, self.size))
 
-    def columns(
-        self, signals: Signals, values: Array, by_stage: Array | None = None
-    ) -> Array:
+    def columns(self, signals: Signals, values: Array, by_stage: Array | None = None) -> Array:
         """Derivatives by their values (k,), (n, d, k), see `Effect.columns_of`."""
         through = np.eye(self.size)[None] if by_stage is None else np.ascontiguousarray(by_stage)
         return np.asarray(_terms().columns(self.table, signals.rows, values, through))
@@ -331,9 +329,7 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
         table_of_stage(stage, effects, each, places) for stage in (Stage.DRIVE, Stage.STRUCTURE)
     ]
     at = np.array([places.begin(name) for name in chain_constants.NAMES])
-    return _stand().Stages(
-        *tables, asked_of_stages(effects), standing_asked(_taken(effects)), at
-    )
+    return _stand().Stages(*tables, asked_of_stages(effects), standing_asked(_taken(effects)), at)
 
 
 def asked_of_stages(effects: Sequence[Effect]) -> int:

@@ -57,9 +57,7 @@ class JointCurve(Effect):
     def over(cls, robot: Robot, mechanism: Mechanism, joint: Array, width: float) -> JointCurve:
         """Of joints that were seen at these places (n, m); `width` is in the same unit."""
         low, high = joint.min(axis=0), joint.max(axis=0)
-        return cls(
-            robot, mechanism, width, lower=tuple(low.tolist()), upper=tuple(high.tolist())
-        )
+        return cls(robot, mechanism, width, lower=tuple(low.tolist()), upper=tuple(high.tolist()))
 
     @property
     def parameters(self) -> ParameterSet:

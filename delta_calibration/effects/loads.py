@@ -15,7 +15,6 @@ from delta_calibration.samples import Conditions
 Array = NDArray[np.float64]
 
 
-
 def carried_mass(robot: Robot, at: Conditions) -> Array:
     """What moves with the platform, the payload among it, (n,) [kg]."""
     return np.asarray(robot.masses.on_platform + at.payload)

@@ -40,7 +40,10 @@ class ReducerCompliance(Effect):
         """1/k of each joint [rad/(N m)]: reducers of such arms have 1e4 to 1e5 N m/rad."""
         return self.each_joint("compliance", "rad/(N m)", 4e-5, 0.0, 1e-2)
 
-    takes: ClassVar[tuple[str, ...]] = (GRAVITY, INERTIA,)
+    takes: ClassVar[tuple[str, ...]] = (
+        GRAVITY,
+        INERTIA,
+    )
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

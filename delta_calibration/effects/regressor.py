@@ -36,9 +36,7 @@ def _length(v: Array) -> Array:
 ANGLE = Regressor("angle of the joint [°]", lambda at, j: _DEGREES * at.joint[:, j])
 CLOCK = Regressor("time [min]", lambda at, j: at.time / 60)
 VELOCITY = Regressor("speed of the joint [°/s]", lambda at, j: _DEGREES * at.velocity[:, j])
-ACCELERATION = Regressor(
-    "acceleration of the joint [rad/s²]", lambda at, j: at.acceleration[:, j]
-)
+ACCELERATION = Regressor("acceleration of the joint [rad/s²]", lambda at, j: at.acceleration[:, j])
 LOAD = Regressor("payload [kg]", lambda at, j: at.payload)
 DISTANCE = Regressor("distance from the tracker [m]", lambda at, j: _length(at.reading))
 READING_SPEED = Regressor(

@@ -33,8 +33,10 @@ def pairs(
     """A term for each pair: its loads, one value, its mean and its mismatch."""
     names = mechanism.parameters.names
     for leg in range(1, mechanism.joints + 1):
-        rows = [names.index(f"{what}_{leg}") if f"{what}_{leg}" in names else -1
-                for what in ("rod", "rod_mismatch")]  # fmt: skip
+        rows = [
+            names.index(f"{what}_{leg}") if f"{what}_{leg}" in names else -1
+            for what in ("rod", "rod_mismatch")
+        ]
         load = places.begin(LOAD)
         signals = tuple(load + row if row >= 0 else places.begin(NOTHING) for row in rows)
         yield Term(signals, (0,), tuple(rows), constants)

@@ -56,9 +56,7 @@ class Places:
     @classmethod
     def of(cls, mechanism: Mechanism, parts: tuple[str, ...]) -> Places:
         """Of a mechanism, and the parts whose temperature is recorded."""
-        return _places(
-            mechanism.joints, mechanism.pose_size, len(mechanism.parameters), parts
-        )
+        return _places(mechanism.joints, mechanism.pose_size, len(mechanism.parameters), parts)
 
     @property
     def of_joints(self) -> tuple[str, ...]:
@@ -189,9 +187,16 @@ def standing(
     if asked:
         q = found.of(JOINT) if joint is None else joint
         weight, inertia, load, pull, home = mechanism.loads(
-            robot.masses, asked, q, x, g,
-            found.of(RATE), found.of(ACCELERATION), found.of(PAYLOAD)[:, 0], found.of(CENTRE),
-        )  # fmt: skip
+            robot.masses,
+            asked,
+            q,
+            x,
+            g,
+            found.of(RATE),
+            found.of(ACCELERATION),
+            found.of(PAYLOAD)[:, 0],
+            found.of(CENTRE),
+        )
         loads = {GRAVITY: weight, INERTIA: inertia, LOAD: load}
         if mechanism.pulls:
             loads |= {PULL: pull, PULL_HOME: home}

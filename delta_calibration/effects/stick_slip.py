@@ -52,7 +52,10 @@ class StickSlip(Effect):
         """By the direction in which the joint last went."""
         return by_direction(at, joint)
 
-    takes: ClassVar[tuple[str, ...]] = (DIRECTION, RATE,)
+    takes: ClassVar[tuple[str, ...]] = (
+        DIRECTION,
+        RATE,
+    )
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

@@ -61,7 +61,10 @@ class TrackerDrift(Effect):
         del thermometers
         return {"time_constant": WARM_UP}
 
-    takes: ClassVar[tuple[str, ...]] = (READING, TIME,)
+    takes: ClassVar[tuple[str, ...]] = (
+        READING,
+        TIME,
+    )
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

@@ -83,7 +83,6 @@ class TransmissionError(Effect):
         for cycles in np.arange(least, _MOST_CYCLES / size, step).tolist():
             yield replace(self, cycles=cycles)
 
-
     def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search."""
         size = self.mechanism.joint_size

@@ -64,9 +64,12 @@ WIDE, NARROW, FLAT = 0.5, 0.25, 0.0  # width of a bump over the spread of the pl
 _BUMPS = {POSITION: (WIDE, NARROW), PAYLOAD: (FLAT, NARROW)}
 _AGAINST = {SPEED: VELOCITY, TIME: CLOCK, PAYLOAD: LOAD}  # what a map is drawn against
 _SIGNALS = {  # what a map moves with
-    DIRECTION: signals.DIRECTION, SPEED: signals.RATE, PAYLOAD: signals.PAYLOAD,
-    TIME: signals.TIME, TEMPERATURE: signals.TEMPERATURE,
-}  # fmt: skip
+    DIRECTION: signals.DIRECTION,
+    SPEED: signals.RATE,
+    PAYLOAD: signals.PAYLOAD,
+    TIME: signals.TIME,
+    TEMPERATURE: signals.TEMPERATURE,
+}
 _SCALES = {TIME: (0.0, 1 / HOUR), TEMPERATURE: (REFERENCE, 0.1)}  # offset and scale
 _ALONG = 12  # bumps along a joint's angle
 

@@ -18,10 +18,19 @@ from delta_calibration.model import library
 from delta_calibration.model.law import STAGES, Law
 
 _SIGNS: dict[type[ast.AST], str] = {
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/",
-    ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
-    ast.And: "&&", ast.Or: "||",
-}  # fmt: skip
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.And: "&&",
+    ast.Or: "||",
+}
 # as Python has them, the first if neither is the lesser; names of machine.c
 _FUNCTIONS = {"abs": "fabs", "min": "smaller", "max": "larger"}
 _NAMES = {"inf": "INFINITY", "nan": "NAN"}

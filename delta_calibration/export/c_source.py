@@ -43,11 +43,26 @@ FIRST = "first"  # stands for the part whose temperature a session recorded firs
 
 _MARK, _CONSTANTS = "/* @MACHINE@ */", "/* @CONSTANTS@ */"
 _PUBLIC = (
-    "correct", "correct_begin", "correct_in", "conditions", "conditions_at_rest",
-)  # fmt: skip
-_MACROS = ("JOINTS", "TEMPERATURES", "ROOM", "PASSED", "NOT_FINITE", "JOINT_LIMIT",
-           "OUT_OF_REACH", "OUTSIDE_REGION", "SINGULAR", "SLACK", "NOT_REACHED",
-           "MISSING_CONDITION")  # fmt: skip
+    "correct",
+    "correct_begin",
+    "correct_in",
+    "conditions",
+    "conditions_at_rest",
+)
+_MACROS = (
+    "JOINTS",
+    "TEMPERATURES",
+    "ROOM",
+    "PASSED",
+    "NOT_FINITE",
+    "JOINT_LIMIT",
+    "OUT_OF_REACH",
+    "OUTSIDE_REGION",
+    "SINGULAR",
+    "SLACK",
+    "NOT_REACHED",
+    "MISSING_CONDITION",
+)
 
 
 @dataclass(frozen=True)

@@ -81,9 +81,7 @@ def alternate(
     raise _restless(moved, still, rounds)
 
 
-def together(
-    problem: JointProblem, frame: Frame | None = None, still: float = STILL
-) -> JointFit:
+def together(problem: JointProblem, frame: Frame | None = None, still: float = STILL) -> JointFit:
     """Geometry and frame at once; the same answer where nothing is left to a gauge.
 
     Raises:

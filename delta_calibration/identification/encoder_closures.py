@@ -96,9 +96,7 @@ class EncoderClosure(Observation):
     def slopes(self, machine: Machine) -> Array:
         """de/dg, (n, r - k, p + 6)."""
         _, q, x, white = self._closed(machine)
-        return without_frame(
-            white @ machine.mechanism.closure_by_geometry(q, x, machine.geometry)
-        )
+        return without_frame(white @ machine.mechanism.closure_by_geometry(q, x, machine.geometry))
 
     def _closed(self, machine: Machine) -> tuple[Array, Array, Array, Array]:
         """e, (n, r - k); q', (n, m); x, (n, k); and L^-1 N^T there, (n, r - k, r).

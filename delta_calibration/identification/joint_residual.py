@@ -144,9 +144,7 @@ def joint_covariance(
     g = mechanism.parameters.nominal
     q = mechanism.inverse(pose, g)
     mechanism.require_reach(q, pose, "measured pose", "m")
-    slope = solve(
-        mechanism.closure_by_joints(q, pose, g), mechanism.closure_by_pose(q, pose, g)
-    )
+    slope = solve(mechanism.closure_by_joints(q, pose, g), mechanism.closure_by_pose(q, pose, g))
     own = joint_sigma**2 * np.eye(mechanism.joints)
     return np.asarray(own + slope @ pose_covariance @ np.swapaxes(slope, 1, 2))
 

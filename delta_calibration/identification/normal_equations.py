@@ -20,9 +20,7 @@ Array = NDArray[np.float64]
 
 
 @compiled()
-def whitened(
-    missed: Array, jacobian: Array, whiten: Array, basis: Array
-) -> tuple[Array, Array]:
+def whitened(missed: Array, jacobian: Array, whiten: Array, basis: Array) -> tuple[Array, Array]:
     """Residuals (n, d), and rows (n d, F) by the unknowns.
 
     Args:
@@ -47,9 +45,7 @@ def whitened(
 
 
 @compiled()
-def judged(
-    residual: Array, bend: float, cut: float, spread: float
-) -> tuple[Array, float]:
+def judged(residual: Array, bend: float, cut: float, spread: float) -> tuple[Array, float]:
     """Weight of each pose (n,), and the cost of all residuals (n, d) under a loss.
 
     Args:

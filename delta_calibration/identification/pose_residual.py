@@ -51,9 +51,7 @@ class PoseResidual:
                 f"joint vectors of {self.mechanism.name}; ({n}, {k}) and ({n}, {k}, {k}) do"
             )
         if n * k < len(self.free):
-            raise DataError(
-                f"{n} poses of {k} coordinates do not set {len(self.free)} parameters"
-            )
+            raise DataError(f"{n} poses of {k} coordinates do not set {len(self.free)} parameters")
         for what, values in (("joints", self.joint), ("pose", self.pose)):
             bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
             if bad.size:

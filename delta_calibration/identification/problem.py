@@ -100,17 +100,30 @@ class Problem:
         basis[own, own] = self.basis
         unknown = np.zeros(len(MOUNT_NAMES), dtype=bool)
         return Problem(
-            self.chain, self.at, self.y, whiten, start, basis,
-            np.append(self.has_prior, unknown), np.append(self.free, ~unknown), turns,
-        )  # fmt: skip
+            self.chain,
+            self.at,
+            self.y,
+            whiten,
+            start,
+            basis,
+            np.append(self.has_prior, unknown),
+            np.append(self.free, ~unknown),
+            turns,
+        )
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """The same problem on some of the poses."""
         return Problem(
-            self.chain, self.at.take(rows), self.y[rows], self.whiten[rows],
-            self.theta0, self.basis, self.has_prior, self.free,
+            self.chain,
+            self.at.take(rows),
+            self.y[rows],
+            self.whiten[rows],
+            self.theta0,
+            self.basis,
+            self.has_prior,
+            self.free,
             None if self.turns is None else self.turns.take(rows),
-        )  # fmt: skip
+        )
 
     def only(self, free: Mask) -> Problem:
         """The same problem with other parameters free."""
@@ -184,9 +197,7 @@ class Solution:
         return self.at.residual
 
 
-def build_problem(
-    chain: Chain, at: Conditions, y: Array, whiten: Array, start: Array
-) -> Problem:
+def build_problem(chain: Chain, at: Conditions, y: Array, whiten: Array, start: Array) -> Problem:
     """A problem with every parameter free, scales and priors from the chain's parameters."""
     prior = chain.parameters.prior
     finite = np.isfinite(prior)
@@ -317,9 +328,7 @@ def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _St
     handful of steps do. Evaluations are counted from the beginning on.
     """
     now = _under(problem, loss, begin)
-    _require_reach(
-        problem, now, "the nominal robot", "another robot, or joints of another zero?"
-    )
+    _require_reach(problem, now, "the nominal robot", "another robot, or joints of another zero?")
     every, rest = np.ones(len(now.z), dtype=bool), ~problem.offset_rows()
     in_two = not rest.all()
     if in_two:

@@ -88,9 +88,7 @@ class Turns:
         return rotations.log(self.rotation @ np.swapaxes(predicted, 1, 2)), slope
 
 
-def pose_covariance(
-    poses: Poses, robot: Robot, chain: Chain, noise: Noise, theta: Array
-) -> Array:
+def pose_covariance(poses: Poses, robot: Robot, chain: Chain, noise: Noise, theta: Array) -> Array:
     """Covariance of positions and turns together, (n, 6, 6) [m, rad].
 
     A joint that comes to rest beside its command moves and turns the platform at once.

@@ -312,9 +312,7 @@ class Mechanism(ABC):
     def _closure(self) -> Law:
         rows = len(self.limbs[0].rows)
         fixed, near = ("g", "c"), ("x", "q")
-        return Law(
-            self.law_name, self._groups, rows, self.equation, fixed, ("x",), near, ("g",)
-        )
+        return Law(self.law_name, self._groups, rows, self.equation, fixed, ("x",), near, ("g",))
 
     @cached_property
     def _opening(self) -> Law | None:
@@ -324,9 +322,7 @@ class Mechanism(ABC):
         count = len(self.limbs)
         groups = tuple((name, count * size) for name, size in self._groups if name != "x")
         law = partial(_of_limbs, own, groups, count)
-        return Law(
-            f"{self.law_name}_opening", groups, self.pose_size, law, ("g", "c")
-        )
+        return Law(f"{self.law_name}_opening", groups, self.pose_size, law, ("g", "c"))
 
     @cached_property
     def _reaching(self) -> Law | None:
@@ -423,9 +419,16 @@ class Mechanism(ABC):
         c, bearing = self._compiled, self.bearing(masses)
         n, m = len(q), self.joints
         found = _loads().every(
-            c.limbs, c.size, bearing, asked, *self._samples(q, x, g), _rows(rate, m, n),
-            _rows(acceleration, m, n), _rows(payload[:, None], 1, n)[:, 0], _rows(centre, 3, n),
-        )  # fmt: skip
+            c.limbs,
+            c.size,
+            bearing,
+            asked,
+            *self._samples(q, x, g),
+            _rows(rate, m, n),
+            _rows(acceleration, m, n),
+            _rows(payload[:, None], 1, n)[:, 0],
+            _rows(centre, 3, n),
+        )
         weight, inertia, load, pull, home = found
         return weight, inertia, load, pull, home
 

@@ -52,9 +52,7 @@ class CableRobot(Mechanism):
     Tolerances = CableTolerances
     Masses = CableMasses
 
-    def __init__(
-        self, dimensions: CableDimensions, tolerances: CableTolerances
-    ) -> None:
+    def __init__(self, dimensions: CableDimensions, tolerances: CableTolerances) -> None:
         """From the drawing and the expected errors of the parts."""
         self.dimensions = dimensions
         self.tolerances = tolerances

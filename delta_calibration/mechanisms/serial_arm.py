@@ -232,4 +232,3 @@ def _turned_by(state: Any, axis: int, angle: Symbol) -> Any:
     half = [0, 0, 0]
     half[axis] = sy.sin(angle / 2)
     return position, sy.quaternion_product(turn, sy.column(sy.cos(angle / 2), *half)), mixed
-

@@ -132,6 +132,7 @@ def alike(spheres: RotaryDelta, g: Array) -> tuple[SixRodDelta, Array]:
     leg[:, [ELBOW_X, ELBOW_Z]] = -leg[:, [TILT_X, TILT_Z]]  # the pairs stay parallel
     return model, leg.reshape(-1)
 
+
 def _sphere(g: Symbol) -> Symbol:
     """The parameters that a leg of `RotaryDelta` has: hinge less platform joint, and the rest."""
     return column(g[BASE] - g[PLATFORM], g[TILT_X : ROD + 1])

@@ -8,13 +8,37 @@ to it as `Stages.at`, in this order: `at[POSE]` is where the pose begins.
 from __future__ import annotations
 
 NAMES = (
-    "joint", "rate", "acceleration", "gravity", "inertia", "pull", "pull_home",
-    "pose", "geometry", "load", "payload", "centre", "reading", "reading_rate",
-)  # fmt: skip
+    "joint",
+    "rate",
+    "acceleration",
+    "gravity",
+    "inertia",
+    "pull",
+    "pull_home",
+    "pose",
+    "geometry",
+    "load",
+    "payload",
+    "centre",
+    "reading",
+    "reading_rate",
+)
 (
-    JOINT, RATE, ACCELERATION, GRAVITY, INERTIA, PULL, PULL_HOME,
-    POSE, GEOMETRY, LOAD, PAYLOAD, CENTRE, READING, READING_RATE,
-) = range(len(NAMES))  # fmt: skip
+    JOINT,
+    RATE,
+    ACCELERATION,
+    GRAVITY,
+    INERTIA,
+    PULL,
+    PULL_HOME,
+    POSE,
+    GEOMETRY,
+    LOAD,
+    PAYLOAD,
+    CENTRE,
+    READING,
+    READING_RATE,
+) = range(len(NAMES))
 
 # Loads are asked for by a sum of these.
 OF_WEIGHT, OF_INERTIA, OF_PULLS = 1, 2, 4

@@ -104,9 +104,24 @@ class CompiledLaw:
 _WORD, _INPUT = re.compile(r"[a-z]\w*"), re.compile(r"i\d+")
 _DIGEST = "digest of this file"
 _FUNCTIONS = (
-    "acos", "asin", "atan", "atan2", "ceil", "cos", "cosh", "exp", "floor", "inf", "log", "nan",
-    "sin", "sinh", "sqrt", "tan", "tanh",
-)  # fmt: skip
+    "acos",
+    "asin",
+    "atan",
+    "atan2",
+    "ceil",
+    "cos",
+    "cosh",
+    "exp",
+    "floor",
+    "inf",
+    "log",
+    "nan",
+    "sin",
+    "sinh",
+    "sqrt",
+    "tan",
+    "tanh",
+)
 
 
 @dataclass
@@ -295,24 +310,45 @@ def _walk(
 def _texts(ca: Any) -> dict[int, str]:
     """Python for each of CasADi's operations; truth is 1.0 or 0.0 there."""
     plain = {
-        ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}",
-        ca.OP_MUL: "{0} * {1}", ca.OP_DIV: "{0} / {1}", ca.OP_NEG: "-({0})",
-        ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "2.0 * {0}", ca.OP_INV: "1.0 / {0}",
-        ca.OP_FABS: "abs({0})", ca.OP_FMIN: "min({0}, {1})", ca.OP_FMAX: "max({0}, {1})",
-        ca.OP_LT: "1.0 if {0} < {1} else 0.0", ca.OP_LE: "1.0 if {0} <= {1} else 0.0",
-        ca.OP_EQ: "1.0 if {0} == {1} else 0.0", ca.OP_NE: "1.0 if {0} != {1} else 0.0",
+        ca.OP_ASSIGN: "{0}",
+        ca.OP_ADD: "{0} + {1}",
+        ca.OP_SUB: "{0} - {1}",
+        ca.OP_MUL: "{0} * {1}",
+        ca.OP_DIV: "{0} / {1}",
+        ca.OP_NEG: "-({0})",
+        ca.OP_SQ: "{0} * {0}",
+        ca.OP_TWICE: "2.0 * {0}",
+        ca.OP_INV: "1.0 / {0}",
+        ca.OP_FABS: "abs({0})",
+        ca.OP_FMIN: "min({0}, {1})",
+        ca.OP_FMAX: "max({0}, {1})",
+        ca.OP_LT: "1.0 if {0} < {1} else 0.0",
+        ca.OP_LE: "1.0 if {0} <= {1} else 0.0",
+        ca.OP_EQ: "1.0 if {0} == {1} else 0.0",
+        ca.OP_NE: "1.0 if {0} != {1} else 0.0",
         ca.OP_NOT: "0.0 if {0} != 0.0 else 1.0",
         ca.OP_AND: "1.0 if {0} != 0.0 and {1} != 0.0 else 0.0",
         ca.OP_OR: "1.0 if {0} != 0.0 or {1} != 0.0 else 0.0",
         ca.OP_IF_ELSE_ZERO: "{1} if {0} != 0.0 else 0.0",
         ca.OP_SIGN: "(1.0 if {0} > 0.0 else 0.0) - (1.0 if {0} < 0.0 else 0.0)",
-        ca.OP_POW: "{0} ** {1}", ca.OP_CONSTPOW: "{0} ** {1}",
-    }  # fmt: skip
+        ca.OP_POW: "{0} ** {1}",
+        ca.OP_CONSTPOW: "{0} ** {1}",
+    }
     functions = {
-        ca.OP_SQRT: "sqrt", ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_ACOS: "acos",
-        ca.OP_EXP: "exp", ca.OP_LOG: "log", ca.OP_TANH: "tanh", ca.OP_TAN: "tan",
-        ca.OP_ASIN: "asin", ca.OP_ATAN: "atan", ca.OP_SINH: "sinh", ca.OP_COSH: "cosh",
-        ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil",
-    }  # fmt: skip
+        ca.OP_SQRT: "sqrt",
+        ca.OP_SIN: "sin",
+        ca.OP_COS: "cos",
+        ca.OP_ACOS: "acos",
+        ca.OP_EXP: "exp",
+        ca.OP_LOG: "log",
+        ca.OP_TANH: "tanh",
+        ca.OP_TAN: "tan",
+        ca.OP_ASIN: "asin",
+        ca.OP_ATAN: "atan",
+        ca.OP_SINH: "sinh",
+        ca.OP_COSH: "cosh",
+        ca.OP_FLOOR: "floor",
+        ca.OP_CEIL: "ceil",
+    }
     calls = {code: f"{name}({{0}})" for code, name in functions.items()}
     return {**plain, **calls, ca.OP_ATAN2: "atan2({0}, {1})"}

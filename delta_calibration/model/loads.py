@@ -47,7 +47,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-
 @record
 class Bearing(NamedTuple):
     """What a mechanism carries and where; z is up.
@@ -333,9 +332,18 @@ def every(
             set_geometry(limbs, g[min(row, last)], own)
             set_masses(limbs, bearing, g[min(row, last)], found)
         bear(
-            limbs, bearing, asked, q[row], x[row], rate[row], acceleration[row], payload[row],
-            centre[row], own, found,
-        )  # fmt: skip
+            limbs,
+            bearing,
+            asked,
+            q[row],
+            x[row],
+            rate[row],
+            acceleration[row],
+            payload[row],
+            centre[row],
+            own,
+            found,
+        )
         weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
         pull[row], home[row] = found.pull, found.pull_home
     return weight, inertia, load, pull, home

@@ -59,7 +59,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-
 @record
 class Opening(NamedTuple):
     """Law of a pose near the wanted assembly mode: stages, places of q, g, c, f and its size.
@@ -182,10 +181,18 @@ def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: Sta
         return
     m, found = len(state.joint), state.carried
     bear(
-        body.limbs, body.bearing, stages.asked, state.joint, x,
-        signals[at[RATE] : at[RATE] + m], signals[at[ACCELERATION] : at[ACCELERATION] + m],
-        signals[at[PAYLOAD]], signals[at[CENTRE] : at[CENTRE] + 3], state.room, found,
-    )  # fmt: skip
+        body.limbs,
+        body.bearing,
+        stages.asked,
+        state.joint,
+        x,
+        signals[at[RATE] : at[RATE] + m],
+        signals[at[ACCELERATION] : at[ACCELERATION] + m],
+        signals[at[PAYLOAD]],
+        signals[at[CENTRE] : at[CENTRE] + 3],
+        state.room,
+        found,
+    )
     if stages.asked & OF_WEIGHT:
         copy_into(signals[at[GRAVITY] : at[GRAVITY] + len(found.gravity)], found.gravity)
         copy_into(signals[at[LOAD] : at[LOAD] + len(found.load)], found.load)

@@ -63,10 +63,19 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
         code, offsets = own.compiled, own.offsets
         for term in terms:
             law.append(code.addresses[-1])
-            span.append([
-                len(signal), len(term.signals), len(value), len(term.values),
-                len(output), len(term.outputs), size, code.size, offsets["f"],
-            ])  # fmt: skip
+            span.append(
+                [
+                    len(signal),
+                    len(term.signals),
+                    len(value),
+                    len(term.values),
+                    len(output),
+                    len(term.outputs),
+                    size,
+                    code.size,
+                    offsets["f"],
+                ]
+            )
             signal += term.signals
             value += [begin + v for v in term.values]
             output += term.outputs

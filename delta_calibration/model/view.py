@@ -99,8 +99,10 @@ def _by_pose(body: Body, device: Device, asked: int, state: State, slope: Array)
 def _by_device(body: Body, device: Device, state: State, jacobian: Array) -> None:
     """Columns of offset, turn and place of a reading, into `jacobian` (3, P)."""
     work, first, by_offset = (
-        state.carried.point, body.bearing.point_at[2], body.bearing.point_at[4]
-    )  # fmt: skip
+        state.carried.point,
+        body.bearing.point_at[2],
+        body.bearing.point_at[4],
+    )
     offset, turn, origin = device.at[0], device.at[1], device.at[2]
     for i in range(3):
         for c in range(3):
@@ -115,13 +117,20 @@ def _by_device(body: Body, device: Device, state: State, jacobian: Array) -> Non
 
 @compiled(borrows=True)
 def _derive(
-    body: Body, stages: Stages, device: Device, asked: int, x: Array, own: State, slope: Array,
-    by_joints: Array, jacobian: Array,
+    body: Body,
+    stages: Stages,
+    device: Device,
+    asked: int,
+    x: Array,
+    own: State,
+    slope: Array,
+    by_joints: Array,
+    jacobian: Array,
 ) -> None:
     """Derivatives by joints and, into the first of `jacobian`'s columns, by dimensions.
 
     And from them those by the values of the effects of drives and structure.
-    """  # fmt: skip
+    """
     _by_pose(body, device, asked, own, slope)
     place(body.limbs, own.joint, x, FULL, own.room)
     moved(body.limbs, slope, own.room, by_joints, jacobian)

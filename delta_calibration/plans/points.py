@@ -53,9 +53,7 @@ def nominal_joints(
     return joint
 
 
-def require_borne(
-    robot: Robot, joint: Array, what: str, payload: Array | float = 0.0
-) -> None:
+def require_borne(robot: Robot, joint: Array, what: str, payload: Array | float = 0.0) -> None:
     """Refuse joints (n, m) at which limbs that only pull do not bear what is on the platform.
 
     Args:

@@ -172,9 +172,7 @@ def _require_apart(mapping: TableMapping, joints: Sequence[str]) -> None:
         )
 
 
-def _joints(
-    entries: Sequence[Mapping[str, Any]], robot: Robot, where: str
-) -> tuple[Column, ...]:
+def _joints(entries: Sequence[Mapping[str, Any]], robot: Robot, where: str) -> tuple[Column, ...]:
     """One column a joint, in the robot's order; none where there are no entries."""
     names = robot.joints.names
     found = [entry["joint"] for entry in entries]
@@ -203,9 +201,7 @@ def _joint(entry: Mapping[str, Any], turning: bool, where: str) -> Column:
             f"{', '.join((*units, _STEPS))}"
         )
     factor = units[unit] if unit != _STEPS else units["deg" if turning else "mm"] * entry[step]
-    return Column(
-        entry["column"], unit, factor, entry.get("scale", 1.0), entry.get("offset", 0.0)
-    )
+    return Column(entry["column"], unit, factor, entry.get("scale", 1.0), entry.get("offset", 0.0))
 
 
 def _turn(entry: Mapping[str, Any] | None, where: str) -> Turn | None:

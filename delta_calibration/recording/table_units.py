@@ -73,9 +73,7 @@ def _require_reach(
                 raise _mixed_up(numbers, mapping, rows, best, slip, miss)
             alike = [s for p, s in fit if p.share <= _AS_GOOD * best.share and not s.unit]
             said = [s.said for s in orders if s in alike]
-            raise InputError(
-                f"{numbers.file}: {_off(miss)}; likely {', or '.join(said)}"
-            )
+            raise InputError(f"{numbers.file}: {_off(miss)}; likely {', or '.join(said)}")
     if share < _UNKNOWN:
         return []
     return [f"{_off(miss)}: another robot, zeros of joints, or columns in another order?"]

@@ -130,17 +130,22 @@ def _points(mark: Points) -> Trace:
         "x": numbers(mark.x),
         "y": numbers(mark.y),
         "marker": {
-            "color": mark.colour, "size": mark.size, "symbol": symbol,
+            "color": mark.colour,
+            "size": mark.size,
+            "symbol": symbol,
             "opacity": 1.0 if mark.edge else 0.75,
             "line": {"width": 1.0 if mark.edge else 0.0, "color": INK},
         },
-    }  # fmt: skip
+    }
     if mark.error is not None:
         along = "error_x" if mark.told else "error_y"
         trace[along] = {
-            "type": "data", "array": numbers(mark.error), "color": mark.colour,
-            "thickness": 1.2, "width": 3,
-        }  # fmt: skip
+            "type": "data",
+            "array": numbers(mark.error),
+            "color": mark.colour,
+            "thickness": 1.2,
+            "width": 3,
+        }
     return _told(trace, mark.told)
 
 
@@ -156,9 +161,13 @@ def _line(mark: Line) -> list[Trace]:
     line = {"color": mark.colour, "width": 2, "dash": mark.dash}
     x, y = numbers(mark.x), numbers(mark.y)
     own: Trace = {
-        "type": "scatter", "mode": "lines", "name": escape(mark.name),
-        "x": x, "y": y, "line": line,
-    }  # fmt: skip
+        "type": "scatter",
+        "mode": "lines",
+        "name": escape(mark.name),
+        "x": x,
+        "y": y,
+        "line": line,
+    }
     if mark.low is None or mark.high is None:
         return [own]
     band: Trace = {
@@ -258,4 +267,3 @@ def _rule_name(mark: Rule, panel: Panel) -> dict[str, Any]:
 def numbers(values: Array) -> list[float | None]:
     """Numbers to five figures; a gap where there is none."""
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in np.asarray(values, dtype=float)]
-

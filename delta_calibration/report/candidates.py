@@ -44,21 +44,26 @@ def evidence_figure(found: Diagnosis | Judgement) -> Figure:
     groups = {
         "named": (EXTENDED, [k for k, s in enumerate(shown) if s.candidate.cause in named]),
         "the same on this session": (
-            CALIBRATED, [k for k, s in enumerate(shown) if s.candidate.cause in same - named],
+            CALIBRATED,
+            [k for k, s in enumerate(shown) if s.candidate.cause in same - named],
         ),
         "others": (
-            GREY, [k for k, s in enumerate(shown) if s.candidate.cause not in same | named],
+            GREY,
+            [k for k, s in enumerate(shown) if s.candidate.cause not in same | named],
         ),
-    }  # fmt: skip
+    }
     gain = np.array([max(s.gain, _LEAST) for s in shown])
     marks = [
         Bars(
-            name, np.array(rows, dtype=float), gain[rows], colour,
+            name,
+            np.array(rows, dtype=float),
+            gain[rows],
+            colour,
             tuple(_told(shown[row]) for row in rows),
         )
         for name, (colour, rows) in groups.items()
         if rows
-    ]  # fmt: skip
+    ]
     names = tuple(spoken(s.candidate.label) for s in shown)
     return Figure(
         "evidence",
@@ -73,7 +78,9 @@ def evidence_figure(found: Diagnosis | Judgement) -> Figure:
             Panel(
                 "",
                 Axis(
-                    "decrease of chi square [1]", log=True, low=_LEAST,
+                    "decrease of chi square [1]",
+                    log=True,
+                    low=_LEAST,
                     high=3 * float(max(gain.max(initial=0.0), _NAMED)),
                 ),
                 Axis("", names=names),
@@ -86,7 +93,7 @@ def evidence_figure(found: Diagnosis | Judgement) -> Figure:
             ),
         ),
         columns=1,
-    )  # fmt: skip
+    )
 
 
 def _told(score: Score) -> str:

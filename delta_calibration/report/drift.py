@@ -220,9 +220,14 @@ def _calibration_table(
         for record, (rms, most) in zip(records, shifts, strict=True)
     )
     head = (
-        "calibration", "session", "error left, RMS [mm]", "from the first, RMS [mm]",
-        "largest [mm]", "effects", "SHA-256",
-    )  # fmt: skip
+        "calibration",
+        "session",
+        "error left, RMS [mm]",
+        "from the first, RMS [mm]",
+        "largest [mm]",
+        "effects",
+        "SHA-256",
+    )
     return Table("calibrations", "Calibrations, oldest first", head, rows, words=(0, 1, 5, 6))
 
 

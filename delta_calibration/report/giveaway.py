@@ -143,9 +143,7 @@ def _joints(member: Candidate, count: int) -> list[int]:
     return list(range(count))
 
 
-def _panel(
-    seen: _Seen, k: int, against: Regressor, at: Conditions, groups: Groups
-) -> Panel:
+def _panel(seen: _Seen, k: int, against: Regressor, at: Conditions, groups: Groups) -> Panel:
     x = against.of(at, seen.joints[k])
     marks: list[Points | Rule] = [Rule("", 0.0, GREY, "dot")]
     for (name, rows), (colour, symbol) in zip(groups, _COLOURS, strict=False):

@@ -95,7 +95,9 @@ class Judged:
 def _priors(member: Candidate, diagnosis: Diagnosis) -> Array:
     """Priors that the columns of a member are scaled by, (k,)."""
     chain = diagnosis.model.problem.chain
-    items = chain.mechanism.parameters.items if member.effect is None else (
-        member.effect.parameters.items
+    items = (
+        chain.mechanism.parameters.items
+        if member.effect is None
+        else (member.effect.parameters.items)
     )
     return np.array([items[row].prior for row in member.rows])

@@ -65,8 +65,10 @@ def noise_table(noise: Noise, poses: Poses, robot: Robot) -> Table:
         ("joints come to rest within [µrad]", UM * repeat, noise.repeatability / repeat),
     ]
     measured = [(n, figures(s), figures(s * f), f"{f:.2f}") for n, s, f in rows]
-    origin = f"from repeats, {noise.degrees} degrees of freedom" if noise.measured else (
-        "computed from the specification: too few repeats"
+    origin = (
+        f"from repeats, {noise.degrees} degrees of freedom"
+        if noise.measured
+        else ("computed from the specification: too few repeats")
     )
     return Table(
         "noise_table",

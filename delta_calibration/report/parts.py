@@ -55,8 +55,13 @@ def dimensions_figure(found: Identification) -> Figure:
                 Axis("", names=names),
                 (
                     Points(
-                        "", off[order], np.arange(len(order), dtype=float), CALIBRATED,
-                        size=7.0, error=_SURE * spread[order], told=told,
+                        "",
+                        off[order],
+                        np.arange(len(order), dtype=float),
+                        CALIBRATED,
+                        size=7.0,
+                        error=_SURE * spread[order],
+                        told=told,
                     ),
                     *(Rule("", value, GREY, "dot", upright=True) for value in (-1.0, 1.0)),
                     Rule("", 0.0, GREY, "solid", upright=True),
@@ -65,7 +70,7 @@ def dimensions_figure(found: Identification) -> Figure:
             ),
         ),
         columns=1,
-    )  # fmt: skip
+    )
 
 
 def _shown(value: float, unit: str) -> str:
@@ -79,9 +84,7 @@ def set_by_data(found: Identification) -> Figure:
     ratio = found.std[geometry] / found.parameters.prior[geometry]
     causes = [p.cause for p in found.parameters.items[geometry]]
     names = list(dict.fromkeys(causes))
-    mean = np.array(
-        [np.mean(ratio[[c == name for c in causes]]) for name in names]
-    )
+    mean = np.array([np.mean(ratio[[c == name for c in causes]]) for name in names])
     place = np.arange(len(names), dtype=float)
     return Figure(
         "set_by_data",

@@ -82,9 +82,12 @@ def draw(figure: Figure) -> Canvas:
     tall = max(panel.tall for panel in figure.panels)
     canvas: Canvas
     canvas, every = pyplot.subplots(
-        rows, columns, squeeze=False, layout="constrained",
+        rows,
+        columns,
+        squeeze=False,
+        layout="constrained",
         figsize=(_ALONE if figure.columns == 1 else _WIDE * columns, _TALL * tall * rows + 0.7),
-    )  # fmt: skip
+    )
     canvas.suptitle(figure.title, x=0.01, ha="left", weight="bold")
     for axes, panel in zip(every.flat, figure.panels, strict=False):
         _panel(canvas, axes, panel)

@@ -104,14 +104,19 @@ def verdict_section(verdict: Verdict) -> Section:
                 "findings",
                 "Findings, strongest first",
                 (
-                    "cause", "parameters", "confidence", "p", "signal λ",
-                    "held-out error, without it → with it [mm]", "gain, 95 % [1]",
+                    "cause",
+                    "parameters",
+                    "confidence",
+                    "p",
+                    "signal λ",
+                    "held-out error, without it → with it [mm]",
+                    "gain, 95 % [1]",
                     "the same here; to part them",
                 ),
                 tuple(_finding(f) for f in verdict.findings),
                 words=(0, 1, 7),
             )
-        )  # fmt: skip
+        )
     if verdict.cannot_tell:
         tables.append(
             Table(

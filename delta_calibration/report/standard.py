@@ -34,15 +34,21 @@ def standard_section(iso: IsoReport | str) -> Section:
     )
     rows = tuple(
         (
-            v.symbol, _MEANING.get(v.symbol, ""), v.where,
-            mm(MM * v.value).replace("-", "−"), str(v.cycles),
+            v.symbol,
+            _MEANING.get(v.symbol, ""),
+            v.where,
+            mm(MM * v.value).replace("-", "−"),
+            str(v.cycles),
         )
         for v in iso.values
     )
     table = Table(
-        "iso9283", "Criteria", ("criterion", "meaning", "where", "value [mm]", "n"), rows,
+        "iso9283",
+        "Criteria",
+        ("criterion", "meaning", "where", "value [mm]", "n"),
+        rows,
         "AP, RP: P1 to P5 of the cube; AT, RT: largest over the path. Formulas from general "
         "knowledge of ISO 9283:1998.",
         words=(0, 1, 2),
-    )  # fmt: skip
+    )
     return Section("iso9283", title, text, (table,))

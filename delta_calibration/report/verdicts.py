@@ -30,6 +30,7 @@ from delta_calibration.wording import listed, mm, spoken, sure
 Array = NDArray[np.float64]
 Values = dict[str, list[tuple[int, float, float, str]]]  # number of the file, value, std, unit
 
+
 def drift_of_verdicts(files: Sequence[VerdictFile]) -> Report:
     """Verdicts in the order given: errors, noise, findings and their values."""
     last = files[-1]
@@ -71,9 +72,14 @@ def _verdict_table(files: Sequence[VerdictFile]) -> Table:
         for file in files
     )
     head = (
-        "verdict", "before [mm]", "calibrated [mm]", "extended [mm]", "noise of a pose [mm]",
-        "poses", "findings",
-    )  # fmt: skip
+        "verdict",
+        "before [mm]",
+        "calibrated [mm]",
+        "extended [mm]",
+        "noise of a pose [mm]",
+        "poses",
+        "findings",
+    )
     return Table("verdicts", "Held-out error, RMS in 3-D", head, rows, words=(0, 6))
 
 
@@ -90,9 +96,12 @@ def _findings_table(files: Sequence[VerdictFile]) -> Table:
         for finding in file.verdict.findings
     )
     head = (
-        "verdict", "cause", "parameters", "confidence",
+        "verdict",
+        "cause",
+        "parameters",
+        "confidence",
         "held-out error, without it → with it [mm]",
-    )  # fmt: skip
+    )
     return Table(
         "findings", "Findings", head, rows, "" if rows else "No findings.", words=(0, 1, 2)
     )
@@ -151,9 +160,7 @@ def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
     )
 
 
-def _values_panel(
-    cause: str, names: tuple[str, ...], values: Values
-) -> Panel:
+def _values_panel(cause: str, names: tuple[str, ...], values: Values) -> Panel:
     own = next(iter(values.values()))[0][3]
     factor, unit = UNITS.get(own, (1.0, own))
     marks = []
@@ -162,10 +169,6 @@ def _values_panel(
     ):
         place, value, std = (np.array([row[k] for row in rows], dtype=float) for k in range(3))
         marks.append(
-            Points(
-                spoken(name), place, factor * value, colour, symbol, 7.0, 1.96 * factor * std
-            )
+            Points(spoken(name), place, factor * value, colour, symbol, 7.0, 1.96 * factor * std)
         )
-    return Panel(
-        "", Axis.side_by_side("verdict", names), Axis(f"{cause} [{unit}]"), tuple(marks)
-    )
+    return Panel("", Axis.side_by_side("verdict", names), Axis(f"{cause} [{unit}]"), tuple(marks))

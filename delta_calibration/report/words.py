@@ -89,10 +89,7 @@ def _gains(verdict: Verdict) -> str:
     if not verdict.findings and not _mapped(verdict):
         before, after = verdict.baseline.held_out_rms_mm, verdict.calibrated.held_out_rms_mm
         return f"Calibration: held-out error {mm(before)} mm before, {mm(after)} mm calibrated."
-    parts = [
-        f"{f.called()}: {f.errors()}, {_share(f)}."
-        for f in verdict.findings
-    ]
+    parts = [f"{f.called()}: {f.errors()}, {_share(f)}." for f in verdict.findings]
     if _mapped(verdict):
         before, after = verdict.calibrated.held_out_rms_mm, verdict.extended.held_out_rms_mm
         parts.append(

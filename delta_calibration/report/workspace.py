@@ -67,9 +67,7 @@ def maps(
 def unknown_maps(judged: Judged) -> tuple[Figure, ...]:
     """Where structure lives that no cause explains: what the smooth map in the model moves."""
     return tuple(
-        _unknown(judged, member)
-        for member in judged.diagnosis.model.members
-        if member.unexplained
+        _unknown(judged, member) for member in judged.diagnosis.model.members if member.unexplained
     )
 
 
@@ -88,11 +86,17 @@ def _unknown(judged: Judged, member: Candidate) -> Figure:
         tuple(
             _panel(
                 f"seen from {name}" if name == "above" else "section",
-                place, size, judged.region, scale, axes, float(middle[axes[2]]), width,
+                place,
+                size,
+                judged.region,
+                scale,
+                axes,
+                float(middle[axes[2]]),
+                width,
             )
             for name, axes in planes
         ),
-    )  # fmt: skip
+    )
 
 
 def _flat(place: Array) -> bool:

@@ -125,9 +125,7 @@ class CalibrationNode(SafeLifecycleNode):
         """No topic that the node sends may be one that it listens to: it would answer itself."""
         for heard, publisher in (("joint_command", self._out), ("joint_states", self._nominal)):
             if self.resolve_topic_name(heard) == publisher.topic_name:
-                raise InputError(
-                    f"{heard} is {publisher.topic_name}, which the node itself sends"
-                )
+                raise InputError(f"{heard} is {publisher.topic_name}, which the node itself sends")
 
     def _listen(self) -> None:
         take: dict[str, Callable[[Desk, Any], None]] = {
@@ -206,9 +204,7 @@ class CalibrationNode(SafeLifecycleNode):
     def _send(self, message: JointState, sent: Sent | None) -> None:
         if sent is not None:
             mark = MARK if sent.compensated else ""
-            self._out.publish(
-                self._command_writer.message(sent.joint, message.header.stamp, mark)
-            )
+            self._out.publish(self._command_writer.message(sent.joint, message.header.stamp, mark))
             if self._controllers is not None:
                 self._controllers.send(sent.joint, mark, self._streams)
 

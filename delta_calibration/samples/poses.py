@@ -271,9 +271,7 @@ def _stamps(readings: Readings, time: Array) -> NDArray[np.int64]:
     return readings.start_ns + np.round(time * 1e9).astype(np.int64)
 
 
-def _motion(
-    session: Session, names: Sequence[str], start_ns: int, joint_size: float
-) -> Motion:
+def _motion(session: Session, names: Sequence[str], start_ns: int, joint_size: float) -> Motion:
     """Of the commanded joints, which carry no noise; of the measured ones where none are known."""
     stream = session.command or session.states
     if stream is None:

@@ -56,9 +56,16 @@ class Readings:
         """Some of the readings, counts and notes unchanged."""
         quaternion = None if self.quaternion is None else self.quaternion[keep]
         return Readings(
-            self.start_ns, self.time[keep], self.joint[keep], self.command[keep], self.gone[keep],
-            self.point[keep], quaternion, self.rejected, self.notes,
-        )  # fmt: skip
+            self.start_ns,
+            self.time[keep],
+            self.joint[keep],
+            self.command[keep],
+            self.gone[keep],
+            self.point[keep],
+            quaternion,
+            self.rejected,
+            self.notes,
+        )
 
 
 def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Readings:

@@ -43,9 +43,7 @@ class StillMoments:
     scatter: Array
 
 
-def find_still(
-    readings: Readings, joint_size: float = 1.0
-) -> tuple[StillMoments, Readings]:
+def find_still(readings: Readings, joint_size: float = 1.0) -> tuple[StillMoments, Readings]:
     """Cut the readings into still moments and average each.
 
     A moment begins anew when a joint leaves the place where the moment began, or readings pause.
@@ -71,9 +69,7 @@ def find_still(
         raise DataError(f"nothing stands still: every reading was taken in motion{also}")
     outlier, settling = _set_aside(readings, label, long_enough)
     kept = long_enough[label] & ~outlier & ~settling
-    rejected = replace(
-        readings.rejected, outlier=int(outlier.sum()), settling=int(settling.sum())
-    )
+    rejected = replace(readings.rejected, outlier=int(outlier.sum()), settling=int(settling.sum()))
     return _average(readings.take(kept), label[kept]), replace(readings, rejected=rejected)
 
 

@@ -54,9 +54,11 @@ def _draw(name: str) -> Draw:
         typical, wrong = _ONE[name][part]
         size = float(strength * typical * rng.choice([-1.0, 1.0]))
         return Cause(
-            name, values={f"{part}_{leg + 1}": size}, location=f"joint_{leg + 1}",
+            name,
+            values={f"{part}_{leg + 1}": size},
+            location=f"joint_{leg + 1}",
             rebuild=lambda build: wrong(build, leg, size),
-        )  # fmt: skip
+        )
 
     return draw
 

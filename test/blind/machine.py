@@ -157,9 +157,13 @@ class Stand:
     def take(self, rows: NDArray[np.int64]) -> Stand:
         """Some of the samples."""
         return Stand(
-            self.place[rows], self.gibbs[rows], self.inverse[rows], self.elbows[rows],
-            self.arms[rows], self.balls,
-        )  # fmt: skip
+            self.place[rows],
+            self.gibbs[rows],
+            self.inverse[rows],
+            self.elbows[rows],
+            self.arms[rows],
+            self.balls,
+        )
 
 
 def turned(gibbs: Array, local: Array) -> Array:

@@ -89,9 +89,14 @@ def poor(rng: np.random.Generator) -> list[Item]:
 
 
 PLANS: dict[str, Callable[[np.random.Generator], list[Item]]] = {
-    "rich": rich, "no_sweeps": no_sweeps, "still": still, "one_payload": one_payload,
-    "one_sided": one_sided, "poor": poor, "no_temperatures": rich,
-}  # fmt: skip
+    "rich": rich,
+    "no_sweeps": no_sweeps,
+    "still": still,
+    "one_payload": one_payload,
+    "one_sided": one_sided,
+    "poor": poor,
+    "no_temperatures": rich,
+}
 
 
 def held_out(rng: np.random.Generator, hours: float, payloads: Sequence[float]) -> list[Item]:

@@ -170,9 +170,12 @@ def _truth(
 
 
 def _streams(
-    world: World, reading: Array, encoder: float, sensors: tuple[str, ...],
+    world: World,
+    reading: Array,
+    encoder: float,
+    sensors: tuple[str, ...],
     rng: np.random.Generator,
-) -> Session:  # fmt: skip
+) -> Session:
     stamp = _stamps(world.time)
     angle = world.command + encoder * rng.standard_normal(world.command.shape)
     carried = np.flatnonzero(np.diff(world.payload, prepend=-1.0))

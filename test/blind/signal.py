@@ -20,10 +20,17 @@ _FREE = 1.0  # [m], [rad] how far off the frame may be: no matter
 _THIN = 4  # of the readings in motion every fourth is looked at, and stands for all four
 # [m], [rad] how far off each dimension is expected to be
 _EXPECTED = {
-    "hinge": 0.25e-3, "tilt": 0.5e-3, "zero": 0.8e-3, "arm": 0.15e-3, "rod": 0.2e-3,
-    "elbow": 0.03e-3, "elbow_line": 0.5e-3, "platform": 0.25e-3, "ball": 0.03e-3,
+    "hinge": 0.25e-3,
+    "tilt": 0.5e-3,
+    "zero": 0.8e-3,
+    "arm": 0.15e-3,
+    "rod": 0.2e-3,
+    "elbow": 0.03e-3,
+    "elbow_line": 0.5e-3,
+    "platform": 0.25e-3,
+    "ball": 0.03e-3,
     "platform_line": 0.5e-3,
-}  # fmt: skip
+}
 _AT_REST, _IN_MOTION = 5e-6, 8e-6  # [m] an axis, of a stop's mean and of a reading in motion
 _REST = 12e-6  # [rad] of each joint, the same all along a motion
 

@@ -31,10 +31,16 @@ def mass_points(stand: Stand, build: Build, payload: Array, centre: Array) -> tu
     arms = foot + ARM_CENTRE * (stand.arms - foot)
     upper, lower = stand.elbows.reshape(n, 6, 3), stand.ends().reshape(n, 6, 3)
     where = np.concatenate(
-        [stand.place[:, None], stand.point(centre)[:, None], arms,
-         upper, (upper + lower) / 2, lower],
+        [
+            stand.place[:, None],
+            stand.point(centre)[:, None],
+            arms,
+            upper,
+            (upper + lower) / 2,
+            lower,
+        ],
         axis=1,
-    )  # fmt: skip
+    )
     fixed = [ARM_KG] * 3 + [ROD_KG / 6] * 6 + [ROD_KG * 2 / 3] * 6 + [ROD_KG / 6] * 6
     mass = np.empty((n, where.shape[1]))
     mass[:, 0], mass[:, 1], mass[:, 2:] = PLATFORM_KG, payload, fixed
@@ -77,9 +83,14 @@ def tensions(
 
 
 def inertia(
-    q: Array, velocity: Array, acceleration: Array, build: Build,
-    payload: Array, centre: Array, near: Stand,
-) -> Array:  # fmt: skip
+    q: Array,
+    velocity: Array,
+    acceleration: Array,
+    build: Build,
+    payload: Array,
+    centre: Array,
+    near: Stand,
+) -> Array:
     """Moment that each joint must give to move the masses as commanded, (n, 3) [N m]."""
 
     def where(angle: Array) -> Array:

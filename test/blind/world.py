@@ -154,9 +154,14 @@ class World:
         rows = np.flatnonzero(~self.still)
         result = np.zeros_like(self.command)
         result[rows] = inertia(
-            self.command[rows], self.velocity[rows], self.acceleration[rows], self.build,
-            self.payload[rows], CENTRE, self.stand.take(rows),
-        )  # fmt: skip
+            self.command[rows],
+            self.velocity[rows],
+            self.acceleration[rows],
+            self.build,
+            self.payload[rows],
+            CENTRE,
+            self.stand.take(rows),
+        )
         return result
 
 
