@@ -141,8 +141,10 @@ def left_by(fit: MixedFit, series: Series) -> Left:
     seen = PoseMeasured(
         series.joint, series.point, np.zeros(3), NOISE, series.rotation, TURN_NOISE
     )
-    slopes = seen.slopes(fit.machine)[:, :3]
-    parameters = fit.machine.mechanism.parameters
+    chain = fit.machine.chain
+    own = ~chain.layout.mask(chain.layout.offset)
+    slopes = seen.slopes(fit.machine)[:, :3, own]
+    parameters = chain.mechanism.parameters
     prior = np.append(parameters.prior, np.full(6, np.inf))
     scale = np.where(np.isfinite(prior), prior, 1e-3)
     zeros = [parameters.row(f"zero_{joint}") for joint in range(1, 7)]

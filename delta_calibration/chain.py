@@ -105,7 +105,7 @@ class Chain:
 
     def predictor(self, at: Conditions) -> Predictor:
         """The chain made ready to predict samples for one machine after the other."""
-        return Predictor(self, recorded(self.mechanism, at))
+        return Predictor(self, at, recorded(self.mechanism, at))
 
     def see(
         self, at: Conditions, theta: Array, guess: Array | None = None, asked: Asked = "readings"
@@ -178,6 +178,7 @@ class Predictor:
     """A chain made ready for some samples: what is the same for every theta."""
 
     chain: Chain
+    at: Conditions
     signals: Signals  # recorded
 
     @cached_property

@@ -119,9 +119,11 @@ def test_a_little_far_is_believed_less_and_far_not_at_all(problem):
     clean, missed = solve(problem), np.array([0.6, 0.0, 0.8])
     weights, moved = [], []
     for far in (25e-6, 10e-3, 20e-3):
+        (poses,) = problem.measured
         y = problem.y.copy()
         y[40] += far * missed
-        solution = solve(replace(problem, y=y))
+        astray = replace(poses, observation=replace(poses.observation, point=y))
+        solution = solve(replace(problem, measured=(astray,)))
         weights.append(solution.weight[40])
         moved.append(rms(points(solution) - points(clean)))
     assert 0 < weights[0] < 1

@@ -51,19 +51,19 @@ OFFSET = np.array([0.03, -0.02, 0.05])
 
 def built(mechanism, rng, frame=FRAME, scale=1.0):
     p = mechanism.parameters
-    return Machine(mechanism, p.nominal + scale * p.prior * rng.standard_normal(len(p)), frame)
+    return Machine.of(mechanism, p.nominal + scale * p.prior * rng.standard_normal(len(p)), frame)
 
 
 def measured(machine, low, high, n, rng, noise=0.0):
     """One of each kind, by the machine's poses; the turn by scipy's rotations."""
 
     def joints():
-        return rng.uniform(low, high, (n, machine.mechanism.joints))
+        return rng.uniform(low, high, (n, machine.chain.mechanism.joints))
 
     q, other = joints(), joints()
     x, y = machine.poses(q), machine.poses(other)
-    centre, there = machine.mechanism.position(x), machine.mechanism.position(y)
-    rotation = machine.frame.rotation @ machine.mechanism.rotation(x)
+    centre, there = machine.chain.mechanism.position(x), machine.chain.mechanism.position(y)
+    rotation = machine.frame.rotation @ machine.chain.mechanism.rotation(x)
     point = centre @ machine.frame.rotation.T + machine.frame.translation + rotation @ OFFSET
     point = point + noise * rng.standard_normal((n, 3))
     turn = Rotation.from_rotvec(noise * rng.standard_normal((n, 3))).as_matrix()
@@ -97,14 +97,7 @@ def test_slopes_are_those_of_what_is_missed(name):
         slopes = observation.slopes(machine)
         for k in range(slopes.shape[-1]):
             d = h * np.eye(slopes.shape[-1])[k]
-            more, less = (
-                replace(
-                    machine,
-                    geometry=machine.geometry + s * d[:-6],
-                    frame=Frame.from_vector(machine.frame.vector() + s * d[-6:]),
-                )
-                for s in (1, -1)
-            )
+            more, less = (replace(machine, theta=machine.theta + s * d) for s in (1, -1))
             slope = (observation.missed(less) - observation.missed(more)) / (2 * h)
             np.testing.assert_allclose(slopes[..., k], slope, atol=1e-7)
 
@@ -120,8 +113,8 @@ def test_poses_of_an_arm_are_recovered_inside_their_intervals():
     assert fit.told == pytest.approx(30, abs=2)
     assert fit.chi_square == pytest.approx(1.0, abs=0.2)
     q = rng.uniform(-1.5, 1.5, (50, 6))
-    fresh = fit.machine.frame.apply(fit.machine.points(q, OFFSET))
-    true = FRAME.apply(machine.points(q, OFFSET))
+    elsewhere = PointMeasured(q, np.zeros((50, 3)), OFFSET, 1.0)
+    fresh, true = elsewhere.missed(fit.machine), elsewhere.missed(machine)
     assert np.sqrt(np.mean(np.sum((fresh - true) ** 2, axis=1))) < 30e-6
     off = np.append(fit.machine.geometry - machine.geometry, fit.machine.frame.vector())
     off[-6:] -= FRAME.vector()

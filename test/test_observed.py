@@ -12,21 +12,26 @@ from math import dist
 import numpy as np
 import pytest
 
+from delta_calibration.chain import Chain
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.diagnosis import Measured, Observed, diagnose_observations
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.documents import check_document, load_schema
+from delta_calibration.effects import effect_named
 from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.joint_curve import JointCurve
 from delta_calibration.effects.tracker_scale import TrackerScale
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.geometry import Frame
+from delta_calibration.geometry import Camera, Frame
 from delta_calibration.identification.closures import ClosureAtPose, ClosureWithoutPose, spared
+from delta_calibration.identification.encoder_closures import EncoderClosure
+from delta_calibration.identification.image import PointInImage
 from delta_calibration.identification.observations import (
     DistanceBetween,
     HeightAtContact,
     Machine,
     PointMeasured,
+    PoseMeasured,
 )
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import at_rest
@@ -134,7 +139,7 @@ def test_what_a_free_pose_spares_is_all_that_is_missed():
     """|N^T f| = |f| at the pose of least misfit, N^T f_x = 0, and slopes by differences."""
     _, alone = (m.observation for m in hung(BUILD_UP, np.random.default_rng(4)))
     g = HUNG.parameters.nominal
-    machine = Machine(HUNG, g, Frame.identity())
+    machine = Machine.of(HUNG, g, Frame.identity())
     x = machine.poses(alone.joint)
     f = HUNG.closure(alone.joint, x, g)
     missed = alone.missed(machine)
@@ -144,7 +149,9 @@ def test_what_a_free_pose_spares_is_all_that_is_missed():
     slope = alone.slopes(machine)
     for k, h in [(0, 1e-5), (3, 1e-8), (14, 1e-5)]:
         step = h * np.eye(len(g))[k]
-        ahead, back = (alone.missed(replace(machine, geometry=g + way)) for way in (step, -step))
+        ahead, back = (
+            alone.missed(Machine.of(HUNG, g + way, Frame.identity())) for way in (step, -step)
+        )
         numeric = (back - ahead) / (2 * h)
         np.testing.assert_allclose(slope[..., k], numeric, atol=0.03 * np.abs(numeric).max())
 
@@ -204,14 +211,14 @@ def test_what_cannot_be_diagnosed_is_refused():
     joint = np.full((3, 3), 0.1)
     pairs = DistanceBetween(joint, joint + 0.1, np.full(3, 0.1), 1e-4)
     with pytest.raises(InputError, match="distance: 2 sets of joints a number are not allowed"):
-        Measured(pairs, at_rest(joint))
+        Observed.of(DELTA.commanded, [Measured(pairs, at_rest(joint))])
     height = HeightAtContact(joint, np.zeros(3), 1e-4)
     with pytest.raises(InputError, match="height: conditions are of other joints"):
         Measured(height, at_rest(joint + 1))
     with pytest.raises(InputError, match="observations: none is not allowed"):
         Observed.of(DELTA.commanded, [])
     _, _, seen = tracked(np.random.default_rng(1))
-    with pytest.raises(InputError, match="frame: none is not allowed with positions"):
+    with pytest.raises(InputError, match="frame: none is not allowed with a tracker"):
         Observed.of(DELTA.commanded, [seen])
     far = HeightAtContact(np.full((3, 3), 3.0), np.zeros(3), 1e-4)
     with pytest.raises(DataError, match=r"height: sample 1 cannot be predicted: joints 3.0000"):
@@ -239,3 +246,49 @@ def test_a_joint_curve_is_any_smooth_function_of_the_angle():
     assert not curve.columns(at_rest(q + 5.0)).any()
     assert "one a joint" in replace(curve, lower=(0.0,)).wrong()
     assert "over lower" in replace(curve, upper=curve.lower).wrong()
+
+
+def kinds(cables, joint):
+    """One of each kind on a machine with four cables, what they say of no matter."""
+    n = len(joint)
+    turned = np.broadcast_to(np.eye(3), (n, 3, 3))
+    camera = Camera(np.array([900.0, 900.0]), np.array([600.0, 500.0]))
+    place = Frame.from_vector(np.array([np.pi, 0.0, 0.0, 0.0, 0.0, 6.0]))
+    offset = np.array([0.02, 0.01, -0.03])
+    return [
+        PointMeasured(joint, np.zeros((n, 3)), offset, 1e-4),
+        PoseMeasured(joint, np.zeros((n, 3)), offset, 1e-4, turned, 1e-4),
+        HeightAtContact(joint, np.zeros(n), 1e-4),
+        PointInImage(joint, np.zeros((n, 2)), offset, camera, 0.1, place),
+        ClosureAtPose(joint, cables.forward(joint, cables.parameters.nominal) + 1e-3, 4, 1e-3),
+        ClosureWithoutPose(joint, 1, 1e-3),
+        EncoderClosure.of(cables, joint, 1e-3),
+    ]
+
+
+@pytest.mark.parametrize("number", range(7))
+def test_every_kind_goes_with_effects_and_joints_as_differences_say(number):
+    """Drums that build up and a play shift the joints; closures see them as places do.
+
+    At joints that close: beside them the pose of least misfit moves by more than its slopes say.
+    """
+    rng = np.random.default_rng(8)
+    x = rng.uniform([-0.4, -0.4, 0.0], [0.4, 0.4, 1.2], (5, 3))
+    joint = HUNG.inverse(x, HUNG.parameters.nominal)
+    observation, at = kinds(HUNG, joint)[number], conditions(joint)
+    at = replace(at, direction=np.where(rng.uniform(size=joint.shape) < 0.5, -1.0, 1.0))
+    effects = (effect_named("drum_build_up", CABLES, HUNG, {}), Backlash(CABLES, HUNG))
+    chain = Chain(HUNG, np.zeros(3), 1.0, effects)
+    frame = Frame.from_vector(np.array([0.1, 0.2, -0.3, 0.4, 0.5, 0.6]))
+    theta = chain.join(HUNG.parameters.nominal, np.zeros(3), frame)
+    own = chain.layout.effects
+    about = observation.linearized(chain.predictor(at), theta)
+    size = np.abs(about.by_theta).max(axis=(0, 1))
+    for k in range(own.start, own.stop):
+        h = 1e-3 * chain.parameters.prior[k]
+        ahead, back = (
+            observation.linearized(chain.predictor(at), theta + way * np.eye(len(theta))[k]).missed
+            for way in (h, -h)
+        )
+        numeric = (back - ahead) / (2 * h)
+        np.testing.assert_allclose(about.by_theta[..., k], numeric, atol=2e-3 * size[k])

@@ -13,10 +13,9 @@ from delta_calibration.diagnosis.fitted import theta_layout, without_effects
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
-from delta_calibration.identification import chain_of
-from delta_calibration.identification.mixed import FRAME_NAMES as DEVICE_NAMES
-from delta_calibration.identification.observations import Machine
-from delta_calibration.identification.turns import MOUNT_NAMES
+from delta_calibration.identification import HeightAtContact, Measured, PointMeasured, chain_of
+from delta_calibration.identification.mixed import problem_of
+from delta_calibration.identification.problem import MOUNT_NAMES
 from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.samples import at_rest
 from delta_calibration.theta import Layout, Parts, entries, length
@@ -166,13 +165,16 @@ def test_mounted_unknowns_stand_behind_the_chains():
     assert length(layout.mount) == 0
 
 
-def test_a_fit_of_observations_has_geometry_and_frame():
+def test_a_fit_of_observations_frees_geometry_and_where_it_matters_the_frame():
     mechanism = chain().mechanism
-    layout = Machine(mechanism, mechanism.parameters.nominal, Frame.identity()).layout
-    names = mechanism.parameters.names + DEVICE_NAMES
-    assert len(names) == layout.size
-    assert names[layout.frame] == DEVICE_NAMES
-    assert all("turn" in name for name in names[layout.turn])
+    joint = np.tile(mechanism.home, (4, 1))
+    height = Measured(HeightAtContact(joint, np.zeros(4), 1e-3), at_rest(joint))
+    point = Measured(PointMeasured(joint, np.ones((4, 3)), np.zeros(3), 1e-3), at_rest(joint))
+    layout = chain().layout
+    alone = problem_of([height], mechanism, None)
+    assert (alone.free == layout.mask(layout.geometry)).all()
+    placed = problem_of([height, point], mechanism, Frame.identity())
+    assert (placed.free == layout.mask(layout.geometry, layout.frame)).all()
 
 
 def test_members_find_their_effects_in_theta():

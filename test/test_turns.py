@@ -21,7 +21,9 @@ from delta_calibration.identification import (
     whitening,
 )
 from delta_calibration.identification import solve as solve_problem
-from delta_calibration.identification.turns import MOUNT_NAMES, Turns, pose_covariance
+from delta_calibration.identification.observations import Measured, PoseMeasured
+from delta_calibration.identification.problem import MOUNT_NAMES
+from delta_calibration.identification.turns import mount_of, pose_covariance, turns_of
 from delta_calibration.mechanisms.base import solve
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
@@ -80,8 +82,9 @@ def test_slopes_by_differences(mechanism):
     by_theta = np.stack([(turned(theta + w) - turned(theta - w)) / (2 * h) for w in ways], -1)
     spin = np.einsum("nijp,nkj->nikp", by_theta, still)  # dR R^T, a cross product
     expected = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
-    by_theta = chain.predictor(at).see(theta[:-3], x, "poses").jacobian
-    missed, found = Turns(still).linearized(chain, x, theta, by_theta)
+    seen = PoseMeasured(q, np.zeros((4, 3)), None, 1e-5, still, 1e-5)
+    about = seen.linearized(chain.predictor(at), theta, x)
+    missed, found = about.missed[:, 3:], about.by_theta[:, 3:]
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(missed, 0.0, atol=1e-12)
 
@@ -131,9 +134,12 @@ def test_the_methods_of_the_papers_take_the_turns_as_well(cell, found, method, l
     poses, chain = cell[2], chain_of(PROBED)
     start, noise, problem = prepare(poses, PROBED, chain)
     x = chain.pose(poses.conditions, start)
-    whiten = whitening(pose_covariance(poses, PROBED, chain, noise, start))
+    turned = turns_of(poses, PROBED, chain)
+    seen = PoseMeasured(poses.joint, poses.point, None, 1e-5, turned, PROBED.tracker.turn)
+    whiten = whitening(pose_covariance(seen, poses, PROBED, chain, noise, start))
     told = []
-    problem = problem.turned(Turns.of(poses, PROBED, chain), whiten, x)
+    measured = Measured(seen, poses.conditions, given=whiten)
+    problem = problem.mounted(measured, mount_of(turned, chain, x, start))
     fit = method.fit(problem, np.random.default_rng(0), told.append)
     least = solve_problem(problem)
     assert least.theta[: len(start)] == pytest.approx(found.theta, abs=1e-12)
@@ -181,14 +187,14 @@ def test_when_turns_take_no_part(cell):
     """Not told how sure they are, a reflector, no turns, or a model whose platform stays level."""
     _, _, poses = cell
     chain = chain_of(PROBED)
-    assert Turns.of(poses, PROBED, chain) is not None
+    assert turns_of(poses, PROBED, chain) is not None
     untold = replace(PROBED, tracker=replace(PROBED.tracker, turn=None))
     reflector = replace(PROBED, tracker=replace(PROBED.tracker, measures="position"))
     for robot in (untold, reflector):
-        assert Turns.of(poses, robot, chain) is None
-    assert Turns.of(replace(poses, quaternion=None), PROBED, chain) is None
-    assert Turns.of(poses, PROBED, chain_of(PROBED, "rotary_delta")) is None
+        assert turns_of(poses, robot, chain) is None
+    assert turns_of(replace(poses, quaternion=None), PROBED, chain) is None
+    assert turns_of(poses, PROBED, chain_of(PROBED, "rotary_delta")) is None
     broken = poses.quaternion.copy()
     broken[2] = 0.0
     with pytest.raises(DataError, match=r"pose 3: quaternion \[0. 0. 0. 0.\] is no rotation"):
-        Turns.of(replace(poses, quaternion=broken), PROBED, chain)
+        turns_of(replace(poses, quaternion=broken), PROBED, chain)

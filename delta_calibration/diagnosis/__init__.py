@@ -8,8 +8,9 @@ from delta_calibration.diagnosis.diagnose import (
 )
 from delta_calibration.diagnosis.judge import STEPS, Judgement
 from delta_calibration.diagnosis.model import Model
-from delta_calibration.diagnosis.observed import Measured, Observed
+from delta_calibration.diagnosis.observed import Observed
 from delta_calibration.diagnosis.verdict import Finding, Verdict
+from delta_calibration.identification import Measured
 
 __all__ = [
     "STEPS",

@@ -23,19 +23,20 @@ from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
 from delta_calibration.diagnosis.model import Model, solved
-from delta_calibration.diagnosis.observed import Measured, Observed
+from delta_calibration.diagnosis.observed import Observed
 from delta_calibration.diagnosis.search import Found
 from delta_calibration.diagnosis.verdict import Verdict
 from delta_calibration.effects import Effect, Stage, catalogue
 from delta_calibration.geometry import Frame
 from delta_calibration.identification import (
     Identification,
+    Measured,
     chain_of,
     doubt,
     prepare,
     require_this_robot,
 )
-from delta_calibration.identification.turns import Turns
+from delta_calibration.identification.turns import turns_of
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey, require_poses
@@ -60,7 +61,7 @@ class Diagnosis:
     def doubts(self) -> tuple[str, ...]:
         """What to know before it is relied on, a sentence each; none where all is well."""
         poses, robot = self.model.survey.poses, self.model.cell.robot
-        turns = Turns.of(poses, robot, self.model.bare) is not None
+        turns = turns_of(poses, robot, self.model.bare) is not None
         return tuple(filter(None, (doubt(self.identification), turns * _POSITIONS_ONLY)))
 
 

@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import median_filter
 
-from delta_calibration.chain import Chain, read_at
+from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.signals import Signals, recorded
-from delta_calibration.identification import Noise, Problem, whitening
+from delta_calibration.identification import Linear, Noise, PointMeasured, Problem, whitening
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions, Paths, Survey
 
@@ -303,41 +303,57 @@ def gather(
         cell: noise, robot and what is believed.
         guess: the platform's poses, nearly, (n, k).
     """
-    chain, base = problem.chain, problem.chain.layout.base
-    poses, paths = survey.poses, survey.paths
-    at = survey.conditions
-    seen = chain.see(at, theta, guess)
-    off, by_joints = at.reading - seen.reading, seen.by_joints
+    chain, poses, paths, at = problem.chain, survey.poses, survey.paths, survey.conditions
+    tracker = PointMeasured(at.joint, at.reading, None, 1.0)
+    about = tracker.linearized(chain.predictor(at), theta, guess)
     moving = slice(len(poses), len(at))
-    slope = by_joints[moving]
+    slope = about.by_joints[moving]
     whiten_paths = _whiten_paths(paths, slope, cell)
     size = chain.mechanism.joint_size
-    believed = _believed(whiten_paths, off[moving], paths, _TURNING * size)
+    left = about.missed[moving]
+    believed = _believed(whiten_paths, left, paths, _TURNING * size)
     apart = ~on_the_way(survey)
     root = np.sqrt(cell.weight * apart)[:, None, None]
     whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
-    jacobian = seen.jacobian
-    columns = whiten @ jacobian[..., base] @ problem.basis[base, base]
     path = np.concatenate([np.full(len(poses), AT_REST), paths.path])
-    rest = Rest.of(path, at, whiten @ by_joints * cell.noise.repeatability, size)
+    rest = Rest.of(path, at, whiten @ about.by_joints * cell.noise.repeatability, size)
+    evidence = evidence_about(problem, theta, at, about, whiten, rest)
+    return replace(evidence, poses=len(poses), robot=cell.robot)
+
+
+def evidence_about(
+    problem: Problem, theta: Array, at: Conditions, about: Linear, whiten: Array, rest: Rest
+) -> Evidence:
+    """The evidence of one kind of measurement about a model, as if its effects were not in it.
+
+    Args:
+        problem: the model's scales and priors; what is not free in it is held.
+        theta: of the problem's chain; all is linear about it.
+        at: conditions of the n samples.
+        about: what is missed there.
+        whiten: (n, d, d), with the root of the robust weight in it.
+        rest: errors that samples share.
+    """
+    layout = problem.chain.layout
+    base, own = layout.base, layout.effects
+    free = problem.free[base]
+    columns = whiten @ about.by_theta[..., base] @ (problem.basis[base, base] * free)
     z = np.linalg.solve(problem.basis, theta - problem.theta0)[base]
-    own = chain.layout.effects
-    effects = jacobian[..., own] @ theta[own]
+    off = about.missed + about.by_theta[..., own] @ theta[own]
     return Evidence(
-        chain=chain,
+        chain=problem.chain,
         theta=theta,
         at=at,
-        pose=seen.x,
+        pose=about.pose,
         whiten=whiten,
-        residual=(whiten @ (off + effects)[..., None])[..., 0] + columns @ z,
+        residual=(whiten @ off[..., None])[..., 0] + columns @ z,
         nuisance=columns,
         rest=rest,
-        precision=problem.has_prior[base].astype(float),
-        poses=len(poses),
-        by_joints=whiten @ by_joints,
-        by_geometry=whiten @ jacobian[..., chain.layout.geometry],
-        seen=read_at(at, seen),
-        robot=cell.robot,
+        precision=np.where(free, problem.has_prior[base], 1.0),
+        poses=len(at),
+        by_joints=whiten @ about.by_joints,
+        by_geometry=whiten @ about.by_theta[..., layout.geometry],
+        seen=about.at,
     )
 
 

@@ -16,28 +16,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
-from delta_calibration.theta import Layout
+from delta_calibration.identification import Problem
+from delta_calibration.theta import Layout, entries
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _ZOOMS, _POINTS = 3, 9
+_NOTHING = np.zeros(0, dtype=np.int64)
 
 
 class Fitted(ABC):
     """A fit: geometry, frame and the members found so far, about which all is linear."""
 
+    problem: Problem  # its chain without effects
     theta: Array  # (P,) of the chain with the members' effects
     members: tuple[Candidate, ...]
 
     @property
-    @abstractmethod
     def bare(self) -> Chain:
         """The chain without effects."""
+        return self.problem.chain
+
+    @property
+    def placed(self) -> bool:
+        """Whether anything measured goes by a frame of its own."""
+        return bool(self.problem.free[self.problem.layout.frame].any())
+
+    @cached_property
+    def extended(self) -> Problem:
+        """The problem with the members' effects in its chain."""
+        effects = tuple(m.effect for m in self.members if m.effect is not None)
+        chain = self.problem.chain.with_effects(effects)
+        layout, prior = chain.layout, chain.parameters.prior
+        base, own = layout.base, prior[layout.effects]
+        basis = np.zeros((layout.size, layout.size))
+        basis[base, base] = self.problem.basis
+        basis[layout.effects, layout.effects] = np.diag(own)
+        new = np.ones(len(own), dtype=bool)
+        return replace(
+            self.problem,
+            chain=chain,
+            theta0=np.concatenate([self.problem.theta0, np.zeros(len(own))]),
+            basis=basis,
+            has_prior=np.concatenate([self.problem.has_prior, new]),
+            free=np.concatenate([self.problem.free, new]),
+        )
 
     @property
     @abstractmethod
@@ -58,11 +87,6 @@ class Fitted(ABC):
     @abstractmethod
     def floor(self) -> float:
         """Root mean square of what noise makes of a sample [m]."""
-
-    @property
-    @abstractmethod
-    def placed(self) -> bool:
-        """Whether anything measured goes by a frame of its own."""
 
     @property
     @abstractmethod
@@ -130,6 +154,28 @@ class Fitted(ABC):
             return np.asarray(deviation / np.array([items[r].prior for r in member.rows]))
         prior = member.effect.parameters.prior[list(member.rows)]
         return np.asarray(self.values(member) / prior)
+
+    def ahead(self, misfit: float = 1.0, held: Index = _NOTHING) -> Array:
+        """Theta one Gauss-Newton step on, of geometry, frame and members, (P,).
+
+        Args:
+            misfit: of the residuals, see `Evidence.best`.
+            held: entries that stay where they are.
+        """
+        problem, base = self.extended, self.layout.base
+        now = np.asarray(np.linalg.solve(problem.basis, self.theta - problem.theta0), dtype=float)
+        z = self.beside.best(misfit, held, now[held])
+        theta = problem.theta0.copy()
+        theta[base] += problem.basis[base, base] @ z[base]
+        parts = zip(self.members, self.layout.each, self.column_layout.each, strict=True)
+        for member, own, columns in parts:
+            rows, v = np.array(member.rows), z[columns]
+            if member.effect is None:
+                theta[rows] += np.diag(problem.basis)[rows] * v
+            else:
+                v = np.clip(v, *bounds_of(member, self.evidence))  # no gap is less than none
+                theta[entries(own)[rows]] = member.effect.parameters.prior[rows] * v
+        return theta
 
     def refined(self) -> tuple[Candidate, ...]:
         """The members with the shapes that go with their values."""

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.chain import Chain
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
+from delta_calibration.diagnosis.candidates import Candidate, columns_of, typical_of
 from delta_calibration.diagnosis.evidence import Cell, Evidence, gather, on_the_way
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -44,33 +43,9 @@ class Model(Fitted):
     near: Array | None = None  # (n, k) poses of the platform, nearly
 
     @cached_property
-    def extended(self) -> Problem:
-        """The problem with the members' effects in its chain."""
-        effects = tuple(m.effect for m in self.members if m.effect is not None)
-        chain = self.problem.chain.with_effects(effects)
-        layout, prior = chain.layout, chain.parameters.prior
-        base, own = layout.base, prior[layout.effects]
-        basis = np.zeros((layout.size, layout.size))
-        basis[base, base] = self.problem.basis
-        basis[layout.effects, layout.effects] = np.diag(own)
-        return replace(
-            self.problem,
-            chain=chain,
-            theta0=np.concatenate([self.problem.theta0, np.zeros(len(own))]),
-            basis=basis,
-            has_prior=np.concatenate([self.problem.has_prior, np.ones(len(own), dtype=bool)]),
-            free=np.ones(layout.size, dtype=bool),
-        )
-
-    @cached_property
     def evidence(self) -> Evidence:
         """What is left to explain, as if the members were not in the model."""
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)
-
-    @property
-    def bare(self) -> Chain:
-        """The chain without effects."""
-        return self.problem.chain
 
     @property
     def noise_degrees(self) -> float:
@@ -86,11 +61,6 @@ class Model(Fitted):
     def floor(self) -> float:
         """Root mean square of what noise makes of a pose [m]."""
         return self.cell.noise.floor
-
-    @property
-    def placed(self) -> bool:
-        """A tracker stands somewhere."""
-        return True
 
     def fitted(self, members: tuple[Candidate, ...]) -> Model:
         """The model with these members instead."""
@@ -268,19 +238,7 @@ def _moved(model: Model, held: Index = _NOTHING) -> Model:
 
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
     """One Gauss-Newton step of geometry, frame and members; some of the base's unknowns held."""
-    problem, base = model.extended, model.layout.base
-    now = np.asarray(np.linalg.solve(problem.basis, model.theta - problem.theta0), dtype=float)
-    z = model.beside.best(model.misfit, held, now[held])
-    theta = problem.theta0.copy()
-    theta[base] += problem.basis[base, base] @ z[base]
-    parts = zip(model.members, model.layout.each, model.column_layout.each, strict=True)
-    for member, own, columns in parts:
-        rows, v = np.array(member.rows), z[columns]
-        if member.effect is None:
-            theta[rows] += np.diag(problem.basis)[rows] * v
-        else:
-            v = np.clip(v, *bounds_of(member, model.evidence))  # no gap is less than none
-            theta[entries(own)[rows]] = member.effect.parameters.prior[rows] * v
+    theta = model.ahead(model.misfit, held)
     return replace(model, theta=theta, near=model.evidence.pose)
 
 

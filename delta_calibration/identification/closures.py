@@ -20,12 +20,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.chain import Predictor
 from delta_calibration.errors import InputError
 from delta_calibration.identification.observations import (
-    Machine,
+    Linear,
     Observation,
     require_shapes,
-    without_frame,
+    standing,
+    through_closures,
 )
 
 Array = NDArray[np.float64]
@@ -39,6 +41,7 @@ class ClosureAtPose(Observation):
     """
 
     kind: ClassVar[str] = "closure"
+    each: ClassVar[tuple[str, ...]] = ("joint", "pose")
 
     joint: Array  # (n, m) [rad, m]
     pose: Array  # (n, k) [m, rad]
@@ -58,16 +61,13 @@ class ClosureAtPose(Observation):
         """(r,)."""
         return np.full(self.size, self.noise)
 
-    def missed(self, machine: Machine) -> Array:
+    def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
         """Nothing less the misfit, (n, r)."""
-        return -machine.mechanism.closure(self.joint, self.pose, machine.geometry)
-
-    def slopes(self, machine: Machine) -> Array:
-        """(n, r, p + 6)."""
-        geometry = machine.geometry
-        return without_frame(
-            machine.mechanism.closure_by_geometry(self.joint, self.pose, geometry)
-        )
+        seen, g = standing(at, theta, guess)
+        mechanism, q, x = at.chain.mechanism, seen.joint, self.pose
+        by_joints = mechanism.closure_by_joints(q, x, g)
+        slope = through_closures(at, theta, by_joints, mechanism.closure_by_geometry(q, x, g))
+        return Linear(x, -mechanism.closure(q, x, g), slope, by_joints, at.at)
 
 
 @dataclass(frozen=True)
@@ -97,21 +97,19 @@ class ClosureWithoutPose(Observation):
         """(r - k,)."""
         return np.full(self.redundancy, self.noise)
 
-    def missed(self, machine: Machine) -> Array:
-        """Nothing less the misfit, (n, r - k); NaN rows out of reach."""
-        x = machine.poses(self.joint)
-        f = machine.mechanism.closure(self.joint, x, machine.geometry)
-        return np.asarray(-(self._kept(machine, x) @ f[..., None])[..., 0])
+    def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
+        """Nothing less the misfit, (n, r - k); derivatives to first order in what is missed."""
+        seen, g = standing(at, theta, guess)
+        mechanism, q, x = at.chain.mechanism, seen.joint, seen.x
+        kept = self._kept(mechanism.closure_by_pose(q, x, g), x)
+        by_joints = kept @ mechanism.closure_by_joints(q, x, g)
+        by_geometry = kept @ mechanism.closure_by_geometry(q, x, g)
+        missed = -(kept @ mechanism.closure(q, x, g)[..., None])[..., 0]
+        slope = through_closures(at, theta, by_joints, by_geometry)
+        return Linear(x, missed, slope, by_joints, at.at)
 
-    def slopes(self, machine: Machine) -> Array:
-        """(n, r - k, p + 6); to first order in what is missed."""
-        x = machine.poses(self.joint)
-        slope = machine.mechanism.closure_by_geometry(self.joint, x, machine.geometry)
-        return without_frame(self._kept(machine, x) @ slope)
-
-    def _kept(self, machine: Machine, x: Array) -> Array:
-        """N^T, (n, r - k, r)."""
-        by_pose = machine.mechanism.closure_by_pose(self.joint, x, machine.geometry)
+    def _kept(self, by_pose: Array, x: Array) -> Array:
+        """N^T, (n, r - k, r); NaN rows out of reach."""
         kept = np.full((len(x), self.redundancy, by_pose.shape[1]), np.nan)
         known = np.isfinite(x).all(axis=1)
         kept[known] = spared(by_pose[known])

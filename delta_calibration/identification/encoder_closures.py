@@ -24,13 +24,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.chain import Predictor
 from delta_calibration.errors import InputError
 from delta_calibration.identification.closures import unmoved
 from delta_calibration.identification.observations import (
-    Machine,
+    Linear,
     Observation,
     require_shapes,
-    without_frame,
+    standing,
+    through_closures,
 )
 from delta_calibration.mechanisms import Mechanism
 
@@ -89,29 +91,31 @@ class EncoderClosure(Observation):
         """(r - k,) [rad, m]."""
         return np.full(self.redundancy, self.noise)
 
-    def missed(self, machine: Machine) -> Array:
+    def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
         """Nothing less e, (n, r - k) [rad, m]; NaN rows out of reach."""
-        return -self._closed(machine)[0]
+        seen, g = standing(at, theta, guess)
+        mechanism = at.chain.mechanism
+        e, q, x, white = self._closed(mechanism, seen.joint, g)
+        by_joints = white @ mechanism.closure_by_joints(q, x, g)
+        by_geometry = white @ mechanism.closure_by_geometry(q, x, g)
+        slope = through_closures(at, theta, by_joints, by_geometry)
+        return Linear(x, -e, slope, by_joints, at.at)
 
-    def slopes(self, machine: Machine) -> Array:
-        """de/dg, (n, r - k, p + 6)."""
-        _, q, x, white = self._closed(machine)
-        return without_frame(white @ machine.mechanism.closure_by_geometry(q, x, machine.geometry))
-
-    def _closed(self, machine: Machine) -> tuple[Array, Array, Array, Array]:
+    def _closed(
+        self, mechanism: Mechanism, read: Array, g: Array
+    ) -> tuple[Array, Array, Array, Array]:
         """e, (n, r - k); q', (n, m); x, (n, k); and L^-1 N^T there, (n, r - k, r).
 
         Newton's method on q', each step the nearest joints that close to first order.
         """
-        mechanism, g = machine.mechanism, machine.geometry
-        q = self.joint
+        q = read
         for _ in range(_STEPS):
             x = mechanism.forward(q, g)
             white = _whitened(mechanism, q, x, g)
             along = white @ mechanism.closure_by_joints(q, x, g)
             left = (white @ mechanism.closure(q, x, g)[..., None])[..., 0]
-            e = left + (along @ (self.joint - q)[..., None])[..., 0]
-            nearest = self.joint - (np.swapaxes(along, 1, 2) @ e[..., None])[..., 0]
+            e = left + (along @ (read - q)[..., None])[..., 0]
+            nearest = read - (np.swapaxes(along, 1, 2) @ e[..., None])[..., 0]
             step, q = np.abs(nearest - q), nearest
             if np.nan_to_num(step).max() <= _SETTLED * max(np.nanmax(np.abs(e)), self.noise):
                 break

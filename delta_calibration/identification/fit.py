@@ -18,8 +18,9 @@ from delta_calibration.identification.observability import (
     observe,
     strong_correlations,
 )
+from delta_calibration.identification.observations import Measured, PointMeasured, PoseMeasured
 from delta_calibration.identification.problem import Problem, Solution, build_problem, solve
-from delta_calibration.identification.turns import Turns, pose_covariance
+from delta_calibration.identification.turns import mount_of, pose_covariance, turns_of
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
@@ -187,16 +188,18 @@ def identify(
 def _with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:
     """The problem, with turns where they take part."""
     chain, start = problem.chain, problem.theta0
-    turns = Turns.of(poses, robot, chain)
-    if turns is None:
+    turned, sure = turns_of(poses, robot, chain), robot.tracker.turn
+    if turned is None or sure is None:
         return problem
-    covariance = pose_covariance(poses, robot, chain, noise, start)
-    return problem.turned(turns, whitening(covariance), chain.pose(problem.at, start))
+    seen = PoseMeasured(poses.joint, poses.point, None, noise.floor, turned, sure)
+    whiten = whitening(pose_covariance(seen, poses, robot, chain, noise, start))
+    mount = mount_of(turned, chain, chain.pose(problem.at, start), start)
+    return problem.mounted(Measured(seen, problem.at, given=whiten), mount)
 
 
 def _turn_missed(full: Solution) -> float | None:
     problem = full.problem
-    if problem.turns is None:
+    if not problem.layout.has_mount:
         return None
     whitened = np.linalg.solve(problem.whiten, full.residual[..., None])[..., 0]
     return float(np.sqrt(np.mean(np.sum(whitened[:, 3:] ** 2, axis=1))))
@@ -232,7 +235,9 @@ def prepare(
     unexplained = replace(poses, point=poses.point - explained)
     noise = estimate_noise(unexplained, slope, robot)
     whiten = whitening(noise.covariance(poses, slope, robot.tracker))
-    return start, noise, build_problem(chain, poses.conditions, poses.point, whiten, start)
+    seen = PointMeasured(poses.joint, poses.point, None, noise.floor)
+    measured = Measured(seen, poses.conditions, given=whiten)
+    return start, noise, build_problem(chain, measured, start)
 
 
 def distances(solution: Solution) -> Array:

@@ -8,12 +8,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.chain import Predictor
 from delta_calibration.geometry import Camera, Frame
 from delta_calibration.identification.observations import (
-    Machine,
+    Linear,
     Observation,
+    point_seen,
     require_shapes,
-    without_frame,
 )
 
 Array = NDArray[np.float64]
@@ -29,6 +30,7 @@ class PointInImage(Observation):
     """
 
     kind: ClassVar[str] = "image"
+    each: ClassVar[tuple[str, ...]] = ("joint", "pixel")
 
     joint: Array
     pixel: Array  # (n, 2) [px]
@@ -51,19 +53,9 @@ class PointInImage(Observation):
         """(2,) [px]."""
         return np.full(2, self.noise)
 
-    def missed(self, machine: Machine) -> Array:
+    def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
         """(n, 2) [px]; NaN rows out of reach or behind the camera."""
-        return np.asarray(self.pixel - self.camera.image(self._seen(machine)))
-
-    def slopes(self, machine: Machine) -> Array:
-        """(n, 2, p + 6) [px/m, px/rad]."""
-        by_point = self.camera.image_by_point(self._seen(machine))
-        if self.place is None:
-            return by_point @ machine.seen_by_unknowns(self.joint, self.offset)
-        moved = self.place.rotation @ machine.points_by_geometry(self.joint, self.offset)
-        return without_frame(by_point @ moved)
-
-    def _seen(self, machine: Machine) -> Array:
-        """The mark in the camera's frame, (n, 3) [m]."""
-        place = machine.frame if self.place is None else self.place
-        return place.apply(machine.points(self.joint, self.offset))
+        seen = point_seen(at, theta, self.offset, self.place, guess)
+        missed = np.asarray(self.pixel - self.camera.image(seen.reading))
+        by_point = self.camera.image_by_point(seen.reading)
+        return Linear(seen.x, missed, by_point @ seen.jacobian, by_point @ seen.by_joints, at.at)

@@ -2,31 +2,38 @@
 
     minimise  sum_kinds |missed / sigma|^2 + sum_prior ((g - g_0) / prior)^2
 
-over the geometry and, if any kind depends on it, the frame of the device. The unknowns are scaled
-by what is expected of them, so that a step is of the order of one. What neither observations nor
-priors set is named and has no standard error; it stays near where it was drawn.
+over the geometry and, if any kind depends on it, the frame of the device: the problem of
+`problem.py` without a robust loss. What neither observations nor priors set is named and has no
+standard error; it stays near where it was drawn.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification.observability import Observability, observe
-from delta_calibration.identification.observations import Machine, Observation, unknowns
+from delta_calibration.identification.observations import (
+    Machine,
+    Measured,
+    Observation,
+    bare_chain,
+)
+from delta_calibration.identification.problem import Problem, Solution, scales, solve
 from delta_calibration.mechanisms import Mechanism
+from delta_calibration.samples import at_rest
 from delta_calibration.theta import frame_names
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_STEP = 1e-3  # typical size of an unknown without prior [m, rad]
+_SETTLED = 1e-12  # decrease of chi square under which the search stands still
+_RESTLESS = 1e-3  # decrease of chi square ahead, at the end, of a search that found no rest
 _NONE = 1e-8  # singular values under this share of the largest are none
 _PART = 1e-6  # of an unknown in a combination that does not show
 _SPARE = 1e-6  # degrees of freedom under which nothing is left to judge the noise by
@@ -85,27 +92,75 @@ def fit_observations(
         DataError: fewer numbers than unknowns without priors, joints out of the nominal machine's
             reach, points that its camera cannot see, or no rest.
     """
-    problem = _problem(mechanism, observations, frame, free, priors)
-    found = least_squares(problem.rows, np.zeros(problem.size), problem.slopes, xtol=1e-12)
-    if not found.success:
-        raise DataError(f"the fit found no rest: {found.message}")
-    machine = problem.machine(found.x)
-    white = problem.slopes(found.x)
-    data = white[: len(white) - problem.size]
-    names = tuple(np.array(mechanism.parameters.names + FRAME_NAMES)[problem.free].tolist())
+    problem = problem_of([Measured(o, at_rest(o.joint)) for o in observations], mechanism, frame)
+    if free is not None:
+        held = np.ones(problem.layout.size, dtype=bool)
+        held[problem.layout.geometry] = free
+        problem = problem.only(problem.free & held)
+    if not priors:
+        problem = replace(problem, has_prior=np.zeros_like(problem.has_prior))
+    _require_enough(problem)
+    _require_seen(problem)
+    return _judged(problem, solve(problem, robust=False, settled=_SETTLED))
+
+
+def problem_of(measured: Sequence[Measured], mechanism: Mechanism, frame: Frame | None) -> Problem:
+    """The problem of observations: geometry free, and the frame if any kind depends on it.
+
+    Args:
+        measured: any kinds, at least one.
+        mechanism: drawing and priors.
+        frame: `T_device_base` to start from; needed where a kind depends on it.
+
+    Raises:
+        InputError: no observation, no frame where one is needed, or two devices at unknown
+            places.
+    """
+    devices = sorted({m.observation.device for m in measured if m.observation.device})
+    if not measured:
+        raise InputError("observations: none is not allowed; one or more")
+    if devices and frame is None:
+        raise InputError(f"frame: none is not allowed with a {devices[0]}; where to start from")
+    if len(devices) > 1:
+        raise InputError(
+            f"{' and '.join(devices)} at unknown places are not allowed; one of them at most"
+        )
+    chain = bare_chain(mechanism)
+    layout, (basis, known) = chain.layout, scales(chain)
+    start = chain.join(mechanism.parameters.nominal, chain.offset, frame or Frame.identity())
+    free = layout.mask(layout.geometry, *([layout.frame] if devices else []))
+    return Problem(chain, tuple(measured), start, basis, known, free)
+
+
+def _judged(problem: Problem, solution: Solution) -> MixedFit:
+    """The fit, and what it is worth.
+
+    Raises:
+        DataError: the search has not come to rest.
+    """
+    layout, free = problem.layout, problem.free
+    names = np.array(problem.chain.parameters.names)
+    names[layout.frame] = FRAME_NAMES
+    own = tuple(names[free].tolist())
+    data, error = solution.at.rows, solution.residual.ravel()
+    white = np.concatenate([data, np.diag(problem.expected)])
     spread, loose = _spread(white)
+    ahead = data.T @ error - problem.expected * solution.z
+    if not ahead @ spread @ ahead < _RESTLESS:
+        raise DataError("the fit found no rest: more steps still make it better")
     told = float(np.trace(spread @ data.T @ data))
-    squares, degrees = np.sum(problem.rows(found.x)[: len(data)] ** 2), len(data) - told
+    scale = np.diag(problem.basis)[free]
+    degrees = solution.at.numbers.sum() - told
     return MixedFit(
-        machine=machine,
-        names=names,
-        covariance=problem.scale[:, None] * spread * problem.scale,
-        prior=problem.prior,
-        observability=observe(data[:, None] / problem.scale, problem.scale, names),
-        missed=tuple(o.missed(machine) for o in observations),
-        unset=tuple(name for name, yes in zip(names, loose, strict=True) if yes),
+        machine=Machine(problem.chain, solution.theta),
+        names=own,
+        covariance=scale[:, None] * spread * scale,
+        prior=np.where(problem.has_prior[free], scale, np.inf),
+        observability=observe(data[:, None] / scale, scale, own),
+        missed=tuple(linear.missed for linear in problem.about(solution.theta)),
+        unset=tuple(name for name, yes in zip(own, loose, strict=True) if yes),
         told=told,
-        chi_square=float(squares / degrees) if degrees > _SPARE else np.inf,
+        chi_square=float(error @ error / degrees) if degrees > _SPARE else np.inf,
     )
 
 
@@ -120,84 +175,25 @@ def _spread(white: Array) -> tuple[Array, Mask]:
     return half.T @ half / np.outer(size, size), loose
 
 
-@dataclass(frozen=True)
-class _Problem:
-    start: Machine
-    observations: tuple[Observation, ...]
-    free: Mask  # (p + 6,)
-    prior: Array  # (F,)
-    scale: Array  # (F,)
-
-    @property
-    def size(self) -> int:
-        return len(self.scale)
-
-    def machine(self, z: Array) -> Machine:
-        change = np.zeros(len(self.free))
-        change[self.free] = self.scale * z
-        parts = self.start.layout.split(change)
-        frame = Frame.from_vector(self.start.frame.vector() + parts.frame)
-        geometry = self.start.geometry + parts.geometry
-        return Machine(self.start.mechanism, geometry, frame)
-
-    def rows(self, z: Array) -> Array:
-        """Predicted less measured in standard deviations, then the priors' rows."""
-        machine = self.machine(z)
-        missed = [-(o.missed(machine) / o.sigma).ravel() for o in self.observations]
-        return np.concatenate([*missed, z * self.scale / self.prior])
-
-    def slopes(self, z: Array) -> Array:
-        """Their derivative, (rows, F)."""
-        machine = self.machine(z)
-        each = [o.slopes(machine)[..., self.free] / o.sigma[:, None] for o in self.observations]
-        flat = [slope.reshape(-1, self.size) * self.scale for slope in each]
-        return np.concatenate([*flat, np.diag(self.scale / self.prior)])
+def _require_enough(problem: Problem) -> None:
+    """Refuse fewer numbers than unknowns without priors."""
+    numbers = sum(len(m.at) * len(m.observation.sigma) for m in problem.measured)
+    known, size = int(problem.expected.sum()), len(problem.expected)
+    if numbers + known < size:
+        raise DataError(f"{numbers} measured numbers cannot set {size} unknowns")
 
 
-def _problem(
-    mechanism: Mechanism,
-    observations: Sequence[Observation],
-    frame: Frame | None,
-    free: Mask | None,
-    priors: bool,
-) -> _Problem:
-    devices = sorted({o.device for o in observations if o.device})
-    placed = bool(devices)
-    if not observations:
-        raise InputError("observations: none is not allowed; one or more")
-    if placed and frame is None:
-        raise InputError(f"frame: none is not allowed with a {devices[0]}; where to start from")
-    if len(devices) > 1:
-        raise InputError(
-            f"{' and '.join(devices)} at unknown places are not allowed; one of them at most"
-        )
-    parameters = mechanism.parameters
-    chosen = np.ones(len(parameters), dtype=bool) if free is None else free
-    layout = unknowns(len(parameters))
-    every = np.full(layout.size, placed)
-    every[layout.geometry] = chosen
-    expected = np.full(layout.size, np.inf)
-    expected[layout.geometry] = parameters.prior
-    expected = expected[every]
-    scale = np.where(np.isfinite(expected), expected, _STEP)
-    prior = expected if priors else np.full(len(expected), np.inf)
-    numbers = sum(len(o.joint) * len(o.sigma) for o in observations)
-    if numbers + np.count_nonzero(np.isfinite(prior)) < len(scale):
-        raise DataError(f"{numbers} measured numbers cannot set {len(scale)} unknowns")
-    start = Machine(mechanism, parameters.nominal, frame or Frame.identity())
-    for o in observations:
-        for joint in o.joints():
-            what = f"{o.kind}: joints"
-            mechanism.require_reach(start.poses(joint), joint, what, "rad, m")
-        _require_seen(o, start)
-    return _Problem(start, tuple(observations), every, prior, scale)
-
-
-def _require_seen(observation: Observation, start: Machine) -> None:
+def _require_seen(problem: Problem) -> None:
     """Refuse what cannot be predicted where the search starts: a point behind its camera."""
-    bad = np.flatnonzero(~np.isfinite(observation.missed(start)).all(axis=1))
-    if bad.size:
-        raise DataError(
-            f"{observation.kind}: number {bad[0] + 1} cannot be seen from where the "
-            f"{observation.device or 'device'} is said to stand: behind it"
-        )
+    mechanism, nominal = problem.chain.mechanism, problem.chain.mechanism.parameters.nominal
+    parts = zip(problem.measured, problem.about(problem.theta0), strict=True)
+    for observation, linear in ((m.observation, linear) for m, linear in parts):
+        for joint in observation.joints():
+            what = f"{observation.kind}: joints"
+            mechanism.require_reach(mechanism.forward(joint, nominal), joint, what, "rad, m")
+        bad = np.flatnonzero(~np.isfinite(linear.missed).all(axis=1))
+        if bad.size:
+            raise DataError(
+                f"{observation.kind}: number {bad[0] + 1} cannot be seen from where the "
+                f"{observation.device or 'device'} is said to stand: behind it"
+            )

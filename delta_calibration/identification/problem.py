@@ -11,24 +11,25 @@ along that valley.
 s is 1 where the noise explains the residuals, and the residuals' own (robust) spread where they
 are larger: what a model leaves out must not bend its parameters beyond what parts can be.
 
-y_i are positions, d = 3; where turns take part they follow, d = 6, and how the probe is mounted is
-three more unknowns behind those of the chain.
+What is measured may be of several kinds (`observations.py`), of as many numbers d each as it has:
+3 of a position, 6 of a pose, for which a probe's mount is three more unknowns behind the chain's.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv
 
 from delta_calibration.chain import Chain, Predictor
 from delta_calibration.errors import DataError
-from delta_calibration.identification.turns import MOUNT_NAMES, Turns
-from delta_calibration.samples import Conditions
-from delta_calibration.theta import Layout
+from delta_calibration.identification.observations import Linear, Measured, PointMeasured
+from delta_calibration.samples import Conditions, joined
+from delta_calibration.theta import Layout, vector_names
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -44,17 +45,17 @@ _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations
 _GROSS = 3.0  # times as far a pose is an error of another kind and does not count
 _ROUNDS = 12  # of the loss made to fit the residuals
 _SHRUNK = 0.9  # a bend of the loss that falls by less has settled
-# medians of the norm of so many standard normal numbers
-_CHI_MEDIAN = {3: 1.538172, 6: 2.312598}
+MOUNT_NAMES = vector_names("probe_turn")
 
 
 @dataclass(frozen=True)
 class Linearized:
-    """A problem about one theta."""
+    """A problem about one theta, d numbers a sample; a kind of fewer has zeros behind its own."""
 
     pose: Array  # (n, k) of the platform
     residual: Array  # (n, d) whitened: measured less predicted
     rows: Array  # (n d, F) whitened d(predicted)/dz of the free unknowns
+    numbers: Array  # (n,) how many of the d each sample has
 
     @property
     def slope(self) -> Array:
@@ -64,66 +65,72 @@ class Linearized:
 
 @dataclass(frozen=True)
 class Problem:
-    """Poses to be explained by a chain."""
+    """Measurements to be explained by a chain."""
 
     chain: Chain
-    at: Conditions  # of the n poses
-    y: Array  # (n, 3) [m] in the tracker's frame
-    whiten: Array  # (n, d, d) [1/m, 1/rad]
+    measured: tuple[Measured, ...]  # one kind each, n samples in all
     theta0: Array  # (P,) prior mean and start
     basis: Array  # (P, P), S
     has_prior: Mask  # (P,)
     free: Mask  # (P,) what is fitted; the rest keeps its theta0
-    turns: Turns | None = None
 
     @cached_property
     def layout(self) -> Layout:
         """Which entries of theta are which."""
-        return self.chain.layout if self.turns is None else self.chain.layout.mounted
+        chain = self.chain.layout
+        return chain if len(self.theta0) == chain.size else chain.mounted
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of theta, (P,)."""
-        return self.chain.parameters.names + (() if self.turns is None else MOUNT_NAMES)
+        return self.chain.parameters.names + (MOUNT_NAMES if self.layout.has_mount else ())
 
-    def turned(self, turns: Turns, whiten: Array, x: Array) -> Problem:
-        """With measured turns beside the positions.
+    @cached_property
+    def at(self) -> Conditions:
+        """Of all samples, (n)."""
+        return joined(*(part.at for part in self.measured))
+
+    @cached_property
+    def whiten(self) -> Array:
+        """Of the only kind that was measured, (n, d, d) [1/m, 1/rad]."""
+        (part,) = self.measured
+        return part.whiten
+
+    @cached_property
+    def y(self) -> Array:
+        """Positions, where these are all that was measured, (n, 3) [m] in the tracker's frame."""
+        (part,) = self.measured
+        return cast(PointMeasured, part.observation).point
+
+    def mounted(self, measured: Measured, mount: Array) -> Problem:
+        """The same machine by poses of a probe, with how that is mounted unknown.
 
         Args:
-            turns: of the n poses.
-            whiten: of both together, (n, 6, 6).
-            x: poses at the start, (n, k).
+            measured: poses.
+            mount: where to start from, (3,) [rad].
         """
-        start = np.append(self.theta0, turns.mount(self.chain, x, self.theta0))
+        start = np.append(self.theta0, mount)
         basis = np.diag(np.full(len(start), _FRAME_STEP))
         own = self.chain.layout.chain
         basis[own, own] = self.basis
-        unknown = np.zeros(len(MOUNT_NAMES), dtype=bool)
+        unknown = np.zeros(len(mount), dtype=bool)
         return Problem(
             self.chain,
-            self.at,
-            self.y,
-            whiten,
+            (measured,),
             start,
             basis,
             np.append(self.has_prior, unknown),
             np.append(self.free, ~unknown),
-            turns,
         )
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
-        """The same problem on some of the poses."""
-        return Problem(
-            self.chain,
-            self.at.take(rows),
-            self.y[rows],
-            self.whiten[rows],
-            self.theta0,
-            self.basis,
-            self.has_prior,
-            self.free,
-            None if self.turns is None else self.turns.take(rows),
-        )
+        """The same problem on some of the samples."""
+        parts, begin = [], 0
+        for part in self.measured:
+            own = rows[(rows >= begin) & (rows < begin + len(part.at))] - begin
+            parts.append(part.take(own))
+            begin += len(part.at)
+        return replace(self, measured=tuple(parts))
 
     def only(self, free: Mask) -> Problem:
         """The same problem with other parameters free."""
@@ -138,8 +145,17 @@ class Problem:
         return np.asarray(np.linalg.solve(self.basis, theta - self.theta0)[self.free])
 
     @cached_property
-    def _predictor(self) -> Predictor:
-        return self.chain.predictor(self.at)
+    def _predictors(self) -> tuple[Predictor, ...]:
+        return tuple(self.chain.predictor(part.at) for part in self.measured)
+
+    def about(self, theta: Array, guess: Array | None = None) -> tuple[Linear, ...]:
+        """Each kind's part about a machine, see `linearized`."""
+        if len(self.measured) > 1:
+            guess = None
+        return tuple(
+            part.observation.linearized(at, theta, guess)
+            for part, at in zip(self.measured, self._predictors, strict=True)
+        )
 
     def linearized(self, theta: Array, guess: Array | None = None) -> Linearized:
         """What is missed at these parameters, and how that goes with them.
@@ -148,16 +164,16 @@ class Problem:
             theta: (P,).
             guess: the platform's poses, nearly, (n, k); sought where not given.
         """
-        seen = self._predictor.see(theta[self.layout.chain], guess)
-        missed, jacobian = self.y - seen.reading, seen.jacobian
-        if self.turns is not None:
-            turned = self._predictor.see(theta[self.layout.chain], seen.x, "poses").jacobian
-            own, by_theta = self.turns.linearized(self.chain, seen.x, theta, turned)
-            missed = np.concatenate([missed, own], axis=1)
-            unmoved = np.zeros((*jacobian.shape[:-1], by_theta.shape[-1] - jacobian.shape[-1]))
-            jacobian = np.concatenate([np.concatenate([jacobian, unmoved], -1), by_theta], axis=1)
-        residual, rows = _equations().whitened(missed, jacobian, self.whiten, self._freed)
-        return Linearized(seen.x, residual, rows)
+        parts = [
+            self._whitened(linear, part.whiten)
+            for linear, part in zip(self.about(theta, guess), self.measured, strict=True)
+        ]
+        return parts[0] if len(parts) == 1 else _stacked(parts)
+
+    def _whitened(self, linear: Linear, whiten: Array) -> Linearized:
+        slope = np.ascontiguousarray(linear.by_theta)
+        residual, rows = _equations().whitened(linear.missed, slope, whiten, self._freed)
+        return Linearized(linear.pose, residual, rows, np.full(len(residual), residual.shape[1]))
 
     @cached_property
     def _freed(self) -> Array:
@@ -197,15 +213,37 @@ class Solution:
         return self.at.residual
 
 
-def build_problem(chain: Chain, at: Conditions, y: Array, whiten: Array, start: Array) -> Problem:
-    """A problem with every parameter free, scales and priors from the chain's parameters."""
-    prior = chain.parameters.prior
-    finite = np.isfinite(prior)
-    basis = np.diag(np.where(finite, prior, _FRAME_STEP))
+def build_problem(chain: Chain, measured: Measured, start: Array) -> Problem:
+    """A tracker's problem with everything free, scales and priors from the chain's parameters."""
+    basis, finite = scales(chain)
     basis[chain.layout.place, chain.layout.offset] = (
         -chain.split(start)[2].rotation * chain.offset_prior
     )
-    return Problem(chain, at, y, whiten, start, basis, finite, np.ones(len(prior), dtype=bool))
+    return Problem(chain, (measured,), start, basis, finite, np.ones(len(finite), dtype=bool))
+
+
+def scales(chain: Chain) -> tuple[Array, Mask]:
+    """Typical size of each entry of theta on a diagonal (P, P), and which have a prior (P,)."""
+    prior = chain.parameters.prior
+    finite = np.isfinite(prior)
+    return np.diag(np.where(finite, prior, _FRAME_STEP)), finite
+
+
+def _stacked(parts: list[Linearized]) -> Linearized:
+    """All kinds in one, the d of the largest."""
+    width = max(part.residual.shape[1] for part in parts)
+
+    def filled(each: Array) -> Array:
+        missing = width - each.shape[1]
+        return np.pad(each, [(0, 0), (0, missing)] + [(0, 0)] * (each.ndim - 2))
+
+    rows = np.concatenate([filled(part.slope) for part in parts])
+    return Linearized(
+        np.concatenate([part.pose for part in parts]),
+        np.concatenate([filled(part.residual) for part in parts]),
+        rows.reshape(-1, rows.shape[-1]),
+        np.concatenate([part.numbers for part in parts]),
+    )
 
 
 @dataclass(frozen=True)
@@ -250,11 +288,11 @@ def solve(
     now = first = _state(problem, z, _Loss(), None)
     if not robust:
         return _solution(problem, _search(problem, _Loss(), now, settled))
-    bend, made = _bend(now.at.residual), 1
+    bend, made = _bend(now.at.residual, now.at.numbers), 1
     for _ in range(_ROUNDS):
         now = _search(problem, _Loss(bend), now, max(settled, _ROUGHLY))
         made += now.evaluations
-        last, bend = bend, min(bend, _bend(now.at.residual))
+        last, bend = bend, min(bend, _bend(now.at.residual, now.at.numbers))
         if bend > _SHRUNK * last:
             break
     if np.linalg.norm(now.at.residual, axis=1).max() <= _GROSS * bend:
@@ -298,26 +336,27 @@ def solution_at(problem: Problem, z: Array) -> Solution:
     """
     own = _state(problem, z, _Loss(), None)
     _require_reach(problem, own, "the machine that was found", "a longer search may find another")
-    bend = _bend(own.at.residual)
+    bend = _bend(own.at.residual, own.at.numbers)
     now = _state(problem, z, _Loss(bend, _GROSS * bend), own.at.pose)
     return _solution(problem, replace(now, evaluations=2))
 
 
 def robust_weights(residual: Array) -> Array:
     """Weight of each pose by its whitened residual (n, d): 1, less beyond 4 sigma, 0 beyond 12."""
-    bend = _bend(residual)
+    bend = _bend(residual, residual.shape[1])
     return _Loss(bend, _GROSS * bend).judge(residual)[0]
 
 
 def spread_of(residual: Array) -> float:
     """Robust standard deviation of whitened residuals (n, d), but not under the noise's own, 1."""
-    return _bend(residual) / _HUBER
+    return _bend(residual, residual.shape[1]) / _HUBER
 
 
-def _bend(residual: Array) -> float:
-    """Whitened distance from which poses count linearly."""
-    typical = float(np.median(np.linalg.norm(residual, axis=1)))
-    return _HUBER * max(1.0, typical / _CHI_MEDIAN[residual.shape[1]])
+def _bend(residual: Array, numbers: Array | int) -> float:
+    """Whitened distance from which samples (n, d) of so many numbers count linearly."""
+    median = np.sqrt(2 * gammaincinv(np.asarray(numbers) / 2, 0.5))  # of chi's distribution
+    typical = float(np.median(np.linalg.norm(residual, axis=1) / median))
+    return _HUBER * max(1.0, typical)
 
 
 def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _State:

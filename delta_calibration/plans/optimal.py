@@ -25,8 +25,10 @@ from delta_calibration.diagnosis.rest import AT_REST
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.identification import (
+    Measured,
     Noise,
     Observability,
+    PointMeasured,
     build_problem,
     chain_of,
     whitening,
@@ -123,9 +125,9 @@ def foresight_of(robot: Robot, known: tuple[Chain, Array] | None = None) -> Fore
         theta = chain.join(chain.mechanism.parameters.nominal, chain.offset, place)
     else:
         chain, theta = known
-    nowhere = at_rest(np.zeros((0, chain.mechanism.joints)))
-    none = np.zeros((0, 3))
-    problem = build_problem(chain, nowhere, none, np.zeros((0, 3, 3)), theta)
+    nowhere, none = np.zeros((0, chain.mechanism.joints)), np.zeros((0, 3))
+    measured = Measured(PointMeasured(nowhere, none, None, 1.0), at_rest(nowhere))
+    problem = build_problem(chain, measured, theta)
     base = chain.layout.base
     return Foresight(
         chain,
