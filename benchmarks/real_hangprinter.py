@@ -165,7 +165,7 @@ def missed(fit: Observed) -> Array:
 
 def line_rms(fit: Observed) -> float:
     """Root mean square over all lines of all poses [m]: a free pose takes up three of four."""
-    lines = sum(m.at.joint.size for m in fit.measured)
+    lines = sum(m.at.joint.size for m in fit.problem.measured)
     return float(np.sqrt(np.nansum(missed(fit) ** 2) / lines))
 
 
@@ -179,7 +179,7 @@ def by_hand_std(fit: Observed) -> Array:
     """Standard errors of the identified lengths, (4,) [m]."""
     anchors = fit.theta[:16].reshape(4, 4)[:, :3]
     away = anchors / np.linalg.norm(anchors, axis=1)[:, None]
-    prior = fit.cell.parameters.prior[:16]
+    prior = fit.bare.parameters.prior[:16]
     covariance = prior[:, None] * fit.beside.covariance()[:16, :16] * prior
     blocks = covariance.reshape(4, 4, 4, 4)[np.arange(4), :3, np.arange(4), :3]
     return np.sqrt(np.einsum("ij,ijk,ik->i", away, blocks, away))
