@@ -163,6 +163,7 @@ def _finding(finding: Finding) -> list[str]:
         f"({finding.gain_low:.2f} to {finding.gain_high:.2f}); p {_chance(finding.p_value)}, "
         f"signal lambda = {finding.signal:.0f}",
     ]
+    lines += [f"  {line}" for line in finding.found_in_full()]
     if finding.equivalents:
         lines.append(
             f"  the same on this session: {', '.join(finding.equivalents)}; "

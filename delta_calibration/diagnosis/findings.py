@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.actions import action_of
 from delta_calibration.diagnosis.candidates import (
     Candidate,
     bounds_of,
@@ -41,6 +42,7 @@ from delta_calibration.diagnosis.scan import ALPHA
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import Found
 from delta_calibration.diagnosis.verdict import Estimate, Finding
+from delta_calibration.effects.base import SENSOR
 from delta_calibration.parameters import Parameter
 from delta_calibration.theta import entries
 
@@ -137,35 +139,63 @@ def of_member(
     if not member.unexplained and stand.confidence < _LEAST_SURE:
         return None
     items = _items(model, member)
-    return _finding(
+    spread, of_shape = _spread(evidence, model, member)
+    finding = _finding(
         member,
         items,
         model.values(member),
-        _spread(evidence, model, member),
+        spread,
         stand,
         _log_p(found, member, stand.signal, tried),
         sector,
         separated_by(evidence, member, stand.equivalents),
     )
+    alone = held.mm(held.members((member,), held.sectors))
+    action = action_of(member, alone)
+    return replace(finding, shape=shape_of(member, of_shape), action=action)
 
 
-def _spread(evidence: Evidence, model: Fitted, member: Candidate) -> Array:
-    """Standard deviations of a member's values in units of the priors, (k,).
+def _spread(evidence: Evidence, model: Fitted, member: Candidate) -> tuple[Array, Array]:
+    """Standard deviations of a member's values in units of the priors, (k,), and of its shape.
+
+    The shape's, (fields,), are in units of the spread of a field anywhere in its interval.
 
     By the residuals, with what its shape leaves open, and by what its conditions leave open (GUM,
     types A and B).
     """
     columns = columns_of(member, evidence)
     shapes = shape_columns(member, evidence, model.scaled(member))
-    evidence = evidence.beside(shapes, np.ones(shapes.shape[1]))
+    misfit, count = max(1.0, model.misfit), shapes.shape[1]
+    values = evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    open_shape = np.linalg.inv(values.information(shapes) / misfit + np.eye(count))
+    evidence = evidence.beside(shapes, np.ones(count))
     normal = evidence.information(columns) + PRECISION * np.eye(columns.shape[1])
-    variance = np.diag(np.linalg.inv(normal)) * max(1.0, model.misfit)
+    variance = np.diag(np.linalg.inv(normal)) * misfit
     doubt = None if member.effect is None else member.effect.doubt()
     if doubt is not None:
         moved = evidence.columns(doubt)[:, list(member.rows)] @ model.scaled(member)
         off = np.linalg.solve(normal, columns.T @ evidence.weigh(moved[:, None]))[:, 0]
         variance = variance + off**2
-    return np.asarray(np.sqrt(variance))
+    return np.sqrt(variance), np.sqrt(np.diag(open_shape))
+
+
+def shape_of(member: Candidate, spread: Array) -> dict[str, Estimate | str]:
+    """What was searched of a member: frequency, time constant, moment of a step, sensor.
+
+    Args:
+        member: in the shape that was found.
+        spread: of its searched fields, see `_spread`, (fields,).
+    """
+    effect = member.effect
+    if effect is None:
+        return {}
+    shape: dict[str, Estimate | str] = {}
+    for (name, low, high), share in zip(effect.intervals(), spread, strict=True):
+        told, unit = effect.told[name]
+        std = float(share) * (high - low) / 12**0.5  # of a uniform distribution
+        shape[told] = Estimate(float(getattr(effect, name)), std, effect.unit_of(unit))
+    sensor = effect.settings.get(SENSOR)
+    return shape | ({SENSOR: sensor} if isinstance(sensor, str) and sensor else {})
 
 
 def of_dimension(
@@ -191,7 +221,7 @@ def of_dimension(
     )
     items = _items(model, candidate)
     nominal = np.array([p.nominal for p in items])
-    return _finding(
+    finding = _finding(
         candidate,
         items,
         nominal + outlier.value * np.array([p.prior for p in items]),
@@ -201,6 +231,7 @@ def of_dimension(
         sector,
         separated_by(evidence, candidate, stand.equivalents),
     )
+    return replace(finding, action=action_of(candidate, held.mm(alone)))
 
 
 def of_geometry(
@@ -242,8 +273,9 @@ def _of_nuisance(
     information = bare.information(columns)
     length = float(z @ information @ z)
     spread = np.linalg.inv(information + np.eye(len(rows))) * max(1.0, model.misfit)
-    return _finding(
-        Candidate(cause, kind, None, None, tuple(rows.tolist())),
+    member = Candidate(cause, kind, None, None, tuple(rows.tolist()))
+    finding = _finding(
+        member,
         items,
         model.theta[rows],
         np.sqrt(np.diag(spread)),
@@ -252,6 +284,7 @@ def _of_nuisance(
         held.gain(before, held.members((), held.sectors), columns, rng),
         None,
     )
+    return replace(finding, action=action_of(member, held.mm(held.members((), held.sectors))))
 
 
 def separated_by(

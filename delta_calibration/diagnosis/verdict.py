@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from delta_calibration.wording import capital, listed, mm, spoken, sure
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,25 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Action:
+    """What to do about a cause."""
+
+    do: str  # adjust, repair, compensate or measure
+    part: str
+    # of the calibrated machine without the cause and nothing else done; None where not foretold
+    held_out_rms_after_mm: float | None
+    confirm: str  # the one test that would confirm the cause
+    how: str = ""  # in words; not part of the JSON
+
+    def sentence(self) -> str:
+        """As an order, with what is to be expected."""
+        after = self.held_out_rms_after_mm
+        expected = f"; {mm(after)} mm is left then" if after is not None else ""
+        told = f": {self.how}" if self.how else ""
+        return f"to do: {self.do} ({spoken(self.part)}){told}{expected}"
+
+
+@dataclass(frozen=True)
 class Finding:
     """A cause, where it sits, how sure it is, and what knowing it gains on held-out data."""
 
@@ -60,12 +79,38 @@ class Finding:
     gain_low: float  # of its 95 % interval
     gain_high: float
     signal: float  # lambda
+    shape: Mapping[str, Estimate | str] = field(default_factory=dict)  # what was searched
+    action: Action | None = None
     in_motion: bool = False  # the errors are of readings on paths; not part of the JSON
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the JSON of the contract: of a shape the values, their errors beside them."""
+        told: dict[str, Any] = _plain(asdict(self))
+        del told["in_motion"]
+        shape = told.pop("shape")
+        told["shape"] = {n: e if isinstance(e, str) else e["value"] for n, e in shape.items()}
+        told["shape_std"] = {n: e["std"] for n, e in shape.items() if not isinstance(e, str)}
+        if told["action"] is None:
+            del told["action"]
+        else:
+            del told["action"]["how"]
+        return told
 
     def called(self) -> str:
         """Cause and place, as words."""
         where = f" at {spoken(self.location)}" if self.location else ""
         return f"{spoken(self.cause)}{where}"
+
+    def shape_told(self) -> tuple[str, ...]:
+        """What was searched, with its errors, in words."""
+        return tuple(_told(name, value) for name, value in self.shape.items())
+
+    def found_in_full(self) -> tuple[str, ...]:
+        """What was searched, what to do and what would confirm the cause, a line each."""
+        lines = [", ".join(self.shape_told())]
+        if self.action is not None:
+            lines += [self.action.sentence(), f"to confirm: {self.action.confirm}"]
+        return tuple(filter(None, lines))
 
     def errors(self) -> str:
         """What is left without and with the cause, of poses or of what it shows in."""
@@ -121,8 +166,7 @@ class Verdict:
     def as_dict(self) -> dict[str, Any]:
         """As the JSON of the contract; `verdict.schema.json` holds its form."""
         plain = _plain(asdict(self))
-        for finding in plain["findings"]:
-            del finding["in_motion"]
+        plain["findings"] = [finding.as_dict() for finding in self.findings]
         return {"schema": SCHEMA, **plain}
 
     def models(self) -> tuple[tuple[str, Held], ...]:
@@ -149,6 +193,16 @@ class Verdict:
             beside = f"beside {named} " if named else ""
             return f"{beside}something that no known cause explains is left; {moves}"
         return named or "the calibrated geometry explains the data, and nothing else is found"
+
+
+def _told(name: str, value: Estimate | str) -> str:
+    """A searched value, as words; the unit is in the name where it is an SI unit of time."""
+    if isinstance(value, str):
+        return f"{spoken(name)} {value}"
+    words = spoken(name.removesuffix(f"_{value.unit.lower()}"))
+    unit = "" if value.unit in ("", "1") else f" {value.unit}"
+    error = "" if value.std is None else f" +- {value.std:.2g}"
+    return f"{words} {value.value:.4g}{error}{unit}"
 
 
 def _plain(value: Any) -> Any:

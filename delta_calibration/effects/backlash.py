@@ -14,6 +14,7 @@ import numpy as np
 
 from delta_calibration.effects.base import Array, Effect, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
+from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import DIRECTION, TRAVEL
 from delta_calibration.model.symbols import Symbol, maximum, minimum
 from delta_calibration.parameters import ParameterSet
@@ -25,6 +26,12 @@ class Backlash(Effect):
     """Lost motion of each joint."""
 
     cause: ClassVar[str] = "backlash"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "gear",
+        "take the play out of the gear, or preload it",
+        "hold the motor still, push the arm to and fro by hand and read the gap off a dial gauge",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)

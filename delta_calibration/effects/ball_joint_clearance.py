@@ -8,11 +8,12 @@ takes by which contact and friction let go of one side; 0 is a sharp one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
+from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import LOAD, Places
 from delta_calibration.mechanisms.delta_leg import DeltaModel
@@ -27,6 +28,13 @@ class BallJointClearance(Effect):
     """The same clearance in every rod."""
 
     cause: ClassVar[str] = "ball_joint_clearance"
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {"force": ("force_n", "N")}
+    remedy: ClassVar[Remedy] = Remedy(
+        REPAIR,
+        "ball joints",
+        "replace the worn ball joints, or press them together",
+        "pull and push a rod along its length by hand and read the gap off a dial gauge",
+    )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
     needs: ClassVar[tuple[str, ...]] = ("payload",)

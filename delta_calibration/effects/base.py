@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.effects.demo import Demo
 from delta_calibration.effects.regressor import ANGLE, Groups, Regressor, all_together
+from delta_calibration.effects.remedy import AS_FOUND, Remedy
 from delta_calibration.effects.signals import (
     PULL,
     PULL_HOME,
@@ -66,6 +67,7 @@ class Effect(ABC):
     """Base of all effects; its fields after `mechanism` are its shape."""
 
     cause: ClassVar[str]  # by the fixed names
+    remedy: ClassVar[Remedy] = AS_FOUND  # what to do about it
     kind: ClassVar[str]  # drive, structure or measurement, as reported
     stage: ClassVar[Stage]
     needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
@@ -213,6 +215,9 @@ class Effect(ABC):
         """Searched fields, and the bounds within which the best shape lies about this one."""
         return ()
 
+    # what searched fields are called in a verdict, and their unit; the joints' for "rad"
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {}
+
     def refined(self, values: Array) -> Effect:
         """The same effect with the shape that these values of its parameters (k,) go with."""
         del values
@@ -289,6 +294,10 @@ class Effect(ABC):
         for name, value in usual.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, value * self.mechanism.joint_size)
+
+    def unit_of(self, unit: str) -> str:
+        """A unit with the joints' own in the place of the radian."""
+        return self._of_joints(unit)[0]
 
     def _of_joints(self, unit: str) -> tuple[str, float]:
         """The unit for these joints, and how many of it do what one radian does."""

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.cables import CableEffect, cable, length
 from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
@@ -21,6 +22,13 @@ class CableElasticity(CableEffect):
     """Elastic stretch between anchor and platform; leaves out the run from drum to anchor."""
 
     cause: ClassVar[str] = "cable_elasticity"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "cables",
+        "compensate the cables' stretch",
+        "repeat ten poses with a second payload: the platform goes down by what the cables' "
+        "stiffness says",
+    )
     kind: ClassVar[str] = "structure"
     needs: ClassVar[tuple[str, ...]] = ("payload",)
     demo: ClassVar[Demo | None] = Demo("identify", 24)

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Array
 from delta_calibration.effects.cables import CableEffect, cable, length, level
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import Signals
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
@@ -28,6 +29,12 @@ class CableSag(CableEffect):
     """Sag of all cables, of one kind; cables that are slack have no answer here."""
 
     cause: ClassVar[str] = "cable_sag"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "cables",
+        "compensate the cables' sag, or tighten them",
+        "repeat ten poses with the cables tighter: the error falls with the square of the pull",
+    )
     kind: ClassVar[str] = "structure"
     needs: ClassVar[tuple[str, ...]] = ("payload",)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.effects.cables import CableEffect, cable
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
@@ -26,6 +27,12 @@ class DrumBuildUp(CableEffect):
     """Layers of cable on all drums alike; the drawing's radius is the one at home."""
 
     cause: ClassVar[str] = "drum_build_up"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "drums",
+        "compensate the cable's layers on the drums",
+        "wind one turn off a full and off an empty drum and measure either length",
+    )
     kind: ClassVar[str] = "drive"
 
     @property

@@ -11,6 +11,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect
 from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT, Places
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.model.terms import Term
@@ -22,6 +23,12 @@ class DrumScale(CableEffect):
     """Each drum lets out more than its counter says, in proportion."""
 
     cause: ClassVar[str] = "drum_scale"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "drums",
+        "enter the drums' true radius",
+        "wind ten turns off a drum and measure the length",
+    )
     kind: ClassVar[str] = "drive"
 
     @property

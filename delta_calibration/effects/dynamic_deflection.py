@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import ACCELERATION, Regressor
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import INERTIA
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.symbols import Symbol
@@ -22,6 +23,12 @@ class DynamicDeflection(Effect):
     """Elastic twist of the drives under what the platform and its payload weigh in motion."""
 
     cause: ClassVar[str] = "dynamic_deflection"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "drives",
+        "compensate the deflection, or accelerate less",
+        "drive the same circle at half the speed: the deviation falls to a quarter",
+    )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("payload",)

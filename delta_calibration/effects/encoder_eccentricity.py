@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import JOINT
 from delta_calibration.model.symbols import Symbol, cos, sin
 from delta_calibration.parameters import ParameterSet
@@ -20,6 +21,12 @@ class EncoderEccentricity(Effect):
     """One cycle a turn of the joint."""
 
     cause: ClassVar[str] = "encoder_eccentricity"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "encoder",
+        "centre the encoder's disc on its shaft, or compensate",
+        "turn the joint once round against a second reading head opposite the first",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     demo: ClassVar[Demo | None] = Demo("identify", 40, general=True)

@@ -12,6 +12,7 @@ from typing import ClassVar
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import LOAD as BY_LOAD
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import LOAD, Places
 from delta_calibration.mechanisms.delta_leg import DeltaModel
@@ -26,6 +27,12 @@ class ForearmCompliance(Effect):
     """Elastic stretch of each rod, all of one stiffness."""
 
     cause: ClassVar[str] = "forearm_compliance"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "forearms",
+        "compensate the forearms' stretch, or make them stiffer",
+        "repeat ten poses with a second payload: the error grows by as much as the payload",
+    )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
     needs: ClassVar[tuple[str, ...]] = ("payload",)

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Array, Effect, Stage
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import GRAVITY
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.symbols import Symbol
@@ -22,6 +23,12 @@ class JointCompliance(Effect):
     """Elastic twist of each drive behind its encoder."""
 
     cause: ClassVar[str] = "joint_compliance"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "drives",
+        "compensate the drives' give, or make them stiffer",
+        "hang a known weight on the arm with the motor held and read a dial gauge at its end",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("payload",)

@@ -18,6 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.effects.base import SPREAD, Array, Effect, Limits, Stage
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT, Places
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.symbols import Symbol, maximum, minimum, where
@@ -38,6 +39,12 @@ class JointCurve(Effect):
     """
 
     cause: ClassVar[str] = "joint_error_curve"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "joint",
+        "compensate the joint's own curve",
+        "measure the joint alone against a reference encoder",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     limits: ClassVar[Limits] = {"width": (1e-4, 10.0), "size": (1e-7, 1e-1)}

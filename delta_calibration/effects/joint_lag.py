@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import VELOCITY, Regressor
+from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import RATE
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
@@ -21,6 +22,12 @@ class JointLag(Effect):
     """Each joint is where it should have been T ago."""
 
     cause: ClassVar[str] = "joint_lag"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "drive's controller",
+        "raise the gain of the position loop, or feed the speed forward",
+        "compare commanded and actual angle in the drive's own trace",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import JOINT
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
@@ -19,6 +20,12 @@ class JointScale(Effect):
     """Each joint goes farther than it says, in proportion."""
 
     cause: ClassVar[str] = "joint_scale"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "drive's settings",
+        "enter the true gear ratio or counts a turn",
+        "turn the motor ten times and measure how far the joint has gone",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
 

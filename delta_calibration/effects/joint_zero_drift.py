@@ -5,14 +5,15 @@ dq = c h(time)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import CLOCK, Regressor
+from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import TIME
-from delta_calibration.effects.time_course import EITHER, LIMITS, around, course, courses
+from delta_calibration.effects.time_course import EITHER, LIMITS, TOLD, around, course, courses
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
@@ -23,9 +24,16 @@ class JointZeroDrift(Effect):
     """Ramp or step of each joint's zero."""
 
     cause: ClassVar[str] = "joint_zero_drift"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "joint's zero",
+        "find what slips or warms up, and home the joint again",
+        "home the joint again and repeat the first ten poses: the error is gone",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     outside: ClassVar[str] = "return to one reference pose every ten minutes, over cooling as well"
+    told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = LIMITS
     one_of: ClassVar[tuple[str, ...]] = EITHER
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from delta_calibration.effects.base import Array, Limits
 from delta_calibration.effects.cables import CableEffect, cable, length, level
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.model.symbols import Symbol, atan2, sqrt
 from delta_calibration.parameters import ParameterSet
 
@@ -42,6 +43,12 @@ class PulleyRadius(CableEffect):
     """
 
     cause: ClassVar[str] = "pulley_radius"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "pulleys",
+        "enter the pulleys' radius",
+        "measure the diameter of a pulley's groove",
+    )
     kind: ClassVar[str] = "structure"
     limits: ClassVar[Limits] = {"radius": (0.0, 0.5)}
 

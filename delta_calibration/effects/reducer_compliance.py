@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import GRAVITY, INERTIA
 from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model.symbols import Symbol
@@ -24,6 +25,12 @@ class ReducerCompliance(Effect):
     """
 
     cause: ClassVar[str] = "reducer_compliance"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "gear",
+        "compensate the gear's give, or make it stiffer",
+        "hang a known weight on the arm with the motor held and read a dial gauge at its end",
+    )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("payload",)

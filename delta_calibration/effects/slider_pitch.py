@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
@@ -24,6 +25,12 @@ class SliderPitch(Effect):
     """
 
     cause: ClassVar[str] = "slider_pitch"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "screw",
+        "enter the screw's true pitch",
+        "drive the carriage over its whole way against a linear scale",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     demo: ClassVar[Demo | None] = Demo("identify", 24)

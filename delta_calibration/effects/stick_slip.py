@@ -9,13 +9,14 @@ of finite stiffness is twisted by it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
+from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.signals import DIRECTION, RATE
 from delta_calibration.model.symbols import Symbol, exp
 from delta_calibration.parameters import ParameterSet
@@ -30,6 +31,16 @@ class StickSlip(Effect):
     """
 
     cause: ClassVar[str] = "stick_slip"
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "speed": ("speed", "rad/s"),
+        "level": ("level", "1"),
+    }
+    remedy: ClassVar[Remedy] = Remedy(
+        REPAIR,
+        "guide or bearing",
+        "clean and grease the guide or bearing, or replace it",
+        "creep through the joint's range at the lowest speed and watch the drive's torque",
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -18,7 +18,7 @@ import numpy as np
 from delta_calibration.effects.base import SENSOR, Array, Effect, Interval, Limits, Setting, Stage
 from delta_calibration.effects.regressor import CLOCK, Regressor, temperature
 from delta_calibration.effects.signals import TIME, Places, Signals
-from delta_calibration.effects.time_course import TIME_CONSTANTS, WARM_UP, around, course
+from delta_calibration.effects.time_course import TIME_CONSTANTS, TOLD, WARM_UP, around, course
 from delta_calibration.model.symbols import Symbol, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
@@ -38,6 +38,7 @@ class ThermalGrowth(Effect):
     stage: ClassVar[Stage] = Stage.STRUCTURE
     needs: ClassVar[tuple[str, ...]] = ("temperature",)
     part: ClassVar[str]
+    told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9)}
     one_of: ClassVar[tuple[str, ...]] = (SENSOR, "time_constant")
     either_sign: ClassVar[bool] = False  # a cell that warms up does not shrink

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.effects.base import Array
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.thermal_growth import ThermalGrowth
 
 
@@ -14,6 +15,12 @@ class ThermalGrowthArm(ThermalGrowth):
     """Upper arms that grow with their temperature."""
 
     cause: ClassVar[str] = "thermal_growth_arm"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "arms",
+        "compensate by temperature, or let the machine warm up first",
+        "repeat ten poses cold and warm: arms grow with their temperature",
+    )
     part: ClassVar[str] = "arm"
 
     def lengths(self) -> Array:

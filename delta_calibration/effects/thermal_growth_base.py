@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.effects.base import Array
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.thermal_growth import ThermalGrowth
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 
@@ -17,6 +18,12 @@ class ThermalGrowthBase(ThermalGrowth):
     """A base plate that grows with its temperature and carries the motors outward."""
 
     cause: ClassVar[str] = "thermal_growth_base"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "base",
+        "compensate by temperature, or let the machine warm up first",
+        "repeat ten poses cold and warm: the base grows with its temperature",
+    )
     part: ClassVar[str] = "base"
 
     @property

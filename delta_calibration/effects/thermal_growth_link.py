@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.effects.base import Array
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.thermal_growth import ThermalGrowth
 
 
@@ -14,6 +15,12 @@ class ThermalGrowthLink(ThermalGrowth):
     """Lengths and offsets of the links grow; offsets along parallel axes, as drawn, do not."""
 
     cause: ClassVar[str] = "thermal_growth_link"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "links",
+        "compensate by temperature, or let the machine warm up first",
+        "repeat ten poses cold and warm: links grow with their temperature",
+    )
     part: ClassVar[str] = "link"
 
     def lengths(self) -> Array:

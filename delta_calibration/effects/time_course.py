@@ -17,6 +17,7 @@ HOUR = 3600.0  # [s]
 WARM_UP = 2400.0  # [s] time constant of a machine that was switched on
 EITHER = ("time_constant", "step_at")  # settings of which only one can be given
 LIMITS: Limits = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9)}  # [s]
+TOLD = {"time_constant": ("time_constant_s", "s"), "step_at": ("step_at_s", "s")}
 TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; a longer one is a ramp to a session
 _STEPS = 24
 _NEAR = 300.0  # [s] of a step of the search

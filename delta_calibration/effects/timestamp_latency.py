@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import READING_SPEED, Regressor
+from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import READING_RATE
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
@@ -21,6 +22,12 @@ class TimestampLatency(Effect):
     """A reading belongs to where the platform was T before its stamp says."""
 
     cause: ClassVar[str] = "timestamp_latency"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "clocks",
+        "set the clocks of controller and tracker to each other",
+        "move one joint to and fro at two speeds: the error doubles with the speed",
+    )
     kind: ClassVar[str] = "measurement"
     stage: ClassVar[Stage] = Stage.MEASUREMENT
     outside: ClassVar[str] = "log the joints' measured angles beside the commanded ones"

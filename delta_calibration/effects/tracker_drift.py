@@ -5,16 +5,18 @@ dy = (t + w x y) h(time)
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Interval, Limits, Setting, Stage
 from delta_calibration.effects.regressor import CLOCK, Regressor
+from delta_calibration.effects.remedy import MEASURE, Remedy
 from delta_calibration.effects.signals import READING, TIME
 from delta_calibration.effects.time_course import (
     EITHER,
     LIMITS,
+    TOLD,
     WARM_UP,
     around,
     course,
@@ -30,9 +32,16 @@ class TrackerDrift(Effect):
     """Rigid drift; h a ramp, a settling with `time_constant` [s] (0 is the ramp) or a step."""
 
     cause: ClassVar[str] = "tracker_drift"
+    remedy: ClassVar[Remedy] = Remedy(
+        MEASURE,
+        "tracker",
+        "let the tracker warm up, fix its stand, and measure again",
+        "measure a reflector that is fixed to the floor before, during and after the session",
+    )
     kind: ClassVar[str] = "measurement"
     stage: ClassVar[Stage] = Stage.MEASUREMENT
     outside: ClassVar[str] = "measure three reflectors fixed to the floor, every ten minutes"
+    told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = LIMITS
     one_of: ClassVar[tuple[str, ...]] = EITHER
 

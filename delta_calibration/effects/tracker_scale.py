@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import DISTANCE, Regressor
+from delta_calibration.effects.remedy import MEASURE, Remedy
 from delta_calibration.effects.signals import READING
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
@@ -21,6 +22,12 @@ class TrackerScale(Effect):
     """Every distance from the tracker is read too long by the share s."""
 
     cause: ClassVar[str] = "tracker_scale"
+    remedy: ClassVar[Remedy] = Remedy(
+        MEASURE,
+        "tracker",
+        "have the tracker's scale checked, and measure again",
+        "measure a scale bar",
+    )
     kind: ClassVar[str] = "measurement"
     stage: ClassVar[Stage] = Stage.MEASUREMENT
     outside: ClassVar[str] = "measure a scale bar, or the robot from a second tracker station"

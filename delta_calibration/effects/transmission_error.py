@@ -5,7 +5,7 @@ dq = a sin(n q) + b cos(n q)        q unwrapped; n of the gear: 1x and 2x of a m
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -18,6 +18,7 @@ from delta_calibration.effects.base import (
     Setting,
     Stage,
 )
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT
 from delta_calibration.model.symbols import Symbol, cos, sin
 from delta_calibration.parameters import ParameterSet
@@ -29,6 +30,13 @@ class TransmissionError(Effect):
     """A harmonic of `cycles` a turn of the joint, the same for all joints."""
 
     cause: ClassVar[str] = "transmission_error"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "gear",
+        "compensate the gear's ripple",
+        "turn the motor once in ten steps and measure the joint at each: the error repeats",
+    )
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {"cycles": ("order", "1")}
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     limits: ClassVar[Limits] = {"cycles": (0.1, 1e5)}

@@ -39,6 +39,7 @@ from delta_calibration.effects.regressor import (
     by_direction,
     temperature,
 )
+from delta_calibration.effects.remedy import MEASURE, Remedy
 from delta_calibration.effects.signals import NOTHING, Places
 from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.effects.time_course import HOUR
@@ -83,6 +84,12 @@ class Unexplained(Effect):
     """
 
     cause: ClassVar[str] = UNEXPLAINED
+    remedy: ClassVar[Remedy] = Remedy(
+        MEASURE,
+        "machine",
+        "measure what the verdict proposes",
+        "repeat the session: what comes back is the machine's",
+    )
     kind: ClassVar[str] = "unknown"
     called: ClassVar[str] = "smooth map"
     stage: ClassVar[Stage] = Stage.DRIVE

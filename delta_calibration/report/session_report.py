@@ -138,7 +138,7 @@ def _finding(finding: Finding) -> tuple[str, ...]:
     part = f"; {finding.separated_by}" if finding.separated_by else ""
     return (
         f"{finding.called()} ({finding.kind})",
-        ", ".join(every[:6]) + more,
+        ", ".join([*every[:6], *finding.shape_told()]) + more,
         sure(finding.confidence),
         chance(finding.p_value),
         figures(finding.signal),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from delta_calibration.diagnosis.verdict import (
+    Action,
     CannotTell,
     Estimate,
     Finding,
@@ -91,4 +92,23 @@ def _finding(data: Mapping[str, Any]) -> Finding:
         gain_low=data.get("gain_low", data["gain"]),
         gain_high=data.get("gain_high", data["gain"]),
         signal=data.get("signal", 0.0),
+        shape=_shape(data),
+        action=_action(data.get("action")),
     )
+
+
+def _shape(data: Mapping[str, Any]) -> dict[str, Estimate | str]:
+    """What was searched; units are not part of the file: names say them."""
+    std = data.get("shape_std", {})
+    return {
+        name: value if isinstance(value, str) else Estimate(value, std.get(name), "")
+        for name, value in data.get("shape", {}).items()
+        if value is not None
+    }
+
+
+def _action(data: Mapping[str, Any] | None) -> Action | None:
+    if data is None:
+        return None
+    left, confirm = data.get("held_out_rms_after_mm"), data.get("confirm")
+    return Action(data["do"], data.get("part") or "", left, confirm or "")

@@ -44,6 +44,7 @@ def statements(verdict: Verdict) -> tuple[Statement, ...]:
         Statement("What is wrong", _wrong(verdict)),
         Statement("How sure", _how_sure(verdict)),
         Statement("What it gains", _gains(verdict)),
+        *([Statement("What to do", _to_do(verdict))] if verdict.findings else []),
         Statement("What cannot be told", _untold(verdict)),
     )
 
@@ -97,6 +98,16 @@ def _gains(verdict: Verdict) -> str:
             f"{mm(after)} mm extended."
         )
     return capital(" ".join(parts))
+
+
+def _to_do(verdict: Verdict) -> str:
+    """What cures each cause, what is left then, and what would confirm it."""
+    told = []
+    for finding in verdict.findings:
+        if finding.action is not None:
+            order = finding.action.sentence().removeprefix("to do: ")
+            told.append(f"{finding.called()}: {order}. To confirm: {finding.action.confirm}.")
+    return capital(" ".join(told))
 
 
 def _mapped(verdict: Verdict) -> bool:

@@ -1,0 +1,84 @@
+"""What to do about a cause, and what is left then: shown by doing it in the simulator."""
+
+from __future__ import annotations
+
+import pytest
+
+from delta_calibration.diagnosis import diagnose
+from delta_calibration.diagnosis.diagnose import calibrated
+from delta_calibration.diagnosis.findings import HeldOutModels
+from delta_calibration.documents import check_document, load_schema
+from delta_calibration.effects import EFFECTS, effect_named
+from delta_calibration.effects.remedy import ADJUST, COMPENSATE, MEASURE, REPAIR
+from delta_calibration.plans import make_plan
+from delta_calibration.report.verdict_file import verdict_of
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import survey
+from delta_calibration.simulation import draw_machine, simulate_session
+
+ROBOT = load_robot("srbd")
+CAUSES = {"backlash": "1.5", "joint_zero_drift": "2"}
+TRIED = tuple(effect_named(name, ROBOT, ROBOT.model(), {}) for name in (*CAUSES, "joint_lag"))
+SEED = 41
+PLAN = make_plan("identify", ROBOT, count=90, seed=SEED)
+
+
+def measured(causes):
+    hidden = [(name, {"strength": CAUSES[name]}) for name in causes]
+    machine = draw_machine(ROBOT, SEED, 1.0, hidden)
+    session = simulate_session(machine, PLAN, SEED, period=38.0)
+    return survey(session, ROBOT.joints.names)
+
+
+@pytest.fixture(scope="module", name="found")
+def found_fixture():
+    return diagnose(measured(CAUSES), ROBOT, effects=TRIED).verdict
+
+
+def test_what_is_left_after_one_repair_is_what_was_foretold(found):
+    """Two causes; each repaired alone, the machine is measured anew and calibrated."""
+    assert {f.cause for f in found.findings} == set(CAUSES)
+    for finding in found.findings:
+        rest = [name for name in CAUSES if name != finding.cause]
+        held = HeldOutModels(calibrated(measured(rest), ROBOT).evidence)
+        left = held.mm(held.members((), held.sectors))
+        assert finding.action.held_out_rms_after_mm == pytest.approx(left, rel=0.15)
+
+
+def test_what_was_searched_is_told_with_its_errors(found):
+    (drift,) = (f for f in found.findings if f.cause == "joint_zero_drift")
+    told = found.as_dict()
+    check_document(told, load_schema("verdict"), "verdict")
+    (said,) = (f for f in told["findings"] if f["cause"] == "joint_zero_drift")
+    assert said["shape"].keys() <= {"time_constant_s", "step_at_s"}
+    for name, value in said["shape"].items():
+        assert said["shape_std"][name] > 0
+        assert value == drift.shape[name].value
+    again = verdict_of(told)
+    assert [f.as_dict() for f in again.findings] == told["findings"]
+
+
+def test_a_step_is_told_with_its_moment():
+    """Half way through the session one joint's zero jumps: value, moment, and where."""
+    machine = draw_machine(
+        ROBOT,
+        SEED,
+        1.0,
+        [("joint_zero_drift", {"location": "joint_2", "value": "3e-4", "step_at": "2500"})],
+    )
+    session = simulate_session(machine, PLAN, SEED, period=38.0)
+    found = diagnose(survey(session, ROBOT.joints.names), ROBOT, effects=TRIED).verdict
+    first = found.findings[0]
+    assert first.cause == "joint_zero_drift"
+    moment = first.shape["step_at_s"]
+    assert abs(moment.value - 2500.0) < max(4 * moment.std, 60.0)
+    assert first.action.do == ADJUST
+    assert any("step at 2" in line for line in first.found_in_full())
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+def test_every_effect_says_what_to_do(effect):
+    assert effect.remedy.do in (ADJUST, REPAIR, COMPENSATE, MEASURE)
+    for words in (effect.remedy.part, effect.remedy.how, effect.remedy.confirm):
+        assert words == words.strip() != ""
+        assert not words.endswith(".")
