@@ -225,6 +225,38 @@ def test_activated_again_the_correction_that_the_drives_have_goes_out_on_a_ramp(
         np.testing.assert_allclose(path.send(Q, 1, now_s).joint - Q, share * DQ, atol=1e-15)
 
 
+def test_activated_again_after_a_hold_it_starts_where_the_drives_stand() -> None:
+    """Deactivated in a hold and activated again, the first output was the command: 56 mrad off."""
+    path = compensating(HOLD, ramp_s=1.0)
+    stream(path, Q, -5.0, 0.0)
+    held = path.send(outside(), 1, 0.0).joint
+    path.reset()
+    away = Q + 0.056
+    assert path.send(away, 2, 9.0) is None  # nobody says where the drives are
+    assert path.trouble == command_path.WAITING
+    path.stand(held, 8.0)
+    assert path.send(away, 3, 9.01) is None  # nor of late
+    path.reset()  # which does not forget the hold
+    assert path.send(away, 3, 9.01) is None
+    path.stand(held, 9.02)
+    way = np.array([path.send(away, k, 9.02 + k * STEP_S).joint for k in range(150)])
+    np.testing.assert_allclose(way[0], held, atol=1e-12)
+    assert np.abs(np.diff(way, axis=0)).max() < 1e-3
+    np.testing.assert_allclose(way[-1], away)
+    assert path.counts[command_path.WAITING] == 3
+
+
+def test_the_first_output_starts_where_the_drives_stand() -> None:
+    path = CommandPath(ramp_s=0.0, speed=1.0)
+    path.stand(Q - 0.1, 0.0)
+    way = np.array([path.send(Q, k, k * STEP_S).joint for k in range(20)])
+    np.testing.assert_allclose(way[0], Q - 0.1, atol=1e-12)
+    assert np.abs(np.diff(way, axis=0)).max() == pytest.approx(1.0 * STEP_S)
+    np.testing.assert_allclose(way[-1], Q)
+    path.stand(Q - 0.2, 0.21)  # from then on, the commands lead
+    np.testing.assert_allclose(path.send(Q, 21, 0.21).joint, Q)
+
+
 # The edge of the region
 
 CENTRE = np.array([0.0, 0.0, -0.711])

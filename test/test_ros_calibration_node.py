@@ -142,9 +142,9 @@ def test_malformed_commands_are_refused_told_and_dropped_or_held(
     back = positions(cell.give(Q + 0.01))
     if on_failure == "hold":  # a ramp long, from where it was held
         assert (back < Q + 0.005).all()
-        cell.node.set_parameters([Parameter("ramp_s", value=0.0)])
-        bench.spin_for(1.1)
-        back = positions(cell.give(Q + 0.01))
+        for _ in range(25):
+            bench.spin_for(0.05)
+            back = positions(cell.give(Q + 0.01))
     np.testing.assert_allclose(back, Q + 0.01, atol=1e-15)
 
 
@@ -226,6 +226,28 @@ def test_compensation_is_off_after_every_activation(bench: Bench, file: Path) ->
     cell.node.trigger_deactivate()
     cell.node.trigger_activate()
     np.testing.assert_array_equal(positions(cell.give(Q)), Q)
+
+
+def test_deactivated_in_a_hold_it_comes_back_from_where_the_drives_stand(bench: Bench) -> None:
+    cell = Cell(bench, on_failure="hold")
+    held = positions(cell.give(Q))
+    cell.give(np.full(3, np.nan))
+    cell.node.trigger_deactivate()
+    cell.node.trigger_activate()
+    assert cell.give(Q + 0.05) is None
+    assert cell.diagnosed("waiting for joint_states")
+    cell.states.publish(joint_state(NAMES, held, ns_to_stamp(T0_NS)))
+    assert bench.until(lambda: cell.nominal)
+    np.testing.assert_allclose(positions(cell.give(Q + 0.05)), held, atol=1e-12)
+
+
+def test_where_the_drives_stand_is_known_before_the_node_is_active(bench: Bench) -> None:
+    cell = Cell(bench)
+    cell.node.trigger_deactivate()
+    cell.states.publish(joint_state(NAMES, Q - 0.05, ns_to_stamp(T0_NS)))
+    bench.spin_for(0.2)
+    cell.node.trigger_activate()
+    np.testing.assert_allclose(positions(cell.give(Q)), Q - 0.05, atol=1e-12)
 
 
 def test_another_that_sends_to_the_drives_is_told(bench: Bench) -> None:

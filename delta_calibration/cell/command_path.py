@@ -43,6 +43,9 @@ REFUSED = "refused: malformed"
 HELD = "held: the last good command was sent instead"
 DROPPED = "dropped: nothing was sent"
 BACKWARD = "time went backwards"
+WAITING = "waiting for joint_states: deactivated in a hold, and not known where the drives stand"
+
+STATES_S = 0.5  # [s] age beyond which joint_states no longer say where the drives stand
 
 _ROUNDING = 1e-9  # [rad, m] of a limit that was given in degrees or millimetres
 
@@ -71,6 +74,9 @@ class CommandPath:
     goes back on a ramp to where the commands are by then. A command that is not finite, older than
     the timeout, or beyond a joint's limit goes out in neither case, compensation on or off; one
     beyond a limit goes out at the limit where that is asked for.
+
+    The first output after a reset starts where the drives stand by `joint_states`, and goes to
+    the commands as after a hold. Where the reset was in a hold, it waits until they say so.
 
     Attributes:
         ramp: the correction that the drives have, and how fast it changes.
@@ -112,6 +118,11 @@ class CommandPath:
         self.trouble: str | None = None
         self.compensator: Corrects | None = None
         self._cached: tuple[bytes, Compensated] | None = None
+        self._measured: tuple[Array, float] | None = None  # joints [rad], and when [s]
+        self._held: Sent | None = None
+        self._holding = False  # whether the last output was the one before it again
+        self._back: WayBack | None = None
+        self._astray = False  # whether the drives were left elsewhere than the commands
         self.reset()
 
     def reset(self) -> None:
@@ -121,9 +132,9 @@ class CommandPath:
         """
         self.enabled = False
         self.ramp.restart()
-        self._held: Sent | None = None
-        self._holding = False  # whether the last output was the one before it again
-        self._back: WayBack | None = None
+        self._astray = self._astray or self._holding or self._back is not None
+        self._held, self._holding, self._back = None, False, None
+        self._begins = True  # whether nothing was sent since
         self._echo = Echo()
         self._last_stamp: int | None = None
 
@@ -179,6 +190,10 @@ class CommandPath:
             raise DataError("there is no calibration to compensate by: fit or load one first")
         self.enabled = on
 
+    def stand(self, measured: Array, now_s: float) -> None:
+        """Take notice of where the drives stand, (m,) [rad], by `joint_states`."""
+        self._measured = measured, now_s
+
     def takes(self, q: Array, age_s: float) -> bool:
         """Whether a command (m,) [rad] of this age [s] may be sent at all."""
         return _finite(q) and not self._stale(age_s)
@@ -215,6 +230,9 @@ class CommandPath:
             self.count(BEYOND)
             return self._instead()
         q = inside
+        if self._begins and self._astray and self._start(now_s) is None:
+            self.count(WAITING)
+            return None
         again = self._echo.of(q, already)
         if already or again is not None:
             self.count(ALREADY if already else ECHO)
@@ -309,9 +327,7 @@ class CommandPath:
 
     def _unchanged(self, q: Array, again: Output | None, now_s: float) -> Sent:
         """Send what has been through here, or through another compensator, as it came."""
-        if again is None:  # whole, as far as is known; but it is not the end of a ramp of ours
-            if self.ramp.whole:
-                self.ramp.set(0.0, self.compensator)
+        if again is None:  # another's: neither the end of a ramp of ours nor a place to begin from
             return self._go(q, np.zeros_like(q), True, now_s)
         self.ramp.resume(again.stage, now_s)
         held = self._held
@@ -325,11 +341,14 @@ class CommandPath:
     def _go(self, q: Array, dq: Array, compensated: bool, now_s: float) -> Sent:
         """Send q + dq, or what lies between that and where the drives were held."""
         joint = q + dq
-        if self._holding and self._held is not None:
-            gap = self._held.joint - joint
-            self._back = WayBack.over(gap, now_s, self.ramp.seconds, self._speed)
+        stood = self._held.joint if self._holding and self._held is not None else None
+        if self._begins:
+            stood, self._begins, self._astray = self._start(now_s), False, False
+        if stood is not None:
+            self._back = WayBack.over(stood - joint, now_s, self.ramp.seconds, self._speed)
         if self._back is not None:
-            left = self._back.left(now_s)
+            self._back = self._back.by(now_s, self._at_once_s)
+            left = self._back.left
             joint = joint + left
             inside = self.within(q, joint)
             joint = joint if inside is None else inside
@@ -339,6 +358,12 @@ class CommandPath:
             self._echo.sent(Output(joint, self.ramp.stage, astray))
         self._held, self._holding = Sent(joint, compensated), False
         return self._held
+
+    def _start(self, now_s: float) -> Array | None:
+        """Where the drives stand (m,) [rad]; None where nothing recent says it."""
+        if self._measured is None or now_s - self._measured[1] > STATES_S:
+            return None
+        return self._measured[0]
 
     def _instead(self) -> Sent | None:
         """The last good output when holding; nothing otherwise."""

@@ -13,7 +13,7 @@ time passes between them than `at_once_s`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
@@ -54,11 +54,6 @@ class Ramp:
     def restart(self) -> None:
         """Begin anew from the correction that the drives still have, however long ago it was."""
         self.source, self._last_s = self, -np.inf
-
-    def set(self, applied: Array | float, source: object) -> None:
-        """Take notice of a correction that is applied already, whole, and not by this one."""
-        self.applied, self.source, self._length = applied, source, 0.0
-        self._last_s, self._whole = -np.inf, True  # nothing to be held to a rate from
 
     @property
     def whole(self) -> bool:
@@ -120,21 +115,29 @@ class WayBack:
 
     Attributes:
         gap: where they were held less where they are wanted, (m,) [rad].
-        since_s: when it began, steady time [s].
         seconds: how long it takes [s].
+        last_s: of the last output, steady time [s].
+        gone_s: how much of it is over [s].
     """
 
     gap: Array
-    since_s: float
     seconds: float
+    last_s: float
+    gone_s: float = 0.0
 
     @classmethod
     def over(cls, gap: Array, now_s: float, seconds: float, speed: float) -> WayBack:
         """In `seconds`, or as long as it takes at no more than `speed` [rad/s] of a joint."""
-        return cls(gap, now_s, max(seconds, float(np.abs(gap).max()) / speed))
+        return cls(gap, max(seconds, float(np.abs(gap).max()) / speed), now_s)
 
-    def left(self, now_s: float) -> Array:
+    def by(self, now_s: float, at_once_s: float = np.inf) -> WayBack:
+        """As far as it is by now, no farther in one output than `at_once_s` [s] of it."""
+        step = min(max(now_s - self.last_s, 0.0), at_once_s)
+        return replace(self, last_s=now_s, gone_s=self.gone_s + step)
+
+    @property
+    def left(self) -> Array:
         """What there is still to go, (m,) [rad]."""
-        if now_s >= self.since_s + self.seconds:
+        if self.gone_s >= self.seconds:
             return np.zeros_like(self.gap)
-        return self.gap * (1.0 - max(now_s - self.since_s, 0.0) / self.seconds)
+        return self.gap * (1.0 - self.gone_s / self.seconds)

@@ -35,6 +35,7 @@ from delta_calibration.ros.runtime import run
 
 NAME = "calibration_node"
 MARK = "compensated"  # header.frame_id of a command that has been compensated
+EARLY = ("joint_states", "cell/temperature", "cell/payload")  # heard before the node is active
 WARN_EVERY_S = 5.0  # [s]
 SWITCH_S = 5e-4  # [s] within which a fit or a file being read gives way to a command
 LEVELS = {
@@ -175,8 +176,9 @@ class CalibrationNode(SafeLifecycleNode):
 
     def _receive(self, topic: str, take: Callable[[Desk, Any], None], message: Any) -> None:
         """Hand a message on; one that is of no use is counted and told."""
-        # The payload is said once, a temperature seldom: known before the node is active.
-        if self._desk is None or not (self._active or topic.startswith("cell/")):
+        # The payload is said once, a temperature seldom: known before the node is active. Where
+        # the drives stand has to be known when the first command comes.
+        if self._desk is None or not (self._active or topic in EARLY):
             return
         try:
             take(self._desk, message)
@@ -230,6 +232,9 @@ class CalibrationNode(SafeLifecycleNode):
         q = self._states_reader.positions(message)
         now_s = time.monotonic()
         desk.watch.heard("joint_states", now_s)
+        desk.path.stand(q, now_s)
+        if not self._active:
+            return
         desk.capture.add_states(stamp_to_ns(message.header.stamp), q)
         nominal = desk.nominal(q, now_s)
         self._nominal.publish(self._states_writer.message(nominal, message.header.stamp))
