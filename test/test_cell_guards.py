@@ -39,7 +39,7 @@ def test_a_stale_command_is_dropped_or_the_last_one_held(already: bool) -> None:
         path.set_options(path.on_failure, 0.0, timeout_s=0.1)
         fresh = path.send(Q, 0, 0.0, age_s=0.1)
         np.testing.assert_allclose(fresh.joint, Q + DQ)
-        np.testing.assert_allclose(path.send(Q, 1, 0.0, age_s=-5.0).joint, Q + DQ)
+        np.testing.assert_allclose(path.send(Q, 1, 0.0, age_s=-0.1).joint, Q + DQ)
     assert passing.send(Q + 0.1, 2, 0.1, already, age_s=0.11) is None
     np.testing.assert_array_equal(
         holding.send(Q + 0.1, 2, 0.1, already, age_s=0.11).joint, fresh.joint
@@ -181,6 +181,56 @@ def test_a_command_marked_by_another_does_not_complete_a_ramp() -> None:
     assert np.abs(after - before).max() <= 0.03 * np.abs(DQ).max()
 
 
+@pytest.mark.parametrize("foreign", [Q + 1e-3, Q + 0.3])
+def test_a_marked_command_of_another_is_told_as_none_of_ours(foreign: np.ndarray) -> None:
+    path = compensating(ramp_s=0.0)
+    before = path.send(Q, 0, 0.0).joint - Q
+    sent = path.send(foreign, 1, 0.01, already=True)
+    np.testing.assert_array_equal(sent.joint, foreign)
+    np.testing.assert_array_equal(path.nominal(foreign), foreign)
+    assert path.applied == 0.0
+    np.testing.assert_allclose(path.send(Q, 2, 0.02).joint - Q, before)
+
+
+def test_a_marked_command_of_another_is_no_way_round_the_rate() -> None:
+    """Whole or on its ramp: the next correction is held to the rate from the last of our own."""
+    path = CommandPath(ramp_s=0.0, rate=0.02)
+    path.load(Fixed())
+    path.send(Q, 0, 0.0)
+    path.enable(True)
+    before = path.send(Q, 1, 0.1).joint - Q
+    path.send(Q + 0.1, 2, 0.11, already=True)
+    after = path.send(Q, 3, 0.12).joint - Q
+    assert np.abs(after - before).max() <= 0.02 * 0.02 * 1.001
+
+
+def test_the_way_back_from_a_hold_is_bounded_a_step() -> None:
+    """Commands seconds apart: 0.1 s of the way in each output, and not all of it in one."""
+    path = CommandPath(HOLD, ramp_s=1.0, at_once_s=0.1)
+    held = path.send(Q, 0, 0.0).joint
+    path.refuse("no command")
+    away = Q + 0.3
+    path.send(away, 1, 5.0)
+    way = np.array([path.send(away, k, 5.0 + 2.0 * k).joint for k in range(1, 12)])
+    steps = np.abs(np.diff(np.vstack([held, way]), axis=0)).max(axis=1)
+    assert steps.max() == pytest.approx(0.03)
+    np.testing.assert_allclose(way[-1], away)
+
+
+@pytest.mark.parametrize(
+    ("age_s", "why"), [(-1000.0, command_path.AHEAD), (np.nan, command_path.AGELESS)]
+)
+def test_a_command_of_an_age_that_cannot_be_is_not_sent(age_s: float, why: str) -> None:
+    """Stamps 1000 s ahead, and all while simulated time had no clock, passed the timeout."""
+    path = compensating()
+    path.set_options(PASS_THROUGH, 0.0, timeout_s=0.1)
+    assert path.send(Q, 0, 0.0, age_s=age_s) is None
+    assert path.trouble == why
+    assert path.counts[why] == 1
+    path.set_options(PASS_THROUGH, 0.0)  # without a timeout nobody asks
+    assert path.send(Q, 0, 0.0, age_s=age_s) is not None
+
+
 def test_after_a_hold_the_output_goes_back_to_the_commands_without_a_jump() -> None:
     path = compensating(HOLD, ramp_s=1.0)
     path.send(Q, 0, -5.0)
@@ -228,7 +278,8 @@ def test_activated_again_the_correction_that_the_drives_have_goes_out_on_a_ramp(
 def test_activated_again_after_a_hold_it_starts_where_the_drives_stand() -> None:
     """Deactivated in a hold and activated again, the first output was the command: 56 mrad off."""
     path = compensating(HOLD, ramp_s=1.0)
-    stream(path, Q, -5.0, 0.0)
+    path.send(Q, 0, -5.0)
+    path.send(Q, 0, 0.0)
     held = path.send(outside(), 1, 0.0).joint
     path.reset()
     away = Q + 0.056

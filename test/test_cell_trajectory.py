@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -123,3 +125,19 @@ def test_points_are_judged_by_the_motion_that_they_stand_for_and_leave_no_trace(
     side = np.array([1.0, 1.0, -1.0])[:, None] * np.ones(3)
     np.testing.assert_allclose(sent.joint - joint, GAP / 2 * side)
     np.testing.assert_array_equal(around.at(Q, 0.0).direction, 0.0)
+
+
+@pytest.mark.parametrize("beyond_limits", ["refuse", "clamp"])
+def test_a_trajectory_beyond_a_limit_is_refused_or_brought_to_it(beyond_limits: str) -> None:
+    limits = Q - 1.0, Q + 0.05
+    path = CommandPath(limits=limits, beyond_limits=beyond_limits)
+    one = points()
+    far = replace(one, joint=one.joint + np.array([0.0, 0.3, 0.0]))
+    if beyond_limits == "refuse":
+        with pytest.raises(DataError, match="beyond a joint's limit"):
+            TrajectoryPath(path).send(far, 0.0)
+        assert path.counts[command_path.BEYOND] == 1
+        return
+    sent = TrajectoryPath(path).send(far, 0.0).joint
+    np.testing.assert_array_equal(sent, np.clip(far.joint, *limits))
+    assert path.counts[command_path.CLAMPED] == 1

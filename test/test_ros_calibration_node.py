@@ -377,3 +377,15 @@ def test_what_a_model_needs_to_know_is_asked_for_on_diagnostics(
     held = positions(cell.give(Q + 1e-3))
     np.testing.assert_allclose(held, Q + corrections[1], atol=1e-12)
     assert cell.diagnosed("the temperature of part 'arm' is not known")
+
+
+def test_a_timeout_lets_nothing_pass_whose_age_is_not_known_or_cannot_be(bench: Bench) -> None:
+    """Simulated time without a `/clock`, and a stamp far ahead, let every command through."""
+    cell = Cell(bench, command_timeout_s=0.5, use_sim_time=True)
+    assert cell.give(Q) is None
+    assert cell.diagnosed("use_sim_time without a /clock")
+    cell.node.set_parameters([Parameter("use_sim_time", value=False)])
+    now_ns = time.time_ns()
+    assert cell.give(Q, now_ns + 1000 * 10**9) is None
+    assert cell.diagnosed("ahead of the node's clock")
+    np.testing.assert_array_equal(positions(cell.give(Q, time.time_ns())), Q)

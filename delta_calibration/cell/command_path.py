@@ -39,6 +39,8 @@ LIMIT = "correction held at a joint's limit"
 BEYOND = "commanded beyond a joint's limit: refused"
 CLAMPED = "commanded beyond a joint's limit: brought to it"
 STALE = "older than the timeout"
+AHEAD = "stamped farther ahead of the node's clock than the timeout"
+AGELESS = "its age is not known: use_sim_time without a /clock"
 REFUSED = "refused: malformed"
 HELD = "held: the last good command was sent instead"
 DROPPED = "dropped: nothing was sent"
@@ -89,7 +91,8 @@ class CommandPath:
         ramp_s: time over which a correction comes and goes [s].
         rate: fastest change of a joint's correction [rad/s or m/s]. A play is corrected by a step
             where the motion turns round; the drives shall not be asked for it at once.
-        timeout_s: age [s] beyond which a command is not sent any more; 0 for none.
+        timeout_s: age [s] beyond which a command is not sent any more, nor one stamped as far
+            ahead; 0 for none.
         speed: fastest motion of a joint on its way back from a hold [rad/s or m/s].
         unit: of the joints, for what is told.
         limits: lowest and highest angle of each joint, each (m,) [rad]. Neither a command nor its
@@ -135,6 +138,7 @@ class CommandPath:
         self._astray = self._astray or self._holding or self._back is not None
         self._held, self._holding, self._back = None, False, None
         self._begins = True  # whether nothing was sent since
+        self._anothers = False  # whether the last output was corrected by another, and not here
         self._echo = Echo()
         self._last_stamp: int | None = None
 
@@ -196,7 +200,7 @@ class CommandPath:
 
     def takes(self, q: Array, age_s: float) -> bool:
         """Whether a command (m,) [rad] of this age [s] may be sent at all."""
-        return _finite(q) and not self._stale(age_s)
+        return not self._against(q, age_s)
 
     def send(
         self,
@@ -215,17 +219,19 @@ class CommandPath:
             now_s: steady time, for the ramp.
             already: whether the command carries the mark of a compensated one.
             at: what the compensator may need to know beside the command, one sample.
-            age_s: of the command when it came [s], by a clock that it was stamped by as well.
+            age_s: of the command when it came [s], by a clock that it was stamped by as well; not
+                a number where there is no such clock.
 
         Returns:
             What goes out; None if nothing does.
         """
         self.trouble = None
         self._watch_time(stamp_ns)
-        if not self.takes(q, age_s):
-            self.count(STALE if _finite(q) else Verdict.NOT_FINITE.value)
+        against = self._against(q, age_s)
+        if against:
+            self.count(against)
             return self._instead()
-        inside = self._inside(q)
+        inside = self.inside(q)
         if inside is None:
             self.count(BEYOND)
             return self._instead()
@@ -233,7 +239,7 @@ class CommandPath:
         if self._begins and self._astray and self._start(now_s) is None:
             self.count(WAITING)
             return None
-        again = self._echo.of(q, already)
+        again, self._anothers = self._echo.of(q, already), False
         if already or again is not None:
             self.count(ALREADY if already else ECHO)
             return self._unchanged(q, again, now_s)
@@ -265,12 +271,12 @@ class CommandPath:
 
     def nominal(self, measured: Array) -> Array:
         """Joint angles as upstream should see them: measured (m,) less the applied correction."""
-        return measured - self.ramp.applied
+        return measured if self._anothers else measured - self.ramp.applied
 
     @property
     def applied(self) -> float:
         """Largest correction of a joint in the last output [rad]."""
-        return float(np.abs(self.ramp.applied).max())
+        return 0.0 if self._anothers else float(np.abs(self.ramp.applied).max())
 
     def within(self, q: Array, joint: Array) -> Array | None:
         """What is within limits of `joint`, asked for commands q, (..., m) [rad]; None if all."""
@@ -282,20 +288,31 @@ class CommandPath:
         inside = np.clip(joint, np.minimum(lower, q), np.maximum(upper, q))
         return None if np.array_equal(inside, joint) else inside
 
-    def _inside(self, q: Array) -> Array | None:
-        """The command (m,) as far as the joints' limits let it go; None where it is refused."""
+    def inside(self, q: Array) -> Array | None:
+        """Commands (..., m) as far as the joints' limits let them go; None where that is refused.
+
+        What is beyond is counted where it is brought to the limit.
+        """
         if self._limits is None:
             return q
         lower, upper = self._limits
-        if all(map(_between, lower.tolist(), q.tolist(), upper.tolist())):
+        low, high = lower.tolist(), upper.tolist()
+        if all(all(map(_between, low, one, high)) for one in np.atleast_2d(q).tolist()):
             return q
         if self.beyond_limits == REFUSE:
             return None
         self.count(CLAMPED)
         return np.clip(q, lower, upper)
 
-    def _stale(self, age_s: float) -> bool:
-        return 0.0 < self.timeout_s < age_s
+    def _against(self, q: Array, age_s: float) -> str:
+        """Why a command (m,) [rad] of this age [s] is not sent at all; empty where it may be."""
+        if not _finite(q):
+            return Verdict.NOT_FINITE.value
+        if self.timeout_s == 0.0 or abs(age_s) <= self.timeout_s:
+            return ""
+        if isfinite(age_s):
+            return STALE if age_s > 0.0 else AHEAD
+        return AGELESS
 
     def _watch_time(self, stamp_ns: int) -> None:
         if self._last_stamp is not None and stamp_ns < self._last_stamp:
@@ -327,7 +344,8 @@ class CommandPath:
 
     def _unchanged(self, q: Array, again: Output | None, now_s: float) -> Sent:
         """Send what has been through here, or through another compensator, as it came."""
-        if again is None:  # another's: neither the end of a ramp of ours nor a place to begin from
+        if again is None:  # neither the end of a ramp of ours nor a place to begin from
+            self._anothers = True
             return self._go(q, np.zeros_like(q), True, now_s)
         self.ramp.resume(again.stage, now_s)
         held = self._held

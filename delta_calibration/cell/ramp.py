@@ -49,16 +49,10 @@ class Ramp:
         self._from: Array | float = 0.0
         self._since_s, self._length = -np.inf, 0.0  # [s]
         self._last_s = -np.inf
-        self._whole = True  # whether all that was wanted was applied
 
     def restart(self) -> None:
         """Begin anew from the correction that the drives still have, however long ago it was."""
         self.source, self._last_s = self, -np.inf
-
-    @property
-    def whole(self) -> bool:
-        """Whether the last output had all of its correction, neither on a ramp nor held back."""
-        return self._whole
 
     @property
     def stage(self) -> Stage:
@@ -95,16 +89,16 @@ class Ramp:
             self._since_s, self._length = now_s, self.seconds
         elif isfinite(self._last_s):  # on its way: a gap in the outputs is none in the ramp
             self._since_s += max(now_s - self._last_s - at_once_s, 0.0)
-        dq, self._whole = goal, True
+        dq = goal
         if now_s < self._since_s + self._length:
             share = max(now_s - self._since_s, 0.0) / self._length
-            dq, self._whole = (1.0 - share) * self._from + share * goal, False
+            dq = (1.0 - share) * self._from + share * goal
         if isfinite(self.rate):
             gap = now_s - self._last_s
             step = self.rate * (min(max(gap, 0.0), at_once_s) if isfinite(gap) else gap)
             if max(map(abs, (dq - self.applied).tolist())) > step:
                 dq = np.clip(dq, self.applied - step, self.applied + step)
-                self.limited, self._whole = self.limited + 1, False
+                self.limited += 1
         self._last_s, self.applied = now_s, dq
         return dq
 

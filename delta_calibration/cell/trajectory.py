@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.cell.command_path import (
     ALREADY,
+    BEYOND,
     BLENDED,
     HOLD,
     LIMIT,
@@ -88,11 +89,17 @@ class TrajectoryPath:
             around: what the compensator needs to know beside the commands; None where nothing.
 
         Raises:
-            DataError: a point fails a guard, and the policy is to hold.
+            DataError: a point fails a guard, and the policy is to hold; or is commanded beyond a
+                joint's limit, and that is refused.
         """
         path = self._path
         path.trouble = None
         self.settle(now_s)
+        inside = path.inside(points.joint)
+        if inside is None:
+            path.count(BEYOND)
+            raise DataError(f"trajectory {BEYOND}")
+        points = replace(points, joint=inside)
         if already:
             path.count(ALREADY)
             return replace(points, compensated=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -211,10 +212,14 @@ class CalibrationNode(SafeLifecycleNode):
                 self._controllers.send(sent.joint, mark, self._streams)
 
     def _age_s(self, desk: Desk, stamp_ns: int) -> float:
-        """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it."""
+        """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it.
+
+        Not a number while the clock does not run: simulated time without a `/clock`.
+        """
         if desk.path.timeout_s == 0.0 or stamp_ns == 0:
             return 0.0
-        return float(self.get_clock().now().nanoseconds - stamp_ns) * 1e-9
+        now_ns = self.get_clock().now().nanoseconds
+        return float(now_ns - stamp_ns) * 1e-9 if now_ns else math.nan
 
     def _on_trajectory(self, desk: Desk, message: JointTrajectory) -> None:
         now_s = time.monotonic()

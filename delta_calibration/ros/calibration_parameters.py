@@ -43,8 +43,8 @@ SPECS = (
     Spec(
         "command_timeout_s",
         0.0,
-        "age [s] by the node's clock beyond which a command is not sent any more; 0 for none, as "
-        "where who commands has a clock of its own",
+        "age [s] by the node's clock beyond which a command is not sent any more, nor one stamped "
+        "as far ahead; 0 for none, as where who commands has a clock of its own",
         range=(0.0, 3600.0),
     ),
     Spec(
