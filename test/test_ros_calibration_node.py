@@ -250,6 +250,23 @@ def test_where_the_drives_stand_is_known_before_the_node_is_active(bench: Bench)
     np.testing.assert_allclose(positions(cell.give(Q)), Q - 0.05, atol=1e-12)
 
 
+def test_a_stop_of_the_process_sends_nothing_stale_and_is_told(bench: Bench) -> None:
+    """The node is not spun for half a second while commands come at 200 Hz."""
+    cell = Cell(bench)
+    for _ in range(10):
+        cell.give(Q, time.time_ns())
+        time.sleep(0.005)
+    before = len(cell.sent)
+    for k in range(100):
+        cell.command.publish(joint_state(NAMES, Q + k * 1e-3, ns_to_stamp(time.time_ns())))
+        time.sleep(0.005)
+    assert cell.diagnosed("stood still")
+    sent = np.array([positions(m) for m in cell.sent[before:]])
+    assert 1 <= len(sent) < 5
+    np.testing.assert_allclose(sent[0], Q)  # no jump to where the commands are by now
+    assert int(cell.value("command late, a newer one sent")) > 90
+
+
 def test_another_that_sends_to_the_drives_is_told(bench: Bench) -> None:
     cell = Cell(bench)
     assert cell.diagnosed("passing commands through", DiagnosticStatus.OK)

@@ -138,6 +138,7 @@ class CommandPath:
         self._astray = self._astray or self._holding or self._back is not None
         self._held, self._holding, self._back = None, False, None
         self._begins = True  # whether nothing was sent since
+        self._interrupted = False  # whether time was lost since the last output
         self._anothers = False  # whether the last output was corrected by another, and not here
         self._echo = Echo()
         self._last_stamp: int | None = None
@@ -197,6 +198,10 @@ class CommandPath:
     def stand(self, measured: Array, now_s: float) -> None:
         """Take notice of where the drives stand, (m,) [rad], by `joint_states`."""
         self._measured = measured, now_s
+
+    def interrupt(self) -> None:
+        """The next command comes after lost time: no jump to it, as fast as the joints may."""
+        self._interrupted = self._held is not None
 
     def takes(self, q: Array, age_s: float) -> bool:
         """Whether a command (m,) [rad] of this age [s] may be sent at all."""
@@ -359,11 +364,15 @@ class CommandPath:
     def _go(self, q: Array, dq: Array, compensated: bool, now_s: float) -> Sent:
         """Send q + dq, or what lies between that and where the drives were held."""
         joint = q + dq
-        stood = self._held.joint if self._holding and self._held is not None else None
+        stopped = self._holding or self._interrupted
+        stood = self._held.joint if stopped and self._held is not None else None
+        seconds = self.ramp.seconds if self._holding else 0.0
         if self._begins:
-            stood, self._begins, self._astray = self._start(now_s), False, False
+            stood, seconds = self._start(now_s), self.ramp.seconds
+            self._begins = self._astray = False
+        self._interrupted = False
         if stood is not None:
-            self._back = WayBack.over(stood - joint, now_s, self.ramp.seconds, self._speed)
+            self._back = WayBack.over(stood - joint, now_s, seconds, self._speed)
         if self._back is not None:
             self._back = self._back.by(now_s, self._at_once_s)
             left = self._back.left

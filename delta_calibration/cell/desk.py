@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cell.backlog import Backlog
 from delta_calibration.cell.capture import Capture
 from delta_calibration.cell.command_path import PASS_THROUGH, REFUSE, CommandPath, Sent
 from delta_calibration.cell.fitting import COMPENSATOR, Fitted, Step, fit, silent
@@ -92,6 +94,7 @@ class Desk:
         )
         self._by_conditions, self._way = False, settings.method
         self.watch = Watch()
+        self.backlog: Backlog[Any] = Backlog()
         self.fitted: Fitted | None = None
         self.calibration: Calibration | None = None
         self._capture_since_s = 0.0
@@ -149,6 +152,7 @@ class Desk:
     def reset(self) -> None:
         """Forget the motion so far, as after a pause of unknown length; compensation is off."""
         self.trajectories.reset()
+        self.backlog.forget()
         self.path.reset()
         self.around.reset()
 
@@ -329,10 +333,13 @@ class Desk:
             f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
             "command took longer than its period": self.watch.late,
+            "command lost while the process stood still": self.backlog.lost,
+            "command late, a newer one sent": self.backlog.superseded,
             **{f"captured {stream}": n for stream, n in self.capture.counts.items()},
             "captured lost": self.capture.lost,
             **{f"command {what}": n for what, n in self.path.counts.items()},
             **{f"{stream} refused": n for stream, n in self.watch.refused.items()},
+            **{f"{stream} lost on the way": n for stream, n in self.watch.lost.items()},
         }
 
     def _compensator(

@@ -34,6 +34,7 @@ class Watch:
         self._heard_s: dict[str, float] = {}
         self._troubles: dict[str, tuple[float, str]] = {}
         self.refused: dict[str, int] = {}
+        self.lost: dict[str, int] = {}  # messages, as the middleware says
         self.late = 0  # commands that took longer than the time until the next one
         self.slowest_s = 0.0  # [s] longest time that a command took
         self._last_stamp: int | None = None
@@ -46,6 +47,11 @@ class Watch:
         """A message came that is of no use."""
         self.refused[stream] = self.refused.get(stream, 0) + 1
         self.trouble(stream, why, now_s)
+
+    def lose(self, stream: str, count: int, now_s: float) -> None:
+        """Messages were lost on their way, as the middleware says."""
+        self.lost[stream] = self.lost.get(stream, 0) + count
+        self.trouble(stream, f"{count} messages lost on their way", now_s)
 
     def trouble(self, stream: str, what: str, now_s: float) -> None:
         """Something to be told for a while."""

@@ -11,10 +11,14 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from delta_calibration.cell.backlog import WAIT_S
 from delta_calibration.cell.command_path import Sent
 from delta_calibration.cell.desk import Desk
 from delta_calibration.cell.fitting import DIAGNOSIS_STEPS, FIT_STEPS, Fitted, diagnosed, fit
@@ -70,6 +74,9 @@ class CalibrationNode(SafeLifecycleNode):
         self._task: Task | None = None  # the fit or diagnosis that was begun last
         self._progress = Progress(self, self._doing)
         self._jobs = Jobs(self, self._tell_of, self._progress.publish)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._release = self.create_timer(WAIT_S, self._on_release, clock=steady)
+        self._release.cancel()
         self._serve()
         self._diagnostics = Diagnostics(self, self._report)
         scale = partial(self._settings.number, "error_scale")
@@ -140,8 +147,9 @@ class CalibrationNode(SafeLifecycleNode):
         }
         for topic in INPUTS:
             receive = partial(self._receive, topic.name, take[topic.name])
+            events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, topic.name))
             subscription = self.create_subscription(
-                topic.message, topic.name, receive, topic.reader
+                topic.message, topic.name, receive, topic.reader, event_callbacks=events
             )
             self._listening.append(subscription)
         name = self._settings.text("trajectory_input")
@@ -187,8 +195,34 @@ class CalibrationNode(SafeLifecycleNode):
             self._desk.watch.refuse(topic, str(error), time.monotonic())
             self._warn(f"{topic}: refused: {error}")
 
+    def _on_lost(self, topic: str, event: Any) -> None:
+        """The middleware says that messages were lost on their way."""
+        if self._desk is not None and self._active:
+            self._desk.watch.lose(topic, int(event.total_count_change), time.monotonic())
+
     def _on_command(self, desk: Desk, message: JointState) -> None:
+        """Send a command; of those that waited while the process stood still, only the last."""
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        due = desk.backlog.take(message, stamp_ns, time.monotonic())
+        if desk.backlog.waiting is not None:
+            self._release.reset()
+        for each in due:
+            self._follow_command(desk, each)
+
+    def _on_release(self) -> None:
+        """Nothing newer came: the command that waited for it goes out."""
+        self._release.cancel()
+        if self._desk is not None and self._active:
+            for each in self._desk.backlog.release():
+                self._receive("joint_command", self._follow_command, each)
+
+    def _follow_command(self, desk: Desk, message: JointState) -> None:
         now_s, stamp_ns = time.monotonic(), stamp_to_ns(message.header.stamp)
+        if desk.backlog.interrupted:
+            desk.path.interrupt()
+            desk.watch.trouble("backlog", desk.backlog.trouble(), now_s)
+            self._warn(f"joint_command: {desk.backlog.trouble()}")
+            desk.backlog.interrupted = False
         try:
             q = self._command_reader.positions(message)
         except CalibrationError as error:
