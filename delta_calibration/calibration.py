@@ -29,6 +29,8 @@ class Calibration:
     noise_floor: float  # [m]
     source: str
     seal: str  # hash of the file's content
+    # [m] error left: RMS 3-D distance at places that the fit had not seen; NaN where nobody says
+    held_out: float = np.nan
 
     @property
     def geometry(self) -> Array:

@@ -41,6 +41,7 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
         found.noise.floor,
         poses.source,
         content_hash(_content(found, robot, poses)),
+        found.full.held_out,
     )
 
 
@@ -121,6 +122,7 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         joints_lower=lower,
         joints_upper=upper,
         noise_floor=float(data["noise"]["floor_mm"]) * 1e-3,
+        held_out=float(data["residuals"]["full"]["error_left_rms_mm"]) * 1e-3,
         source=data["provenance"]["session"],
         seal=data[_SEAL],
     )

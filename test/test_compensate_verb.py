@@ -165,3 +165,74 @@ def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
 def test_a_payload_below_nothing_is_refused(cell, capsys):
     assert run(arguments(cell, "all", "--payload", "-1")) == 2
     assert "--payload" in capsys.readouterr().err
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_target_has_a_row_with_what_became_of_it(cell, capsys):
+    """Inside, in the margin, beyond it and out of reach: in their order, each told once."""
+    made, margin = load_calibration(cell / "plain.yaml", ROBOT), ROBOT.limits.region_margin
+    way = np.linspace(0.0, 0.8, 20001)[:, None] * [1.0, 0.0, 0.0] + [0.0, 0.0, -0.75]
+    beyond = made.region.outside(way)
+    inside, half, past = (way[np.argmin(np.abs(beyond - k * margin))] for k in (-1.0, 0.5, 1.5))
+    names = ("first", "half", "past", "far")
+    places = 1e3 * np.array([inside, half, past, [2.0, 0.0, -0.7]])
+    lines = [f"{name},{x},{y},{z}" for name, (x, y, z) in zip(names, places, strict=True)]
+    (cell / "every.csv").write_text("\n".join(["name,x_mm,y_mm,z_mm", *lines]) + "\n")
+    order = [str(cell / "every.csv") if "targets" in a else a for a in arguments(cell, "plain")]
+    assert run(order) == 1
+    said = capsys.readouterr().err
+    rows = rows_of(cell / "plain.csv")
+    assert [row["name"] for row in rows] == list(names)
+    status = ["corrected", "blended", "outside_region", "out_of_reach"]
+    assert [row["status"] for row in rows] == status
+    np.testing.assert_allclose([float(row["x_mm"]) for row in rows], places[:, 0])
+    joints = nominal_joints(ROBOT, places[:3] * 1e-3)
+    for row, joint in zip(rows, joints, strict=False):
+        nominal = [float(row[f"nominal_{name}"]) for name in ROBOT.joints.names]
+        np.testing.assert_allclose(nominal, joint, atol=1e-8)
+    past_row, far = rows[2], rows[3]
+    for name in ROBOT.joints.names:
+        assert past_row[name] == past_row[f"nominal_{name}"]
+        assert far[name] == far[f"nominal_{name}"] == ""
+    left = made.held_out * 1e3
+    assert float(rows[0]["u95_mm"]) == pytest.approx(1.614 * left, rel=1e-3)
+    assert float(rows[1]["u95_mm"]) > float(rows[0]["u95_mm"])
+    assert past_row["u95_mm"] == far["u95_mm"] == ""
+    assert said.count("point 3 (past): left nominal: outside the calibrated region") == 1
+    assert said.count("point 4 (far): no command: no pose of the nominal robot") == 1
+    assert "2 of 4 points are not corrected; the calibrated region lies within x " in said
+
+
+def test_outside_may_be_left_nominal_from_the_edge_on(cell):
+    made, margin = load_calibration(cell / "plain.yaml", ROBOT), ROBOT.limits.region_margin
+    way = np.linspace(0.0, 0.8, 20001)[:, None] * [1.0, 0.0, 0.0] + [0.0, 0.0, -0.75]
+    half = 1e3 * way[np.argmin(np.abs(made.region.outside(way) - 0.5 * margin))]
+    (cell / "half.csv").write_text(f"x_mm,y_mm,z_mm\n{half[0]},{half[1]},{half[2]}\n")
+    order = [str(cell / "half.csv") if "targets" in a else a for a in arguments(cell, "plain")]
+    assert run([*order, "--outside", "nominal"]) == 1
+    (row,) = rows_of(cell / "plain.csv")
+    assert row["status"] == "outside_region"
+    assert row["joint_1"] == row["nominal_joint_1"]
+
+
+def test_joints_are_written_in_the_unit_asked_for(cell, capsys):
+    rad = commands(cell, "plain")
+    assert run(arguments(cell, "plain", "--unit", "deg")) == 0
+    rows = rows_of(cell / "plain.csv")
+    deg = np.array([[float(row[f"{name}_deg"]) for name in ROBOT.joints.names] for row in rows])
+    np.testing.assert_allclose(np.radians(deg), rad, atol=1e-8)
+    assert run(arguments(cell, "plain", "--unit", "mm")) == 2
+    assert "--unit mm: the robot's joints turn; allowed: rad or deg" in capsys.readouterr().err
+
+
+def test_the_swarms_answer_is_never_worse_than_newtons(cell):
+    """It stopped within 0.1 um of the target, and was the method by default."""
+    assert run(arguments(cell, "plain")) == 0
+    newton = [float(row["error_mm"]) for row in rows_of(cell / "plain.csv")]
+    assert run([a if a != "newton" else "apso" for a in arguments(cell, "plain")]) == 0
+    swarm = [float(row["error_mm"]) for row in rows_of(cell / "plain.csv")]
+    assert max(swarm) <= max(max(newton), 1e-8)

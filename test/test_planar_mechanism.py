@@ -179,7 +179,9 @@ def test_commands_for_points(robot_file, tmp_path):
     save_calibration(calibration, identify(seen.poses, robot), robot, seen.poses)
     command = ["compensate", "--robot", robot_file, "--calibration", str(calibration)]
     assert run([*command, str(targets), "--out", str(tmp_path / "out.csv")]) == 0
-    assert (tmp_path / "out.csv").read_text().startswith("left_mm,right_mm,error_mm\n")
+    assert (tmp_path / "out.csv").read_text().splitlines()[0] == (
+        "x_mm,z_mm,nominal_left_mm,nominal_right_mm,left_mm,right_mm,status,u95_mm,error_mm"
+    )
 
 
 def test_its_looks_are_asked_for_in_words(robot_file, capsys):

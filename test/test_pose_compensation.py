@@ -262,7 +262,10 @@ def test_turns_are_written_with_their_error(tmp_path: Path, capsys) -> None:
     with (tmp_path / "out.csv").open() as file:
         rows = list(csv.DictReader(file))
     names = [f"slider_{k}_mm" for k in range(1, 5)]
-    assert list(rows[0]) == [*names, "error_mm", "error_mrad"]
+    nominal = [f"nominal_{name}" for name in names]
+    came = ["y_mm", "z_mm", "turn_x_deg", "turn_y_deg"]
+    said = ["status", "u95_mm", "error_mm", "error_mrad"]
+    assert list(rows[0]) == [*came, *nominal, *names, *said]
     assert max(float(row["error_mrad"]) for row in rows) < 1e-4
     joint = np.array([[float(row[name]) for name in names] for row in rows]) * 1e-3
     off = np.abs(joint - read_targets(targets, robot).joint).max()

@@ -119,7 +119,7 @@ def test_where_dimensions_change_the_exact_way_is_taken_and_said(cell, capsys):
     said = capsys.readouterr().out
     assert "by newton (no table: the dimensions change with thermal_growth_arm)" in said
     assert not file.exists()
-    assert "(30 commands by newton, " in said
+    assert "(30 of 30 commands corrected by newton, " in said
     assert compensate(cell, "grown", "newton", *warm) == 0
     table, newton = commands(cell, "table"), commands(cell, "newton")
     np.testing.assert_allclose(table, newton, rtol=0, atol=1e-9)  # compiled, and by numpy

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,12 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.commands_file import (
+    UNREACHED,
+    Commands,
+    unit_for,
+    write_commands,
+)
 from delta_calibration.cli.options import (
     progress,
     require_folder,
@@ -32,14 +37,17 @@ from delta_calibration.compensation import (
 )
 from delta_calibration.effects.catalogue import catalogue
 from delta_calibration.errors import DataError, InputError, ReachError
-from delta_calibration.plans import read_targets
+from delta_calibration.plans.target_file import read_rows, targets_of, unused_columns
 from delta_calibration.region import Region
-from delta_calibration.robot import Joints, Robot, load_robot
+from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Conditions, at_rest, motion_of
+from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
 
 _NAMED = 10  # points told one by one
+REFUSE, NOMINAL, BLEND = "refuse", "nominal", "blend"
+OUTSIDE = (BLEND, NOMINAL, REFUSE)
 _BATCH = 64  # commands searched side by side
 
 
@@ -76,6 +84,20 @@ _BATCH = 64  # commands searched side by side
     type=OfPart(CELSIUS, "arm=27.5"),
     help="How warm a part will be; for a calibration with growth in it. As often as needed.",
 )
+@click.option(
+    "--outside",
+    type=click.Choice(OUTSIDE),
+    default=BLEND,
+    show_default=True,
+    help="What cannot be corrected whole: blended out over the margin and nominal beyond it; "
+    "nominal from the region's edge on; or refused, and nothing is written.",
+)
+@click.option(
+    "--unit",
+    type=click.Choice(("rad", "deg", "mm")),
+    default=None,
+    help="Of the joints that are written.  [default: rad; mm where joints slide]",
+)
 @table_options
 @seed_option
 def command(
@@ -86,6 +108,8 @@ def command(
     out: Path,
     payload: float | None,
     temperatures: tuple[tuple[str, float], ...],
+    outside: str,
+    unit: str | None,
     table_file: Path | None,
     table_by: str | None,
     table_bound_um: float | None,
@@ -110,11 +134,15 @@ def command(
     all: where there are more joints, as on a cable robot, the commands are those that fit the
     corrected pose without the joints working against each other.
 
-    Writes a column a joint, by its name: joints that turn in rad, joints that slide in mm, and _mm
-    behind the name. Then error_mm and, where the joints turn the platform, error_mrad: how far the
-    tool stays from the target *by the identified model*; not what a tracker would measure. In the
-    margin beyond the calibrated region (the robot file's limits.region_margin_mm) corrections are
-    blended out: which points got how much of theirs, and what is left, is said on stderr.
+    Writes a row for every target, in order: its name where it has one, the target as it came, the
+    nominal joints (nominal_ before their names), the joints to command, status, u95_mm. Joints
+    that turn are in rad under their bare names (--unit deg: _deg behind them), joints that slide
+    in _mm. status is `corrected`, `blended` (in the margin beyond the calibrated region, the robot
+    file's limits.region_margin_mm) or why there is no correction; such a row has its nominal
+    joints, none out of reach, is listed on stderr, and the exit code is 1. u95_mm: within how much
+    of the target the tool comes with 95 %, by the error left on places that the fit had not seen.
+    error_mm and, where the joints turn the platform, error_mrad: how far the tool stays from the
+    target *by the identified model*; not what a tracker would measure.
     """
     require_folder(out)
     robot = load_robot(robot_file)
@@ -123,25 +151,82 @@ def command(
     options = TableOptions(table_file, table_by, table_bound_um)
     options.require_method(method)
     calibration = load_calibration(calibration_file, robot)
+    if outside == NOMINAL:
+        calibration = replace(calibration, robot=without_margin(robot))
     warm = warmth_by_part(temperatures, calibration)
-    nominal = _nominal(robot, targets, payload)
+    shown = unit_for(robot.joints, unit)
+    rows, nominal = _nominal(robot, targets, payload, outside)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
         compensator = JointCompensator(calibration, method, seed)
-    found = corrected(compensator, nominal, payload, warm, targets, calibration_file)
-    _write(out, robot.joints, found)
-    tell_of_blended(found, targets, out)
+    reached = np.flatnonzero(np.isfinite(nominal).all(axis=1))
+    found = None
+    if reached.size:
+        found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
+        if outside == REFUSE:
+            _refuse_uncorrected(found, targets, calibration.region)
+    commands = Commands(rows, nominal, found, reached, calibration.held_out)
+    write_commands(out, robot.joints, shown, commands)
+    if found is not None:
+        tell_of_blended(found, targets, out, reached)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
-    unit, factor = robot.joints.shown
-    turn = "" if found.model_turn is None else f" and {found.model_turn.max() * 1e3:.2e} mrad"
-    click.echo(
-        f"written: {out} ({len(nominal)} commands by {compensator.by}, largest correction "
-        f"{factor * np.abs(found.correction).max():.3f} {unit}; error by the model at most "
-        f"{found.model_error.max() * 1e3:.2e} mm{turn}, {found.evaluations.mean():.0f} "
-        "evaluations each)"
+    click.echo(f"written: {out} ({_summary(commands, compensator)})")
+    _tell_of_uncorrected(commands, targets, calibration.region)
+
+
+def _summary(commands: Commands, compensator: JointCompensator) -> str:
+    """How many commands of what were written, and what is left by the model."""
+    found = commands.found
+    count = len(commands.rows) - len(commands.uncorrected)
+    told = f"{count} of {len(commands.rows)} commands corrected"
+    if found is None or not count:
+        return told
+    good = np.isfinite(found.model_error)
+    unit, factor = compensator.calibration.robot.joints.shown
+    turn = (
+        "" if found.model_turn is None else f" and {found.model_turn[good].max() * 1e3:.2e} mrad"
     )
+    return (
+        f"{told} by {compensator.by}, largest correction "
+        f"{factor * np.abs(found.correction).max():.3f} {unit}; error by the model at most "
+        f"{found.model_error[good].max() * 1e3:.2e} mm{turn}, {found.evaluations.mean():.0f} "
+        "evaluations each"
+    )
+
+
+def _tell_of_uncorrected(commands: Commands, targets: Path, region: Region) -> None:
+    """List every target without a correction once, and fail.
+
+    Raises:
+        DataError: there is one.
+    """
+    bad, status = commands.uncorrected, commands.status
+    if not bad:
+        return
+    reasons = {verdict.name.lower(): verdict.value for verdict in Verdict}
+    for row in bad:
+        left = "no command" if status[row] == UNREACHED else "left nominal"
+        click.echo(
+            f"{targets}: point {row + 1}{_called(commands.rows[row])}: {left}: "
+            f"{reasons[status[row]]}",
+            err=True,
+        )
+    within = ""
+    if Verdict.OUTSIDE_REGION.name.lower() in status:
+        within = f"; the calibrated region lies within {_extent(region)}"
+    raise DataError(f"{targets}: {len(bad)} of {len(status)} points are not corrected{within}")
+
+
+def _called(row: Row) -> str:
+    name = row.text.get("name")
+    return f" ({name})" if name else ""
+
+
+def without_margin(robot: Robot) -> Robot:
+    """The robot with corrections that end at the calibrated region."""
+    return replace(robot, limits=replace(robot.limits, region_margin=0.0))
 
 
 def corrected(
@@ -158,6 +243,23 @@ def corrected(
         InputError: the calibration takes a condition that is not given.
         DataError: a command cannot be corrected.
     """
+    found = found_for(compensator, nominal, payload, warm, calibration_file)
+    _refuse_uncorrected(found, targets, compensator.calibration.region)
+    return found
+
+
+def found_for(
+    compensator: JointCompensator,
+    nominal: Array,
+    payload: float | None,
+    warm: dict[str, float],
+    calibration_file: Path,
+) -> Compensated:
+    """What becomes of all commands (n, m), the machine stopping at one after the other.
+
+    Raises:
+        InputError: the calibration takes a condition that is not given.
+    """
     calibration = compensator.calibration
     at = _conditions(nominal, payload, warm, calibration.robot.commanded.joint_size)
     parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
@@ -168,19 +270,30 @@ def corrected(
         ]
     )
     _refuse_unknown(found, calibration_file)
-    _refuse_uncorrected(found, targets, calibration.region)
     return found
 
 
-def _nominal(robot: Robot, file: Path, payload: float | None) -> Array:
-    """Joints that the drawing takes for the targets, (n, m) [rad or m]."""
+def _nominal(
+    robot: Robot, file: Path, payload: float | None, outside: str
+) -> tuple[list[Row], Array]:
+    """Targets, and joints that the drawing takes for them, (n, m) [rad or m]; NaN out of reach."""
+    rows, load = read_rows(file, robot), payload or 0.0
+    unused = unused_columns(rows)
+    if unused:
+        click.echo(f"{file}: not used: {', '.join(unused)} (of a plan)", err=True)
     try:
-        targets = read_targets(file, robot, payload or 0.0)
+        return rows, targets_of(rows, robot, load).joint
     except ReachError as error:
-        raise ReachError(f"{file}: {error}") from error
-    if targets.unused:
-        click.echo(f"{file}: not used: {', '.join(targets.unused)} (of a plan)", err=True)
-    return targets.joint
+        if outside == REFUSE:
+            raise ReachError(f"{file}: {error}") from error
+    return rows, np.concatenate([_one_nominal(row, robot, load) for row in rows])
+
+
+def _one_nominal(row: Row, robot: Robot, payload: float) -> Array:
+    try:
+        return targets_of([row], robot, payload).joint
+    except ReachError:
+        return np.full((1, len(robot.joints.names)), np.nan)
 
 
 def warmth_by_part(
@@ -263,10 +376,14 @@ def _extent(region: Region) -> str:
     return ", ".join(f"{name} {least:.0f} to {most:.0f}" for name, least, most in sides) + " mm"
 
 
-def tell_of_blended(found: Compensated, targets: Path, out: Path) -> None:
+def tell_of_blended(
+    found: Compensated, targets: Path, out: Path, reached: NDArray[np.intp] | None = None
+) -> None:
     """Which points got a part of their correction only, and how far off they stay."""
+    reached = np.arange(len(found.joint)) if reached is None else reached
+    good = np.array([verdict is Verdict.CORRECTED for verdict in found.verdicts])
     share = np.ones(len(found.joint)) if found.share is None else found.share
-    blended = np.flatnonzero(share < 1.0)
+    blended = np.flatnonzero((share < 1.0) & good)
     if not blended.size:
         return
     click.echo(
@@ -277,28 +394,9 @@ def tell_of_blended(found: Compensated, targets: Path, out: Path) -> None:
     for row in blended[:_NAMED]:
         turn = "" if found.model_turn is None else f" and {found.model_turn[row] * 1e3:.3f} mrad"
         click.echo(
-            f"  point {row + 1}: {100 * share[row]:.0f} % of its correction, "
+            f"  point {reached[row] + 1}: {100 * share[row]:.0f} % of its correction, "
             f"{found.model_error[row] * 1e3:.3f} mm{turn} left by the model",
             err=True,
         )
     if blended.size > _NAMED:
         click.echo(f"  and {blended.size - _NAMED} more: error_mm in {out}", err=True)
-
-
-def _write(path: Path, joints: Joints, found: Compensated) -> None:
-    slides = joints.unit == "m"
-    head = [f"{name}_mm" if slides else name for name in joints.names]
-    errors = {"error_mm": found.model_error}
-    if found.model_turn is not None:
-        errors["error_mrad"] = found.model_turn
-    left = 1e3 * np.stack(list(errors.values()), axis=1)
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        with beside.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow([*head, *errors])
-            for joint, error in zip(found.joint * (1e3 if slides else 1.0), left, strict=True):
-                writer.writerow([*(f"{v:.9f}" for v in joint), *(f"{v:.3e}" for v in error)])
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.answer import Compensated, Verdict
-from delta_calibration.compensation.base import REACHED, Flags
+from delta_calibration.compensation.base import REACHED, Correction, Flags
 from delta_calibration.compensation.machine import (
     TABLE,
     Machine,
@@ -324,10 +324,23 @@ class JointCompensator:
         """Corrections by swarm, or by the table and, where drives have effects, from there."""
         if self.table is None:
             solver = solver_of(own, self._solver, self.robot.limits.correction, self._seed)
-            return solver.correct(q, target, signals)
+            return self._polished(solver.correct(q, target, signals), own, q, target, signals)
         if not self._effects:
             return Tabulated(self.table, own.point).correct(q, target)
         return Newton(own, self._newton).correct(q, target, signals, self.table.at(q))
+
+    def _polished(
+        self, found: Correction, own: Machine, q: Array, target: Array, signals: Any
+    ) -> Correction:
+        """What a swarm found, brought to the target by Newton's steps where they lead nearer."""
+        after = Newton(own, self._newton).correct(q, target, signals, found.dq)
+        better = after.error < found.error
+        return Correction(
+            np.where(better[:, None], after.dq, found.dq),
+            np.where(better, after.error, found.error),
+            found.evaluations + after.evaluations,
+            found.converged | after.converged,
+        )
 
     @cached_property
     def _newton(self) -> NewtonSettings:

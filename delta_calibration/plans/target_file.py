@@ -7,8 +7,9 @@ A turn is what the mechanism's `task` takes it for: a rotation vector, of an arm
 its tool at home; of a five-axis machine the angles A and B. A turn that is not given is none.
 Coordinates of the place that the joints do not command need no column (z of an arm of two joints,
 x of a machine that moves in a plane); one that is there has to say what the rest comes to. A
-plan (plan_file.py) is a file of targets too: what only a plan needs is told, not used. A column
-`note` is for people. Any other is refused, as it may well say what would then be left out.
+plan (plan_file.py) is a file of targets too: what only a plan needs is told, not used. Columns
+`name` and `note` are for people. Any other is refused, as it may well say what would then be left
+out.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
 DIRECTION, PAYLOAD, PATH, DURATION = "direction", "payload_kg", "path", "duration_s"
 _EVERY = (*PLACE, *TURN)
 _OF_A_PLAN = (DIRECTION, PAYLOAD, PATH, DURATION)
-_NOTE = "note"  # for people
+_NAME, _NOTE = "name", "note"  # for people
 _UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)  # SI of one
 _MOST = np.array([1e6] * 3 + [3600.0] * 3)  # [mm], [deg]: a kilometre, ten turns
 _SAME = 1e-6  # [m, rad] by which a coordinate may differ from what follows from the others
@@ -62,8 +63,12 @@ def read_targets(path: Path, robot: Robot, payload: float = 0.0) -> Targets:
         ReachError: a target out of the robot's reach or joint limits, or whose load is not borne.
     """
     rows = read_rows(path, robot)
-    unused = tuple(name for name in _OF_A_PLAN if name in rows[0].text)
-    return replace(targets_of(rows, robot, payload), unused=unused)
+    return replace(targets_of(rows, robot, payload), unused=unused_columns(rows))
+
+
+def unused_columns(rows: Sequence[Row]) -> tuple[str, ...]:
+    """Columns of a plan, which say nothing of a target."""
+    return tuple(name for name in _OF_A_PLAN if name in rows[0].text)
 
 
 def read_rows(path: Path, robot: Robot) -> list[Row]:
@@ -112,7 +117,7 @@ def _said(row: Row, name: str, most: float) -> float:
 
 def _require_known(path: Path, found: Sequence[str]) -> None:
     """Refuse a column of another unit, or of another name."""
-    allowed = (*_EVERY, *_OF_A_PLAN, _NOTE)
+    allowed = (*_EVERY, *_OF_A_PLAN, _NAME, _NOTE)
     of_stem = {name.rpartition("_")[0]: name for name in allowed if "_" in name}
     for name in found:
         meant = of_stem.get(name.rpartition("_")[0], of_stem.get(name, name))

@@ -1,0 +1,150 @@
+"""COMMANDS.csv of `compensate`: a row for every target, in order, whatever became of it.
+
+name                the target's, where targets have names
+x_mm, y_mm, ...     the target as it came
+nominal_JOINT       joints that the drawing takes for it
+JOINT               joints to command: corrected, or nominal where there is no correction
+status              corrected, blended, or why it is not (`outside_region`, ...)
+u95_mm              expanded uncertainty (95 %) of where the tool comes to; nothing where the
+command is nominal: how far off an uncorrected machine is, nobody says
+error_mm, error_mrad    what is left by the identified model
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.compensation import Compensated, Verdict
+from delta_calibration.errors import InputError
+from delta_calibration.robot import Joints
+from delta_calibration.tables import Row
+
+Array = NDArray[np.float64]
+
+BLENDED, UNREACHED = "blended", Verdict.OUT_OF_REACH.name.lower()
+# Of the length of a vector of three alike normal numbers: its 95 % quantile over its RMS
+# (chi with three degrees of freedom, 2.795 / sqrt 3).
+_COVERS = 1.614
+_FACTORS = {"rad": 1.0, "deg": 180.0 / np.pi, "mm": 1e3}
+_BARE = "rad"  # the unit that is not said behind a joint's name
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What became of every target."""
+
+    rows: Sequence[Row]  # (n,) as they came
+    nominal: Array  # (n, m) [rad or m] NaN out of reach
+    found: Compensated | None  # of the targets in reach; None where none is
+    reached: NDArray[np.intp]  # (k,) which these are
+    held_out: float  # [m] RMS error left of the calibration
+
+    @property
+    def status(self) -> list[str]:
+        """Of every target."""
+        status, found = [UNREACHED] * len(self.rows), self.found
+        if found is not None:
+            for k, row in enumerate(self.reached):
+                verdict = found.verdicts[k]
+                whole = verdict is not Verdict.CORRECTED or not found.blended(k)
+                status[row] = verdict.name.lower() if whole else BLENDED
+        return status
+
+    @property
+    def uncorrected(self) -> list[int]:
+        """Targets whose command is nominal or none."""
+        good = (Verdict.CORRECTED.name.lower(), BLENDED)
+        return [row for row, status in enumerate(self.status) if status not in good]
+
+    def u95(self) -> Array:
+        """Expanded uncertainty of where the tool comes to, (n,) [m]; NaN where not corrected.
+
+        By the error left on places that the fit has not seen, which counts the tracker's noise and
+        how the joints come to rest; and all that a correction blended out leaves by the model.
+        """
+        u95 = np.full(len(self.rows), np.nan)
+        if self.found is not None:
+            u95[self.reached] = _COVERS * self.held_out + self.found.model_error
+        u95[self.uncorrected] = np.nan
+        return u95
+
+
+def unit_for(joints: Joints, asked: str | None) -> str:
+    """The unit of joints in the file.
+
+    Raises:
+        InputError: an angle's unit for joints that slide, or a length's for joints that turn.
+    """
+    fitting = ("mm",) if joints.unit == "m" else ("rad", "deg")
+    if asked is None:
+        return fitting[0]
+    if asked not in fitting:
+        moves = "slide" if joints.unit == "m" else "turn"
+        raise InputError(
+            f"--unit {asked}: the robot's joints {moves}; allowed: {' or '.join(fitting)}"
+        )
+    return asked
+
+
+def write_commands(path: Path, joints: Joints, unit: str, commands: Commands) -> None:
+    """Write the file, whole or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        with beside.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            columns = _columns(joints, unit, commands)
+            writer.writerow(columns)
+            writer.writerows(zip(*columns.values(), strict=True))
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _columns(joints: Joints, unit: str, commands: Commands) -> dict[str, list[str]]:
+    """Texts of every column, by its name."""
+    came = commands.rows[0].text
+    columns = {name: [row.text[name] or "" for row in commands.rows] for name in came}
+    if "name" in columns:
+        columns = {"name": columns.pop("name"), **columns}
+    sent, left, turn = _by_target(commands)
+    mark = "" if unit == _BARE else f"_{unit}"
+    for before, angles in (("nominal_", commands.nominal), ("", sent)):
+        for k, name in enumerate(joints.names):
+            own = angles[:, k] * _FACTORS[unit]
+            columns[f"{before}{name}{mark}"] = _texts(own, "{:.9f}")
+    columns["status"] = commands.status
+    columns["u95_mm"] = _texts(1e3 * commands.u95(), "{:.4f}")
+    columns["error_mm"] = _texts(1e3 * left, "{:.3e}")
+    if turn is not None:
+        columns["error_mrad"] = _texts(1e3 * turn, "{:.3e}")
+    return columns
+
+
+def _by_target(commands: Commands) -> tuple[Array, Array, Array | None]:
+    """Joints to command (n, m), errors left (n,) by place and by turn; NaN where there is none."""
+    sent, left = commands.nominal.copy(), np.full(len(commands.rows), np.nan)
+    found, rows = commands.found, commands.reached
+    if found is None:
+        return sent, left, None
+    good = np.array([verdict is Verdict.CORRECTED for verdict in found.verdicts])
+    sent[rows[good]], left[rows[good]] = found.joint[good], found.model_error[good]
+    if found.model_turn is None:
+        return sent, left, None
+    turn = np.full(len(left), np.nan)
+    turn[rows[good]] = found.model_turn[good]
+    return sent, left, turn
+
+
+def _texts(values: Array, form: str) -> list[str]:
+    """Numbers as texts, nothing for what is none."""
+    return [form.format(value) if np.isfinite(value) else "" for value in values.tolist()]
