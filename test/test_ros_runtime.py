@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -14,16 +15,20 @@ import pytest
 pytest.importorskip("rclpy")
 from delta_calibration.processes import child_environment, remove_dead_shared_memory
 from delta_calibration.ros.entry import run_node
+from delta_calibration.ros.runtime import StopSignals
+from delta_calibration.ros.watchdog import REPEAT_S
 from ros_helpers import Launch, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 
 CELL = '''
-import sys, time
+import re, sys, threading, time
 from pathlib import Path
 from delta_calibration.errors import DataError
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
 from delta_calibration.ros.runtime import BaseNode, run
+
+WHAT = sys.argv[1]
 
 class Busy(BaseNode):
     """Works in slices of 20 ms that must never be cut in half; does at 0.3 s what it is told."""
@@ -32,8 +37,8 @@ class Busy(BaseNode):
         super().__init__("busy")
         self.begun = self.ended = 0
         self.create_timer(0.025, self.work)
-        if sys.argv[1] not in ("work", "without_events"):
-            self.create_timer(0.3, getattr(self, sys.argv[1]))
+        if WHAT not in ("work", "without_events"):
+            self.create_timer(0.3, getattr(self, WHAT))
         self.get_logger().info("ready")
 
     def work(self):
@@ -47,7 +52,21 @@ class Busy(BaseNode):
     def crash(self): raise ValueError("a bug")
     def full(self): raise OSError(28, "No space left on device", "/session")
 
+    def hang(self):
+        self.get_logger().info("hangs")
+        time.sleep(1000.0)
+
+    def hold(self):
+        self.get_logger().info("hangs")
+
+    def worker(self):  # which python itself waits for, when all else is done
+        threading.Thread(target=time.sleep, args=(1000.0,)).start()
+        self.get_logger().info("hangs")
+
     def close(self):
+        if WHAT == "hold":  # in compiled code that keeps python's lock
+            time.sleep(0.2)
+            re.match("(a+)+$", 60 * "a" + "b")
         self.get_logger().info(f"closed, whole: {self.begun == self.ended}, {self.context.ok()}")
 
 class Managed(SafeLifecycleNode):
@@ -58,7 +77,14 @@ class Managed(SafeLifecycleNode):
 
 if sys.argv[1] == "without_events":  # as in an rclpy that has no events executor
     sys.modules["rclpy.experimental.events_executor"] = None
-build = {"managed": lambda: Managed("managed")}.get(sys.argv[1], Busy)
+class Hanging(Busy):
+    stop_limit_s = 0.5 if sys.argv[2:] == ["short"] else 60.0
+
+HANGING = dict.fromkeys(("hang", "hold", "worker"), Hanging)
+build = {"managed": lambda: Managed("managed"), **HANGING}.get(sys.argv[1], Busy)
+if build is Hanging:
+    del sys.argv[1:]
+    raise SystemExit(run(build, "cell"))
 raise SystemExit(run(build, "cell", [sys.argv[0], *sys.argv[2:]]))
 '''
 
@@ -86,6 +112,53 @@ def test_a_signal_ends_the_node_after_its_callback_with_0(
     assert node.end() == 0
     assert "closed, whole: True, True" in node.output
     assert "Traceback" not in node.output
+
+
+@pytest.mark.parametrize(
+    ("what", "number", "said"),
+    [
+        ("hang", signal.SIGINT, "cell: not ended 0.5 s after SIGINT (it stands in hang, cell_"),
+        ("hang", signal.SIGTERM, "cell: not ended 0.5 s after SIGTERM (it stands in hang, cell_"),
+        ("worker", signal.SIGINT, "cell: not ended 0.5 s after SIGINT (it stands in "),
+        ("hold", signal.SIGINT, "in close\n"),  # by who needs no python
+    ],
+)
+def test_what_hangs_when_it_is_told_to_stop_is_ended_with_1(
+    launch: Launch, cell: str, what: str, number: signal.Signals, said: str
+) -> None:
+    node = launch(cell, what, "short")
+    assert node.says("hangs")
+    node.send(number)
+    assert node.end() == 1
+    assert said in node.output
+    assert ("exit status 1\n" in node.output) == (what != "hold")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_second_signal_ends_a_node_that_hangs_at_once(
+    launch: Launch, cell: str, number: signal.Signals
+) -> None:
+    node = launch(cell, "hang")  # it would have a minute
+    assert node.says("hangs")
+    node.send(signal.SIGINT)
+    node.send(signal.SIGINT)  # the same one twice, as a terminal and a launcher send it
+    time.sleep(REPEAT_S + 0.1)
+    assert node.process.poll() is None
+    node.send(number)
+    assert node.end() == 128 + number
+    assert f"cell: {number.name} again: ended at once" in node.output
+    assert f"exit status {128 + number}\n" in node.output
+
+
+def test_a_watchdog_that_is_closed_leaves_signals_as_they_were() -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with StopSignals("cell", to_the_end=False) as stop:
+        stop.spinning = True
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert stop.requested
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert signal.set_wakeup_fd(-1) == -1
+    assert "watchdog" not in {thread.name for thread in threading.enumerate()}
 
 
 def test_a_node_at_rest_uses_no_processor(launch: Launch, cell: str) -> None:

@@ -1,9 +1,8 @@
 """What every node's `main()` shares: start, spin, stop, exit code.
 
 Signals only set a mark, which the spin looks at between slices: no callback is cut in half, and a
-node closes its files and deactivates while the context still lives. A signal before the spin, or a
-second one later than REPEAT_S (a terminal and a launcher often send the same one twice), breaks
-off at once.
+node closes its files and deactivates while the context still lives. A signal before the spin
+breaks off at once. What hangs then, or is signalled again, is ended by a watchdog (`watchdog.py`).
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
@@ -26,14 +24,19 @@ from rclpy.task import Future
 from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
 from delta_calibration.errors import CalibrationError, InputError
+from delta_calibration.ros.watchdog import LIMIT_S, STOP_SIGNALS, Watchdog
 
 SLICE_S = 0.1  # [s] without a timeout the events executor neither rests nor sees signals
-REPEAT_S = 1.0  # [s]
 FAILED = 1
 
 
 class Finishing:
-    """Mixin of a node that may end by itself, with an exit code of its own."""
+    """Mixin of a node that may end by itself, with an exit code of its own.
+
+    `stop_limit_s` [s] is the time that it has to end in after a signal.
+    """
+
+    stop_limit_s = LIMIT_S
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -69,30 +72,41 @@ class Interrupted(BaseException):
 
 
 class StopSignals:
-    """SIGINT and SIGTERM: a mark while spinning, `Interrupted` before or if repeated late."""
+    """SIGINT and SIGTERM: a mark while spinning, `Interrupted` before; and the watchdog of both.
 
-    def __init__(self) -> None:
+    Args:
+        name: of the node, for what the watchdog says.
+        to_the_end: whether the process ends after this, which is then watched as well.
+    """
+
+    def __init__(self, name: str, to_the_end: bool) -> None:
         self.spinning = False
         self.requested = False
-        self._since = 0.0
+        self._name, self._to_the_end = name, to_the_end
+        self._watchdog: Watchdog | None = None
         self._previous: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> StopSignals:
         if threading.current_thread() is threading.main_thread():  # only there may handlers be set
-            for number in (signal.SIGINT, signal.SIGTERM):
+            self._watchdog = Watchdog(self._name, self._to_the_end)
+            for number in STOP_SIGNALS:
                 self._previous[number] = signal.signal(number, self._receive)
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._watchdog is None or not self._watchdog.close():
+            return  # the handlers stay with the watchdog: without one, no signal would reach it
         for number, handler in self._previous.items():
             signal.signal(number, handler)
 
+    def allow(self, limit_s: float) -> None:
+        """Set the time [s] to end in after a signal that is still to come."""
+        if self._watchdog is not None:
+            self._watchdog.limit_s = limit_s
+
     def _receive(self, _number: int, _frame: FrameType | None) -> None:
-        now = time.monotonic()
-        if self.requested and now - self._since < REPEAT_S:
-            return
-        first, self.requested, self._since = not self.requested, True, now
-        if not (first and self.spinning):
+        first, self.requested = not self.requested, True
+        if first and not self.spinning:
             raise Interrupted
 
 
@@ -127,9 +141,10 @@ def run(build: Callable[[], Any], name: str, arguments: Sequence[str] | None = N
 
     Returns:
         0 done or stopped by a signal; `exit_code` of a CalibrationError; 1 for any other failure.
+        A process that does not end in time, or is signalled again, does not come to return.
     """
     argv = list(sys.argv if arguments is None else arguments)
-    with StopSignals() as stop:
+    with StopSignals(name, to_the_end=arguments is None) as stop:
         try:
             return _run(build, argv, stop)
         except (Interrupted, KeyboardInterrupt, ExternalShutdownException):
@@ -149,6 +164,7 @@ def _run(build: Callable[[], Any], argv: list[str], stop: StopSignals) -> int:
     executor = make_executor()
     node = build()
     try:
+        stop.allow(node.stop_limit_s)
         executor.add_node(node)
         node.start()
         stop.spinning = True
