@@ -2,14 +2,15 @@
 
 Holds what is built of them and evaluates it by their rules as documented: substitutions are
 joined to texts, values of parameters are coerced as YAML to their `value_type`, which must be one
-of `typing`'s, and a condition is a text that says true or false. No process is started.
+of `typing`'s, a package that is not installed is `ament_index_python`'s error. Functions are
+called with a context; what they raise leaves `started`, with nothing started. No process is.
 """
 
 from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,31 +20,39 @@ from typing import Any, List  # noqa: UP035
 from ruamel.yaml import YAML
 
 KINDS = (int, float, bool, str, *(List[kind] for kind in (int, float, bool, str)))  # noqa: UP006
-Given = Mapping[str, str]  # arguments of the launch file
+INSTALLED = frozenset({"delta_calibration", "robot_state_publisher", "rviz2", "foxglove_bridge"})
+
+
+class PackageNotFoundError(KeyError):
+    """As that of `ament_index_python`."""
+
+
+class SubstitutionFailure(RuntimeError):  # noqa: N818  launch's name
+    """As launch's."""
+
+
+@dataclass(frozen=True)
+class LaunchContext:
+    """Arguments of the launch file, and what this machine has."""
+
+    launch_configurations: dict[str, str]
+    installed: frozenset[str] = INSTALLED
 
 
 @dataclass
 class LaunchConfiguration:
     name: str
 
-    def perform(self, given: Given) -> str:
-        return given[self.name]
-
-
-@dataclass
-class PythonExpression:
-    expression: list[Any]
-
-    def perform(self, given: Given) -> str:
-        return str(eval(joined(self.expression, given), {}, {}))
+    def perform(self, context: LaunchContext) -> str:
+        return context.launch_configurations[self.name]
 
 
 @dataclass
 class PathJoinSubstitution:
     parts: list[Any]
 
-    def perform(self, given: Given) -> str:
-        return str(Path(*(joined([part], given) for part in self.parts)))
+    def perform(self, context: LaunchContext) -> str:
+        return str(Path(*(joined([part], context) for part in self.parts)))
 
 
 @dataclass
@@ -56,15 +65,16 @@ class Command:
     def __post_init__(self) -> None:
         assert self.on_stderr in ("fail", "ignore", "warn", "capture")
 
-    def perform(self, given: Given) -> str:
-        return shlex.join(shlex.split(joined(self.command, given)))
+    def perform(self, context: LaunchContext) -> str:
+        return shlex.join(shlex.split(joined(self.command, context)))
 
 
 @dataclass
 class FindPackageShare:
     package: str
 
-    def perform(self, given: Given) -> str:
+    def perform(self, context: LaunchContext) -> str:
+        _require(self.package, context)
         return f"/opt/share/{self.package}"
 
 
@@ -73,23 +83,19 @@ class ExecutableInPackage:
     executable: str
     package: str
 
-    def perform(self, given: Given) -> str:
+    def perform(self, context: LaunchContext) -> str:
+        _require(self.package, context)
         return f"/opt/lib/{self.package}/{self.executable}"
 
 
-def joined(parts: Any, given: Given) -> str:
+def _require(package: str, context: LaunchContext) -> None:
+    if package not in context.installed:
+        raise PackageNotFoundError(package)
+
+
+def joined(parts: Any, context: LaunchContext) -> str:
     """Texts and substitutions, one after the other."""
-    return "".join(part if isinstance(part, str) else part.perform(given) for part in parts)
-
-
-@dataclass
-class IfCondition:
-    predicate: Any
-
-    def evaluate(self, given: Given) -> bool:
-        text = joined([self.predicate], given).lower()
-        assert text in ("true", "1", "false", "0"), text
-        return text in ("true", "1")
+    return "".join(part if isinstance(part, str) else part.perform(context) for part in parts)
 
 
 class ParameterValue:
@@ -97,8 +103,8 @@ class ParameterValue:
         assert any(value_type is kind for kind in KINDS), f"launch knows no {value_type}"
         self.value, self.kind = value, value_type
 
-    def perform(self, given: Given) -> Any:
-        text = joined([self.value], given)
+    def perform(self, context: LaunchContext) -> Any:
+        text = joined([self.value], context)
         if self.kind in (str, int, float):
             return self.kind(text)
         found = YAML(typ="safe").load(text)
@@ -122,21 +128,41 @@ class DeclareLaunchArgument:
         assert self.choices is None or self.default_value in self.choices
 
 
+@dataclass
+class OpaqueFunction:
+    function: Callable[[LaunchContext], list[Node]]
+
+
+@dataclass(kw_only=True)
+class Shutdown:
+    """Ends all that was launched."""
+
+    reason: str
+
+
 @dataclass(kw_only=True)
 class Node:
     package: str
     executable: str
-    parameters: list[dict[str, Any]] = field(default_factory=list)
+    namespace: str | None = None
+    parameters: list[str | dict[str, Any]] = field(default_factory=list)
     remappings: list[tuple[str, str]] = field(default_factory=list)
     arguments: list[Any] = field(default_factory=list)
     output: str = "log"
-    condition: IfCondition | None = None
+    on_exit: Shutdown | None = None
+    sigterm_timeout: str = "5"
 
-    def values(self, given: Given) -> dict[str, Any]:
-        """Parameters as the node would get them."""
+    @property
+    def files(self) -> list[str]:
+        """Files of parameters, which come before the values."""
+        return [entry for entry in self.parameters if isinstance(entry, str)]
+
+    def values(self, context: LaunchContext) -> dict[str, Any]:
+        """Parameters as the node would get them, without those of files."""
         return {
-            name: value.perform(given) if isinstance(value, ParameterValue) else value
+            name: value.perform(context) if isinstance(value, ParameterValue) else value
             for table in self.parameters
+            if isinstance(table, dict)
             for name, value in table.items()
         }
 
@@ -144,32 +170,38 @@ class Node:
 class LaunchDescription:
     def __init__(self, entities: list[Any]) -> None:
         self.arguments = [e for e in entities if isinstance(e, DeclareLaunchArgument)]
-        self.nodes = [e for e in entities if isinstance(e, Node)]
-        assert len(self.arguments) + len(self.nodes) == len(entities)
+        (self.function,) = entities[len(self.arguments) :]
 
-    def given(self, **chosen: str) -> Given:
+    def context(
+        self, chosen: dict[str, str], installed: frozenset[str] = INSTALLED
+    ) -> LaunchContext:
         """The arguments: those chosen, the others by their defaults."""
-        known = {a.name: a.default_value for a in self.arguments}
+        known = {argument.name: argument for argument in self.arguments}
         assert set(chosen) <= set(known)
-        return {**known, **chosen}
+        for name, value in chosen.items():
+            assert known[name].choices is None or value in known[name].choices, name
+        defaults = {name: str(argument.default_value) for name, argument in known.items()}
+        return LaunchContext(defaults | chosen, installed)
 
-    def started(self, **chosen: str) -> dict[str, tuple[Node, dict[str, Any]]]:
+    def started(
+        self, installed: frozenset[str] = INSTALLED, **chosen: str
+    ) -> dict[str, tuple[Node, dict[str, Any]]]:
         """Nodes that these arguments start, with their parameters, by executable."""
-        given = self.given(**chosen)
-        return {
-            node.executable: (node, node.values(given))
-            for node in self.nodes
-            if node.condition is None or node.condition.evaluate(given)
-        }
+        context = self.context(chosen, installed)
+        nodes = self.function.function(context)
+        return {node.executable: (node, node.values(context)) for node in nodes}
 
 
 MODULES: dict[str, dict[str, Any]] = {
-    "launch": {"LaunchDescription": LaunchDescription},
-    "launch.actions": {"DeclareLaunchArgument": DeclareLaunchArgument},
-    "launch.conditions": {"IfCondition": IfCondition},
+    "ament_index_python": {},
+    "ament_index_python.packages": {"PackageNotFoundError": PackageNotFoundError},
+    "launch": {"LaunchContext": LaunchContext, "LaunchDescription": LaunchDescription},
+    "launch.actions": {
+        kind.__name__: kind for kind in (DeclareLaunchArgument, OpaqueFunction, Shutdown)
+    },
     "launch.substitutions": {
         kind.__name__: kind
-        for kind in (Command, LaunchConfiguration, PathJoinSubstitution, PythonExpression)
+        for kind in (Command, LaunchConfiguration, PathJoinSubstitution, SubstitutionFailure)
     },
     "launch_ros": {},
     "launch_ros.actions": {"Node": Node},

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import importlib
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
 from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
 
 from delta_calibration.ros.calibration_parameters import SPECS
+from delta_calibration.ros.conversions import joint_state
 from delta_calibration.ros.lifecycle import AUTOSTART
+from delta_calibration.ros.qos import BY_NAME, COMMAND, MEASURED, STATUS, STREAM_OUT
 from launch_stand_in import LaunchDescription, load
 from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
 
@@ -21,6 +27,7 @@ FILE = Path(__file__).parents[1] / "launch" / "cell.launch.py"
 PACKAGE = "delta_calibration"
 PATIENCE_S = 120.0  # four processes import at once
 EVERYTHING = {"record": "true", "plan": "line", "foxglove": "true", "calibration": "cell.yaml"}
+CHOSEN = {"method": "apso", "on_failure": "hold", "command_timeout_s": "1", "namespace": "left"}
 
 
 @pytest.fixture(name="cell", scope="module")
@@ -29,7 +36,7 @@ def cell_fixture() -> LaunchDescription:
 
 
 def test_parameters_are_declared_by_the_nodes_and_allowed(cell: LaunchDescription) -> None:
-    every = cell.started(**EVERYTHING) | cell.started(play="session_1")
+    every = cell.started(**EVERYTHING, **CHOSEN) | cell.started(play="session_1")
     for executable, (node, values) in every.items():
         if node.package != PACKAGE:
             continue
@@ -42,6 +49,101 @@ def test_parameters_are_declared_by_the_nodes_and_allowed(cell: LaunchDescriptio
             wanted = list if isinstance(default, tuple) else type(default)
             assert type(value) is wanted, (executable, name)
             assert known[name].reason_against(value) is None, (executable, name)
+
+
+class Side:
+    """One of two robots, and what is heard from it."""
+
+    def __init__(self, bench: Bench, name: str) -> None:
+        node = bench.node(f"{name}_watcher", namespace=name)
+        self.command = node.create_publisher(JointState, "joint_command", STREAM_OUT)
+        self.sent: list[JointState] = []
+        self.states: list[JointState] = []
+        self.frames: dict[str, set[str]] = {"tracker/pose": set(), "cell/payload": set()}
+        self.pictures: list[MarkerArray] = []
+        node.create_subscription(
+            JointState, "joint_command_compensated", self.sent.append, COMMAND
+        )
+        node.create_subscription(JointState, "joint_states", self.states.append, MEASURED)
+        for topic, frames in self.frames.items():
+            known = BY_NAME[topic]
+            node.create_subscription(
+                known.message, topic, partial(self._note, frames), known.reader
+            )
+        picture = "calibration_node/markers"
+        node.create_subscription(MarkerArray, picture, self.pictures.append, STATUS)
+
+    @staticmethod
+    def _note(frames: set[str], message: Any) -> None:
+        frames.add(message.header.frame_id)
+
+    def is_up(self) -> bool:
+        """Whether both nodes are there and have said all that is looked at."""
+        return bool(
+            self.pictures
+            and all(self.frames.values())
+            and self.states
+            and self.command.get_subscription_count()
+        )
+
+
+@pytest.mark.slow
+def test_two_robots_in_two_namespaces_do_not_hear_each_other(
+    cell: LaunchDescription, launch: Launch, bench: Bench, tmp_path: Path
+) -> None:
+    sides = {name: Side(bench, name) for name in ("left", "right")}
+    nodes = []
+    for name in sides:
+        started = cell.started(namespace=name, rviz="false", output=str(tmp_path / name))
+        for executable in ("calibration_node", "simulated_tracker"):
+            node, values = started[executable]
+            space = ("--ros-args", "-r", f"__ns:=/{node.namespace}", "--")
+            nodes.append(launch(f"{PACKAGE}.ros.{executable}", *space, **values))
+    everything_up = bench.until(lambda: all(s.is_up() for s in sides.values()), PATIENCE_S)
+    assert everything_up, [node.output for node in nodes]
+    for name, side in sides.items():
+        assert side.frames == {
+            "tracker/pose": {f"{name}/tracker"},
+            "cell/payload": {f"{name}/tool0"},
+        }
+        drawn = {marker.header.frame_id for m in side.pictures for marker in m.markers}
+        assert drawn == {f"{name}/base_link"}
+    left, right = sides["left"], sides["right"]
+    bench.spin_for(0.5)  # the other side has to know of the publisher as well
+    home = np.array(left.states[-1].position)
+    goal = home + 0.05
+
+    def moved() -> bool:
+        now = left.command.get_subscription_count() and left.states[-1].header.stamp
+        left.command.publish(joint_state(left.states[-1].name, goal, now))
+        bench.spin_for(0.02)
+        return bool(np.abs(np.array(left.states[-1].position) - goal).max() < 1e-3)
+
+    assert bench.until(moved)
+    bench.spin_for(0.2)
+    assert left.sent
+    assert right.sent == []
+    assert np.abs(np.array(right.states[-1].position) - home).max() < 1e-3
+
+
+def test_a_file_of_parameters_is_read_in_every_namespace_and_what_is_named_goes_before(
+    launch: Launch, tmp_path: Path
+) -> None:
+    """As launch gives both to a node: the file first."""
+    file = tmp_path / "cell.yaml"
+    file.write_text(
+        "/**/robot_description:\n  ros__parameters:\n    rate: 12.0\n    robot: no_such_robot\n"
+    )
+    for space in ("/", "/left"):
+        arguments = ("--ros-args", "-r", f"__ns:={space}", "--params-file", str(file))
+        node = launch(f"{PACKAGE}.ros.robot_description", *arguments)
+        assert node.end() == 2
+        assert "no_such_robot" in node.output  # it was read
+        node = launch(
+            f"{PACKAGE}.ros.robot_description", *arguments, "-p", "robot:=srbd", "-p", "rate:=-1.0"
+        )
+        assert node.end() == 2
+        assert "rate" in node.output
 
 
 @pytest.mark.slow

@@ -22,9 +22,16 @@ from delta_calibration.robot import load_robot
     help="The robot as identified, with the tracker's frame, in place of the drawing.",
 )
 @click.option(
+    "--frame-prefix",
+    default="",
+    help="Put before the names of links, such as left/: for one robot among several.",
+)
+@click.option(
     "--out", type=click.Path(path_type=Path), default=None, help="File to write; else printed."
 )
-def command(robot_file: str, calibration: Path | None, out: Path | None) -> None:
+def command(
+    robot_file: str, calibration: Path | None, frame_prefix: str, out: Path | None
+) -> None:
     """Print the robot as URDF.
 
     Closed chains are trees there: the platform hangs on the first strut, and the values of the
@@ -33,7 +40,7 @@ def command(robot_file: str, calibration: Path | None, out: Path | None) -> None
     """
     robot = load_robot(robot_file)
     known = None if calibration is None else load_calibration(calibration, robot)
-    text = urdf(describe(robot, known).tree)
+    text = urdf(describe(robot, known).tree, frame_prefix)
     if out is None:
         click.echo(text, nl=False)
         return

@@ -2,7 +2,28 @@
 
 from delta_calibration.description.skeleton import Skeleton
 from delta_calibration.description.skeletons import describe
-from delta_calibration.description.tree import Cylinder, Joint, Link, Tree
+from delta_calibration.description.tree import (
+    BASE,
+    TOOL,
+    TRACKER,
+    Cylinder,
+    Joint,
+    Link,
+    Tree,
+    frame_prefix,
+)
 from delta_calibration.description.urdf import urdf
 
-__all__ = ["Cylinder", "Joint", "Link", "Skeleton", "Tree", "describe", "urdf"]
+__all__ = [
+    "BASE",
+    "TOOL",
+    "TRACKER",
+    "Cylinder",
+    "Joint",
+    "Link",
+    "Skeleton",
+    "Tree",
+    "describe",
+    "frame_prefix",
+    "urdf",
+]

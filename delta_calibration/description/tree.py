@@ -6,17 +6,20 @@ shifted along it by the joint's value.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
 
 Array = NDArray[np.float64]
 
 BASE, TOOL, TRACKER = "base_link", "tool0", "tracker"  # frames of the contract
+_PREFIX = re.compile(r"([\w.-]+(/[\w.-]+)*/?)?", re.ASCII)
 FIXED, REVOLUTE, CONTINUOUS, PRISMATIC = "fixed", "revolute", "continuous", "prismatic"
 X, Y, Z = np.eye(3)
 
@@ -91,6 +94,20 @@ class Tree:
                 value = values[joint.name] if joint.kind != FIXED else np.zeros(n)
                 found[joint.child] = _moved(joint, value, *found[joint.parent])
         return found
+
+
+def frame_prefix(text: str) -> str:
+    """What stands before the names of a robot's frames among several robots; empty for one alone.
+
+    Raises:
+        InputError: no frame may be called so.
+    """
+    if not _PREFIX.fullmatch(text):
+        raise InputError(
+            f"frame_prefix {text!r}: letters, digits, '_', '-', '.' and single '/' are allowed, "
+            "such as robot_1/, with no '/' in front"
+        )
+    return text
 
 
 def _moved(joint: Joint, value: Array, rotation: Array, place: Array) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ Shapes are for the eye; there are no masses and no collision shapes.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -20,6 +21,7 @@ from delta_calibration.description.tree import (
     Joint,
     Link,
     Tree,
+    frame_prefix,
     toward,
 )
 from delta_calibration.geometry import Frame
@@ -27,13 +29,23 @@ from delta_calibration.geometry import Frame
 Array = NDArray[np.float64]
 
 
-def urdf(tree: Tree) -> str:
-    """The document; numbers have all the digits that a double has."""
+def urdf(tree: Tree, prefix: str = "") -> str:
+    """The document; numbers have all the digits that a double has.
+
+    Args:
+        tree: the robot.
+        prefix: before the names of links, which become those of frames; joints keep theirs.
+
+    Raises:
+        InputError: no frame may be called so.
+    """
+    frame_prefix(prefix)
     robot = Element("robot", name=tree.name)
     for link in tree.links:
-        _add_link(robot, link)
+        _add_link(robot, replace(link, name=prefix + link.name))
     for joint in tree.joints:
-        _add_joint(robot, joint)
+        parent, child = prefix + joint.parent, prefix + joint.child
+        _add_joint(robot, replace(joint, parent=parent, child=child))
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
 

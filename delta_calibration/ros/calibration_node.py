@@ -24,6 +24,7 @@ from delta_calibration.cell.desk import Desk
 from delta_calibration.cell.fitting import DIAGNOSIS_STEPS, FIT_STEPS, Fitted, diagnosed, fit
 from delta_calibration.cell.health import Health, Level
 from delta_calibration.cell.task import Task
+from delta_calibration.description import frame_prefix
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
@@ -80,7 +81,8 @@ class CalibrationNode(SafeLifecycleNode):
         self._serve()
         self._diagnostics = Diagnostics(self, self._report)
         scale = partial(self._settings.number, "error_scale")
-        self._markers = Markers(self, lambda: self._desk, scale)
+        prefix = frame_prefix(self._settings.text("frame_prefix"))
+        self._markers = Markers(self, lambda: self._desk, scale, prefix)
 
     def _serve(self) -> None:
         orders: dict[str, Callable[[Desk], str]] = {

@@ -7,7 +7,7 @@ from delta_calibration.cell.desk import Settings
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S
 from delta_calibration.compensation import METHODS
 from delta_calibration.mechanisms import MECHANISMS
-from delta_calibration.ros.parameters import ParameterTable, Spec
+from delta_calibration.ros.parameters import FRAME_PREFIX, ParameterTable, Spec
 
 SPECS = (
     Spec("robot", "srbd", "robot file, or the name of one of the package's; from configure on"),
@@ -101,6 +101,7 @@ SPECS = (
         "",
         "topic of trajectories to be compensated for trajectory_controller; from configure on",
     ),
+    FRAME_PREFIX,
 )
 
 

@@ -18,10 +18,10 @@ from delta_calibration.cell.background import Background
 from delta_calibration.cell.desk import Desk
 from delta_calibration.cell.guard_trail import GuardTrail
 from delta_calibration.cell.scene import Drawing, Kind, scene
+from delta_calibration.description import BASE
 from delta_calibration.ros.qos import STATUS
 
 PERIOD_S = 1.0
-FRAME = "base_link"
 TYPES = {
     Kind.DOTS: Marker.SPHERE_LIST,
     Kind.LINES: Marker.LINE_LIST,
@@ -39,12 +39,18 @@ class Markers:
         node: that has the desk.
         desk: the desk now; None where there is none.
         scale: by which errors are drawn longer, now.
+        prefix: of the name of the robot's base, in which all is drawn.
     """
 
     def __init__(
-        self, node: Node, desk: Callable[[], Desk | None], scale: Callable[[], float]
+        self,
+        node: Node,
+        desk: Callable[[], Desk | None],
+        scale: Callable[[], float],
+        prefix: str = "",
     ) -> None:
         self._node, self._desk, self._scale = node, desk, scale
+        self._frame = prefix + BASE
         self.trail = GuardTrail()
         self._drawn: tuple[Any, ...] = ()  # what the scene is of
         self._scene: list[Marker] = []
@@ -79,10 +85,10 @@ class Markers:
         if anew:
             self._drawn = wanted
             self.trail.clear()
-            self._scene = [marker(drawing) for drawing in scene(*wanted)]
+            self._scene = [marker(drawing, self._frame) for drawing in scene(*wanted)]
         if self.trail.placed(wanted[0]) or anew:
-            guards = map(marker, self.trail.drawings())
-            self._publisher.publish(picture([*self._scene, *guards]))
+            guards = [marker(drawing, self._frame) for drawing in self.trail.drawings()]
+            self._publisher.publish(picture([*self._scene, *guards], self._frame))
 
 
 def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
@@ -90,17 +96,17 @@ def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
     return [*map(id, one[:-1]), one[-1:]] == [*map(id, other[:-1]), other[-1:]]
 
 
-def picture(markers: Sequence[Marker]) -> MarkerArray:
+def picture(markers: Sequence[Marker], frame: str) -> MarkerArray:
     """The whole of it: all markers from before go."""
     clear = Marker(action=Marker.DELETEALL)
-    clear.header.frame_id = FRAME
+    clear.header.frame_id = frame
     return MarkerArray(markers=[clear, *markers])
 
 
-def marker(drawing: Drawing) -> Marker:
+def marker(drawing: Drawing, frame: str) -> Marker:
     """One drawing, under its own namespace, so that each can be switched off by itself."""
     message = Marker(ns=drawing.name, type=TYPES[drawing.kind], action=Marker.ADD)
-    message.header.frame_id = FRAME
+    message.header.frame_id = frame
     message.pose.orientation.w = 1.0
     size = drawing.size
     message.scale.x, message.scale.y, message.scale.z = (

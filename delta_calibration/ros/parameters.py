@@ -93,6 +93,15 @@ WAIT_FOR_SUBSCRIBER = Spec(
 )
 
 
+# Of every node that names frames.
+FRAME_PREFIX = Spec(
+    "frame_prefix",
+    "",
+    "before the names of frames, such as left/ for left/base_link: for one robot among several",
+    read_only=True,
+)
+
+
 class ParameterTable:
     """The declared parameters of one node.
 

@@ -24,7 +24,7 @@ from delta_calibration.errors import CalibrationError, ReachError
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.parameters import FRAME_PREFIX, ParameterTable, Spec, warn_of_unknown
 from delta_calibration.ros.qos import MEASURED, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
 
@@ -41,6 +41,7 @@ SPECS = (
         read_only=True,
     ),
     Spec("rate", 30.0, "highest rate [Hz] of joint states", range=(0.1, 200.0), read_only=True),
+    FRAME_PREFIX,
 )
 
 
@@ -54,6 +55,7 @@ class RobotDescription(BaseNode):
         robot, file = load_robot(settings.text("robot")), settings.text("calibration")
         known = load_calibration(Path(file).expanduser(), robot) if file else None
         self._skeleton = describe(robot, known)
+        self._urdf = urdf(self._skeleton.tree, settings.text("frame_prefix"))
         self._reader = JointReader(robot.joints.names)
         self._last: JointState | None = None  # not shown yet
         self._shown, self._trouble = 0, ""
@@ -66,7 +68,7 @@ class RobotDescription(BaseNode):
 
     def start(self) -> None:
         """Say what the robot looks like, once and to all who come later."""
-        self._text.publish(String(data=urdf(self._skeleton.tree)))
+        self._text.publish(String(data=self._urdf))
 
     def _on_states(self, message: JointState) -> None:
         self._last = message

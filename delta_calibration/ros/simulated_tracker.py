@@ -19,6 +19,7 @@ from rclpy.clock_type import ClockType
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState, Temperature
 
+from delta_calibration.description import TOOL, TRACKER, frame_prefix
 from delta_calibration.errors import CalibrationError
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import (
@@ -29,7 +30,7 @@ from delta_calibration.ros.conversions import (
     stamp_to_ns,
 )
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.parameters import FRAME_PREFIX, ParameterTable, Spec, warn_of_unknown
 from delta_calibration.ros.qos import BY_NAME, COMMAND
 from delta_calibration.ros.runtime import BaseNode, run
 from delta_calibration.ros.simulated_machine import SimulatedMachine, without_noise
@@ -64,6 +65,7 @@ SPECS = (
         range=(1.0, 1e6),
         read_only=True,
     ),
+    FRAME_PREFIX,
 )
 
 
@@ -77,6 +79,7 @@ class SimulatedTracker(BaseNode):
         super().__init__(NAME, **kwargs)
         settings = ParameterTable(self, SPECS)
         warn_of_unknown(self)
+        self._prefix = frame_prefix(settings.text("frame_prefix"))
         robot = load_robot(settings.text("robot"))
         seed = settings.integer("seed")
         drawn = robot if settings.flag("noise") else without_noise(robot)
@@ -108,7 +111,7 @@ class SimulatedTracker(BaseNode):
         """Say what is on the platform: nothing."""
         message = InertiaStamped()
         message.header.stamp = self._now()
-        message.header.frame_id = "tool0"
+        message.header.frame_id = self._prefix + TOOL
         self._load.publish(message)
         self._say_temperatures()
 
@@ -146,7 +149,8 @@ class SimulatedTracker(BaseNode):
             self._refuse(error)
             seen = self._simulated.measure()  # where it stayed
         self._states.publish(joint_state(self._reader.names, seen.joint, stamp))
-        self._poses.publish(pose_stamped(seen.position, seen.quaternion, stamp))
+        frame = self._prefix + TRACKER
+        self._poses.publish(pose_stamped(seen.position, seen.quaternion, stamp, frame))
 
     def _refuse(self, error: CalibrationError) -> None:
         self._refused += 1
