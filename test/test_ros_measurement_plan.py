@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
 from functools import partial
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import joint_state, stamp_to_ns
+from delta_calibration.ros.lifecycle import SafeLifecycleNode
 from delta_calibration.ros.measurement_plan import MeasurementPlan, Motion
 from delta_calibration.ros.qos import COMMAND, DIAGNOSTICS, MEASURED, STATUS, STREAM_OUT
 from ros_helpers import Bench, Launch, NodeProcess, bench_fixture, launch_fixture  # noqa: F401
@@ -172,8 +175,102 @@ def test_payloads_are_asked_for(bench: Bench, launch: Launch) -> None:
 def test_when_nobody_listens_it_ends_with_1(launch: Launch, points: Path) -> None:
     node = launch(NODE, plan=points, wait_for_subscriber=0.3)
     assert node.end() == 1
-    assert "nobody listened to /joint_command for 0.3 s" in node.output
+    assert "did not begin in 0.3 s: nobody listens to /joint_command" in node.output
     assert len(node.output.strip().splitlines()) == 1
+
+
+class Managed(SafeLifecycleNode):
+    """Takes commands from configure to cleanup, as the calibration node does."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("calibration_node", **kwargs)
+        self.heard: list[JointState] = []
+
+    def configure(self) -> None:
+        self.commands = self.create_subscription(
+            JointState, "joint_command", self.heard.append, COMMAND
+        )
+
+    def cleanup(self) -> None:
+        self.destroy_subscription(self.commands)
+
+
+@pytest.fixture
+def managed(bench: Bench) -> Managed:
+    node = bench.add(Managed(context=bench.context))
+    node.trigger_configure()
+    return node
+
+
+def gone(bench: Bench, node: Managed) -> None:
+    bench.executor.remove_node(node)
+    bench.nodes.remove(node)
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        (lambda _, node: node.trigger_deactivate(), "/calibration_node is inactive: it sends"),
+        (lambda _, node: node.trigger_shutdown(), "any more, and was active"),
+        (gone, "/calibration_node does not listen to /joint_command any more, and was active"),
+        (lambda bench, node: bench.executor.remove_node(node), "has not said for 3 s whether"),
+    ],
+    ids=["inactive", "finalized", "gone", "hangs"],
+)
+def test_it_stops_where_the_node_that_it_drives_is_not_active(
+    bench: Bench,
+    launch: Launch,
+    managed: Managed,
+    ends: Callable[[Bench, Managed], object],
+    said: str,
+) -> None:
+    managed.trigger_activate()
+    listener = Listener(bench)  # hears on: a recorder, say
+    node = launch(NODE, plan="line", dwell=1.0)
+    assert bench.until(lambda: len(managed.heard) > 20)
+    ends(bench, managed)
+    assert listener.until_end(node) == 1
+    assert " of 122: /calibration_node" in node.output
+    assert said in node.output
+    mine = [s for s in listener.said if s.name == "/measurement_plan"]
+    assert mine[-1].level == DiagnosticStatus.ERROR
+    assert mine[-1].message.startswith("stopped at ")
+    assert said in mine[-1].message
+
+
+def test_it_waits_for_the_node_to_be_active(
+    bench: Bench, launch: Launch, points: Path, managed: Managed
+) -> None:
+    listener = Listener(bench)
+    node = launch(NODE, plan=points, dwell=0.0, rate=RATE)
+    waits = "waiting: /calibration_node is inactive: it sends nothing on; activate it"
+    assert bench.until(lambda: any(s.message == waits for s in listener.said))
+    assert managed.heard == []
+    managed.trigger_activate()
+    assert listener.until_end(node) == 0
+    assert len(managed.heard) == len(listener.angles) > 0
+
+
+def test_a_node_that_stays_inactive_is_named_in_the_end(
+    bench: Bench, launch: Launch, points: Path, managed: Managed
+) -> None:
+    node = launch(NODE, plan=points, wait_for_subscriber=1.5)
+    assert bench.until(lambda: node.process.poll() is not None)
+    assert node.end() == 1
+    assert "did not begin in 1.5 s: /calibration_node is inactive" in node.output
+    assert managed.heard == []
+
+
+def test_when_a_listener_is_gone_it_stops(bench: Bench, launch: Launch, points: Path) -> None:
+    listener = Listener(bench)
+    other = bench.node("recorder")
+    recorder = other.create_subscription(JointState, "joint_command", lambda _: None, COMMAND)
+    node = launch(NODE, plan=points, subscribers=2, rate=RATE)
+    assert bench.until(lambda: len(listener.angles) > 20)
+    other.destroy_subscription(recorder)
+    assert listener.until_end(node) == 1
+    assert "only 1 of 2 listens to /joint_command" in node.output
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,7 @@ from delta_calibration.ros.conversions import (
     tracker_pose,
 )
 from delta_calibration.ros.diagnostics import Diagnostics
+from delta_calibration.ros.driven import Driven
 from delta_calibration.ros.parameters import (
     RATE,
     SUBSCRIBERS,
@@ -130,6 +131,8 @@ class GridPositioner(BaseNode):
         self._created = self._arrived = time.monotonic()
         self._found: float | None = None  # when somebody was seen to listen
         self._commands = self.create_publisher(JointState, "joint_command", STREAM_OUT)
+        self._driven = Driven(self, self._commands, self._settings.integer("subscribers"))
+        self._stopped = ""  # why it ended before all was done
         self._reader = JointReader(self._robot.joints.names)
         self._listen(JointState, "joint_states", self._on_states)
         self._listen(PoseStamped, "tracker/pose", self._on_pose)
@@ -209,15 +212,23 @@ class GridPositioner(BaseNode):
         try:
             self._advance(time.monotonic())
         except CalibrationError as error:
+            self._stopped = str(error)
             self.fail(error)
 
     def _advance(self, now: float) -> None:
-        """One period: a command of the motion, or a look at how the stop comes along."""
+        """One period: a command of the motion, or a look at how the stop comes along.
+
+        Raises:
+            DataError: what is sent does not reach the drives any more.
+        """
         if not self._moves:
             if not self._ready(now):
                 return
             self.get_logger().info(f"sets off: {self._positioning.doing}")
             self._set_off()
+        trouble = self._driven.trouble()
+        if trouble:
+            raise DataError(f"stopped during {self._positioning.doing}: {trouble}")
         if self._motion:
             self._send(self._motion.pop(0))
             self._arrived = now
@@ -245,16 +256,17 @@ class GridPositioner(BaseNode):
         Raises:
             DataError: nobody did in time.
         """
-        found = self._commands.get_subscription_count()
-        wanted, limit = self._settings.integer("subscribers"), "wait_for_subscriber"
-        if found < wanted or self._here is None:
+        self._driven.forget()
+        trouble, limit = self._driven.trouble(), self._settings.number("wait_for_subscriber")
+        if trouble or self._here is None:
             self._found = None
-            if now - self._created >= self._settings.number(limit):
-                who = f"{found} of {wanted} listened to {self._commands.topic_name}"
-                where = "no joint_states came" if self._here is None else "joint_states came"
+            if now - self._created >= limit:
+                states = "no joint_states came" if self._here is None else "joint_states came"
+                why = ", ".join(filter(None, [trouble, states]))
                 raise DataError(
-                    f"in {self._settings.number(limit):g} s {who}, {where}: the way to the drives "
-                    "is through calibration_node; is it up, and the machine or simulated_tracker?"
+                    f"did not begin in {limit:g} s: {why}; the "
+                    "way to the drives is through calibration_node: is it up, and the machine or "
+                    "simulated_tracker?"
                 )
             return False
         self._found = now if self._found is None else self._found
@@ -325,12 +337,12 @@ class GridPositioner(BaseNode):
         positioning = self._positioning
         values: dict[str, object] = {"moves": self._moves}
         values["points done"] = len(positioning.outcomes)
+        if self._stopped:
+            return DiagnosticStatus.ERROR, self._stopped, values
         if not self._moves:
             return DiagnosticStatus.OK, "waiting for somebody to listen", values
         if positioning.done:
             return DiagnosticStatus.OK, "done", values
-        if not self._commands.get_subscription_count():
-            return DiagnosticStatus.ERROR, "nobody listens any more", values
         if self._standing is not None:
             values["waits for"] = self._standing.trouble
         return DiagnosticStatus.OK, positioning.doing, values

@@ -1,7 +1,8 @@
 """Node that drives a machine through a plan of poses, and ends with it.
 
 Commands follow the plan's times on a steady clock. The motion starts from where the machine
-stands, as upstream sees it: `joint_states_nominal` if that is there, else `joint_states`.
+stands, as upstream sees it: `joint_states_nominal` if that is there, else `joint_states`. It ends
+where a node that takes the commands is not active any more, or is gone.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from delta_calibration.plans import Plan, legs, make_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
+from delta_calibration.ros.driven import Driven
 from delta_calibration.ros.parameters import (
     RATE,
     SUBSCRIBERS,
@@ -104,6 +106,8 @@ class MeasurementPlan(BaseNode):
         self._hz = self._settings.number("rate")
         self._plan = self._read_plan()
         self._commands = self.create_publisher(JointState, "joint_command", STREAM_OUT)
+        self._driven = Driven(self, self._commands, self._settings.integer("subscribers"))
+        self._stopped = ""  # why the plan was not driven to its end
         self._heard: dict[str, Array] = {}
         self._ears = [
             self.create_subscription(
@@ -158,21 +162,25 @@ class MeasurementPlan(BaseNode):
             if self._motion is not None:
                 self._drive(self._motion, time.monotonic())
         except CalibrationError as error:
+            self._stopped = str(error)
             self.fail(error)
 
     def _ready(self, now: float) -> Motion | None:
         """The motion, once somebody listens and the machine has said where it stands.
 
         Raises:
-            DataError: nobody listened in time.
+            DataError: nobody listened in time, or who did was not active.
         """
-        if self._commands.get_subscription_count() < self._settings.integer("subscribers"):
+        self._driven.forget()
+        trouble = self._driven.trouble()
+        if trouble:
             self._found = None
-            self._require_patience(now)
+            self._require_patience(now, trouble)
             return None
         self._found = now if self._found is None else self._found
         waited = now - self._found
-        if waited < SETTLE_S or (not self._heard and waited < STATES_S):
+        unknown = not self._heard or not self._driven.known()
+        if waited < SETTLE_S or (unknown and waited < STATES_S):
             return None
         start = next((self._heard[name] for name in STATES if name in self._heard), None)
         if start is None:
@@ -186,16 +194,21 @@ class MeasurementPlan(BaseNode):
         )
         return motion
 
-    def _require_patience(self, now: float) -> None:
+    def _require_patience(self, now: float, trouble: str) -> None:
         limit = self._settings.number("wait_for_subscriber")
         if now - self._created >= limit:
-            wanted = self._settings.integer("subscribers")
-            found = self._commands.get_subscription_count()
-            who = f"{found} of {wanted}" if found else "nobody"
-            raise DataError(f"{who} listened to {self._commands.topic_name} for {limit:g} s")
+            raise DataError(f"did not begin in {limit:g} s: {trouble}")
 
     def _drive(self, motion: Motion, now: float) -> None:
-        """Send what is due: command k at k / rate, half a period early at most."""
+        """Send what is due: command k at k / rate, half a period early at most.
+
+        Raises:
+            DataError: what is sent does not reach the drives any more.
+        """
+        trouble = self._driven.trouble()
+        if trouble:
+            at = int(motion.leg[max(self._next - 1, 0)]) + 1
+            raise DataError(f"stopped at {at} of {motion.leg_count}: {trouble}")
         late = now - self._begun - self._next / self._hz
         if late > HELD_UP_S:
             self._begun += late
@@ -233,13 +246,17 @@ class MeasurementPlan(BaseNode):
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         motion = self._motion
         values: dict[str, object] = {"plan": self._plan.name}
+        if self._stopped:
+            return DiagnosticStatus.ERROR, self._stopped, values
         if motion is None:
-            return DiagnosticStatus.OK, "waiting for somebody to listen", values
+            return (
+                DiagnosticStatus.OK,
+                f"waiting: {self._driven.trouble() or 'about to begin'}",
+                values,
+            )
         current = int(motion.leg[max(self._next - 1, 0)]) + 1
         values["stop"], values["stops"] = current, motion.leg_count
         values["left [s]"] = f"{(len(motion) - self._next) / self._hz:.1f}"
-        if not self._commands.get_subscription_count():
-            return DiagnosticStatus.ERROR, "nobody listens any more", values
         if self._next == len(motion):
             return DiagnosticStatus.OK, "done", values
         return DiagnosticStatus.OK, f"at {current} of {motion.leg_count}", values

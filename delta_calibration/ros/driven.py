@@ -1,0 +1,106 @@
+"""Who takes the commands of a node that drives, and whether what it sends still reaches drives."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from lifecycle_msgs.srv import GetState
+from rclpy.client import Client
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.task import Future
+
+PERIOD_S = 0.2
+AGAIN_S = 1.0  # [s] an answer can be lost while the other side does not know of this one yet
+SILENT_S = 3.0  # [s] without an answer a node is taken to hang
+ACTIVE = "active"
+STATE_TYPE = "lifecycle_msgs/srv/GetState"
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+
+
+@dataclass
+class _Managed:
+    """A lifecycle node among the listeners."""
+
+    client: Client
+    heard_s: float  # of its last answer, or when it was found
+    state: str = ""  # by that answer
+    asked_s: float = 0.0
+    answer: Future | None = None
+
+
+class Driven:
+    """Watches who listens to a publisher: how many, and the lifecycle of those that have one.
+
+    A calibration node that is inactive listens and sends nothing on; one that is gone or finalized
+    does not listen any more. Either way the machine stands, and what is driven on is for nothing.
+
+    Args:
+        node: that drives.
+        commands: its publisher.
+        wanted: how many have to listen.
+    """
+
+    def __init__(self, node: Node, commands: Publisher, wanted: int) -> None:
+        self._node, self._commands, self._wanted = node, commands, wanted
+        self._listeners: set[str] = set()  # full names of nodes, as of the last look
+        self._managed: dict[str, _Managed] = {}
+        node.create_timer(PERIOD_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def trouble(self) -> str:
+        """Why what is sent does not reach the drives; empty where all is well."""
+        topic, now_s = self._commands.topic_name, time.monotonic()
+        for name, managed in self._managed.items():
+            if name not in self._listeners:
+                was = f", and was {managed.state}" if managed.state else ""
+                return f"{name} does not listen to {topic} any more{was}"
+            if managed.state and managed.state != ACTIVE:
+                return f"{name} is {managed.state}: it sends nothing on; activate it"
+            if now_s - managed.heard_s > SILENT_S:
+                return f"{name} has not said for {SILENT_S:g} s whether it is active"
+        found = self._commands.get_subscription_count()
+        if found < self._wanted:
+            who = f"only {found} of {self._wanted}" if found else "nobody"
+            return f"{who} listens to {topic}"
+        return ""
+
+    def known(self) -> bool:
+        """Whether every lifecycle node that listens has said its state."""
+        return all(managed.state for managed in self._managed.values())
+
+    def forget(self) -> None:
+        """Forget those who have gone; before it begins, a node may come and go."""
+        for name in set(self._managed) - self._listeners:
+            self._node.destroy_client(self._managed.pop(name).client)
+
+    def _look(self) -> None:
+        now_s = time.monotonic()
+        found = self._node.get_subscriptions_info_by_topic(self._commands.topic_name)
+        self._listeners = {_full_name(info.node_namespace, info.node_name) for info in found}
+        services = dict(self._node.get_service_names_and_types())
+        for name in self._listeners - set(self._managed):
+            service = f"{name}/get_state"
+            if UNKNOWN not in name and STATE_TYPE in services.get(service, ()):
+                client = self._node.create_client(GetState, service)
+                self._managed[name] = _Managed(client, now_s)
+        for managed in self._managed.values():
+            _ask(managed, now_s)
+
+
+def _ask(managed: _Managed, now_s: float) -> None:
+    """Take an answer that has come, and ask again."""
+    answer = managed.answer
+    if answer is not None and answer.done():
+        managed.state, managed.heard_s = str(answer.result().current_state.label), now_s
+        managed.answer = None
+    if managed.answer is None or now_s - managed.asked_s > AGAIN_S:
+        if managed.answer is not None:
+            managed.client.remove_pending_request(managed.answer)
+        managed.answer, managed.asked_s = managed.client.call_async(GetState.Request()), now_s
+
+
+def _full_name(namespace: str, name: str) -> str:
+    return f"{namespace.rstrip('/')}/{name}"
