@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -152,6 +154,34 @@ def test_a_remapped_topic_is_recorded_under_the_contracts_name(
     assert {m.topic for m in messages} == {"/joint_command"}
     metadata = (path / "metadata.yaml").read_text()
     assert "recorded joint_command from: /plant/joint_command" in metadata
+
+
+@pytest.mark.parametrize(
+    ("take_away", "said"),
+    [
+        (shutil.rmtree, "the recording was deleted, and is lost"),
+        (lambda path: path.rename(path.with_name("elsewhere")), "the recording was moved away"),
+    ],
+    ids=["deleted", "moved"],
+)
+def test_a_recording_whose_folder_goes_away_says_so_at_once(
+    bench: Bench,
+    launch: Launch,
+    tmp_path: Path,
+    take_away: Callable[[Path], object],
+    said: str,
+) -> None:
+    seen = watched(bench)
+    path = tmp_path / "session"
+    node = launch(RECORDER, output=path)
+    assert bench.until(lambda: seen)
+    take_away(path)
+    assert bench.until(lambda: node.process.poll() is not None)
+    assert node.end() == 2
+    assert f"{path}: {said} while it was written" in node.output
+    assert "Traceback" not in node.output
+    assert bench.until(lambda: seen[-1].level == DiagnosticStatus.ERROR)
+    assert said in seen[-1].message
 
 
 def test_a_session_is_never_overwritten(launch: Launch, played: Path) -> None:

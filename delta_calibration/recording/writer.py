@@ -169,9 +169,15 @@ class SessionWriter:
                 self._flush()
 
     def sync(self) -> None:
-        """Put all that was written on the disk; a recorder calls it while nothing arrives."""
+        """Put all that was written on the disk; a recorder calls it while nothing arrives.
+
+        Raises:
+            InputError: A disk error, or the file was taken away from under the writer, to which
+                a disk goes on as if nothing were wrong.
+        """
         self._require_open()
         with self._disk():
+            self._require_there()
             self._flush()
             os.fsync(self._stream.fileno())
         self._synced = time.monotonic()
@@ -230,6 +236,23 @@ class SessionWriter:
 
     def _write_metadata(self, *, final: bool = False) -> None:
         replace_file(self.path / FILE_NAME, self._described()[0], on_disk=final)
+
+    def _require_there(self) -> None:
+        """Make sure that the file that is written is still the one under its name.
+
+        Raises:
+            InputError: It is not.
+        """
+        mine = os.fstat(self._stream.fileno())
+        with contextlib.suppress(OSError):
+            there = (self.path / self._file).stat()
+            if (there.st_dev, there.st_ino) == (mine.st_dev, mine.st_ino):
+                return
+        what = "was moved away" if mine.st_nlink else "was deleted, and is lost"
+        raise InputError(
+            f"{self.path}: the recording {what} while it was written, "
+            f"after {self.message_count} messages"
+        )
 
     def _require_open(self) -> None:
         if self._closed:

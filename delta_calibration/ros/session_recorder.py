@@ -28,6 +28,7 @@ from delta_calibration.ros.runtime import BaseNode, run
 
 NAME = "session_recorder"
 SYNC_S = 1.0  # [s]
+CLOSE_S = 20.0  # [s] for what is still to be written, on a slow disk
 QUEUE = 2000  # messages: while the disk is flushed, two seconds at 1 kHz wait here
 
 SPECS = (
@@ -55,6 +56,8 @@ class Tally:
 class SessionRecorder(BaseNode):
     """Wires raw subscriptions to a `SessionWriter`, and reports on `/diagnostics`."""
 
+    stop_limit_s = CLOSE_S
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(NAME, **kwargs)
         parameters = ParameterTable(self, SPECS)
@@ -65,6 +68,7 @@ class SessionRecorder(BaseNode):
         provenance = parse_provenance(parameters.texts("provenance")) | self._sources(topics)
         self._path = output_path(parameters.text("output"))
         self._writer = SessionWriter(self._path, provenance)
+        self._failed = ""  # why nothing is recorded any more
         self._tallies = {topic.name: Tally() for topic in topics}
         for topic in topics:
             self._listen(topic)
@@ -109,7 +113,7 @@ class SessionRecorder(BaseNode):
                 self._writer.add_topic("/" + topic.name, topic.type_name, (qos,))
             self._writer.write("/" + topic.name, topic.type_name, now_ns, data)
         except CalibrationError as error:
-            self.fail(error)
+            self._give_up(error)
             return
         tally.messages += 1
         tally.bytes += len(data)
@@ -120,7 +124,13 @@ class SessionRecorder(BaseNode):
             try:
                 self._writer.sync()
             except CalibrationError as error:
-                self.fail(error)
+                self._give_up(error)
+
+    def _give_up(self, error: CalibrationError) -> None:
+        """End, and let everybody know: who watches diagnostics sees no log."""
+        self._failed = str(error)
+        self._diagnostics.publish()
+        self.fail(error)
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
         dropped = sum(tally.dropped for tally in self._tallies.values())
@@ -129,6 +139,8 @@ class SessionRecorder(BaseNode):
             values[f"{name} messages"] = tally.messages
             values[f"{name} bytes"] = tally.bytes
             values[f"{name} dropped"] = tally.dropped
+        if self._failed:
+            return DiagnosticStatus.ERROR, self._failed, values
         if dropped:
             return DiagnosticStatus.WARN, f"recording, {dropped} messages dropped", values
         return DiagnosticStatus.OK, "recording", values
