@@ -15,7 +15,7 @@ MISSING = (
 
 
 def run_node(executable: str) -> int:
-    """Run `main()` of the module that carries the executable's name.
+    """Run `main()` of the module that carries the executable's name, or tell of it (`--help`).
 
     Args:
         executable: name of a node module in this package, such as `session_recorder`.
@@ -30,6 +30,10 @@ def run_node(executable: str) -> int:
         signal.signal(signal.SIGINT, handler)
         sys.stderr.write(MISSING.format(executable=executable, python=sys.executable))
         return InputError.exit_code
+    node_help = import_module("delta_calibration.ros.node_help")
+    if node_help.asks_for_help(sys.argv):
+        sys.stdout.write(node_help.help_text(executable))
+        return 0
     return int(import_module(f"delta_calibration.ros.{executable}").main())
 
 

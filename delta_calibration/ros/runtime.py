@@ -199,7 +199,8 @@ def _initialise(argv: list[str]) -> None:
         others = remove_ros_args(argv)[1:]
         if others:
             raise InputError(
-                f"unknown argument {others[0]!r}: parameters follow --ros-args, as -p name:=value"
+                f"unknown argument {others[0]!r}: parameters follow --ros-args, "
+                "as -p name:=value; --help tells of them"
             )
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     except wrong as error:
