@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from delta_calibration.errors import InputError
@@ -39,6 +40,14 @@ def read_text(path: Path, kind: type[InputError] = InputError) -> str:
             f"{path}: line {line}: byte 0x{data[error.start]:02x} is not UTF-8; the file is in "
             "another encoding, such as Latin-1: save it as UTF-8"
         ) from error
+
+
+def listed(names: Sequence[str], most: int = 12, longest: int = 40) -> str:
+    """Names that somebody else gave, for a message of bounded length: the first few, cut."""
+    cut = (name if len(name) <= longest else f"{name[:longest]}..." for name in names[:most])
+    shown = [repr(name) for name in cut]  # which keeps it to one line
+    more = [f"and {len(names) - most} more"] if len(names) > most else []
+    return f"[{', '.join([*shown, *more])}]"
 
 
 def number_of(text: str) -> float:

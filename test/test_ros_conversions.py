@@ -109,6 +109,24 @@ def test_a_point_that_is_not_finite_is_refused() -> None:
         tracker_point(point)
 
 
+@pytest.mark.parametrize("count", [3, 100_000])
+def test_what_is_said_of_a_message_is_a_line_of_bounded_length(count: int) -> None:
+    long = f"joint\n{'x' * 1000}"
+    wrong = message((long,) * count, [0.0] * count)
+    fewer = message((*NAMES, *(long,) * count), [0.0])
+    hot = Temperature(temperature=float("nan"))
+    hot.header.frame_id = long
+    for take, bad in (
+        (JointReader(NAMES).positions, wrong),
+        (JointReader(NAMES).positions, fewer),
+        (temperature, hot),
+    ):
+        with pytest.raises(InputError, match=r"'joint\\nx+\.\.\.'") as caught:
+            take(bad)
+        assert len(str(caught.value)) < 1000
+        assert "\n" not in str(caught.value)
+
+
 def test_a_temperature_needs_a_part() -> None:
     sent = Temperature(temperature=21.5)
     with pytest.raises(InputError, match="frame_id"):

@@ -236,6 +236,7 @@ def test_the_truth_is_nowhere_to_be_read(bench: Bench) -> None:
     assert not cell.states[-1].velocity
     known = {spec for spec in cell.cell.list_parameters([], 0).names if "." not in spec}
     assert known <= {"robot", "seed", "scatter", "rate", "noise", "effects", "warm_up"} | {
+        "frame_prefix",
         "use_sim_time",
         "start_type_description_service",
     }
@@ -294,3 +295,30 @@ def test_a_robot_file_is_taken_and_sigterm_ends_it(launch: Launch, tmp_path: Pat
     node.send(signal.SIGTERM)
     assert node.end() == 0
     assert "Traceback" not in node.output
+
+
+def test_a_storm_of_bad_messages_is_a_few_lines_of_log(bench: Bench, launch: Launch) -> None:
+    node = launch(NODE, rate=20.0)
+    sender = bench.node("sender")
+    load = sender.create_publisher(InertiaStamped, "cell/payload", PAYLOAD)
+    command = sender.create_publisher(JointState, "joint_command_compensated", STREAM_OUT)
+    wrong = InertiaStamped()
+    wrong.inertia.m = -1.0
+    long = JointState(name=["x" * 10_000] * 20, position=[0.0] * 20)
+    assert bench.until(lambda: load.get_subscription_count() and command.get_subscription_count())
+
+    def told() -> bool:
+        load.publish(wrong)
+        command.publish(long)
+        bench.spin_for(0.005)
+        return "payload as before" in node.output and "pose held" in node.output
+
+    assert bench.until(told)
+    for _ in range(200):
+        told()
+    node.send(signal.SIGINT)
+    assert node.end() == 0
+    said = [line for line in node.output.splitlines() if "payload as before" in line]
+    assert "InertiaStamped.inertia.m: -1.0 kg" in said[0]
+    assert len(said) < 10
+    assert max(map(len, node.output.splitlines())) < 1000

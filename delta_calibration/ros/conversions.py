@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, Temperature
 
 from delta_calibration.errors import InputError
+from delta_calibration.texts import listed
 
 Array = NDArray[np.float64]
 NANOSECONDS = 1_000_000_000
@@ -59,7 +60,7 @@ class JointReader:
         if len(message.position) != len(self._seen or ()):
             raise InputError(
                 f"JointState: {len(message.position)} positions for "
-                f"{len(message.name)} names {list(message.name)}"
+                f"{len(message.name)} names {listed(message.name)}"
             )
         angles = [message.position[k] for k in self._order]
         return _finite(np.array(angles), "JointState.position", self.names)
@@ -75,7 +76,8 @@ class JointReader:
     def _find(self, found: list[str]) -> list[int]:
         if any(found.count(name) != 1 for name in self.names):
             raise InputError(
-                f"JointState: expected each of the joints {list(self.names)} once, found {found}"
+                f"JointState: expected each of the joints {list(self.names)} once, "
+                f"found {listed(found)}"
             )
         return [found.index(name) for name in self.names]
 
@@ -187,7 +189,9 @@ def temperature(message: Temperature) -> tuple[str, int, float]:
     part = str(message.header.frame_id)
     if not part:
         raise InputError("Temperature.header.frame_id: is empty; it names the part, such as 'arm'")
-    value = _finite(np.array([message.temperature]), "Temperature.temperature", [part])
+    value = _finite(
+        np.array([message.temperature]), "Temperature.temperature", [listed([part])[1:-1]]
+    )
     return part, stamp_to_ns(message.header.stamp), float(value[0])
 
 

@@ -136,7 +136,9 @@ class SimulatedTracker(BaseNode):
         try:
             _, mass, centre = payload(message)
         except CalibrationError as error:
-            self.get_logger().warn(f"payload as before: {error}")
+            self.get_logger().warn(
+                f"payload as before: {error}", throttle_duration_sec=SAY_AGAIN_S
+            )
         else:
             self._simulated.carry(mass, centre)
 
