@@ -134,7 +134,7 @@ def test_a_temperature_needs_a_part() -> None:
     sent.header.frame_id, sent.header.stamp = "arm", STAMP
     assert temperature(sent) == ("arm", STAMP_NS, 21.5)
     sent.temperature = float("nan")
-    with pytest.raises(InputError, match="arm = nan"):
+    with pytest.raises(InputError, match="'arm' = nan"):
         temperature(sent)
 
 
