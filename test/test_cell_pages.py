@@ -18,6 +18,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from delta_calibration.cli.main import group
+from launch_stand_in import load
 from node_inventory import End, ends, every_node, page_of
 from ros_helpers import Bench
 
@@ -25,6 +26,7 @@ pytestmark = pytest.mark.ros
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = "delta_calibration"
+LAUNCH = ROOT / "launch"
 GUIDE = ROOT / "docs" / "tutorials" / "install_in_a_cell.md"
 BLOCK = re.compile(r"^```bash\n(.*?)^```$|((?:^    \S[^\n]*\n)+)", re.MULTILINE | re.DOTALL)
 
@@ -67,6 +69,12 @@ class Cell:
                 if package != PACKAGE or executable not in self.executables:
                     return f"no executable {package} {executable}"
                 return self._wrong_arguments(executable, rest)
+            case ["ros2", "launch", package, file, *rest]:
+                if package != PACKAGE or not (LAUNCH / file).is_file():
+                    return f"no launch file {package} {file}"
+                known = {argument.name for argument in load(LAUNCH / file).arguments}
+                odd = [text for text in rest if text.partition(":=")[0] not in known]
+                return f"{file} has no {odd[0]}" if odd and odd != ["--show-args"] else ""
             case ["ros2", "service", "call", name, kind, *_]:
                 served = {(e.page, e.type_name) for e in self.ends if e.direction == "serves"}
                 return "" if (page_of(name), kind) in served else f"no service {name} of {kind}"
@@ -75,6 +83,8 @@ class Cell:
         return ""
 
     def _wrong_arguments(self, executable: str, rest: list[str]) -> str:
+        if rest == ["--help"]:
+            return ""
         if rest and rest[0] != "--ros-args":
             return f"{rest[0]}: --ros-args is missing"
         for flag, text in zip(rest[1::2], rest[2::2], strict=True):
@@ -118,6 +128,8 @@ def test_the_shell_can_read_the_guide() -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
+        ("ros2 launch delta_calibration cell.launch.py space:=left", "has no space:=left"),
+        ("ros2 launch delta_calibration robot.launch.py", "no launch file"),
         ("ros2 run delta_calibration no_node", "no executable"),
         ("ros2 run delta_calibration session_recorder -p output:=a", "--ros-args is missing"),
         ("ros2 run delta_calibration session_recorder --ros-args -p file:=a", "no file"),
