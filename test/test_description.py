@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.cli.main import run
-from delta_calibration.description import Skeleton, describe, urdf
+from delta_calibration.description import Skeleton, describe, frame_prefix, urdf
+from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.plans import make_plan
@@ -210,3 +211,26 @@ def test_the_verb_prints_or_writes_it(tmp_path: Path, capsys: Any) -> None:
     assert run(["urdf", "--robot", "srbd", "--out", str(tmp_path / "no" / "file")]) == 2
     assert run(["urdf", "--robot", "nobody"]) == 2
     assert "no robot 'nobody'" in capsys.readouterr().err
+
+
+def test_one_robot_among_several_has_frames_of_its_own(capsys: Any) -> None:
+    assert run(["urdf", "--robot", "srbd"]) == 0
+    alone = Urdf(capsys.readouterr().out)
+    assert run(["urdf", "--robot", "srbd", "--frame-prefix", "left/"]) == 0
+    left = Urdf(capsys.readouterr().out)
+    assert left.root == "left/base_link"
+    assert left.links == [f"left/{link}" for link in alone.links]
+    ends = [(f"left/{joint.parent}", f"left/{joint.child}") for joint in alone.joints]
+    assert [(joint.parent, joint.child) for joint in left.joints] == ends
+    assert [joint.name for joint in left.joints] == [joint.name for joint in alone.joints]
+
+
+@pytest.mark.parametrize("prefix", ["", "left/", "cell-1/left_", "a.b/c/"])
+def test_a_prefix_of_frames_is_taken(prefix: str) -> None:
+    assert frame_prefix(prefix) == prefix
+
+
+@pytest.mark.parametrize("prefix", ["/left/", "left//", "left robot/", "\u00e4/", "a" * 60 + "!"])
+def test_a_prefix_that_no_frame_may_have_is_refused(prefix: str) -> None:
+    with pytest.raises(InputError, match=r"frame_prefix '.*': letters, digits"):
+        frame_prefix(prefix)

@@ -123,6 +123,12 @@ def test_a_call_that_is_broken_off_has_failed(bench: Bench) -> None:
     assert (output, trouble, caller.returncode) == ("", "", 1)
 
 
+def test_help_says_how_it_is_called() -> None:
+    said, error = start("--help").communicate(timeout=60)
+    assert "python -m delta_calibration.ros.trigger SERVICE [true|false] [SECONDS]" in said
+    assert error == ""
+
+
 def test_wrong_use_is_one_line_and_2() -> None:
     caller = start("/cell/enable", "maybe")
     output, trouble = caller.communicate(timeout=15)

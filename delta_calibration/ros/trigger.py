@@ -8,6 +8,7 @@ came, 2 for wrong use.
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 import time
@@ -146,6 +147,9 @@ def _seconds(text: str) -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Call, and return the exit code; a call that was broken off has failed."""
     program, *others = sys.argv if arguments is None else arguments
+    if others[:1] in (["--help"], ["-h"]):
+        sys.stdout.write(f"{inspect.cleandoc(__doc__ or '')}\n")
+        return 0
     own = others.index("--ros-args") if "--ros-args" in others else len(others)
     callers: list[Caller] = []
 
