@@ -30,7 +30,7 @@ class Backlash(Effect):
         ADJUST,
         "gear",
         "take the play out of the gear, or preload it",
-        "hold the motor still, push the arm to and fro by hand and read the gap off a dial gauge",
+        "hold the motor still, push the arm both ways by hand and read the gap off a dial gauge",
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE

@@ -26,7 +26,7 @@ class TimestampLatency(Effect):
         ADJUST,
         "clocks",
         "set the clocks of controller and tracker to each other",
-        "move one joint to and fro at two speeds: the error doubles with the speed",
+        "move one joint back and forth at two speeds: the error doubles with the speed",
     )
     kind: ClassVar[str] = "measurement"
     stage: ClassVar[Stage] = Stage.MEASUREMENT
