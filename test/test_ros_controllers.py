@@ -12,7 +12,9 @@ import pytest
 
 pytest.importorskip("rclpy")
 from builtin_interfaces.msg import Duration
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -29,6 +31,7 @@ from calibration_bench import (  # noqa: F401
 )
 from delta_calibration.ros.calibration_node import MARK
 from delta_calibration.ros.qos import CONTROLLER
+from delta_calibration.ros.trajectories import REPLACED
 from ros_helpers import Bench, bench_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
@@ -166,3 +169,55 @@ def test_a_command_that_was_sent_is_not_compensated_again_unmarked(
     once = positions(cell.give(Q))
     np.testing.assert_array_equal(positions(cell.give(once)), once)
     assert cell.diagnosed("commanded again")
+
+
+def test_commands_are_answered_while_a_long_trajectory_is_worked_on(
+    bench: Bench, file: Path
+) -> None:
+    """Ten thousand points: none of the commands behind it waited for its end, of a second."""
+    cell = Cell(
+        bench,
+        calibration=file,
+        ramp_s=0.0,
+        trajectory_controller="following",
+        trajectory_input="planned",
+    )
+    out = heard(cell, JointTrajectory, "following/joint_trajectory")
+    commander = cell.world.create_publisher(JointTrajectory, "planned", CONTROLLER)
+    assert bench.until(commander.get_subscription_count)
+    assert cell.call("enable", True)[0]
+    long = JointTrajectory(joint_names=list(NAMES))
+    for row in range(10_000):
+        point = JointTrajectoryPoint(positions=(Q + 1e-5 * row).tolist())
+        point.time_from_start.sec, point.time_from_start.nanosec = row // 1000, row % 1000 * 10**6
+        long.points.append(point)
+    commander.publish(long)
+    before, answered = len(cell.sent), 0
+    while not out and answered < 10_000:
+        cell.give(Q)
+        answered += 1
+    assert answered > 3
+    assert len(cell.sent) - before >= answered - 1
+    assert bench.until(lambda: out)
+    assert len(out[0].points) == 10_000
+    sent = np.array([p.positions for p in out[0].points])
+    assert np.abs(sent - [p.positions for p in long.points]).max() > CLEARLY
+
+
+def test_a_trajectory_that_is_worked_on_is_dropped_with_the_node(bench: Bench, file: Path) -> None:
+    cell = Cell(
+        bench,
+        calibration=file,
+        trajectory_controller="following",
+        trajectory_input="planned",
+    )
+    out = heard(cell, JointTrajectory, "following/joint_trajectory")
+    line = cell.node._trajectories
+    long = JointTrajectory(joint_names=list(NAMES))
+    long.points = [JointTrajectoryPoint(positions=Q.tolist())]
+    for _ in range(3):
+        line.take(cell.node._desk, serialize_message(long))
+    assert cell.node._desk.path.counts[REPLACED] == 1
+    assert cell.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+    bench.until(lambda: out, 0.3)
+    assert out == []

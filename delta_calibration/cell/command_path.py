@@ -10,6 +10,7 @@ commands are by then. The drives never see a jump that is not in the commands th
 from __future__ import annotations
 
 from collections import Counter
+from copy import copy
 from dataclasses import dataclass
 from math import isfinite
 from typing import Protocol
@@ -142,6 +143,12 @@ class CommandPath:
         self._anothers = False  # whether the last output was corrected by another, and not here
         self._echo = Echo()
         self._last_stamp: int | None = None
+
+    def shadow(self) -> CommandPath:
+        """The same path at this moment, for work on another thread; nothing is counted yet."""
+        shadow = copy(self)
+        shadow.ramp, shadow.counts, shadow.trouble = copy(self.ramp), Counter(), None
+        return shadow
 
     def set_options(
         self,

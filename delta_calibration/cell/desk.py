@@ -23,6 +23,7 @@ from delta_calibration.cell.fitting import COMPENSATOR, Fitted, Step, fit, silen
 from delta_calibration.cell.health import Health, Level, Watch
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
+from delta_calibration.cell.trajectory import Sent as TrajectorySent
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.robot import Robot, load_robot
@@ -129,10 +130,12 @@ class Desk:
         if not self._by_conditions and self.path.takes(q, age_s):
             self.around.moved(q, stamp_ns)  # while nothing is compensated, too: play remembers
 
-    def send_all(self, points: Points, now_s: float, already: bool) -> Points:
-        """What goes to a controller for a trajectory; see `TrajectoryPath.send`."""
+    def begin_all(
+        self, points: Callable[[], tuple[Points, bool]], now_s: float
+    ) -> Callable[[], TrajectorySent]:
+        """The work that makes what goes to a controller; see `TrajectoryPath.begin`."""
         around = self.around if self._by_conditions else None
-        return self.trajectories.send(points, now_s, already, around)
+        return self.trajectories.begin(points, now_s, around)
 
     def nominal(self, measured: Array, now_s: float) -> Array:
         """What upstream is to see of measured joints (m,) [rad]."""

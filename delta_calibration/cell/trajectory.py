@@ -9,7 +9,7 @@ while a correction comes or goes it is left as it was.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -28,7 +28,7 @@ from delta_calibration.cell.command_path import (
 )
 from delta_calibration.cell.surroundings import Surroundings
 from delta_calibration.compensation import Compensated, Verdict
-from delta_calibration.errors import DataError
+from delta_calibration.errors import CalibrationError, DataError
 from delta_calibration.samples import Conditions, joined
 
 Array = NDArray[np.float64]
@@ -45,6 +45,15 @@ class Points:
     joint: Array  # (n, m) [rad]
     velocity: Array | None = None  # (n, m) [rad/s]
     compensated: bool = False
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What was worked out for a trajectory, and where that leaves the corrections."""
+
+    points: Points | CalibrationError  # why they are refused
+    by: TrajectoryPath
+    now_s: float  # steady time at which it began
 
 
 class TrajectoryPath:
@@ -72,6 +81,55 @@ class TrajectoryPath:
         self._path.ramp.stands(np.array(columns), now_s)
         if now_s >= time[-1]:
             self._plan = None
+
+    def begin(
+        self,
+        points: Callable[[], tuple[Points, bool]],
+        now_s: float,
+        around: Surroundings | None = None,
+    ) -> Callable[[], Sent]:
+        """The work of `send` on what holds at this moment; may be done on another thread.
+
+        Args:
+            points: makes the points, as commanded, and whether they carry the mark of compensated
+                ones; part of the work.
+            now_s: steady time.
+            around: what the compensator needs to know beside the commands; None where nothing.
+        """
+        self.settle(now_s)
+        shadow = TrajectoryPath(self._path.shadow())
+        around = None if around is None else around.ahead()
+
+        def work() -> Sent:
+            try:
+                made, already = points()
+                sent: Points | CalibrationError = shadow.send(made, now_s, already, around)
+            except CalibrationError as error:
+                sent = error
+            return Sent(sent, shadow, now_s)
+
+        return work
+
+    def end(self, sent: Sent, late_s: float = 0.0) -> Points:
+        """Take what was worked out into use.
+
+        Args:
+            sent: of `begin`.
+            late_s: by how much the points go later than they were worked out for [s].
+
+        Raises:
+            CalibrationError: the points are refused.
+        """
+        path, shadow = self._path, sent.by._path
+        path.counts += shadow.counts
+        path.trouble = shadow.trouble
+        if isinstance(sent.points, CalibrationError):
+            raise sent.points
+        path.ramp = shadow.ramp
+        plan = sent.by._plan
+        self._plan = None if plan is None else (plan[0] + late_s, plan[1])
+        self.settle(sent.now_s + late_s)
+        return sent.points
 
     def send(
         self,

@@ -28,7 +28,7 @@ from delta_calibration.description import frame_prefix
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
-from delta_calibration.ros.controllers import Controllers, points_of, trajectory
+from delta_calibration.ros.controllers import Controllers
 from delta_calibration.ros.conversions import JointReader, JointWriter, stamp_to_ns
 from delta_calibration.ros.diagnostics import Diagnostics, status
 from delta_calibration.ros.jobs import Finish, Jobs, Work
@@ -38,6 +38,7 @@ from delta_calibration.ros.parameters import ParameterTable, warn_of_unknown
 from delta_calibration.ros.progress import Doing, Progress
 from delta_calibration.ros.qos import CONTROLLER, INPUTS, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import run
+from delta_calibration.ros.trajectories import Trajectories
 
 NAME = "calibration_node"
 MARK = "compensated"  # header.frame_id of a command that has been compensated
@@ -78,6 +79,9 @@ class CalibrationNode(SafeLifecycleNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._release = self.create_timer(WAIT_S, self._on_release, clock=steady)
         self._release.cancel()
+        self._trajectories = Trajectories(
+            self, MARK, self._send_all, self._warn_of_trajectory, self._refuse_trajectory
+        )
         self._serve()
         self._diagnostics = Diagnostics(self, self._report)
         scale = partial(self._settings.number, "error_scale")
@@ -156,9 +160,9 @@ class CalibrationNode(SafeLifecycleNode):
             self._listening.append(subscription)
         name = self._settings.text("trajectory_input")
         if name:
-            take_all = partial(self._receive, name, self._on_trajectory)
+            take_all = partial(self._receive, name, self._trajectories.take)
             self._listening.append(
-                self.create_subscription(JointTrajectory, name, take_all, CONTROLLER)
+                self.create_subscription(JointTrajectory, name, take_all, CONTROLLER, raw=True)
             )
 
     def activate(self) -> None:
@@ -170,12 +174,15 @@ class CalibrationNode(SafeLifecycleNode):
     def deactivate(self) -> None:
         """Send nothing any more."""
         self._active = False
+        if self._trajectories.drop():
+            self.get_logger().warn("deactivated: a trajectory that was worked on is not sent")
         if self._desk is not None and self._desk.capture.running:
             self.get_logger().warn(f"deactivated: {self._desk.stop_capture()}")
 
     def cleanup(self) -> None:
         """Let go of everything; a fit that runs is not waited for."""
         self._active = False
+        self._trajectories.drop()
         while self._listening:
             self.destroy_subscription(self._listening.pop())
         if self._controllers is not None:
@@ -257,17 +264,18 @@ class CalibrationNode(SafeLifecycleNode):
         now_ns = self.get_clock().now().nanoseconds
         return float(now_ns - stamp_ns) * 1e-9 if now_ns else math.nan
 
-    def _on_trajectory(self, desk: Desk, message: JointTrajectory) -> None:
-        now_s = time.monotonic()
-        ahead_ns = stamp_to_ns(message.header.stamp) - self.get_clock().now().nanoseconds
-        points = points_of(message, self._command_reader, now_s, ahead_ns * 1e-9)
-        sent = desk.send_all(points, now_s, message.header.frame_id == MARK)
-        if self._controllers is not None:
-            out = trajectory(message, sent, desk.robot.joints.names, MARK)
-            self._controllers.send_all(out)
-        if desk.path.trouble is not None:
-            desk.watch.trouble("trajectory", desk.path.trouble, now_s)
-            self._warn(f"trajectory: {desk.path.trouble}")
+    def _send_all(self, data: bytes) -> None:
+        if self._controllers is not None and self._active:
+            self._controllers.send_all(data)
+
+    def _warn_of_trajectory(self, desk: Desk, why: str) -> None:
+        desk.watch.trouble("trajectory", why, time.monotonic())
+        self._warn(f"trajectory: {why}")
+
+    def _refuse_trajectory(self, desk: Desk, why: str) -> None:
+        name = self._settings.text("trajectory_input")
+        desk.watch.refuse(name, why, time.monotonic())
+        self._warn(f"{name}: refused: {why}")
 
     def _on_states(self, desk: Desk, message: JointState) -> None:
         q = self._states_reader.positions(message)

@@ -75,10 +75,10 @@ class Controllers:
             message.points = [JointTrajectoryPoint(positions=array("d", joint))]
             self._trajectories.publish(message)
 
-    def send_all(self, message: JointTrajectory) -> None:
-        """A trajectory to its controller."""
+    def send_all(self, data: bytes) -> None:
+        """A trajectory, as a message's bytes, to its controller."""
         if self._trajectories is not None:
-            self._trajectories.publish(message)
+            self._trajectories.publish(data)
 
 
 def points_of(

@@ -1,0 +1,193 @@
+"""Trajectories of the calibration node: taken as bytes, corrected on another thread, in order.
+
+A trajectory of ten thousand points takes a second; commands of the stream go on meanwhile. One is
+worked on at a time; of those that come meanwhile the newest waits, as a controller would go by
+that one alone, and those before it are counted. Where the node is deactivated, none goes out.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import JointTrajectory
+
+from delta_calibration.cell.background import Background
+from delta_calibration.cell.desk import Desk
+from delta_calibration.cell.trajectory import Points
+from delta_calibration.cell.trajectory import Sent as TrajectorySent
+from delta_calibration.cell.trajectory_bytes import (
+    TrajectoryBytes,
+    read_trajectory,
+    write_trajectory,
+)
+from delta_calibration.errors import CalibrationError, InputError
+from delta_calibration.ros.controllers import points_of, trajectory
+from delta_calibration.ros.conversions import JointReader, stamp_to_ns
+
+POLL_S = 0.002  # [s] until the end of the work is noticed
+REPLACED = "trajectory replaced by a newer one"
+
+
+@dataclass(frozen=True)
+class _Work:
+    """One trajectory on its way."""
+
+    desk: Desk
+    came_s: float  # steady time
+    background: Background[tuple[TrajectorySent, Callable[[Points], bytes], bool]]
+
+
+class Trajectories:
+    """Corrects trajectories beside the command path.
+
+    Args:
+        node: whose clock and executor are used.
+        mark: frame of what has been compensated.
+        send: takes what goes to the controller, as bytes.
+        tell: is told of a desk what was odd about a trajectory that was sent.
+        refuse: is told why one was not.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        mark: str,
+        send: Callable[[bytes], None],
+        tell: Callable[[Desk, str], None],
+        refuse: Callable[[Desk, str], None],
+    ) -> None:
+        self._node, self._mark, self._send = node, mark, send
+        self._tell, self._refuse = tell, refuse
+        self._work: _Work | None = None
+        self._waiting: tuple[Desk, bytes, float, int] | None = None
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._poll = node.create_timer(POLL_S, self._look, clock=steady)
+        self._poll.cancel()
+
+    def take(self, desk: Desk, data: bytes) -> None:
+        """Begin with a trajectory, or let it wait for the one that is worked on."""
+        if self._waiting is not None:
+            desk.path.counts[REPLACED] += 1
+        self._waiting = desk, data, time.monotonic(), self._node.get_clock().now().nanoseconds
+        if self._work is None:
+            self._begin()
+
+    def drop(self) -> bool:
+        """Let go of everything; whether there was something."""
+        busy = self._work is not None or self._waiting is not None
+        self._work = self._waiting = None
+        self._poll.cancel()
+        return busy
+
+    def _begin(self) -> None:
+        assert self._waiting is not None
+        (desk, data, came_s, clock_ns), self._waiting = self._waiting, None
+        names = desk.robot.joints.names
+        read = _Reading(data, names, came_s, clock_ns, self._mark)
+        begun = desk.begin_all(read.points, came_s)
+
+        def work() -> tuple[TrajectorySent, Callable[[Points], bytes], bool]:
+            return begun(), read.written, read.at_once
+
+        self._work = _Work(desk, came_s, Background(work))
+        self._poll.reset()
+
+    def _look(self) -> None:
+        """Send what is done, and begin with what waits."""
+        if self._work is None or not self._work.background.done:
+            return
+        done, self._work = self._work, None
+        try:
+            self._finish(done)
+        except CalibrationError as error:
+            self._refuse(done.desk, str(error))
+        if self._waiting is not None:
+            self._begin()
+        else:
+            self._poll.cancel()
+
+    def _finish(self, done: _Work) -> None:
+        sent, written, at_once = done.background.result()
+        late_s = time.monotonic() - done.came_s if at_once else 0.0
+        points = done.desk.trajectories.end(sent, late_s)
+        self._send(written(points))
+        if done.desk.path.trouble is not None:
+            self._tell(done.desk, done.desk.path.trouble)
+
+
+class _Reading:
+    """A message as it came, read where there is time for it: by arrays, else as a message."""
+
+    def __init__(
+        self, data: bytes, names: tuple[str, ...], came_s: float, clock_ns: int, mark: str
+    ) -> None:
+        self._data, self._names, self._mark = data, names, mark
+        self._came_s, self._clock_ns = came_s, clock_ns
+        self._plain: TrajectoryBytes | None = None
+        self._message: JointTrajectory | None = None
+        self.at_once = False  # whether it goes from now on, whenever now is
+
+    def points(self) -> tuple[Points, bool]:
+        """The points in the robot's order, and whether another compensated them.
+
+        Raises:
+            InputError: see `points_of`.
+        """
+        reader = JointReader(self._names)
+        self._plain = read_trajectory(self._data)
+        if self._plain is None:
+            return self._as_message(reader)
+        plain = self._plain
+        seconds, nanoseconds = plain.stamp
+        self.at_once = plain.stamp == (0, 0)
+        order = reader.order(plain.names)
+        time_s = plain.time
+        if time_s[0] < 0.0 or (np.diff(time_s) <= 0.0).any():
+            raise InputError(
+                "JointTrajectory.points: time_from_start has to rise from point to point"
+            )
+        for field, values in (("positions", plain.joint), ("velocities", plain.velocity)):
+            if values is not None and not np.isfinite(values).all():
+                row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+                where = f"JointTrajectory.points[{row}].{field}"
+                raise InputError(f"{where}: {values[row].tolist()}; finite values are needed")
+        wait_s = (seconds * 10**9 + nanoseconds - self._clock_ns) * 1e-9
+        start_s = self._came_s + (0.0 if self.at_once else wait_s)
+        velocity = None if plain.velocity is None else plain.velocity[:, order]
+        points = Points(start_s + time_s, plain.joint[:, order], velocity)
+        return points, plain.frame == self._mark
+
+    def _as_message(self, reader: JointReader) -> tuple[Points, bool]:
+        message = deserialize_message(self._data, JointTrajectory)
+        self._message = message
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        self.at_once = stamp_ns == 0
+        wait_s = (stamp_ns - self._clock_ns) * 1e-9
+        return points_of(message, reader, self._came_s, wait_s), (
+            message.header.frame_id == self._mark
+        )
+
+    def written(self, points: Points) -> bytes:
+        """The message with other positions and velocities, joints in the robot's order."""
+        if self._plain is None:
+            out: Any = trajectory(self._message, points, self._names, self._mark)
+            return bytes(serialize_message(out))
+        plain = self._plain
+        frame = self._mark if points.compensated else ""
+        return write_trajectory(
+            plain.stamp,
+            frame,
+            self._names,
+            points.joint,
+            points.velocity,
+            plain.seconds,
+            plain.nanoseconds,
+        )
