@@ -53,7 +53,7 @@ demo: install ## run a simulated cell: measure, fit, compensate (out/demo*; DEMO
 	@$(VENV)/bin/delta-cal demo $(DEMO_ARGS)
 
 test: install ## run the tests on two workers, real ROS nodes on loopback
-	@$(PY) -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
+	@$(PY) -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 lint: install ## ruff (rules and layout), mypy --strict on the package, codespell
 	@$(PY) -m ruff check .

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
-from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import content_hash, load_schema, read_document, write_document
 from delta_calibration.effects import Effect, effect_named
 from delta_calibration.errors import ConfigError, InputError
@@ -21,6 +20,9 @@ from delta_calibration.identification import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses
+
+if TYPE_CHECKING:  # a fit does not wait for it
+    from delta_calibration.diagnosis import Diagnosis
 
 Array = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import tempfile
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 
@@ -42,6 +43,8 @@ def _claim_domain() -> int:
 
 for _name in FOREIGN_ROS:
     os.environ.pop(_name, None)
+# The workers fill the cores already; threads of the linear algebra would stand in their way.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["ROS_DOMAIN_ID"] = str(_claim_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
@@ -53,6 +56,13 @@ settings.load_profile("repeatable")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Files with slow tests first, so that no worker ends with one; and `_try_again`."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])
+    _try_again(config, items)
+
+
+def _try_again(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Try a test of real nodes twice: readings go best effort, and a busy machine loses some.
 
     What is broken fails twice; a rerun is said in the summary.

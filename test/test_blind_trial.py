@@ -15,18 +15,16 @@ from blind import hide
 from delta_calibration.diagnosis import Verdict, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import subsets
 from delta_calibration.diagnosis.model import _cost, fit, rested
-from delta_calibration.diagnosis.scan import scan
-from delta_calibration.diagnosis.search import _without_maps
 from delta_calibration.effects import catalogue
 from delta_calibration.recording import read_session
-from delta_calibration.robot import load_robot
 from delta_calibration.samples import survey
-from study.judge import _scaled, judge
+from study.judge import _scaled
 from study.trials import PRECISE, Task
+from trial_bench import ROBOT, SIGNAL, trial
 
-ROBOT = load_robot("srbd")
+pytestmark = pytest.mark.slow
+
 SESSIONS = Path(__file__).resolve().parents[2] / "shared" / "sessions"
-SIGNAL = 600.0  # lambda, well above the 160 that a name needs
 CONFIDENT = 0.8
 CAUSES = (
     "backlash",
@@ -36,34 +34,6 @@ CAUSES = (
     "timestamp_latency",
     "tracker_drift",
     "joint_scale",
-)
-PAIRS = (
-    # two maps, over time and temperature, could draw them
-    (408147, (("tracker_drift", 3057.0), ("thermal_growth_arm", 2074.0))),
-    # without the first, the second is taken for another, as the reflector is on the wrong floor
-    (838869, (("encoder_eccentricity", 1733.0), ("forearm_compliance", 161.0))),
-    # the search goes in a circle: about both the second is too small, about the first it is not
-    (884370, (("stick_slip", 356.53), ("ball_joint_clearance", 161.91))),
-    # without the first the reflector is 80 mm off, and about there it explains a fifth
-    (788056, (("forearm_compliance", 3093.52), ("joint_scale", 641.97))),
-    # about the fit with an eccentric encoder a joint's scale does less, fitted itself it does more
-    (970841, (("ball_joint_clearance", 797.22), ("joint_scale", 734.61))),
-    # the six values of a drift of the tracker do nearly what both do together
-    (212950, (("thermal_growth_forearm", 3975.05), ("thermal_growth_base", 507.38))),
-    # three joints trail by 46, 34 and 42 us: nearly a late clock
-    (283907, (("backlash", 1092.88), ("joint_lag", 532.36))),
-    # friction that does not let go of all at speed, a clearance that is crossed by and by
-    (864184, (("joint_compliance", 643.94), ("stick_slip", 1685.18))),
-    (400447, (("ball_joint_clearance", 3587.76), ("thermal_growth_forearm", 1681.97))),
-)
-FOREIGN = (
-    (1040, "cross_talk", SIGNAL),
-    (920255, "rub", 670.49),  # a harmonic and an eccentric encoder: less likely than a map
-    (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
-    (71334, "rub", 316.79),  # a harmonic, which nothing is left beside: less likely than a map
-    (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it then refutes
-    (673933, "rub", 119.80),  # a harmonic, not plainly likelier than a map
-    (212450, "drag", 87.0),  # an eccentric encoder, likelier than a map, that does not hold
 )
 
 
@@ -103,10 +73,6 @@ def test_what_no_catalogue_has_is_recognised_and_not_named():
     assert said.unknown_structure.found
 
 
-def trial(seed: int, *causes: tuple[str, float], **options) -> dict:
-    return judge(Task("test", seed, causes, **options).key)
-
-
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_hidden_cause_is_named_and_its_model_predicts(cause: str):
     said = trial(1000 + CAUSES.index(cause), (cause, SIGNAL))
@@ -117,28 +83,6 @@ def test_a_hidden_cause_is_named_and_its_model_predicts(cause: str):
     assert gained["calibrated"] - gained["extended"] > 0.9 * could
     for item in said["intervals"]:
         assert abs(item["value"] - item["true"]) < 4 * item["std"]
-
-
-@pytest.mark.parametrize(("seed", "hidden"), PAIRS)
-def test_two_causes_are_named(seed: int, hidden: tuple[tuple[str, float], ...]):
-    said = trial(seed, *hidden)
-    assert {f["cause"] for f in said["findings"]} == {cause for cause, _ in hidden}
-    assert not said["unknown"]
-
-
-def test_causes_take_the_places_of_two_maps_that_drew_them():
-    """Beside a map over time a drift has no shape of its own to be found by."""
-    trial, _ = _scaled(Task("pair", *PAIRS[0]))
-    model = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
-    effects = catalogue(ROBOT, model.problem.chain.mechanism)
-    rng = np.random.default_rng(0)
-    tried = [s.candidate for s in scan(model.beside, effects, model.noise_degrees, rng).scores]
-    drawn = tuple(
-        next(c for c in tried if c.label == f"unexplained ({family})")
-        for family in ("temperature", "time")
-    )
-    members = _without_maps(model.fitted(drawn), effects, rng)
-    assert {m.cause for m in members} == {cause for cause, _ in PAIRS[0][1]}
 
 
 def test_one_wrong_dimension_of_a_precise_machine_is_named_in_its_chain():
@@ -160,58 +104,6 @@ def test_a_poor_session_names_no_wrong_cause_with_confidence():
         right = "joint_zero_drift" in (finding["cause"], *finding["equivalents"])
         assert right or finding["confidence"] < CONFIDENT
     assert said["cannot_tell"]
-
-
-@pytest.mark.parametrize(("seed", "kind", "strength"), FOREIGN)
-def test_a_foreign_structure_is_seen_and_not_named(seed: int, kind: str, strength: float):
-    said = trial(seed, (f"unknown:{kind}", strength))
-    assert said["unknown"]
-    assert not said["findings"]
-
-
-def test_a_foreign_structure_much_like_causes_is_not_named_for_sure():
-    """A hose on one side, much like one arm's encoder off its axis and scales together."""
-    said = trial(43243, ("unknown:drag", 1766.0))
-    assert said["unknown"] or said["findings"]
-    assert all(finding["confidence"] < 0.5 for finding in said["findings"])
-
-
-def test_structure_that_nothing_follows_does_not_bend_the_geometry():
-    """With the paths' readings let in, predictions of this machine at rest were a fifth worse."""
-    said = trial(151832, ("unknown:rocking", 264.0))
-    assert said["unknown"]
-    assert said["error_um"]["extended"] <= said["error_um"]["calibrated"]
-
-
-def test_a_cause_taken_out_of_the_catalogue_is_not_given_another_name():
-    said = trial(1050, ("transmission_error", SIGNAL), without="transmission_error")
-    assert said["unknown"]
-    assert not said["findings"]
-
-
-def test_a_cause_is_not_named_that_explains_little_beside_a_map():
-    """Give of the drives under payload, unknown to the diagnosis, bends by angle a little, too."""
-    said = trial(509932, ("joint_compliance", 1263.16), without="joint_compliance")
-    assert said["unknown"]
-    assert said["moves_with"] == "payload"
-    assert not said["findings"]
-
-
-def test_a_name_beside_which_a_map_explains_some_is_in_doubt():
-    """Rods that give, unknown to the diagnosis, are nearly what joints that give are."""
-    said = trial(854825, ("forearm_compliance", 205.31), without="forearm_compliance")
-    assert [f["cause"] for f in said["findings"]] == ["joint_compliance"]
-    assert said["findings"][0]["confidence"] < 0.5
-    assert said["unknown"]
-    assert said["moves_with"] is not None
-
-
-def test_what_may_be_a_part_of_a_cause_found_is_said():
-    """Drives that trail by a time each, and a clock that is late: the first alone does it all."""
-    said = trial(698302, ("joint_lag", 306.66), ("timestamp_latency", 853.16))
-    assert [f["cause"] for f in said["findings"]] == ["joint_lag"]
-    assert {"joint_lag", "timestamp_latency"} in [set(some) for some in said["cannot_tell"]]
-    assert not said["intervals"]  # the values hold both, and the verdict says so
 
 
 def test_play_is_told_at_every_sample_as_the_generator_runs_it():

@@ -20,6 +20,7 @@ LAYERS = [
     "errors",
     "model",
     "processes",
+    "threads",
     "texts",
     "documents",
     "tables",

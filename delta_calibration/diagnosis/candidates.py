@@ -110,7 +110,8 @@ def bounds_of(candidate: Candidate, evidence: Evidence) -> tuple[Array, Array]:
     """Physical bounds of the free parameters in units of their priors, two (k,)."""
     if candidate.effect is None:
         return np.full(len(candidate.rows), -np.inf), np.full(len(candidate.rows), np.inf)
-    items = [candidate.effect.parameters.items[row] for row in candidate.rows]
+    every = candidate.effect.parameters.items
+    items = [every[row] for row in candidate.rows]
     lower = np.array([p.lower / p.prior for p in items])
     upper = np.array([p.upper / p.prior for p in items])
     return lower, upper

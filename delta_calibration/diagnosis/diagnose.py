@@ -7,13 +7,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
@@ -40,6 +38,7 @@ from delta_calibration.identification.turns import turns_of
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey, require_poses
+from delta_calibration.threads import one_thread
 
 _FEWEST = 12  # different places
 _POSITIONS_ONLY = "the probe's turns take part in a fit only: a diagnosis goes by its positions"
@@ -96,7 +95,7 @@ def diagnose(
         model = calibration.chain.mechanism.name
         name = f"calibration of {Path(calibration.source).name} + frame"
         against = name, partial(_in_force, calibration)
-    with _alone():
+    with one_thread():  # the search has threads of its own (`search.py`)
         start = calibrated(survey, robot, model)
         if effects is None:
             effects = catalogue(robot, start.problem.chain.mechanism)
@@ -141,7 +140,7 @@ def diagnose_observations(
         DataError: samples out of reach, or no rest.
     """
     step(STEPS[0])
-    with _alone():
+    with one_thread():  # the search has threads of its own (`search.py`)
         start = Observed.of(mechanism, measured, frame, stated, further)
         if effects is None:
             every = catalogue(robot, mechanism)
@@ -149,15 +148,7 @@ def diagnose_observations(
         return judged(start, effects, np.random.default_rng(seed), step=step)
 
 
-def _alone() -> AbstractContextManager[object]:
-    """Linear algebra on one thread each: the search has threads of its own (`search.py`).
-
-    On small matrices threads of both kinds stand in each other's way.
-    """
-    context: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
-    return context
-
-
+@one_thread()
 def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
     """The machine with its geometry identified and nothing else in the chain.
 

@@ -16,6 +16,7 @@ from delta_calibration.identification import Noise, Problem, prepare, robust_wei
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey
 from delta_calibration.theta import entries, length
+from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -131,6 +132,7 @@ def solved(survey: Survey, robot: Robot, noise: Noise, problem: Problem) -> Mode
     return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
 
 
+@one_thread()
 def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
     """The model with these members instead, fitted by Gauss-Newton with robust weights.
 

@@ -126,6 +126,7 @@ class Worth:
     here: Scan
     degrees: float
     known: dict[tuple[int, ...], float] = field(default_factory=dict)
+    fits: dict[tuple[int, ...], tuple[float, float]] = field(default_factory=dict)
 
     def __call__(self, chosen: tuple[int, ...]) -> float:
         """Minus infinity where one of them is not significant beside the others."""
@@ -139,13 +140,19 @@ class Worth:
         candidates = self.together.candidates
         if any(candidates[i].same_cause(candidates[j]) for i, j in combinations(chosen, 2)):
             return -np.inf
-        _, gain, log_b = self.together.fit(chosen)
+        gain, log_b = self._fit(chosen)
         for i in chosen:
             rest = tuple(j for j in chosen if j != i)
-            alone = gain - self.together.fit(rest)[1]
+            alone = gain - self._fit(rest)[0]
             log_p = self.together.chances[i].log_p(alone, self.degrees)
             log_p += float(np.log(self.together.tries[i]))
             if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < _least(gain - alone):
                 return -np.inf
             log_b -= shadow(candidates[i], alone)
         return log_b
+
+    def _fit(self, chosen: tuple[int, ...]) -> tuple[float, float]:
+        """Decrease of chi square and ln B; what is left of one set is left of many."""
+        if chosen not in self.fits:
+            self.fits[chosen] = self.together.fit(chosen)[1:]
+        return self.fits[chosen]

@@ -280,13 +280,9 @@ class Effect(ABC):
         What is given in radians is of a joint that turns; of another as much as does the same.
         """
         unit, size = self._of_joints(unit)
-        limb = self.mechanism.limb
-        each = (size * prior, self.cause), (size * lower, size * upper)
-        return ParameterSet(
-            tuple(
-                Parameter(f"{name}_{j}", unit, 0.0, *each[0], f"{limb}_{j}", *each[1])
-                for j in range(1, self.mechanism.joints + 1)
-            )
+        sizes = (size * prior, size * lower, size * upper)
+        return _one_a_joint(
+            self.cause, name, unit, sizes, self.mechanism.limb, self.mechanism.joints
         )
 
     def _take_usual(self, **usual: float) -> None:
@@ -395,6 +391,20 @@ def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:
         _asked(effects[0].mechanism, names) if effects else 0,
         standing_asked(names),
         tuple(law for law, _, _ in parts),
+    )
+
+
+@cache  # a search asks for those of each effect thousands of times
+def _one_a_joint(
+    cause: str, name: str, unit: str, sizes: tuple[float, float, float], limb: str, joints: int
+) -> ParameterSet:
+    """`name` with the number of each joint; prior, lower and upper bound of each."""
+    prior, *bounds = sizes
+    return ParameterSet(
+        tuple(
+            Parameter(f"{name}_{j}", unit, 0.0, prior, cause, f"{limb}_{j}", *bounds)
+            for j in range(1, joints + 1)
+        )
     )
 
 

@@ -25,6 +25,7 @@ from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, require_poses
+from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -114,6 +115,7 @@ def most_evaluations(method: Method, robot: Robot, model: str | None = None) -> 
     return (1 + _FOLDS) * method.most(layout.size)
 
 
+@one_thread()
 def identify(
     poses: Poses,
     robot: Robot,

@@ -30,6 +30,7 @@ from delta_calibration.errors import DataError
 from delta_calibration.identification.observations import Linear, Measured, PointMeasured
 from delta_calibration.samples import Conditions, joined
 from delta_calibration.theta import Layout, vector_names
+from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -264,6 +265,7 @@ class _Loss:
         return weight, cost
 
 
+@one_thread()
 def solve(
     problem: Problem,
     start: Array | None = None,

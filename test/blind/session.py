@@ -13,7 +13,7 @@ from blind.cause import Cause
 from blind.causes import draw
 from blind.cell import Cell, Measured
 from blind.plans import PLANS, held_out
-from blind.signal import Left, Signal, left, signal
+from blind.signal import Left, Signal, left, lefts, signal
 from blind.world import CENTRE, State, World
 from delta_calibration.samples import (
     JointStream,
@@ -88,9 +88,13 @@ class Trial:
     @cached_property
     def strengths(self) -> dict[str, float]:
         """lambda of each cause by itself, as `Left.strength`."""
+        if len(self.causes) == 1:
+            return {self.causes[0].name: self.left.strength}
         items = self.measured.world.items
-        cells = {cause.name: self.cell.only(cause) for cause in self.causes}
-        return {name: left(cell, cell.measure(items)).strength for name, cell in cells.items()}
+        every = [self.cell.only(cause).measure(items) for cause in self.causes]
+        parts = lefts(self.cell, every) if every else []
+        names = (cause.name for cause in self.causes)
+        return {name: part.strength for name, part in zip(names, parts, strict=True)}
 
     @cached_property
     def truth(self) -> Truth:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lstsq
 
 from blind.cell import Cell, Measured
 from blind.machine import Build, assemble
@@ -66,19 +67,29 @@ def signal(measured: Measured) -> Signal:
 
 def left(cell: Cell, measured: Measured) -> Left:
     """After frame, reflector offset and geometry, by least squares with the scatter as rows."""
-    world = measured.world
-    rows, still = _looked_at(measured)
+    return lefts(cell, [measured])[0]
+
+
+def lefts(cell: Cell, every: Sequence[Measured]) -> list[Left]:
+    """The same of several causes of a machine, measured one by one by the same plan."""
+    world = every[0].world
+    rows, still = _looked_at(every[0])
     sigma = np.where(still, _AT_REST, _IN_MOTION / np.sqrt(_THIN))
     known = list(_columns(cell, world.command[rows]))
     known += _rest_errors(cell, world.command[rows], np.where(still, -1, world.item[rows]))
     columns = np.stack(known, axis=-1)
     slopes = (columns / sigma[:, None, None]).reshape(3 * len(rows), -1)
-    effect = ((measured.reading - measured.plain)[rows] / sigma[:, None]).reshape(-1)
+    moved = np.stack([(one.reading - one.plain)[rows] for one in every], axis=-1)
+    effect = (moved / sigma[:, None, None]).reshape(3 * len(rows), -1)
     slopes = np.vstack([slopes, np.eye(slopes.shape[1])])
-    effect = np.append(effect, np.zeros(slopes.shape[1]))
-    remains = effect - slopes @ np.linalg.lstsq(slopes, effect, rcond=None)[0]
-    metres = remains[: 3 * len(rows)].reshape(-1, 3) * sigma[:, None]
-    return Left(_rms(metres[still]), _rms(metres[~still]), float(remains @ remains))
+    effect = np.vstack([effect, np.zeros((slopes.shape[1], len(every)))])
+    # by QR: the scatter's rows leave no direction open, and it is ten times as quick as by SVD
+    remains = effect - slopes @ lstsq(slopes, effect, lapack_driver="gelsy")[0]
+    metres = remains[: 3 * len(rows)].reshape(len(rows), 3, -1) * sigma[:, None, None]
+    return [
+        Left(_rms(metres[still, :, k]), _rms(metres[~still, :, k]), float(one @ one))
+        for k, one in enumerate(remains.T)
+    ]
 
 
 def after_frame(reading: Array, plain: Array) -> Array:
