@@ -13,7 +13,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.documents import Document, Schema, content_hash, read_document
+from delta_calibration.documents import (
+    Document,
+    Schema,
+    check_document,
+    content_hash,
+    read_document,
+)
 from delta_calibration.errors import ConfigError
 from delta_calibration.geometry import Camera
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
@@ -231,7 +237,30 @@ def load_robot(path_or_name: str | Path) -> Robot:
         ConfigError: not there, or an entry is missing, unknown or out of range.
     """
     path = _find(path_or_name)
-    data = read_document(path, _schema)
+    return _robot(read_document(path, _schema), str(path))
+
+
+def robot_from(data: Document, source: str) -> Robot:
+    """The robot of a document that was read already, or edited since.
+
+    Raises:
+        ConfigError: an entry is missing, unknown or out of range; names `source`.
+    """
+    check_document(data, _schema(data), source)
+    return _robot(data, source)
+
+
+def robot_document(path_or_name: str | Path) -> tuple[Path, dict[str, Any]]:
+    """A robot file as it is written, whether or not it describes a robot, and where it is.
+
+    Raises:
+        ConfigError: not there, or no mapping of keys to values.
+    """
+    path = _find(path_or_name)
+    return path, read_document(path, lambda _: {})
+
+
+def _robot(data: Document, path: str) -> Robot:
     kind = MECHANISMS[data["mechanism"]]
 
     def section(name: str, of: type[Any] | None) -> Any:
@@ -241,7 +270,7 @@ def load_robot(path_or_name: str | Path) -> Robot:
         robot = Robot(
             name=data["name"],
             hash=content_hash(data),
-            source=str(path),
+            source=path,
             mechanism=kind.name,
             dimensions=section("geometry", kind.Dimensions),
             tolerances=section("tolerances", kind.Tolerances),

@@ -1,0 +1,151 @@
+"""What may have happened to a session on its way here, and how it is undone.
+
+A hypothesis about a mistake is a `Change`: what the session would be if the mistake were undone.
+It acts on the streams of a session and on its stops alike, as both are sessions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.robot import Robot
+from delta_calibration.samples import JointStream, Session, TrackerStream
+
+Array = NDArray[np.float64]
+
+COMMAND, STATES, TRACKER, ROBOT_FILE = "joint_command", "joint_states", "tracker", "robot_file"
+JOINTS = (COMMAND, STATES)
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake that was found; `value` is in `unit`, and None where a mistake has no size."""
+
+    mistake: str
+    stream: str
+    part: str | None
+    value: float | None
+    unit: str | None
+    evidence: str
+    mend: str
+
+    def sentence(self) -> str:
+        """For people, in a line."""
+        where = f" ({self.part})" if self.part else ""
+        return f"{self.mistake} in {self.stream}{where}: {self.evidence}; {self.mend}"
+
+
+@dataclass(frozen=True)
+class Change:
+    """A mistake of one or more streams, undone.
+
+    Attributes:
+        mistake: its fixed name.
+        streams: that it is in.
+        undo: the session without it.
+        mend: what mends it by hand, as a phrase.
+        part: of the robot or the stream that it is in.
+        value: its size in `unit`.
+        robot: robot to use instead, where the robot's file is what is wrong.
+        text: edited robot file, where a line of it is what is wrong.
+    """
+
+    mistake: str
+    streams: tuple[str, ...]
+    undo: Callable[[Session], Session]
+    mend: str
+    part: str | None = None
+    value: float | None = None
+    unit: str | None = None
+    robot: Robot | None = None
+    text: str = field(default="", repr=False)
+
+    def found(self, evidence: str) -> tuple[Mistake, ...]:
+        """The mistake, once for each stream that it is in."""
+        return tuple(
+            Mistake(
+                self.mistake, stream, self.part, self.value, self.unit, evidence, self.mend
+            )
+            for stream in self.streams
+        )
+
+
+def as_it_is(session: Session) -> Session:
+    """Leave a session unchanged."""
+    return session
+
+
+def of_joints(
+    streams: tuple[str, ...], change: Callable[[JointStream], JointStream]
+) -> Callable[[Session], Session]:
+    """Change joint streams of a session; those that it does not have stay missing."""
+
+    def undo(session: Session) -> Session:
+        command, states = session.command, session.states
+        if command is not None and COMMAND in streams:
+            command = change(command)
+        if states is not None and STATES in streams:
+            states = change(states)
+        return replace(session, command=command, states=states)
+
+    return undo
+
+
+def of_angles(
+    streams: tuple[str, ...], change: Callable[[Array], Array]
+) -> Callable[[Session], Session]:
+    """Change the joint values (n, m) of streams whose columns are in the robot's order."""
+    return of_joints(streams, lambda s: replace(s, position=change(s.position)))
+
+
+def of_tracker(change: Callable[[TrackerStream], TrackerStream]) -> Callable[[Session], Session]:
+    """Change the tracker's stream of a session."""
+
+    def undo(session: Session) -> Session:
+        tracker = session.tracker
+        return replace(session, tracker=None if tracker is None else change(tracker))
+
+    return undo
+
+
+def of_points(change: Callable[[Array], Array]) -> Callable[[Session], Session]:
+    """Change the tracker's points (n, 3)."""
+    return of_tracker(lambda s: replace(s, position=change(s.position)))
+
+
+def rows_of(stream: Any, keep: NDArray[Any]) -> Any:
+    """Some rows of a stream."""
+    each = {k: v[keep] for k, v in vars(stream).items() if isinstance(v, np.ndarray)}
+    return replace(stream, **each)
+
+
+def joints_of(session: Session, stream: str) -> JointStream | None:
+    """A joint stream by its name."""
+    return session.command if stream == COMMAND else session.states
+
+
+def joint_streams(session: Session) -> tuple[str, ...]:
+    """Names of the joint streams that a session has."""
+    return tuple(name for name in JOINTS if joints_of(session, name) is not None)
+
+
+def in_order(session: Session, names: tuple[str, ...]) -> Session:
+    """The session with joints in the robot's order and stamps that rise, each once."""
+
+    def ordered(stream: JointStream) -> JointStream:
+        columns = [stream.names.index(name) for name in names]
+        _, rows = np.unique(stream.stamp_ns, return_index=True)
+        return JointStream(stream.stamp_ns[rows], names, stream.position[rows][:, columns])
+
+    def risen(stream: TrackerStream) -> TrackerStream:
+        risen_rows: TrackerStream = rows_of(
+            stream, np.unique(stream.stamp_ns, return_index=True)[1]
+        )
+        return risen_rows
+
+    return of_tracker(risen)(of_joints(JOINTS, ordered)(session))

@@ -1,0 +1,320 @@
+"""The examination of a session: hypotheses in rounds, the simplest that explains wins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.doctor import clocks, hypotheses, moves, steps
+from delta_calibration.doctor.change import (
+    ROBOT_FILE,
+    Change,
+    Mistake,
+    as_it_is,
+    in_order,
+    joint_streams,
+    joints_of,
+)
+from delta_calibration.doctor.placing import joints_and_points
+from delta_calibration.doctor.stops import LEAST, stops_of
+from delta_calibration.doctor.trial import (
+    EXPLAINED,
+    UNEXPLAINED,
+    Answer,
+    Trial,
+    turn_answer,
+)
+from delta_calibration.doctor.wiring import wiring
+from delta_calibration.documents import Document
+from delta_calibration.errors import CalibrationError
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses, Session, collect
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 4
+_LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
+_LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
+_TURNED = 6.0  # standard errors from which a move is also a turn
+_APART = 1.5  # times more is left by what is not true
+_OFFSET_GAIN, _OFFSET_SIZE = 100.0, 0.02  # of chi square; [rad of a Delta]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a session was found to be.
+
+    `session` and `robot` are without the mistakes, as far as they could be undone; `resolved` is
+    False where something is wrong that no hypothesis explains.
+    """
+
+    found: tuple[Mistake, ...]
+    session: Session
+    robot: Robot
+    resolved: bool = True
+    notes: tuple[str, ...] = ()
+
+    def with_(self, change: Change, evidence: str) -> Checked:
+        """With a mistake more, undone."""
+        return replace(
+            self,
+            found=(*self.found, *change.found(evidence)),
+            session=change.undo(self.session),
+            robot=change.robot or self.robot,
+        )
+
+    def as_dict(self) -> dict[str, object]:
+        """As `check.json` has it."""
+        return {"schema": 1, "found": [dict(vars(mistake)) for mistake in self.found]}
+
+
+def check(
+    session: Session, robot: Robot, document: Document | None = None, source: str = ""
+) -> Checked:
+    """Examine a session for mistakes in units, wiring, clocks, frames and files.
+
+    Args:
+        session: as recorded.
+        robot: whose file is held against it.
+        document: that file as it is written, so that its units are looked into as well.
+        source: its name.
+    """
+    named = _named(session, robot)
+    if named is not None:
+        return named
+    checked = _in_time(Checked((), in_order(session, robot.joints.names), robot))
+    stops = stops_of(checked.session)
+    if stops is None:
+        few = f"fewer than {LEAST} stops with joints and readings: only clocks were checked"
+        return replace(checked, notes=(few,))
+    for change, evidence in wiring(stops, robot):
+        checked = checked.with_(change, evidence)
+    checked = _placed(checked, document, source)
+    if not checked.resolved:
+        return checked
+    checked = _turned(_within_limits(checked))
+    return _fitted(checked)
+
+
+def _named(session: Session, robot: Robot) -> Checked | None:
+    """What is wrong where the session does not have the robot's joints; else None."""
+    streams = [joints_of(session, name) for name in joint_streams(session)]
+    wanted = set(robot.joints.names)
+    others = [s.names for s in streams if s is not None and not wanted <= set(s.names)]
+    if not others:
+        return None
+    change = Change(
+        "wrong_robot",
+        (ROBOT_FILE,),
+        as_it_is,
+        "give the robot's own file with --robot, or its joints' names in `joints.names`",
+        part=robot.name,
+    )
+    evidence = (
+        f"joints {', '.join(others[0])} were recorded, robot {robot.name} has "
+        f"{', '.join(robot.joints.names)}"
+    )
+    return Checked(change.found(evidence), session, robot, False)
+
+
+def _in_time(checked: Checked) -> Checked:
+    """Values held by a logger, streams exchanged, clocks."""
+    session, found = clocks.held(checked.session)
+    checked = replace(checked, session=session, found=found)
+    change = clocks.exchanged(session)
+    if change is not None:
+        checked = checked.with_(
+            change, "the command has an encoder's noise at rest, and the state has none"
+        )
+    session, found = clocks.clocks(checked.session)
+    return replace(checked, session=session, found=(*checked.found, *found))
+
+
+def _placed(checked: Checked, document: Document | None, source: str) -> Checked:
+    """Units, wiring and frames, by the drawing in its best frame, in rounds.
+
+    As it was, with a doubt that is not resolved, where the rounds lead nowhere.
+    """
+    now = checked
+    trial = _trial(now, document, source)
+    for _ in range(_ROUNDS):
+        if trial.misfit <= EXPLAINED:
+            return now
+        answer = trial.answer()
+        if answer is None:
+            break
+        now = _answered_in_full(now, answer)
+        trial = _trial(now, document if now.robot is checked.robot else None, source)
+    if trial.misfit <= EXPLAINED:
+        return now
+    first = _trial(checked, None, source)
+    return _unresolved(checked, first) if first.misfit > UNEXPLAINED else checked
+
+
+def _trial(checked: Checked, document: Document | None, source: str) -> Trial:
+    session = in_order(checked.session, checked.robot.joints.names)
+    stops = stops_of(session)
+    assert stops is not None
+    return Trial(session, checked.robot, stops, document, source)
+
+
+def _answered_in_full(checked: Checked, answer: Answer) -> Checked:
+    """With a move that the drawing told of fitted with the whole machine, where that can be."""
+    move = answer.changes[0]
+    if not isinstance(move, moves.Move):
+        return _answered(checked, answer)
+    robot = checked.robot
+    try:
+        poses = collect(checked.session, robot.joints.names, robot.commanded.joint_size)
+        first = int(np.searchsorted(poses.start_ns + 1e9 * poses.time, move.at))
+        if not steps.FEWEST // 4 <= first <= len(poses) - steps.FEWEST // 4:
+            return _answered(checked, answer)
+        return _moved(checked, poses, first, move.moved, move.shift)
+    except (CalibrationError, np.linalg.LinAlgError):
+        return _answered(checked, answer)
+
+
+def _answered(checked: Checked, answer: Answer) -> Checked:
+    for change in answer.changes:
+        checked = checked.with_(change, answer.evidence)
+    same = answer.changes[0]
+    for other in answer.others:
+        doubt = f"this session does not tell it from {same.mistake} in {same.streams[0]}"
+        found = other.found(f"{doubt}, one of the two is true: {answer.evidence}")
+        checked = replace(checked, found=(*checked.found, *found))
+    return checked
+
+
+def _unresolved(checked: Checked, trial: Trial) -> Checked:
+    left = f"{1e3 * trial.placed.typical:.3g} mm are typically left between drawing and tracker"
+    if not trial.placed.found:
+        left = "the drawing cannot take most of the poses"
+    change = Change(
+        "wrong_robot",
+        (ROBOT_FILE,),
+        as_it_is,
+        "hold the file's dimensions against the machine; is the session of this machine?",
+        part=checked.robot.name,
+    )
+    known = f" where tolerances explain {1e3 * trial.tolerated:.2g} mm" * trial.placed.found
+    found = change.found(f"{left}{known}, and no other mistake explains it")
+    return replace(checked, found=(*checked.found, *found), resolved=False)
+
+
+def _within_limits(checked: Checked) -> Checked:
+    """Joints a turn beyond their limits, which the drawing cannot tell."""
+    limits, stops = checked.robot.joints, stops_of(checked.session)
+    if limits.unit != "rad" or checked.robot.model().pulls or stops is None:
+        return checked
+    middle = np.median(joints_and_points(stops)[0], axis=0)
+    for j, name in enumerate(limits.names):
+        low, high = limits.lower[j], limits.upper[j]
+        turns = round(float((middle[j] - (low + high) / 2) / (2 * np.pi)))
+        if turns and not low <= middle[j] <= high:
+            change = hypotheses.offset_joint(
+                checked.robot, joint_streams(stops), j, 2 * np.pi * turns
+            )
+            evidence = (
+                f"{name} is about {np.degrees(middle[j]):.0f} degrees, beyond its limits, and "
+                f"within them by {abs(turns)} turn{'s' * (abs(turns) > 1)} less"
+            )
+            checked = checked.with_(change, evidence)
+    return checked
+
+
+def _turned(checked: Checked) -> Checked:
+    """Order and sense of the tracker's turns."""
+    stops = stops_of(checked.session)
+    answer = None if stops is None else turn_answer(stops, checked.robot)
+    return checked if answer is None else _answered(checked, answer)
+
+
+def _fitted(checked: Checked) -> Checked:
+    """What only a fit of the whole machine shows, in rounds."""
+    for _ in range(_ROUNDS):
+        try:
+            again = _offset(checked) or _step(checked)
+        except (CalibrationError, np.linalg.LinAlgError):
+            return checked  # a fit of this session says so itself
+        if again is None:
+            return checked
+        checked = again
+    return checked
+
+
+def _fit(checked: Checked) -> steps.Fitted | None:
+    robot = checked.robot
+    poses = collect(checked.session, robot.joints.names, robot.commanded.joint_size)
+    return steps.Fitted(poses, robot) if len(poses) >= steps.FEWEST else None
+
+
+def _offset(checked: Checked) -> Checked | None:
+    """An offset of a joint, on its own or left of one that the drawing has told."""
+    fitted = _fit(checked)
+    offset = None if fitted is None else fitted.offset()
+    if offset is None or offset.gain < max(_OFFSET_GAIN, 2 * offset.second):
+        return None
+    robot, streams = checked.robot, joint_streams(checked.session)
+    name = robot.joints.names[offset.joint]
+    told = [m for m in checked.found if m.mistake == "joint_offset" and m.part == name]
+    if not told and abs(offset.value) < _OFFSET_SIZE * robot.commanded.joint_size:
+        return None
+    whole = offset.value + (told[0].value or 0.0 if told else 0.0)
+    undone = hypotheses.offset_joint(robot, streams, offset.joint, offset.value)
+    said = hypotheses.offset_joint(robot, streams, offset.joint, whole)
+    evidence = told[0].evidence if told else (
+        f"a fit of the whole machine is better by {offset.gain:.0f} in chi square with it; of the "
+        f"other joints, the best by {offset.second:.0f}"
+    )
+    rest = tuple(m for m in checked.found if m not in told)
+    return replace(
+        checked, found=(*rest, *said.found(evidence)), session=undone.undo(checked.session)
+    )
+
+
+def _step(checked: Checked) -> Checked | None:
+    """A move of the tracker, or another reflector."""
+    fitted = _fit(checked)
+    step = None if fitted is None else fitted.step()
+    if fitted is None or step is None:
+        return None
+    first, left, shift = fitted.reflector()
+    of_tracker = step.left <= left
+    size = step.size if of_tracker else float(np.linalg.norm(shift))
+    if size < _LEAST_MOVE or min(step.left, left) > _LEFT_OF_MOVE:
+        return None
+    if of_tracker:
+        return _moved(checked, fitted.poses, step.first, step.moved, fitted.reflector(step.first)[2])
+    there = fitted.step(first)
+    return _moved(checked, fitted.poses, first, (there or step).moved, shift)
+
+
+def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Array) -> Checked:
+    """With a tracker moved or a reflector changed, whichever it is, or both where none can tell."""
+    session, robot = checked.session, checked.robot
+    found = steps.fitted_moves(poses, robot, first, moved, shift)
+    at = poses.start_ns + round(0.5e9 * float(poses.time[first - 1] + poses.time[first]))
+    tracker = moves.tracker_moved(session, at, found.moved, poses.point[first:])
+    reflector = moves.reflector_changed(session, robot, at, found.shift, found.frame)
+    turn = float(np.linalg.norm(rotations.log(found.moved.rotation)))
+    turned = turn > _TURNED * found.turn_std
+    apart = found.reflector_left / found.tracker_left
+    best, other, least = tracker, reflector, found.tracker_left
+    if apart < 1 / _APART:
+        best, other, least = reflector, tracker, found.reflector_left
+    unsure = 1 / _APART <= apart <= _APART and not turned
+    evidence = (
+        f"from {moves.since(session, at):.1f} s on, {best.part}: a fit of the whole machine then "
+        f"leaves {1e3 * least:.3g} mm typically"
+    )
+    also = (other,) if unsure else ()
+    return _answered(checked, Answer((best,), evidence, also))
+
+
+def told(found: Iterable[Mistake]) -> Iterator[str]:
+    """The mistakes, a sentence each."""
+    return (mistake.sentence() for mistake in found)

@@ -1,0 +1,417 @@
+"""When the streams move: clocks that differ, values that were held, streams in exchanged places.
+
+None of this asks what machine it is. A machine that moves, moves in all of its streams at the same
+time, and a reading has noise of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import correlate
+
+from delta_calibration.doctor.change import (
+    COMMAND,
+    STATES,
+    TRACKER,
+    Change,
+    Mistake,
+    as_it_is,
+    joint_streams,
+    joints_of,
+    of_joints,
+    of_tracker,
+    rows_of,
+)
+from delta_calibration.doctor.stops import SPARSE
+from delta_calibration.samples import JointStream, Session, TrackerStream
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Line = tuple[float, float, float]  # offset [s], rate, spread [s]
+
+_BIN = 0.05  # [s]
+_LATEST = 60.0  # [s] by which clocks that overlap are sought to differ
+_WINDOW = 25.0  # [s] over which a clock's drift does not matter
+_WINDOWS = 16, 4  # most and fewest
+_AGREE = 0.12  # [s] of windows about their line
+_MOST = 0.6  # share of the windows that must
+_CLEAR = 0.35  # correlation of a window's best lag
+# [s] what is under this is latency, which a machine may have and `diagnose` names
+_LATENCY = {TRACKER: 0.06, STATES: 0.06, COMMAND: 0.25}
+_DRIFTED = 0.12  # [s] over the session
+_ALIKE = 0.45  # share of samples in motion that repeat, or lie on a line, from which it is no chance
+_EXACT = 1e-9  # of the step
+_LEAST_STEPS = 30
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How fast a stream goes, as a share of its fast moves, over bins of time."""
+
+    start: float  # [s] of the first bin
+    speed: Array  # (bins,)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Time of a stream less that of another: offset + rate (t - begin)."""
+
+    offset: float  # [s]
+    rate: float  # [s/s]
+    begin: float  # [s]
+    duration: float  # [s]
+    likeness: float  # correlation of the motions, clocks put right
+    before: float  # the same as recorded
+    spread: float  # [s] of the windows about the line
+
+    @property
+    def drifted(self) -> float:
+        """Over the session [s]."""
+        return self.rate * self.duration
+
+    def late(self, time: Array) -> Array:
+        """How late the stream's own stamps (n,) [s] are [s]."""
+        true = (time - self.offset + self.rate * self.begin) / (1 + self.rate)
+        return np.asarray(time - true)
+
+
+def held(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
+    """Streams whose values a logger held or interpolated, by their own rows."""
+    found: list[Mistake] = []
+    for name in (STATES, TRACKER):
+        stream = session.tracker if name == TRACKER else session.states
+        if stream is None or len(stream.stamp_ns) < _LEAST_STEPS:
+            continue
+        noisy = session.states is None or session.command is None or name == TRACKER
+        for how, keep in (("held", _repeats), ("interpolated", _on_lines)):
+            real = keep(stream.position)
+            if real is None or not (noisy or _has_noise(stream.position, real)):
+                continue
+            share = 1.0 - float(real.mean())
+            undo = _kept(name, real)
+            session = undo(session)
+            change = Change(
+                "held_values",
+                (name,),
+                undo,
+                f"record {name} at its own rate, or leave out what is {how} (--fix does)",
+                value=round(share, 3),
+                unit="1",
+            )
+            found += change.found(
+                f"{100 * share:.0f} % of the values are {how}, exactly, while the machine moves: "
+                "a measured value has noise of its own"
+            )
+            break
+    return session, tuple(found)
+
+
+def _kept(name: str, rows: NDArray[np.bool_]) -> Callable[[Session], Session]:
+    """Keep some rows of a stream."""
+    if name == TRACKER:
+        return of_tracker(lambda s: rows_of(s, rows))
+    return of_joints((name,), lambda s: rows_of(s, rows))
+
+
+def _moving(position: Array, over: int) -> NDArray[np.bool_]:
+    """Steps (n - 1,) with clear motion from `over` rows before to `over` rows after."""
+    n = len(position)
+    begin, end = np.clip(np.arange(n - 1) - over, 0, None), np.arange(n - 1) + 1 + over
+    gone = np.linalg.norm(position[np.clip(end, None, n - 1)] - position[begin], axis=1)
+    return np.asarray(gone > 0.2 * np.quantile(gone, 0.95))
+
+
+def _repeats(position: Array) -> NDArray[np.bool_] | None:
+    """Rows that are new, (n,), where too many repeat the one before in motion; else None."""
+    same = (np.diff(position, axis=0) == 0).all(axis=1)
+    moving = _moving(position, 8)
+    if moving.sum() < _LEAST_STEPS or same[moving].mean() < _ALIKE:
+        return None
+    return np.r_[True, ~same]
+
+
+def _on_lines(position: Array) -> NDArray[np.bool_] | None:
+    """Rows that are not exactly on the line of their neighbours, where too many are; else None."""
+    bend = np.abs(np.diff(position, 2, axis=0)).max(axis=1)
+    step = np.abs(np.diff(position, axis=0)).max(axis=1)
+    moving = _moving(position, 8)[:-1] & (step[:-1] > 0)
+    straight = bend <= _EXACT * np.maximum(step[:-1], step[1:]) + 1e-13 * np.abs(position).max()
+    if moving.sum() < _LEAST_STEPS or not _ALIKE <= straight[moving].mean() <= 0.97:
+        return None
+    return np.r_[True, ~straight, True]
+
+
+def _has_noise(position: Array, real: NDArray[np.bool_]) -> bool:
+    """Whether what was really measured has noise, so that a straight line is no motion law."""
+    steps = np.abs(np.diff(position[real], axis=0)).max(axis=1)
+    return bool((steps > 0).mean() > 0.9)
+
+
+def exchanged(session: Session) -> Change | None:
+    """Command and state in each other's place: the command has the noise."""
+    command, states = session.command, session.states
+    if command is None or states is None or len(states.stamp_ns) < _LEAST_STEPS:
+        return None
+    if len(command.stamp_ns) < _LEAST_STEPS or set(command.names) != set(states.names):
+        return None
+    quiet = _still_share(states), _still_share(command)
+    if not (quiet[0] > 0.1 and quiet[1] < 0.1 * quiet[0]):
+        return None
+    return Change(
+        "streams_exchanged",
+        (COMMAND, STATES),
+        lambda s: replace(
+            s,
+            command=s.states,
+            states=s.command,
+        ),
+        "--topic command=/joint_states --topic states=/joint_command",
+    )
+
+
+def _still_share(stream: JointStream) -> float:
+    """Share of the steps in which nothing changes at all."""
+    return float((np.diff(stream.position, axis=0) == 0).all(axis=1).mean())
+
+
+def clocks(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
+    """Clocks of the streams against each other, put right.
+
+    The tracker's is held against that of the joints that a fit uses; of two joint streams, the
+    one that goes with the tracker is right.
+    """
+    tracker, names = session.tracker, joint_streams(session)
+    if tracker is None:
+        return session, ()
+    motions = {name: _motion(joints_of(session, name)) for name in names}
+    motions[TRACKER] = _motion(tracker)
+    if any(m is None for m in motions.values()):
+        return session, ()
+    late = {name: _late(motions[TRACKER], motions[name]) for name in names}
+    wrong: dict[str, Clock] = {}
+    if len(names) == 1:
+        if _is_off(late[names[0]], TRACKER):
+            wrong[TRACKER] = _reversed(late[names[0]])
+    else:
+        off = {n: _is_off(late[n], n) for n in names}
+        if off[STATES] and off[COMMAND]:
+            wrong[TRACKER] = _reversed(late[STATES])
+        else:
+            wrong = {n: late[n] for n in names if off[n] and late[n] is not None}
+    found: list[Mistake] = []
+    for name, clock in wrong.items():
+        if clock is None:
+            continue
+        session = _shifted(name, clock)(session)
+        found += _told(name, clock)
+    if TRACKER in wrong and len(names) == 2:
+        again, more = clocks(session)
+        return again, (*found, *(m for m in more if m.stream != TRACKER))
+    return session, tuple(found)
+
+
+def _told(name: str, clock: Clock) -> Iterator[Mistake]:
+    alike = (
+        f"its motion is that of the other streams (correlation {clock.likeness:.2f}, as recorded "
+        f"{clock.before:.2f})"
+    )
+    if abs(clock.drifted) > _DRIFTED:
+        yield from Change(
+            "clock_drift",
+            (name,),
+            as_it_is,
+            f"set both clocks by one (PTP, chrony), or stretch its stamps by "
+            f"{-clock.rate / (1 + clock.rate):+.6f} (--fix does)",
+            value=clock.rate,
+            unit="1",
+        ).found(
+            f"its clock gains {clock.rate * 1e6:+.0f} ppm, {clock.drifted:+.2f} s over "
+            f"{clock.duration:.0f} s; then {alike}"
+        )
+    if abs(clock.drifted) <= _DRIFTED or abs(clock.offset) > _LATENCY[name] + abs(clock.drifted):
+        yield from Change(
+            "clock_offset",
+            (name,),
+            as_it_is,
+            f"take {clock.offset:.3f} s off its header stamps (--fix does)",
+            value=clock.offset,
+            unit="s",
+        ).found(f"shifted by {-clock.offset:+.3f} s {alike}")
+
+
+def _shifted(name: str, clock: Clock) -> Callable[[Session], Session]:
+    """Put the stamps of a stream right."""
+
+    def stamps(stamp_ns: Stamps) -> Stamps:
+        late = clock.late(stamp_ns * 1e-9)
+        return np.asarray(stamp_ns - np.round(late * 1e9).astype(np.int64))
+
+    if name == TRACKER:
+        return of_tracker(lambda s: replace(s, stamp_ns=stamps(s.stamp_ns)))
+    return of_joints((name,), lambda s: replace(s, stamp_ns=stamps(s.stamp_ns)))
+
+
+def _is_off(clock: Clock | None, name: str) -> bool:
+    """Whether a clock is off by more than a latency."""
+    if clock is None:
+        return False
+    sure = 4 * clock.spread
+    return (
+        abs(clock.offset) > max(_LATENCY[name], sure)
+        and abs(clock.drifted) <= _DRIFTED
+        or abs(clock.drifted) > max(_DRIFTED, sure)
+    )
+
+
+def _reversed(clock: Clock | None) -> Clock | None:
+    """The clock of the other stream against this one."""
+    if clock is None:
+        return None
+    rate = -clock.rate / (1 + clock.rate)
+    begin = clock.begin + clock.offset
+    return replace(clock, offset=-clock.offset, rate=rate, begin=begin)
+
+
+def _motion(stream: JointStream | TrackerStream | None) -> Motion | None:
+    """None where a stream holds one message a stop, or hardly moves."""
+    if stream is None or len(stream.stamp_ns) < _LEAST_STEPS:
+        return None
+    first = int(stream.stamp_ns[0])
+    time = (stream.stamp_ns - first) * 1e-9
+    gaps = np.diff(time)
+    if np.median(gaps) > SPARSE / 2:
+        return None
+    span = np.ptp(stream.position, axis=0)
+    scale = span if isinstance(stream, JointStream) else np.full(3, span.max())
+    steps = np.diff(stream.position, axis=0) / np.where(scale > 0, scale, 1.0)
+    speed = np.linalg.norm(steps, axis=1) / np.maximum(gaps, 1e-3)
+    speed[gaps > 1.0] = 0.0
+    fast = float(np.quantile(speed, 0.9))
+    if fast <= 0:
+        return None
+    noise = float(np.quantile(speed, 0.1))
+    speed = np.clip((speed - 2 * noise) / fast, 0.0, 1.5)
+    edges = np.arange(0.0, time[-1] + _BIN, _BIN)
+    gone = np.interp(edges, time, np.r_[0.0, np.cumsum(speed * gaps)])
+    return Motion(first * 1e-9, np.diff(gone) / _BIN)
+
+
+def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
+    """How late another stream is against the reference; None where they do not agree."""
+    if reference is None or other is None:
+        return None
+    shift = other.start - reference.start
+    whole, _ = _lag(reference.speed, other.speed, shift, None)
+    size = len(reference.speed)
+    count = int(np.clip(size * _BIN / _WINDOW, _WINDOWS[1], _WINDOWS[0]))
+    width = size // count
+    if width * _BIN < 4.0:
+        return None
+    reach = _LATEST if abs(whole) < _LATEST else None
+    about = (0.0 if reach else whole, 0.0, 0.0)
+    at, lag = _windows(reference, other, shift, width, about, reach or _LATEST)
+    line = _line(at, lag)
+    for _ in range(2):
+        if line is None:
+            return None
+        at, lag = _windows(reference, other, shift, width, line, 1.0)
+        line = _line(at, lag)
+    if line is None:
+        return None
+    offset, rate, spread = line
+    duration = size * _BIN
+    if abs(rate) * duration < _DRIFTED:
+        offset, rate = float(np.median(lag)), 0.0
+    before = _likeness(reference, other)
+    put = _likeness(reference, _warped(other, offset, rate, reference.start))
+    return Clock(offset, rate, reference.start, duration, put, before, spread)
+
+
+def _windows(
+    reference: Motion, other: Motion, shift: float, width: int, about: Line, reach: float
+) -> tuple[Array, Array]:
+    """Time of each window (k,) [s] since the reference's begin, and its best lag (k,) [s]."""
+    at, lags = [], []
+    for begin in range(0, len(reference.speed) - width + 1, width):
+        middle = (begin + width / 2) * _BIN
+        near = about[0] + about[1] * middle
+        lag, likeness = _lag(
+            reference.speed[begin : begin + width],
+            other.speed,
+            shift - begin * _BIN,
+            (near, reach),
+        )
+        if likeness > _CLEAR:
+            at.append(middle)
+            lags.append(lag)
+    return np.array(at), np.array(lags)
+
+
+def _lag(
+    one: Array, other: Array, shift: float, near: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Lag [s] of `other`, which begins `shift` [s] later, at the best correlation, and that."""
+    a = one - one.mean()
+    full = correlate(other - other.mean(), a, mode="full", method="fft")
+    lag = (np.arange(len(full)) - (len(a) - 1)) * _BIN + shift
+    size = np.linalg.norm(a)
+    power = np.cumsum(np.r_[0.0, (other - other.mean()) ** 2])
+    end = np.clip(np.arange(len(full)) + 1, None, len(other))
+    begin = np.clip(np.arange(len(full)) + 1 - len(a), 0, None)
+    own = np.sqrt(np.maximum(power[end] - power[begin], 0.05 * size**2 + 1e-12))
+    full = full / (max(size, 1e-9) * own)
+    allowed = np.ones(len(full), dtype=bool)
+    if near is not None:
+        allowed = np.abs(lag - near[0]) <= near[1]
+    if not allowed.any():
+        return 0.0, 0.0
+    best = int(np.argmax(np.where(allowed, full, -np.inf)))
+    fine = 0.0
+    if 0 < best < len(full) - 1:
+        left, top, right = full[best - 1 : best + 2]
+        bend = left - 2 * top + right
+        fine = 0.5 * (left - right) / bend if bend < 0 else 0.0
+    return float(lag[best] + fine * _BIN), float(full[best])
+
+
+def _line(at: Array, lag: Array) -> Line | None:
+    """Offset [s], rate and spread [s] of the windows' lags; None where they do not agree."""
+    if len(at) < _WINDOWS[1] - 1:
+        return None
+    apart = at[:, None] - at
+    rows = np.triu_indices(len(at), 1)
+    slopes = (lag[:, None] - lag)[rows] / apart[rows]
+    best = (-1, 0.0, 0.0)
+    for rate in (0.0, float(np.median(slopes)), *slopes):
+        offset = float(np.median(lag - rate * at))
+        count = int((np.abs(lag - offset - rate * at) < _AGREE).sum())
+        if count > best[0]:
+            best = count, offset, rate
+    if best[0] < max(_MOST * len(at), 3):
+        return None
+    good = np.abs(lag - best[1] - best[2] * at) < _AGREE
+    rate, offset = np.polyfit(at[good], lag[good], 1)
+    left = lag[good] - offset - rate * at[good]
+    return float(offset), float(rate), float(np.std(left) / np.sqrt(good.sum()))
+
+
+def _warped(other: Motion, offset: float, rate: float, begin: float) -> Motion:
+    """The motion by the reference's clock."""
+    time = other.start + (np.arange(len(other.speed)) + 0.5) * _BIN
+    true = begin + (time - begin - offset) / (1 + rate)
+    grid = np.arange(true[0], true[-1], _BIN)
+    return Motion(float(true[0]), np.interp(grid, true, other.speed))
+
+
+def _likeness(one: Motion, other: Motion) -> float:
+    """Correlation of two motions as their stamps have them; 0 where they do not overlap."""
+    time, of = (m.start + (np.arange(len(m.speed)) + 0.5) * _BIN for m in (one, other))
+    speed = np.interp(time, of, other.speed, left=0.0, right=0.0)
+    spread = float(one.speed.std() * speed.std())
+    if spread <= 0.0:
+        return 0.0
+    return float(np.mean((one.speed - one.speed.mean()) * (speed - speed.mean())) / spread)

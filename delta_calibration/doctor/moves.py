@@ -1,0 +1,195 @@
+"""A tracker that was moved in mid-session, a reflector that was changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.doctor.change import TRACKER, Change, of_points
+from delta_calibration.doctor.placing import Placed, place, place_poses, similarity
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Session, TrackerStream
+
+Array = NDArray[np.float64]
+
+_EDGE = 5  # stops on either side
+_LEAST = 16  # stops
+
+
+@dataclass(frozen=True)
+class Move(Change):
+    """A change of station or reflector at a time; `moved` is how the tracker's points move."""
+
+    at: int = 0  # [ns]
+    moved: Frame = field(default_factory=Frame.identity)
+    shift: Array = field(default_factory=lambda: np.zeros(3))  # [m] of a reflector
+
+
+def roughly(stops: Session, robot: Robot) -> tuple[Move, ...]:
+    """The likeliest move of the tracker and change of reflector, by the drawing in its frames."""
+    placed = place(stops, robot)
+    tracker = stops.tracker
+    if tracker is None or len(placed.pose) < _LEAST:
+        return ()
+    good = np.flatnonzero(np.isfinite(placed.pose).all(axis=1))
+    if len(good) < _LEAST:
+        return ()
+    pose, point, stamps = placed.pose[good], tracker.position[good], tracker.stamp_ns[good]
+    return (
+        _moved_roughly(stops, robot, placed, (pose, point, stamps)),
+        _changed_roughly(stops, robot, (pose, point, stamps)),
+    )
+
+
+Rows = tuple[Array, Array, NDArray[np.int64]]  # poses, points, stamps of the stops in reach
+
+
+def _moved_roughly(stops: Session, robot: Robot, placed: Placed, rows: Rows) -> Move:
+    pose, point, stamps = rows
+    model = robot.model()
+    base = model.position(pose) + model.rotation(pose) @ placed.offset
+    cuts = np.arange(_EDGE, len(base) - _EDGE + 1)
+    left = [_left(base[:k], point[:k]) + _left(base[k:], point[k:]) for k in cuts]
+    k = int(cuts[int(np.argmin(left))])
+    before, after = _frame(base[:k], point[:k]), _frame(base[k:], point[k:])
+    return tracker_moved(stops, _between(stamps, k), after @ before.inverse(), point[k:])
+
+
+def _changed_roughly(stops: Session, robot: Robot, rows: Rows) -> Move:
+    """With the frame of the longer part, the other's reflector is a linear problem."""
+    pose, point, stamps = rows
+    model = robot.model()
+
+    def apart(k: int) -> tuple[float, Array, Frame]:
+        first = 2 * k >= len(pose)
+        part = slice(0, k) if first else slice(k, None)
+        rest = slice(k, None) if first else slice(0, k)
+        placed = place_poses(pose[part], point[part], robot)
+        if not placed.found:
+            return np.inf, np.zeros(3), placed.frame
+        columns = placed.frame.rotation @ model.rotation(pose[rest])
+        missed = point[rest] - placed.frame.apply(model.position(pose[rest]))
+        offset = np.median(np.swapaxes(columns, 1, 2) @ missed[..., None], axis=0)[:, 0]
+        left = np.linalg.norm(missed - columns @ offset, axis=1)
+        every = np.concatenate([left, np.linalg.norm(placed.left, axis=1)])
+        shift = (offset - placed.offset) * (1.0 if first else -1.0)
+        return float(np.mean(np.minimum(every, 10 * np.median(every)))), shift, placed.frame
+
+    coarse = np.arange(_EDGE, len(pose) - _EDGE + 1, 3)
+    best = int(coarse[int(np.argmin([apart(int(k))[0] for k in coarse]))])
+    near = range(max(_EDGE, best - 2), min(len(pose) - _EDGE, best + 2) + 1)
+    k = min(near, key=lambda k: apart(k)[0])
+    _, shift, frame = apart(k)
+    return reflector_changed(stops, robot, _between(stamps, k), shift, frame)
+
+
+def _between(stamps: NDArray[np.int64], k: int) -> int:
+    return int(stamps[k - 1]) + (int(stamps[k]) - int(stamps[k - 1])) // 2
+
+
+def _frame(base: Array, point: Array) -> Frame:
+    rotation, _, shift = similarity(base, point, np.ones(len(base)))
+    return Frame(rotation, shift)
+
+
+def _left(base: Array, point: Array) -> float:
+    """Sum of squares that the best frame leaves."""
+    s, t = base - base.mean(axis=0), point - point.mean(axis=0)
+    u, size, vt = np.linalg.svd(t.T @ s)
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    return float((s**2).sum() + (t**2).sum() - 2 * size @ sign)
+
+
+def tracker_moved(session: Session, at: int, moved: Frame, point: Array) -> Move:
+    """The tracker moved at a time [ns]: behind it, it reads `moved` of what it read before."""
+    back = moved.inverse()
+    size = float(np.sqrt(np.mean(np.sum((point - back.apply(point)) ** 2, axis=1))))
+    turn = float(np.linalg.norm(rotations.log(moved.rotation)))
+    when = since(session, at)
+    return Move(
+        "tracker_moved",
+        (TRACKER,),
+        _behind(at, lambda s: _back(s, back)),
+        f"measure fixed reference reflectors and bring the readings after {when:.1f} s into the "
+        f"first station, or fit either part alone (--fix moves them back)",
+        part=f"{1e3 * size:.2f} mm, {1e3 * turn:.3f} mrad",
+        value=when,
+        unit="s",
+        at=at,
+        moved=moved,
+    )
+
+
+def since(session: Session, at: int) -> float:
+    """Time since the tracker's first reading [s]."""
+    tracker = session.tracker
+    return 0.0 if tracker is None else float(at - int(tracker.stamp_ns[0])) * 1e-9
+
+
+def _back(stream: TrackerStream, back: Frame) -> TrackerStream:
+    turned = stream.quaternion
+    if turned is not None:
+        turned = rotations.to_quaternion(back.rotation @ rotations.from_quaternion(turned))
+    return TrackerStream(stream.stamp_ns, back.apply(stream.position), turned)
+
+
+def _behind(
+    at: int, change: Callable[[TrackerStream], TrackerStream]
+) -> Callable[[Session], Session]:
+    """Change the tracker's readings from a time [ns] on."""
+
+    def undo(session: Session) -> Session:
+        tracker = session.tracker
+        if tracker is None:
+            return session
+        late = tracker.stamp_ns >= at
+        changed = change(tracker)
+        turned = tracker.quaternion
+        if turned is not None and changed.quaternion is not None:
+            turned = np.where(late[:, None], changed.quaternion, turned)
+        point = np.where(late[:, None], changed.position, tracker.position)
+        return replace(session, tracker=TrackerStream(tracker.stamp_ns, point, turned))
+
+    return undo
+
+
+def reflector_changed(
+    session: Session, robot: Robot, at: int, shift: Array, frame: Frame
+) -> Move:
+    """Another reflector from a time [ns] on, `shift` (3,) [m] from the first in the platform.
+
+    How the platform stands at each reading is the drawing's answer, in the fitted frame.
+    """
+
+    def undo(session: Session) -> Session:
+        tracker, joints = session.tracker, session.states or session.command
+        if tracker is None or joints is None:
+            return session
+        columns = joints.position.T
+        time, own = tracker.stamp_ns * 1e-9, joints.stamp_ns * 1e-9
+        q = np.column_stack([np.interp(time, own, column) for column in columns])
+        model = robot.model()
+        turned = model.rotation(model.forward(q, model.parameters.nominal))
+        moved = np.nan_to_num((frame.rotation @ turned) @ shift)
+        late = (tracker.stamp_ns >= at)[:, None]
+        return of_points(lambda p: p - np.where(late, moved, 0.0))(session)
+
+    when = since(session, at)
+    said = ", ".join(f"{1e3 * v:.2f}" for v in shift)
+    return Move(
+        "reflector_changed",
+        (TRACKER,),
+        undo,
+        f"use one reflector, or fit the readings before and after {when:.1f} s apart; the second "
+        f"is [{said}] mm from the first in the platform (--fix takes it off)",
+        part=f"{1e3 * float(np.linalg.norm(shift)):.2f} mm",
+        value=when,
+        unit="s",
+        at=at,
+        shift=shift,
+    )
+

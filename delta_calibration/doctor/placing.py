@@ -1,0 +1,169 @@
+"""The drawing laid before the tracker: how well a session's stops fit the robot as drawn.
+
+The tracker's frame and the reflector's place on the platform are free, the machine's dimensions
+are not: cheap, and enough to tell mistakes that no manufacturing error explains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.doctor.change import joints_of, joint_streams
+from delta_calibration.errors import CalibrationError
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.identification import chain_of
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Session
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 12
+_MOST_LOST = 0.3  # share of the stops that the drawing may not reach
+_TURNS = 0.01  # [rad] by which a platform must turn for the reflector's place to matter
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A drawing before a tracker.
+
+    Rows of stops that the drawing cannot reach are NaN.
+    """
+
+    typical: float  # [m] median distance left; infinite where the drawing cannot stand so
+    frame: Frame  # T_tracker_base
+    offset: Array  # (3,) [m] of the reflector
+    pose: Array  # (n, k)
+    base: Array  # (n, 3) [m] reflector in the base
+    left: Array  # (n, 3) [m] measured less placed
+    scale: float = 1.0
+
+    @property
+    def found(self) -> bool:
+        """Whether it can stand so at all."""
+        return bool(np.isfinite(self.typical))
+
+
+NOWHERE = Placed(
+    np.inf,
+    Frame.identity(),
+    np.zeros(3),
+    np.zeros((0, 6)),
+    np.zeros((0, 3)),
+    np.zeros((0, 3)),
+)
+
+
+def place(stops: Session, robot: Robot, stream: str = "", loose: bool = False) -> Placed:
+    """Lay the drawing before the tracker, robustly.
+
+    Args:
+        stops: of the session, see `stops_of`.
+        robot: its drawing.
+        stream: joint stream to go by; where not given that which a fit uses.
+        loose: allow for another scale and handedness of the tracker's frame, which are then no
+            reason to prefer one joint stream to another.
+    """
+    joint, point = joints_and_points(stops, stream)
+    try:
+        pose = robot.model().forward(joint, robot.model().parameters.nominal)
+    except (CalibrationError, np.linalg.LinAlgError, FloatingPointError):
+        return NOWHERE
+    return place_poses(pose, point, robot, loose)
+
+
+def joints_and_points(stops: Session, stream: str = "") -> tuple[Array, Array]:
+    """Joints (n, m) that a fit goes by, and the tracker's points (n, 3) [m]."""
+    name = stream or joint_streams(stops)[-1]
+    joints = joints_of(stops, name)
+    assert joints is not None
+    assert stops.tracker is not None
+    return joints.position, stops.tracker.position
+
+
+def place_poses(pose: Array, point: Array, robot: Robot, loose: bool = False) -> Placed:
+    """The same for poses (n, k) of the drawing."""
+    mechanism, tracker = robot.model(), robot.tracker
+    reached = np.isfinite(pose).all(axis=1)
+    if reached.mean() < 1 - _MOST_LOST or reached.sum() < 4:
+        return NOWHERE
+    x, y = pose[reached], point[reached]
+    centre, turned = mechanism.position(x), mechanism.rotation(x)
+    offset = np.array(tracker.reflector_offset, dtype=float)
+    turns = float(np.abs(turned - turned[0]).max()) > _TURNS
+    weight = np.ones(len(x))
+    typical, frame, scale = np.inf, Frame.identity(), 1.0
+    for _ in range(_ROUNDS):
+        base = centre + turned @ offset
+        rotation, scale, shift = similarity(base, y, weight, loose)
+        frame = Frame(scale * rotation, shift)
+        left = y - frame.apply(base)
+        distance = np.linalg.norm(left, axis=1)
+        typical = float(np.median(distance))
+        if typical <= 0 or not np.isfinite(typical):
+            break
+        weight = 1 / (1 + (distance / (2 * typical)) ** 2)
+        if turns:
+            columns = frame.rotation @ turned  # (n, 3, 3)
+            prior = (typical / tracker.reflector_offset_prior) ** 2
+            normal = np.einsum("n,nij,nik->jk", weight, columns, columns) + prior * np.eye(3)
+            about = tracker.reflector_offset - offset
+            right = np.einsum("n,nij,ni->j", weight, columns, left) + prior * about
+            offset = offset + np.linalg.solve(normal, right)
+    base_all = mechanism.position(pose) + mechanism.rotation(pose) @ offset
+    left_all = point - frame.apply(base_all)
+    away = np.linalg.norm(np.nan_to_num(left_all, nan=np.inf), axis=1) / abs(scale)
+    typical = float(np.median(away))
+    return Placed(typical, frame, offset, pose, base_all, left_all, scale)
+
+
+def similarity(
+    source: Array, target: Array, weight: Array, loose: bool = False
+) -> tuple[Array, float, Array]:
+    """Rotation, scale and translation that take source to target (Umeyama 1991).
+
+    Proper and of scale 1 unless `loose`.
+    """
+    w = (weight / weight.sum())[:, None]
+    mean_s, mean_t = (w * source).sum(axis=0), (w * target).sum(axis=0)
+    s, t = source - mean_s, target - mean_t
+    u, size, vt = np.linalg.svd((w * t).T @ s)
+    sign = np.array([1.0, 1.0, 1.0 if loose else np.sign(np.linalg.det(u @ vt))])
+    rotation = u @ np.diag(sign) @ vt
+    spread = float((w * s**2).sum())
+    scale = float(size @ sign) / spread if loose and spread > 0 else 1.0
+    return rotation, scale, mean_t - scale * rotation @ mean_s
+
+
+def expected(placed: Placed, robot: Robot, joint: Array) -> float:
+    """How far parts within their tolerances typically move the reflector [m]."""
+    mechanism = chain_of(robot).mechanism
+    good = np.isfinite(placed.pose).all(axis=1)
+    q, x = joint[good], placed.pose[good]
+    parameters = mechanism.parameters
+    known = np.isfinite(parameters.prior)
+    slope = mechanism.identification_jacobian(q, x, parameters.nominal)
+    moved = mechanism.point_by_pose(x, placed.offset) @ slope
+    size = np.linalg.norm(moved[..., known] * parameters.prior[known], axis=(1, 2))
+    size = size[np.isfinite(size)]
+    return float(np.median(size)) if size.size else np.inf
+
+
+def turned_by(placed: Placed, quaternion: Array, robot: Robot) -> tuple[Array, Array]:
+    """How the probe is turned on the platform: mean (3, 3), and each stop about it (n,) [rad]."""
+    good = np.isfinite(placed.pose).all(axis=1)
+    turned = placed.frame.rotation @ robot.model().rotation(placed.pose[good])
+    mount = np.swapaxes(turned, 1, 2) @ rotations.from_quaternion(quaternion[good])
+    mean = _nearest(np.median(mount, axis=0))
+    for _ in range(5):
+        about = np.linalg.norm(rotations.log(mean.T @ mount), axis=1)
+        weight = 1 / (1 + (about / max(2 * float(np.median(about)), 1e-9)) ** 2)
+        mean = _nearest(np.einsum("n,nij->ij", weight, mount))
+    return mean, np.linalg.norm(rotations.log(mean.T @ mount), axis=1)
+
+
+def _nearest(matrix: Array) -> Array:
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)

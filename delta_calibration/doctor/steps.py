@@ -1,0 +1,231 @@
+"""What changed in mid-session, or stands off all through it, by a fit of the whole machine.
+
+The model is fitted to the poses with everything free, then linearised; a step of the tracker's
+frame or of the reflector's place at every time between two poses, and an offset of every joint,
+is held against what is left. What machine and frame can explain themselves is projected out:
+
+    min |b - A dz - C v|^2,   gain of v = h' G^-1 h,   h = C' b_r,   G = C' C - (Q' C)' (Q' C)
+
+with A the whitened rows of the fit with the priors below, Q an orthonormal basis of its columns
+and b_r = b - Q Q' b. Sums over the poses behind each time are cumulative: all times cost one pass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import CalibrationError
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.identification import (
+    Problem,
+    Solution,
+    chain_of,
+    prepare,
+    solve,
+    spread_of,
+)
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Poses
+
+Array = NDArray[np.float64]
+
+FEWEST = 20  # poses of a fit
+_EDGE = 4  # poses on either side of a step
+_SETTLING = 2
+_SEEN = 1e-5  # share of a column that the machine's own parameters must leave
+
+
+@dataclass(frozen=True)
+class Step:
+    """The tracker's points from one pose on, moved."""
+
+    first: int  # pose behind it
+    moved: Frame  # of the points: measured = moved(as before)
+    size: float  # [m] typical, at the poses behind it
+    left: float  # share of chi square that is left
+    turn_std: float  # [rad] standard error of its turn
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A joint that counts from another zero."""
+
+    joint: int
+    value: float  # [rad, m] that it reads too much
+    gain: float
+    second: float  # gain of the next best joint
+
+
+class Fitted:
+    """Poses with the fit of the whole machine, linearised."""
+
+    def __init__(self, poses: Poses, robot: Robot) -> None:
+        """Fit; raises what `prepare` and `solve` raise."""
+        self.poses, self.robot = poses, robot
+        chain = chain_of(robot)
+        _, _, problem = prepare(poses, robot, chain)
+        self.problem: Problem = problem
+        self.solution: Solution = solve(problem)
+        self.used = _not_alone(self.solution.weight)
+        self.spread = spread_of(self.solution.residual)
+        residual = self.solution.residual[self.used]
+        slope = self.solution.at.slope[self.used]
+        known = problem.expected
+        rows = np.concatenate([slope.reshape(-1, slope.shape[-1]) / self.spread, np.diag(known)])
+        right = np.concatenate([residual.reshape(-1) / self.spread, -known * self.solution.z])
+        basis = np.linalg.qr(rows)[0]
+        left = right - basis @ (basis.T @ right)
+        n = len(residual)
+        self.basis = basis[: 3 * n].reshape(n, 3, -1)
+        self.left = left[: 3 * n].reshape(n, 3)
+        self.whiten = problem.whiten[self.used] / self.spread
+        self.total = float(left @ left)
+
+    @property
+    def typical(self) -> float:
+        """Distance that is left, median [m]."""
+        missed = np.linalg.solve(self.problem.whiten, self.solution.residual[..., None])
+        return float(np.median(np.linalg.norm(missed[..., 0], axis=1)))
+
+    def _gains(self, columns: Array, steps: bool) -> tuple[Array, Array, Array]:
+        """Gain (k,), values (k, v) and their information (k, v, v) of columns (n, 3, v).
+
+        With `steps` of each step that begins with pose k, else of the columns as they are (k = 1).
+        """
+        c = self.whiten @ columns
+        across = np.einsum("nif,niv->nfv", self.basis, c)
+        own = np.einsum("niv,niw->nvw", c, c)
+        right = np.einsum("niv,ni->nv", c, self.left)
+        if steps:
+            across, own, right = (_behind(a) for a in (across, own, right))
+        else:
+            across, own, right = (a.sum(axis=0, keepdims=True) for a in (across, own, right))
+        info = own - np.swapaxes(across, 1, 2) @ across
+        scale = np.sqrt(np.maximum(np.einsum("kvv->kv", own), 1e-300))
+        info = info / (scale[:, :, None] * scale[:, None, :])
+        values, vectors = np.linalg.eigh(info)
+        h = np.einsum("kvw,kv->kw", vectors, right / scale)
+        good = values > _SEEN
+        solved = np.where(good, h / np.where(good, values, 1.0), 0.0)
+        gain = np.sum(np.where(good, h * solved, 0.0), axis=1)
+        estimate = np.einsum("kvw,kw->kv", vectors, solved) / scale
+        return gain, estimate, info * (scale[:, :, None] * scale[:, None, :])
+
+    def step(self, first: int | None = None) -> Step | None:
+        """The likeliest step of the tracker; at the pose `first` (of all), where it is given."""
+        point = self.poses.point[self.used]
+        n = len(point)
+        if n < FEWEST:
+            return None
+        centre = point.mean(axis=0)
+        columns = np.concatenate(
+            [-rotations.skew(point - centre), np.broadcast_to(np.eye(3), (n, 3, 3))], axis=2
+        )
+        gain, values, info = self._gains(columns, True)
+        rows = np.flatnonzero(self.used)
+        if first is None:
+            best = _EDGE + int(np.argmax(gain[_EDGE : n - _EDGE + 1]))
+        else:
+            best = int(np.searchsorted(rows, first))
+        turn, shift = values[best][:3], values[best][3:]
+        moved = columns[best:] @ values[best]
+        covariance = np.linalg.pinv(info[best])[:3, :3]
+        left = max(self.total - float(gain[best]), 0.0) / max(self.total, 1e-12)
+        noise = max(left * self.total / max(3 * n - self.basis.shape[2], 1), 1e-12)
+        turn_std = float(np.sqrt(noise * np.trace(covariance) / 3))
+        rotation = rotations.exp(turn)
+        return Step(
+            int(rows[best]),
+            Frame(rotation, centre + shift - rotation @ centre),
+            float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))),
+            left,
+            turn_std,
+        )
+
+    def reflector(self, first: int | None = None) -> tuple[int, float, Array]:
+        """Likeliest pose of a changed reflector, share of chi square left, shift (3,) [m]."""
+        turned = self.problem.chain.mechanism.rotation(self.solution.pose)[self.used]
+        frame = self.problem.chain.split(self.solution.theta)[2]
+        gain, values, _ = self._gains(frame.rotation @ turned, True)
+        rows, n = np.flatnonzero(self.used), int(self.used.sum())
+        if first is None:
+            best = _EDGE + int(np.argmax(gain[_EDGE : n - _EDGE + 1]))
+        else:
+            best = int(np.searchsorted(rows, first))
+        left = max(self.total - float(gain[best]), 0.0) / max(self.total, 1e-12)
+        return int(rows[best]), left, values[best]
+
+    def offset(self) -> Offset | None:
+        """The joint that an offset of explains most."""
+        seen = self.problem.chain.see(
+            self.problem.at, self.solution.theta, self.solution.pose
+        ).by_joints[self.used]
+        found = [self._gains(seen[:, :, [j]], False) for j in range(seen.shape[2])]
+        gains = np.array([gain[0] for gain, _, _ in found])
+        best = int(np.argmax(gains))
+        second = float(np.sort(gains)[-2]) if len(gains) > 1 else 0.0
+        return Offset(best, -float(found[best][1][0, 0]), float(gains[best]), second)
+
+
+@dataclass(frozen=True)
+class Moves:
+    """The two ways to explain a step, each fitted with the whole machine."""
+
+    moved: Frame  # of the tracker's points
+    turn_std: float  # [rad]
+    tracker_left: float  # [m] median distance left with it
+    shift: Array  # (3,) [m] of the reflector
+    reflector_left: float  # [m]
+    frame: Frame  # T_tracker_base
+
+
+def fitted_moves(poses: Poses, robot: Robot, first: int, moved: Frame, shift: Array) -> Moves:
+    """A tracker moved, or a reflector changed, at a pose; by Gauss-Newton from a first guess."""
+    turn_std, now = 0.0, Fitted(moved_back(poses, first, moved), robot)
+    for _ in range(_SETTLING):
+        more = now.step(first)
+        if more is None:
+            break
+        moved, turn_std = moved @ more.moved, more.turn_std
+        now = Fitted(moved_back(poses, first, moved), robot)
+    frame = now.problem.chain.split(now.solution.theta)[2]
+    tracker_left = now.typical
+    try:
+        other = Fitted(shifted_back(poses, robot, first, shift, frame), robot)
+        for _ in range(_SETTLING):
+            shift = shift + other.reflector(first)[2]
+            own = other.problem.chain.split(other.solution.theta)[2]
+            other = Fitted(shifted_back(poses, robot, first, shift, own), robot)
+        reflector_left = other.typical
+    except CalibrationError:
+        reflector_left = np.inf
+    return Moves(moved, turn_std, tracker_left, shift, reflector_left, frame)
+
+
+def moved_back(poses: Poses, first: int, moved: Frame) -> Poses:
+    """Poses from `first` on as they would have been read without the move."""
+    point = poses.point.copy()
+    point[first:] = moved.inverse().apply(point[first:])
+    return replace(poses, point=point)
+
+
+def shifted_back(poses: Poses, robot: Robot, first: int, shift: Array, frame: Frame) -> Poses:
+    """Poses from `first` on as the first reflector would have been read."""
+    model, point = robot.model(), poses.point.copy()
+    turned = model.rotation(model.forward(poses.joint[first:], model.parameters.nominal))
+    point[first:] -= (frame.rotation @ turned) @ shift
+    return replace(poses, point=point)
+
+
+def _behind(values: Array) -> Array:
+    """Sums from each row to the last."""
+    return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])
+
+
+def _not_alone(weight: Array) -> NDArray[np.bool_]:
+    """Poses that count, and those left out whose neighbours are as well: no single outliers."""
+    out = np.r_[False, weight == 0, False]
+    return ~(out & ~(np.roll(out, 1) | np.roll(out, -1)))[1:-1]

@@ -1,0 +1,324 @@
+"""Hypotheses tried on the drawing in its best frame: which of them explains a session's stops.
+
+Single mistakes first, then pairs of those without a parameter. One is taken where it leaves a
+quarter of what was left or less, and no more than parts within their tolerances explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from delta_calibration.doctor import hypotheses, moves, robot_file
+from delta_calibration.doctor.change import (
+    TRACKER,
+    Change,
+    in_order,
+    joint_streams,
+    of_tracker,
+)
+from delta_calibration.doctor.placing import (
+    Placed,
+    expected,
+    joints_and_points,
+    place,
+    turned_by,
+)
+from delta_calibration.doctor.stops import SPARSE, stops_of, thinned
+from delta_calibration.documents import Document
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Session, TrackerStream
+
+Array = NDArray[np.float64]
+
+EXPLAINED = 2.0  # times what tolerances do: what is left of a session without a mistake
+UNEXPLAINED = 4.0  # times the same from which something is wrong
+_CLEARLY = 4.0  # times less is left than before
+_ALIKE = 1.5  # times the least that is left: not to be told from it
+_TRIED = 80  # stops
+_GRID = 48
+_SHIFTS = 8  # rows of a table by which joints and readings may be apart
+_UPRIGHT = 0.9
+_TURNING = 0.02  # [rad] by which a platform turns
+_STRAIGHT = 0.03, 0.15  # [rad] of a probe mounted straight, and of one that is not
+_DOUBTED = 0.03  # [rad] of turns that a drawing leaves
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Mistakes that explain a session, taken together, and others that explain it as well."""
+
+    changes: tuple[Change, ...]
+    evidence: str
+    others: tuple[Change, ...] = ()
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A session before the drawing of a robot.
+
+    `session` is whole, its joints in the robot's order, `stops` are its stops.
+    """
+
+    session: Session
+    robot: Robot
+    stops: Session
+    document: Document | None = None
+    source: str = ""
+
+    @cached_property
+    def few(self) -> Session:
+        """Some of the stops, evenly over the session."""
+        return thinned(self.stops, _TRIED)
+
+    @cached_property
+    def placed(self) -> Placed:
+        """The drawing in its best frame."""
+        return place(self.few, self.robot)
+
+    @cached_property
+    def tolerated(self) -> float:
+        """What tolerances explain [m]."""
+        return _tolerated(self.placed, self.robot, self.few)
+
+    @property
+    def misfit(self) -> float:
+        """What is left, in times what tolerances explain."""
+        return self.placed.typical / self.tolerated if self.placed.found else np.inf
+
+    def left(self, change: Change) -> tuple[float, float]:
+        """Typical distance with a mistake undone [m], and the same over what tolerances do."""
+        robot = change.robot or self.robot
+        if change.mistake == "clock_offset":
+            stops = stops_of(change.undo(self.session))
+            stops = None if stops is None else thinned(stops, _TRIED)
+        else:
+            stops = change.undo(self.few)
+        if stops is None:
+            return np.inf, np.inf
+        placed = place(stops, robot)
+        if not placed.found:
+            return np.inf, np.inf
+        return placed.typical, placed.typical / _tolerated(placed, robot, stops)
+
+    def answer(self) -> Answer | None:
+        """What explains the session; None where nothing does."""
+        discrete = [*self._discrete()]
+        return (
+            self._best([*discrete, *self._others()], discrete)
+            or self._moved()
+            or self._best([*self._offsets()], ())
+            or self._best([*self._pairs(discrete)], ())
+        )
+
+    def _best(self, changes: Sequence[Change], alike: Sequence[Change]) -> Answer | None:
+        """The first of the changes that leaves nearly the least, if that is clear."""
+        scored = [(change, *self.left(change)) for change in changes]
+        before = self.placed.typical
+        good = [
+            (change, left)
+            for change, left, misfit in scored
+            if misfit <= EXPLAINED and left * _CLEARLY <= before
+        ]
+        if not good:
+            return None
+        least = min(left for _, left in good)
+        near = [change for change, left in good if left <= _ALIKE * least]
+        near = self._upright(near)
+        best = near[0]
+        was = f"{1e3 * before:.3g} mm" if np.isfinite(before) else "no pose that it can take"
+        evidence = (
+            f"drawing and tracker then agree to {1e3 * least:.3g} mm typically, as recorded to "
+            f"{was}; tolerances explain {1e3 * least / self._misfit_of(scored, best):.2g} mm"
+        )
+        others = [c for c in near[1:] if c in alike and c.mistake != best.mistake]
+        different = {c.mistake: c for c in reversed(others)}
+        parts = best.parts if isinstance(best, Pair) else (best,)
+        return Answer(parts, evidence, tuple(different.values()))
+
+    def _misfit_of(self, scored: list[tuple[Change, float, float]], best: Change) -> float:
+        return next(misfit for change, _, misfit in scored if change is best)
+
+    def _upright(self, near: list[Change]) -> list[Change]:
+        """Those first that let turns of the probe agree, or the tracker stand upright.
+
+        Which axis of a left-handed frame has the other sign is nothing that points tell.
+        """
+        of_frame = [c for c in near if c.mistake in ("frame_mirrored", "axes_swapped")]
+        if len(of_frame) < 2:
+            return near
+        score = {id(c): turn_misfit(c.undo(self.few), self.robot) for c in of_frame}
+        known = [c for c in of_frame if score[id(c)] is not None]
+        if known:
+            least = min(_doubt(score[id(c)]) for c in known)
+            if least < _DOUBTED:
+                right = [c for c in known if _doubt(score[id(c)]) <= 2 * least + 1e-3]
+                return [*right, *(c for c in near if c not in of_frame)]
+        upright = [
+            c
+            for c in of_frame
+            if place(c.undo(self.few), self.robot).frame.rotation[2, 2] > _UPRIGHT
+        ]
+        return [*(upright or of_frame), *(c for c in near if c not in of_frame)]
+
+    def _discrete(self) -> Iterator[Change]:
+        """Mistakes without a parameter, likelier ones first."""
+        streams = joint_streams(self.few)
+        yield from hypotheses.unit_of_tracker()
+        yield from hypotheses.unit_of_joints(self.robot, streams)
+        yield from hypotheses.handedness()
+        yield from hypotheses.orders_of_joints(self.robot, streams)
+        yield from hypotheses.signs_of_joints(self.robot, streams)
+
+    def _others(self) -> Iterator[Change]:
+        """Readings a row beside their joints; other robots and files."""
+        yield from self._shifts()
+        if self.document is not None:
+            yield from robot_file.edited_files(self.document, self.source)
+        yield from robot_file.other_robots(self.robot)
+
+    def _shifts(self) -> Iterator[Change]:
+        """Readings of a table some rows beside their joints."""
+        tracker = self.session.tracker
+        if tracker is None:
+            return
+        pitch = float(np.median(np.diff(tracker.stamp_ns)))
+        if pitch * 1e-9 <= SPARSE:
+            return
+        for rows in (k for n in range(1, _SHIFTS + 1) for k in (n, -n)):
+            late = round(rows * pitch)
+            yield Change(
+                "clock_offset",
+                (TRACKER,),
+                of_tracker(lambda s, late=late: _earlier(s, late)),  # type: ignore[misc]
+                f"take {late * 1e-9:g} s off its header stamps (--fix does), or move its columns "
+                f"by {-rows} rows",
+                value=late * 1e-9,
+                unit="s",
+            )
+
+    def _moved(self) -> Answer | None:
+        """A tracker that was moved, a reflector that was changed."""
+        found = moves.roughly(self.stops, self.robot)
+        return self._best(found, found) if found else None
+
+    def _offsets(self) -> Iterator[Change]:
+        """An offset of each joint, at its best."""
+        joint, _ = joints_and_points(self.few)
+        for j in range(joint.shape[1]):
+            yield self._offset(j)
+
+    def _offset(self, joint: int) -> Change:
+        """The best offset of a joint."""
+        robot, streams = self.robot, joint_streams(self.few)
+        values, _ = joints_and_points(self.few)
+        several = robot.joints.unit != "rad" or robot.model().pulls
+        most = 2 * float(np.ptp(values[:, joint])) if several else np.pi
+
+        def left(value: float) -> float:
+            undone = hypotheses.offset_joint(robot, streams, joint, value).undo(self.few)
+            placed = place(undone, robot)
+            return placed.typical if placed.found else 1e6
+
+        grid = np.linspace(-most, most, _GRID + 1)
+        best = float(grid[int(np.argmin([left(v) for v in grid]))])
+        step = 2 * most / _GRID
+        found = minimize_scalar(
+            left, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-4 * most}
+        )
+        return hypotheses.offset_joint(robot, streams, joint, float(found.x))
+
+    def _pairs(self, changes: Sequence[Change]) -> Iterator[Change]:
+        """Two mistakes, of different kinds or places."""
+        for one, other in combinations(changes, 2):
+            if not (one.mistake == other.mistake and one.streams == (TRACKER,)):
+                yield Pair.of(one, other)
+
+
+@dataclass(frozen=True)
+class Pair(Change):
+    """Two mistakes undone together."""
+
+    parts: tuple[Change, ...] = ()
+
+    @classmethod
+    def of(cls, one: Change, other: Change) -> Pair:
+        """The second undone after the first."""
+        return cls(
+            f"{one.mistake} and {other.mistake}",
+            one.streams + other.streams,
+            lambda session: other.undo(one.undo(session)),
+            "",
+            parts=(one, other),
+        )
+
+
+def turn_misfit(stops: Session, robot: Robot) -> tuple[float, bool] | None:
+    """How far turns of the probe are from the drawing's [rad], and whether the platform turns.
+
+    On a platform that does not turn it is how far the probe is from being mounted straight. None
+    where no turns were recorded or nothing fits.
+    """
+    if stops.tracker is None or stops.tracker.quaternion is None:
+        return None
+    placed = place(stops, robot)
+    if not placed.found:
+        return None
+    mount, about = turned_by(placed, stops.tracker.quaternion, robot)
+    pose = placed.pose[np.isfinite(placed.pose).all(axis=1)]
+    turned = robot.model().rotation(pose)
+    turning = float(np.median(np.linalg.norm(turned - turned.mean(axis=0), axis=(1, 2))))
+    if turning > _TURNING:
+        return float(np.median(about)), True
+    angle = np.arccos(np.clip((np.trace(mount) - 1) / 2, -1.0, 1.0))
+    return float(max(angle, np.median(about))), False
+
+
+def _doubt(score: tuple[float, bool] | None) -> float:
+    return np.inf if score is None else score[0]
+
+
+def turn_answer(stops: Session, robot: Robot) -> Answer | None:
+    """Order and sense of the tracker's turns, and axes that only turns tell."""
+    stops = thinned(stops, _TRIED)
+    here = turn_misfit(stops, robot)
+    if here is None or here[0] < (_DOUBTED if here[1] else _STRAIGHT[1]):
+        return None
+    if not here[1] and _is_straight_some_way(stops, robot):
+        return None
+    scored = []
+    for change in (*hypotheses.rotation_orders(), *hypotheses.cyclic_axes()):
+        score = turn_misfit(change.undo(stops), robot)
+        if score is not None:
+            scored.append((change, score[0]))
+    change, least = min(scored, key=lambda pair: pair[1])
+    if least > (_DOUBTED if here[1] else _STRAIGHT[0]) or least * _CLEARLY > here[0]:
+        return None
+    evidence = (
+        f"the probe's turns then agree with the drawing to {1e3 * least:.2g} mrad, as recorded to "
+        f"{1e3 * here[0]:.3g} mrad"
+    )
+    return Answer((change,), evidence)
+
+
+def _is_straight_some_way(stops: Session, robot: Robot) -> bool:
+    """Whether the probe is mounted at right angles: no reason for doubt."""
+    placed = place(stops, robot)
+    assert stops.tracker is not None
+    assert stops.tracker.quaternion is not None
+    mount, _ = turned_by(placed, stops.tracker.quaternion, robot)
+    return bool(np.sort(np.abs(mount), axis=1)[:, 2].min() > np.cos(_STRAIGHT[0]))
+
+
+def _earlier(stream: TrackerStream, late: int) -> TrackerStream:
+    return replace(stream, stamp_ns=stream.stamp_ns - late)
+
+
+def _tolerated(placed: Placed, robot: Robot, stops: Session) -> float:
+    return expected(placed, robot, joints_and_points(stops)[0]) if placed.found else np.inf
