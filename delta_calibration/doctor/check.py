@@ -123,13 +123,13 @@ def _named(session: Session, robot: Robot) -> Checked | None:
 
 def _in_time(checked: Checked) -> Checked:
     """Values held by a logger, streams exchanged, clocks."""
-    session, found = clocks.held(checked.session)
-    checked = replace(checked, session=session, found=found)
-    change = clocks.exchanged(session)
+    change = clocks.exchanged(checked.session)
     if change is not None:
         checked = checked.with_(
             change, "the command has an encoder's noise at rest, and the state has none"
         )
+    session, found = clocks.held(checked.session)
+    checked = replace(checked, session=session, found=(*checked.found, *found))
     session, found = clocks.clocks(checked.session)
     return replace(checked, session=session, found=(*checked.found, *found))
 
@@ -237,7 +237,8 @@ def _fitted(checked: Checked) -> Checked:
     """What only a fit of the whole machine shows, in rounds."""
     for _ in range(_ROUNDS):
         try:
-            again = _offset(checked) or _step(checked)
+            fitted = _fit(checked)
+            again = None if fitted is None else _offset(checked, fitted) or _step(checked, fitted)
         except (CalibrationError, np.linalg.LinAlgError):
             return checked  # a fit of this session says so itself
         if again is None:
@@ -252,11 +253,10 @@ def _fit(checked: Checked) -> steps.Fitted | None:
     return steps.Fitted(poses, robot) if len(poses) >= steps.FEWEST else None
 
 
-def _offset(checked: Checked) -> Checked | None:
+def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     """An offset of a joint, on its own or left of one that the drawing has told."""
-    fitted = _fit(checked)
-    offset = None if fitted is None else fitted.offset()
-    if offset is None or offset.gain < max(_OFFSET_GAIN, 2 * offset.second):
+    offset = fitted.offset()
+    if offset.gain < max(_OFFSET_GAIN, 2 * offset.second):
         return None
     robot, streams = checked.robot, joint_streams(checked.session)
     name = robot.joints.names[offset.joint]
@@ -276,12 +276,9 @@ def _offset(checked: Checked) -> Checked | None:
     )
 
 
-def _step(checked: Checked) -> Checked | None:
+def _step(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     """A move of the tracker, or another reflector."""
-    fitted = _fit(checked)
-    step = None if fitted is None else fitted.step()
-    if fitted is None or step is None:
-        return None
+    step = fitted.step()
     first, left, shift = fitted.reflector()
     of_tracker = step.left <= left
     size = step.size if of_tracker else float(np.linalg.norm(shift))
@@ -289,8 +286,7 @@ def _step(checked: Checked) -> Checked | None:
         return None
     if of_tracker:
         return _moved(checked, fitted.poses, step.first, step.moved, fitted.reflector(step.first)[2])
-    there = fitted.step(first)
-    return _moved(checked, fitted.poses, first, (there or step).moved, shift)
+    return _moved(checked, fitted.poses, first, fitted.step(first).moved, shift)
 
 
 def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Array) -> Checked:

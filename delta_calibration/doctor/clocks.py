@@ -37,13 +37,14 @@ _BIN = 0.05  # [s]
 _LATEST = 60.0  # [s] by which clocks that overlap are sought to differ
 _WINDOW = 25.0  # [s] over which a clock's drift does not matter
 _WINDOWS = 16, 4  # most and fewest
+_SHORTEST = 4.0  # [s] of a window
 _AGREE = 0.12  # [s] of windows about their line
 _MOST = 0.6  # share of the windows that must
 _CLEAR = 0.35  # correlation of a window's best lag
 # [s] what is under this is latency, which a machine may have and `diagnose` names
 _LATENCY = {TRACKER: 0.06, STATES: 0.06, COMMAND: 0.25}
 _DRIFTED = 0.12  # [s] over the session
-_ALIKE = 0.45  # share of samples in motion that repeat, or lie on a line, from which it is no chance
+_REGULAR = 0.7  # share of the runs that are of the usual length
 _EXACT = 1e-9  # of the step
 _LEAST_STEPS = 30
 
@@ -117,32 +118,32 @@ def _kept(name: str, rows: NDArray[np.bool_]) -> Callable[[Session], Session]:
     return of_joints((name,), lambda s: rows_of(s, rows))
 
 
-def _moving(position: Array, over: int) -> NDArray[np.bool_]:
-    """Steps (n - 1,) with clear motion from `over` rows before to `over` rows after."""
-    n = len(position)
-    begin, end = np.clip(np.arange(n - 1) - over, 0, None), np.arange(n - 1) + 1 + over
-    gone = np.linalg.norm(position[np.clip(end, None, n - 1)] - position[begin], axis=1)
-    return np.asarray(gone > 0.2 * np.quantile(gone, 0.95))
-
-
 def _repeats(position: Array) -> NDArray[np.bool_] | None:
-    """Rows that are new, (n,), where too many repeat the one before in motion; else None."""
-    same = (np.diff(position, axis=0) == 0).all(axis=1)
-    moving = _moving(position, 8)
-    if moving.sum() < _LEAST_STEPS or same[moving].mean() < _ALIKE:
-        return None
-    return np.r_[True, ~same]
+    """Rows that are new, (n,), where values come in runs of one length; else None.
+
+    A machine that stands repeats its values too, but moves in between, row by row.
+    """
+    new = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
+    return new if _in_runs(new) else None
 
 
 def _on_lines(position: Array) -> NDArray[np.bool_] | None:
-    """Rows that are not exactly on the line of their neighbours, where too many are; else None."""
+    """Rows that are not exactly on the line of their neighbours, where they come in runs."""
     bend = np.abs(np.diff(position, 2, axis=0)).max(axis=1)
     step = np.abs(np.diff(position, axis=0)).max(axis=1)
-    moving = _moving(position, 8)[:-1] & (step[:-1] > 0)
-    straight = bend <= _EXACT * np.maximum(step[:-1], step[1:]) + 1e-13 * np.abs(position).max()
-    if moving.sum() < _LEAST_STEPS or not _ALIKE <= straight[moving].mean() <= 0.97:
-        return None
-    return np.r_[True, ~straight, True]
+    rounding = 1e-12 * np.abs(position - position.mean(axis=0)).max() + 1e-15 * np.abs(position).max()
+    straight = bend <= _EXACT * np.maximum(step[:-1], step[1:]) + rounding
+    real = np.r_[True, ~straight, True]
+    return real if _in_runs(real) else None
+
+
+def _in_runs(new: NDArray[np.bool_]) -> bool:
+    """Whether what is new comes every so many rows, two or more."""
+    runs = np.diff(np.flatnonzero(new))
+    if len(runs) < _LEAST_STEPS:
+        return False
+    usual = float(np.median(runs))
+    return usual >= 2 and float((np.abs(runs - usual) <= 1).mean()) >= _REGULAR
 
 
 def _has_noise(position: Array, real: NDArray[np.bool_]) -> bool:
@@ -305,16 +306,15 @@ def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
     if reference is None or other is None:
         return None
     shift = other.start - reference.start
-    whole, _ = _lag(reference.speed, other.speed, shift, None)
     size = len(reference.speed)
     count = int(np.clip(size * _BIN / _WINDOW, _WINDOWS[1], _WINDOWS[0]))
     width = size // count
-    if width * _BIN < 4.0:
+    if width * _BIN < _SHORTEST:
         return None
-    reach = _LATEST if abs(whole) < _LATEST else None
-    about = (0.0 if reach else whole, 0.0, 0.0)
-    at, lag = _windows(reference, other, shift, width, about, reach or _LATEST)
-    line = _line(at, lag)
+    line = _line(*_windows(reference, other, shift, width, (0.0, 0.0, 0.0), _LATEST))
+    if line is None:  # of another day or epoch
+        whole, _ = _lag(reference.speed, other.speed, shift, None)
+        line = _line(*_windows(reference, other, shift, width, (whole, 0.0, 0.0), _LATEST))
     for _ in range(2):
         if line is None:
             return None

@@ -21,6 +21,7 @@ from delta_calibration.samples import Session
 Array = NDArray[np.float64]
 
 _ROUNDS = 12
+_SETTLED = 1e-3  # share by which the distance changes from round to round
 _MOST_LOST = 0.3  # share of the stops that the drawing may not reach
 _TURNS = 0.01  # [rad] by which a platform must turn for the reflector's place to matter
 
@@ -56,22 +57,25 @@ NOWHERE = Placed(
 )
 
 
-def place(stops: Session, robot: Robot, stream: str = "", loose: bool = False) -> Placed:
+def place(
+    stops: Session, robot: Robot, stream: str = "", loose: bool = False, apart: bool = False
+) -> Placed:
     """Lay the drawing before the tracker, robustly.
 
     Args:
         stops: of the session, see `stops_of`.
         robot: its drawing.
         stream: joint stream to go by; where not given that which a fit uses.
-        loose: allow for another scale and handedness of the tracker's frame, which are then no
-            reason to prefer one joint stream to another.
+        loose: allow for another scale of the tracker's frame, which is then no reason to prefer
+            one joint stream to another.
+        apart: allow for its other hand.
     """
     joint, point = joints_and_points(stops, stream)
     try:
         pose = robot.model().forward(joint, robot.model().parameters.nominal)
     except (CalibrationError, np.linalg.LinAlgError, FloatingPointError):
         return NOWHERE
-    return place_poses(pose, point, robot, loose)
+    return place_poses(pose, point, robot, loose, apart)
 
 
 def joints_and_points(stops: Session, stream: str = "") -> tuple[Array, Array]:
@@ -83,7 +87,9 @@ def joints_and_points(stops: Session, stream: str = "") -> tuple[Array, Array]:
     return joints.position, stops.tracker.position
 
 
-def place_poses(pose: Array, point: Array, robot: Robot, loose: bool = False) -> Placed:
+def place_poses(
+    pose: Array, point: Array, robot: Robot, loose: bool = False, apart: bool = False
+) -> Placed:
     """The same for poses (n, k) of the drawing."""
     mechanism, tracker = robot.model(), robot.tracker
     reached = np.isfinite(pose).all(axis=1)
@@ -93,25 +99,23 @@ def place_poses(pose: Array, point: Array, robot: Robot, loose: bool = False) ->
     centre, turned = mechanism.position(x), mechanism.rotation(x)
     offset = np.array(tracker.reflector_offset, dtype=float)
     turns = float(np.abs(turned - turned[0]).max()) > _TURNS
-    weight = np.ones(len(x))
-    typical, frame, scale = np.inf, Frame.identity(), 1.0
+    rotation, scale, shift = similarity(centre + turned @ offset, y, np.ones(len(x)), loose, apart)
+    weight, frame = np.ones(len(x)), Frame(scale * rotation, shift)
+    before = np.inf
     for _ in range(_ROUNDS):
-        base = centre + turned @ offset
-        rotation, scale, shift = similarity(base, y, weight, loose)
-        frame = Frame(scale * rotation, shift)
-        left = y - frame.apply(base)
+        predicted = frame.apply(centre + turned @ offset)
+        left = y - predicted
         distance = np.linalg.norm(left, axis=1)
         typical = float(np.median(distance))
-        if typical <= 0 or not np.isfinite(typical):
+        if not 0 < typical < np.inf or abs(before - typical) < _SETTLED * typical:
             break
+        before = typical
         weight = 1 / (1 + (distance / (2 * typical)) ** 2)
         if turns:
-            columns = frame.rotation @ turned  # (n, 3, 3)
-            prior = (typical / tracker.reflector_offset_prior) ** 2
-            normal = np.einsum("n,nij,nik->jk", weight, columns, columns) + prior * np.eye(3)
-            about = tracker.reflector_offset - offset
-            right = np.einsum("n,nij,ni->j", weight, columns, left) + prior * about
-            offset = offset + np.linalg.solve(normal, right)
+            offset = _offset(offset, frame, turned, predicted, left, weight, typical, robot)
+        source = centre + turned @ offset
+        rotation, scale, shift = similarity(source, y, weight, loose, apart)
+        frame = Frame(scale * rotation, shift)
     base_all = mechanism.position(pose) + mechanism.rotation(pose) @ offset
     left_all = point - frame.apply(base_all)
     away = np.linalg.norm(np.nan_to_num(left_all, nan=np.inf), axis=1) / abs(scale)
@@ -119,18 +123,50 @@ def place_poses(pose: Array, point: Array, robot: Robot, loose: bool = False) ->
     return Placed(typical, frame, offset, pose, base_all, left_all, scale)
 
 
+def _offset(
+    offset: Array,
+    frame: Frame,
+    turned: Array,
+    predicted: Array,
+    left: Array,
+    weight: Array,
+    typical: float,
+    robot: Robot,
+) -> Array:
+    """A better place of the reflector, (3,) [m], the frame being free to follow.
+
+    A step in place, turn and offset together: alone, each would creep along the others' valley.
+    """
+    tracker, own = robot.tracker, frame.rotation @ turned
+    about = predicted - predicted.mean(axis=0)
+    columns = np.concatenate(
+        [-rotations.skew(about), np.broadcast_to(np.eye(3), own.shape), own], axis=2
+    )
+    sigma = typical / tracker.reflector_offset_prior
+    normal = np.einsum("n,nij,nik->jk", weight, columns, columns)
+    normal[6:, 6:] += sigma**2 * np.eye(3)
+    normal += 1e-9 * np.diag(np.diag(normal))
+    right = np.einsum("n,nij,ni->j", weight, columns, left)
+    right[6:] += sigma**2 * (tracker.reflector_offset - offset)
+    return np.asarray(offset + np.linalg.solve(normal, right)[6:])
+
+
 def similarity(
-    source: Array, target: Array, weight: Array, loose: bool = False
+    source: Array,
+    target: Array,
+    weight: Array,
+    loose: bool = False,
+    apart: bool = False,
 ) -> tuple[Array, float, Array]:
     """Rotation, scale and translation that take source to target (Umeyama 1991).
 
-    Proper and of scale 1 unless `loose`.
+    Proper and of scale 1, unless `loose` (of any scale) or `apart` (of either hand).
     """
     w = (weight / weight.sum())[:, None]
     mean_s, mean_t = (w * source).sum(axis=0), (w * target).sum(axis=0)
     s, t = source - mean_s, target - mean_t
     u, size, vt = np.linalg.svd((w * t).T @ s)
-    sign = np.array([1.0, 1.0, 1.0 if loose else np.sign(np.linalg.det(u @ vt))])
+    sign = np.array([1.0, 1.0, 1.0 if apart else np.sign(np.linalg.det(u @ vt))])
     rotation = u @ np.diag(sign) @ vt
     spread = float((w * s**2).sum())
     scale = float(size @ sign) / spread if loose and spread > 0 else 1.0

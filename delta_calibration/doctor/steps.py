@@ -114,12 +114,10 @@ class Fitted:
         estimate = np.einsum("kvw,kw->kv", vectors, solved) / scale
         return gain, estimate, info * (scale[:, :, None] * scale[:, None, :])
 
-    def step(self, first: int | None = None) -> Step | None:
+    def step(self, first: int | None = None) -> Step:
         """The likeliest step of the tracker; at the pose `first` (of all), where it is given."""
         point = self.poses.point[self.used]
         n = len(point)
-        if n < FEWEST:
-            return None
         centre = point.mean(axis=0)
         columns = np.concatenate(
             [-rotations.skew(point - centre), np.broadcast_to(np.eye(3), (n, 3, 3))], axis=2
@@ -158,7 +156,7 @@ class Fitted:
         left = max(self.total - float(gain[best]), 0.0) / max(self.total, 1e-12)
         return int(rows[best]), left, values[best]
 
-    def offset(self) -> Offset | None:
+    def offset(self) -> Offset:
         """The joint that an offset of explains most."""
         seen = self.problem.chain.see(
             self.problem.at, self.solution.theta, self.solution.pose
@@ -187,8 +185,6 @@ def fitted_moves(poses: Poses, robot: Robot, first: int, moved: Frame, shift: Ar
     turn_std, now = 0.0, Fitted(moved_back(poses, first, moved), robot)
     for _ in range(_SETTLING):
         more = now.step(first)
-        if more is None:
-            break
         moved, turn_std = moved @ more.moved, more.turn_std
         now = Fitted(moved_back(poses, first, moved), robot)
     frame = now.problem.chain.split(now.solution.theta)[2]

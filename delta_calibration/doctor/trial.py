@@ -138,7 +138,9 @@ class Trial:
             f"{was}; tolerances explain {1e3 * least / self._misfit_of(scored, best):.2g} mm"
         )
         others = [c for c in near[1:] if c in alike and c.mistake != best.mistake]
-        different = {c.mistake: c for c in reversed(others)}
+        different: dict[str, Change] = {}
+        for change in others:
+            different.setdefault(change.mistake, change)
         parts = best.parts if isinstance(best, Pair) else (best,)
         return Answer(parts, evidence, tuple(different.values()))
 

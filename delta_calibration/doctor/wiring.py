@@ -111,13 +111,11 @@ def _straight(x: Array, y: Array) -> tuple[float, float, float]:
 
 def _wrong_one(stops: Session, robot: Robot) -> str:
     """The stream that the tracker, or the joints' limits, speak against."""
-    typical = {}
-    for name in (COMMAND, STATES):
-        placed = place(stops, robot, name, loose=True)
-        typical[name] = placed.typical
-    low, high = sorted(typical.values())
-    if low < _CLEARLY * high:
-        return max(typical, key=lambda name: typical[name])
+    for apart in (False, True):  # of the other hand only where neither fits: it is much freer
+        left = {n: place(stops, robot, n, True, apart).typical for n in (COMMAND, STATES)}
+        low, high = sorted(left.values())
+        if low < _CLEARLY * high:
+            return max(left, key=lambda name: left[name])
     beyond = {}
     for name in (COMMAND, STATES):
         joints = joints_of(stops, name)
