@@ -39,6 +39,7 @@ LAYERS = [
     "chain",
     "region",
     "identification",
+    "doctor",
     "calibration",
     "description",
     "diagnosis",

@@ -10,10 +10,12 @@ from tqdm import tqdm
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration, save_extended
+from delta_calibration.cli.check import require_sound
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import (
     SESSION,
+    force_option,
     in_force_option,
     model_option,
     require_folder,
@@ -55,6 +57,7 @@ _FILE = click.Path(path_type=Path)
 @model_option
 @seed_option
 @topics_option
+@force_option
 @click.option("-v", "--verbose", is_flag=True, help="Everything that was tried, and how it did.")
 def command(
     session: Path,
@@ -66,6 +69,7 @@ def command(
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
+    force: bool,
     verbose: bool,
 ) -> None:
     """Say what SESSION shows that the calibrated model does not, and what causes it.
@@ -83,6 +87,7 @@ def command(
     robot = load_robot(robot_file)
     calibration = None if in_force is None else load_calibration(in_force, robot)
     recorded = read_session(session, Topics.from_options(topics))
+    require_sound(recorded, robot, robot_file, force, out is not None)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)

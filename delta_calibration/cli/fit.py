@@ -9,10 +9,12 @@ import click
 import numpy as np
 
 from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cli.check import require_sound
 from delta_calibration.cli.options import (
     SESSION,
     counter,
     duration,
+    force_option,
     model_option,
     require_folder,
     robot_option,
@@ -75,6 +77,7 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
 @model_option
 @seed_option
 @topics_option
+@force_option
 @click.option("-v", "--verbose", is_flag=True, help="All combinations and correlations.")
 def command(
     session: Path,
@@ -87,6 +90,7 @@ def command(
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
+    force: bool,
     verbose: bool,
 ) -> None:
     """Identify geometry, reflector offset and tracker frame from the still moments of SESSION."""
@@ -95,6 +99,7 @@ def command(
     chosen = method_named(method, particles, iterations, order)
     robot = load_robot(robot_file)
     recorded = read_session(session, Topics.from_options(topics))
+    require_sound(recorded, robot, robot_file, force, out is not None)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     with counter(most_evaluations(chosen, robot, model), "machine") as count:
         found = identify(poses, robot, model, seed, chosen, count)

@@ -18,6 +18,7 @@ VERBS = (
     "completion",
     "plan",
     "simulate",
+    "check",
     "fit",
     "diagnose",
     "report",

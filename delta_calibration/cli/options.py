@@ -165,13 +165,26 @@ def write_text(path: Path, text: str) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def require_folder(path: Path) -> None:
+def force_option(function: Function) -> Function:
+    """`--force`."""
+    return click.option(
+        "--force",
+        is_flag=True,
+        help="Write the calibration even where `delta-cal check` finds a mistake in the session.",
+    )(function)
+
+
+def require_folder(path: Path, folder: bool = False) -> None:
     """Refuse an output whose folder is not there, before any work is done.
+
+    Args:
+        path: of the output.
+        folder: whether it is to be a folder itself.
 
     Raises:
         InputError: names the folder.
     """
     if not path.parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist")
-    if path.is_dir():
+    if path.is_dir() and not folder:
         raise InputError(f"{path}: is a folder; the name of a file is expected")

@@ -15,6 +15,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
     },
     "Look": {
         "info": "session",
+        "check": "session --robot srbd --fix mended",
         "recover": "session --out whole",
         "replay": "session --rate 10",
         "urdf": "--robot srbd --out srbd.urdf",

@@ -1,6 +1,6 @@
 """A doctor for sessions: mistakes of units, wiring, clocks and frames, found and mended."""
 
 from delta_calibration.doctor.change import Mistake
-from delta_calibration.doctor.check import Checked, check
+from delta_calibration.doctor.check import Checked, check, examine
 
-__all__ = ["Checked", "Mistake", "check"]
+__all__ = ["Checked", "Mistake", "check", "examine"]

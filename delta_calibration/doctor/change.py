@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.documents import Document
 from delta_calibration.robot import Robot
 from delta_calibration.samples import JointStream, Session, TrackerStream
 
@@ -52,7 +53,7 @@ class Change:
         part: of the robot or the stream that it is in.
         value: its size in `unit`.
         robot: robot to use instead, where the robot's file is what is wrong.
-        text: edited robot file, where a line of it is what is wrong.
+        document: the robot's file as it should be, where a line of it is what is wrong.
     """
 
     mistake: str
@@ -63,7 +64,7 @@ class Change:
     value: float | None = None
     unit: str | None = None
     robot: Robot | None = None
-    text: str = field(default="", repr=False)
+    document: Document | None = field(default=None, repr=False)
 
     def found(self, evidence: str) -> tuple[Mistake, ...]:
         """The mistake, once for each stream that it is in."""

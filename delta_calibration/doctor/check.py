@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from delta_calibration.doctor.change import (
     joints_of,
 )
 from delta_calibration.doctor.placing import joints_and_points
+from delta_calibration.doctor.robot_file import edited_files
 from delta_calibration.doctor.stops import LEAST, stops_of
 from delta_calibration.doctor.trial import (
     EXPLAINED,
@@ -29,9 +30,9 @@ from delta_calibration.doctor.trial import (
 )
 from delta_calibration.doctor.wiring import wiring
 from delta_calibration.documents import Document
-from delta_calibration.errors import CalibrationError
+from delta_calibration.errors import CalibrationError, ConfigError
 from delta_calibration.geometry import Frame, rotations
-from delta_calibration.robot import Robot
+from delta_calibration.robot import Robot, robot_document, robot_from
 from delta_calibration.samples import Poses, Session, collect
 
 Array = NDArray[np.float64]
@@ -41,15 +42,17 @@ _LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
 _LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
 _TURNED = 6.0  # standard errors from which a move is also a turn
 _APART = 1.5  # times more is left by what is not true
-_OFFSET_GAIN, _OFFSET_SIZE = 100.0, 0.02  # of chi square; [rad of a Delta]
+_OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # of chi square; [rad of a Delta]
+_REFINED = 4.0  # of chi square, by which an offset that the drawing told is fitted anew
 
 
 @dataclass(frozen=True)
 class Checked:
     """What a session was found to be.
 
-    `session` and `robot` are without the mistakes, as far as they could be undone; `resolved` is
-    False where something is wrong that no hypothesis explains.
+    `session` and `robot` are without the mistakes, as far as they could be undone, and `document`
+    is the robot's file, where that is what had to be edited; `resolved` is False where something
+    is wrong that no hypothesis explains.
     """
 
     found: tuple[Mistake, ...]
@@ -57,6 +60,7 @@ class Checked:
     robot: Robot
     resolved: bool = True
     notes: tuple[str, ...] = ()
+    document: Document | None = None
 
     def with_(self, change: Change, evidence: str) -> Checked:
         """With a mistake more, undone."""
@@ -65,6 +69,7 @@ class Checked:
             found=(*self.found, *change.found(evidence)),
             session=change.undo(self.session),
             robot=change.robot or self.robot,
+            document=change.document or self.document,
         )
 
     def as_dict(self) -> dict[str, object]:
@@ -98,6 +103,43 @@ def check(
         return checked
     checked = _turned(_within_limits(checked))
     return _fitted(checked)
+
+
+def examine(session: Session, robot_file: str | Path) -> Checked:
+    """The same by the name of a robot file, which may not even load for its units.
+
+    Raises:
+        ConfigError: the file is not there or describes no robot, and no other unit of its numbers
+            would make it one that fits the session.
+    """
+    path, document = robot_document(robot_file)
+    try:
+        return check(session, robot_from(document, str(path)), document, str(path))
+    except ConfigError as error:
+        refused = error
+    fitting = []
+    for change in edited_files(document, str(path)):
+        robot = change.robot
+        if robot is None or _named(session, robot) is not None:
+            continue
+        checked = Checked((), in_order(session, robot.joints.names), robot)
+        if stops_of(checked.session) is not None:
+            trial = _trial(checked, None, "")
+            fitting.append((trial.misfit, trial.placed.typical, change, robot))
+    fitting = [one for one in fitting if one[0] <= EXPLAINED]
+    if not fitting:
+        raise refused
+    _, left, change, robot = min(fitting, key=lambda one: one[:2])
+    found = change.found(
+        f"as written it is refused ({_reason(refused, str(path))}); so, drawing and tracker agree "
+        f"to {1e3 * left:.3g} mm typically"
+    )
+    checked = check(session, robot)
+    return replace(checked, found=(*found, *checked.found), document=change.document)
+
+
+def _reason(error: ConfigError, source: str) -> str:
+    return str(error).removeprefix(f"{source}: ")
 
 
 def _named(session: Session, robot: Robot) -> Checked | None:
@@ -256,12 +298,12 @@ def _fit(checked: Checked) -> steps.Fitted | None:
 def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     """An offset of a joint, on its own or left of one that the drawing has told."""
     offset = fitted.offset()
-    if offset.gain < max(_OFFSET_GAIN, 2 * offset.second):
-        return None
     robot, streams = checked.robot, joint_streams(checked.session)
     name = robot.joints.names[offset.joint]
     told = [m for m in checked.found if m.mistake == "joint_offset" and m.part == name]
-    if not told and abs(offset.value) < _OFFSET_SIZE * robot.commanded.joint_size:
+    clear = offset.gain > max(_OFFSET_GAIN, 2 * offset.second)
+    large = abs(offset.value) > _OFFSET_SIZE * robot.commanded.joint_size
+    if not (clear and large or told and offset.gain > _REFINED):
         return None
     whole = offset.value + (told[0].value or 0.0 if told else 0.0)
     undone = hypotheses.offset_joint(robot, streams, offset.joint, offset.value)
@@ -295,7 +337,9 @@ def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Arra
     found = steps.fitted_moves(poses, robot, first, moved, shift)
     at = poses.start_ns + round(0.5e9 * float(poses.time[first - 1] + poses.time[first]))
     tracker = moves.tracker_moved(session, at, found.moved, poses.point[first:])
-    reflector = moves.reflector_changed(session, robot, at, found.shift, found.frame)
+    reflector = moves.reflector_changed(
+        session, robot, at, found.shift, found.frame, found.geometry
+    )
     turn = float(np.linalg.norm(rotations.log(found.moved.rotation)))
     turned = turn > _TURNED * found.turn_std
     apart = found.reflector_left / found.tracker_left
@@ -309,8 +353,3 @@ def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Arra
     )
     also = (other,) if unsure else ()
     return _answered(checked, Answer((best,), evidence, also))
-
-
-def told(found: Iterable[Mistake]) -> Iterator[str]:
-    """The mistakes, a sentence each."""
-    return (mistake.sentence() for mistake in found)

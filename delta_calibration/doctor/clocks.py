@@ -37,15 +37,17 @@ _BIN = 0.05  # [s]
 _LATEST = 60.0  # [s] by which clocks that overlap are sought to differ
 _WINDOW = 25.0  # [s] over which a clock's drift does not matter
 _WINDOWS = 16, 4  # most and fewest
+_RATES = tuple(k * 4e-3 for n in range(1, 9) for k in (n, -n))
 _SHORTEST = 4.0  # [s] of a window
 _AGREE = 0.12  # [s] of windows about their line
 _MOST = 0.6  # share of the windows that must
+_SURE = 0.6  # correlation of the motions, clocks put right
 _CLEAR = 0.35  # correlation of a window's best lag
 # [s] what is under this is latency, which a machine may have and `diagnose` names
 _LATENCY = {TRACKER: 0.06, STATES: 0.06, COMMAND: 0.25}
 _DRIFTED = 0.12  # [s] over the session
 _REGULAR = 0.7  # share of the runs that are of the usual length
-_EXACT = 1e-9  # of the step
+_EXACT = 1e-5  # of the usual bend of what was really read; noise of a reading is far more
 _LEAST_STEPS = 30
 
 
@@ -89,7 +91,7 @@ def held(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
             continue
         noisy = session.states is None or session.command is None or name == TRACKER
         for how, keep in (("held", _repeats), ("interpolated", _on_lines)):
-            real = keep(stream.position)
+            real = keep(stream.stamp_ns, stream.position)
             if real is None or not (noisy or _has_noise(stream.position, real)):
                 continue
             share = 1.0 - float(real.mean())
@@ -118,21 +120,25 @@ def _kept(name: str, rows: NDArray[np.bool_]) -> Callable[[Session], Session]:
     return of_joints((name,), lambda s: rows_of(s, rows))
 
 
-def _repeats(position: Array) -> NDArray[np.bool_] | None:
+def _repeats(stamps: Stamps, position: Array) -> NDArray[np.bool_] | None:
     """Rows that are new, (n,), where values come in runs of one length; else None.
 
     A machine that stands repeats its values too, but moves in between, row by row.
     """
+    del stamps
     new = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
     return new if _in_runs(new) else None
 
 
-def _on_lines(position: Array) -> NDArray[np.bool_] | None:
+def _on_lines(stamps: Stamps, position: Array) -> NDArray[np.bool_] | None:
     """Rows that are not exactly on the line of their neighbours, where they come in runs."""
-    bend = np.abs(np.diff(position, 2, axis=0)).max(axis=1)
-    step = np.abs(np.diff(position, axis=0)).max(axis=1)
-    rounding = 1e-12 * np.abs(position - position.mean(axis=0)).max() + 1e-15 * np.abs(position).max()
-    straight = bend <= _EXACT * np.maximum(step[:-1], step[1:]) + rounding
+    time = (stamps - stamps[0]) * 1e-9
+    if len(np.unique(stamps)) < len(stamps):
+        return None
+    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
+    bend = np.abs(position[1:-1] - position[:-2] - share * (position[2:] - position[:-2]))
+    bend = bend.max(axis=1)
+    straight = bend <= _EXACT * np.quantile(bend, 0.97)
     real = np.r_[True, ~straight, True]
     return real if _in_runs(real) else None
 
@@ -311,10 +317,32 @@ def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
     width = size // count
     if width * _BIN < _SHORTEST:
         return None
+    for line in _lines(reference, other, shift, width):
+        clock = _clock(reference, other, shift, width, line)
+        if clock is not None and clock.likeness >= _SURE:
+            return clock
+    return None
+
+
+def _lines(reference: Motion, other: Motion, shift: float, width: int) -> Iterator[Line]:
+    """First guesses: clocks that nearly agree, that run apart, that are of another epoch."""
     line = _line(*_windows(reference, other, shift, width, (0.0, 0.0, 0.0), _LATEST))
-    if line is None:  # of another day or epoch
-        whole, _ = _lag(reference.speed, other.speed, shift, None)
-        line = _line(*_windows(reference, other, shift, width, (whole, 0.0, 0.0), _LATEST))
+    if line is not None:
+        yield line
+    line = _fast(reference, other, width)
+    if line is not None:
+        yield line
+    whole, _ = _lag(reference.speed, other.speed, shift, None)
+    line = _line(*_windows(reference, other, shift, width, (whole, 0.0, 0.0), _LATEST))
+    if line is not None:
+        yield line
+
+
+def _clock(
+    reference: Motion, other: Motion, shift: float, width: int, guess: Line
+) -> Clock | None:
+    """The clock near a guess."""
+    line: Line | None = guess
     for _ in range(2):
         if line is None:
             return None
@@ -323,12 +351,28 @@ def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
     if line is None:
         return None
     offset, rate, spread = line
-    duration = size * _BIN
+    duration = len(reference.speed) * _BIN
     if abs(rate) * duration < _DRIFTED:
         offset, rate = float(np.median(lag)), 0.0
     before = _likeness(reference, other)
     put = _likeness(reference, _warped(other, offset, rate, reference.start))
     return Clock(offset, rate, reference.start, duration, put, before, spread)
+
+
+def _fast(reference: Motion, other: Motion, width: int) -> Line | None:
+    """Offset and rate of a clock so wrong that a window smears it; None where none fits."""
+    best: tuple[int, Line] | None = None
+    for rate in _RATES:
+        put = _warped(other, 0.0, rate, reference.start)
+        shift = put.start - reference.start
+        at, lag = _windows(reference, put, shift, width, (0.0, 0.0, 0.0), _LATEST)
+        line = _line(at, lag)
+        if line is not None:
+            agree = int((np.abs(lag - line[0] - line[1] * at) < _AGREE).sum())
+            if best is None or agree > best[0]:
+                more = (1 + rate) * (1 + line[1]) - 1
+                best = agree, ((1 + rate) * line[0], more, line[2])
+    return None if best is None else best[1]
 
 
 def _windows(

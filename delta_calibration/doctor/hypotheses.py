@@ -180,10 +180,10 @@ def rotation_orders() -> Iterator[Change]:
     orders = ["".join(p) for p in permutations(AXES)]
     for true in orders:
         for read in orders:
-            if true != read:
+            for other in (False, True) if true != read else ():
                 yield _turns(
                     f"{true} as {read}",
-                    lambda q, t=true, r=read: _reordered(q, t, r),  # type: ignore[misc]
+                    lambda q, t=true, r=read, o=other: _reordered(q, t, r, o),  # type: ignore[misc]
                     f"the angles turn about fixed axes {', '.join(true)} in this order, not "
                     f"{', '.join(read)}",
                 )
@@ -206,9 +206,14 @@ def _turns(part: str, undo, said: str) -> Change:  # type: ignore[no-untyped-def
     )
 
 
-def _reordered(quaternion: Array, true: str, read: str) -> Array:
-    """Turns whose angles about x, y, z were put together in one order and are of another."""
+def _reordered(quaternion: Array, true: str, read: str, other: bool) -> Array:
+    """Turns whose angles about x, y, z were put together in one order and are of another.
+
+    Of the two sets of angles that make a turn, the `other` has its second beyond 90 degrees.
+    """
     angles = Rotation.from_quat(quaternion).as_euler(read)
+    if other:
+        angles = angles * [1.0, -1.0, 1.0] + np.pi
     by_axis = {axis: angles[:, k] for k, axis in enumerate(read)}
     ordered = np.column_stack([by_axis[axis] for axis in true])
     return np.asarray(Rotation.from_euler(true, ordered).as_quat())

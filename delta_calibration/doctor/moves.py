@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _EDGE = 5  # stops on either side
 _LEAST = 16  # stops
+_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -49,23 +50,58 @@ Rows = tuple[Array, Array, NDArray[np.int64]]  # poses, points, stamps of the st
 
 
 def _moved_roughly(stops: Session, robot: Robot, placed: Placed, rows: Rows) -> Move:
+    """Two frames, and one reflector on the platform."""
     pose, point, stamps = rows
     model = robot.model()
-    base = model.position(pose) + model.rotation(pose) @ placed.offset
-    cuts = np.arange(_EDGE, len(base) - _EDGE + 1)
-    left = [_left(base[:k], point[:k]) + _left(base[k:], point[k:]) for k in cuts]
-    k = int(cuts[int(np.argmin(left))])
-    before, after = _frame(base[:k], point[:k]), _frame(base[k:], point[k:])
+    centre, turned = model.position(pose), model.rotation(pose)
+
+    def apart(k: int) -> tuple[float, Frame, Frame]:
+        offset, parts = placed.offset, (slice(0, k), slice(k, None))
+        for _ in range(_ROUNDS):
+            base = centre + turned @ offset
+            before, after = (_frame(base[part], point[part]) for part in parts)
+            predicted = np.concatenate([before.apply(base[:k]), after.apply(base[k:])])
+            left = point - predicted
+            if not placed.turns:
+                break
+            offset = offset + _better_offset((before, after), turned, predicted, left, k, robot)
+        return float(np.sum(left**2)), before, after
+
+    cuts = np.arange(_EDGE, len(pose) - _EDGE + 1, 2)
+    best = int(cuts[int(np.argmin([apart(int(k))[0] for k in cuts]))])
+    near = (k for k in (best - 1, best, best + 1) if _EDGE <= k <= len(pose) - _EDGE)
+    k = min(near, key=lambda k: apart(k)[0])
+    _, before, after = apart(k)
     return tracker_moved(stops, _between(stamps, k), after @ before.inverse(), point[k:])
 
 
+def _better_offset(
+    frames: tuple[Frame, Frame], turned: Array, predicted: Array, left: Array, k: int, robot: Robot
+) -> Array:
+    """Step of the reflector's place (3,) [m], both frames being free to follow."""
+    n = len(left)
+    columns = np.zeros((n, 3, 15))
+    for part, own, frame in ((slice(0, k), 0, frames[0]), (slice(k, n), 6, frames[1])):
+        about = predicted[part] - predicted[part].mean(axis=0)
+        columns[part, :, own : own + 3] = -rotations.skew(about)
+        columns[part, :, own + 3 : own + 6] = np.eye(3)
+        columns[part, :, 12:] = frame.rotation @ turned[part]
+    sigma = np.sqrt(np.mean(left**2)) / robot.tracker.reflector_offset_prior
+    rows = np.concatenate([columns.reshape(-1, 15), sigma * np.eye(15)[12:]])
+    right = np.concatenate([left.reshape(-1), np.zeros(3)])
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=1e-9)[0][12:])
+
+
 def _changed_roughly(stops: Session, robot: Robot, rows: Rows) -> Move:
-    """With the frame of the longer part, the other's reflector is a linear problem."""
+    """With the frame of one part, the other's reflector is a linear problem."""
     pose, point, stamps = rows
     model = robot.model()
 
     def apart(k: int) -> tuple[float, Array, Frame]:
-        first = 2 * k >= len(pose)
+        """By either reflector as the file's own; the better."""
+        return min((by(k, first) for first in (True, False)), key=lambda found: found[0])
+
+    def by(k: int, first: bool) -> tuple[float, Array, Frame]:
         part = slice(0, k) if first else slice(k, None)
         rest = slice(k, None) if first else slice(0, k)
         placed = place_poses(pose[part], point[part], robot)
@@ -84,7 +120,9 @@ def _changed_roughly(stops: Session, robot: Robot, rows: Rows) -> Move:
     near = range(max(_EDGE, best - 2), min(len(pose) - _EDGE, best + 2) + 1)
     k = min(near, key=lambda k: apart(k)[0])
     _, shift, frame = apart(k)
-    return reflector_changed(stops, robot, _between(stamps, k), shift, frame)
+    return reflector_changed(
+        stops, robot, _between(stamps, k), shift, frame, model.parameters.nominal
+    )
 
 
 def _between(stamps: NDArray[np.int64], k: int) -> int:
@@ -94,14 +132,6 @@ def _between(stamps: NDArray[np.int64], k: int) -> int:
 def _frame(base: Array, point: Array) -> Frame:
     rotation, _, shift = similarity(base, point, np.ones(len(base)))
     return Frame(rotation, shift)
-
-
-def _left(base: Array, point: Array) -> float:
-    """Sum of squares that the best frame leaves."""
-    s, t = base - base.mean(axis=0), point - point.mean(axis=0)
-    u, size, vt = np.linalg.svd(t.T @ s)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    return float((s**2).sum() + (t**2).sum() - 2 * size @ sign)
 
 
 def tracker_moved(session: Session, at: int, moved: Frame, point: Array) -> Move:
@@ -158,11 +188,11 @@ def _behind(
 
 
 def reflector_changed(
-    session: Session, robot: Robot, at: int, shift: Array, frame: Frame
+    session: Session, robot: Robot, at: int, shift: Array, frame: Frame, geometry: Array
 ) -> Move:
     """Another reflector from a time [ns] on, `shift` (3,) [m] from the first in the platform.
 
-    How the platform stands at each reading is the drawing's answer, in the fitted frame.
+    How the platform stands at each reading is what a machine of this geometry (p,) does.
     """
 
     def undo(session: Session) -> Session:
@@ -173,7 +203,7 @@ def reflector_changed(
         time, own = tracker.stamp_ns * 1e-9, joints.stamp_ns * 1e-9
         q = np.column_stack([np.interp(time, own, column) for column in columns])
         model = robot.model()
-        turned = model.rotation(model.forward(q, model.parameters.nominal))
+        turned = model.rotation(model.forward(q, geometry))
         moved = np.nan_to_num((frame.rotation @ turned) @ shift)
         late = (tracker.stamp_ns >= at)[:, None]
         return of_points(lambda p: p - np.where(late, moved, 0.0))(session)

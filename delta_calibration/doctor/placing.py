@@ -40,6 +40,7 @@ class Placed:
     base: Array  # (n, 3) [m] reflector in the base
     left: Array  # (n, 3) [m] measured less placed
     scale: float = 1.0
+    turns: bool = False  # whether the platform turns enough for the reflector's place to matter
 
     @property
     def found(self) -> bool:
@@ -120,7 +121,7 @@ def place_poses(
     left_all = point - frame.apply(base_all)
     away = np.linalg.norm(np.nan_to_num(left_all, nan=np.inf), axis=1) / abs(scale)
     typical = float(np.median(away))
-    return Placed(typical, frame, offset, pose, base_all, left_all, scale)
+    return Placed(typical, frame, offset, pose, base_all, left_all, scale, turns)
 
 
 def _offset(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -49,13 +50,13 @@ def edited_files(data: Document, source: str) -> Iterator[Change]:
                 value=factor,
                 unit=f"{unit}/{other}",
                 robot=robot,
+                document=edited,
             )
 
 
 def other_robots(robot: Robot) -> Iterator[Change]:
     """The robots that come with the package whose joints could be those of the session."""
-    for name in known_robots():
-        other = load_robot(name)
+    for other in _known():
         alike = (
             other.hash != robot.hash
             and len(other.joints.names) == len(robot.joints.names)
@@ -66,10 +67,15 @@ def other_robots(robot: Robot) -> Iterator[Change]:
                 "wrong_robot",
                 (ROBOT_FILE,),
                 _renamed(other.joints.names),
-                f"`--robot {name}`",
-                part=name,
+                f"`--robot {other.name}`",
+                part=other.name,
                 robot=other,
             )
+
+
+@cache
+def _known() -> tuple[Robot, ...]:
+    return tuple(load_robot(name) for name in known_robots())
 
 
 def _renamed(names: tuple[str, ...]) -> Callable[[Session], Session]:

@@ -34,8 +34,8 @@ Array = NDArray[np.float64]
 
 FEWEST = 20  # poses of a fit
 _EDGE = 4  # poses on either side of a step
-_SETTLING = 2
-_SEEN = 1e-5  # share of a column that the machine's own parameters must leave
+_SETTLING, _SETTLED = 6, 3e-6  # steps at most; [m] of one that is the last
+_SEEN = 1e-10  # share of a column that the machine's own parameters must leave
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,11 @@ class Fitted:
         self.left = left[: 3 * n].reshape(n, 3)
         self.whiten = problem.whiten[self.used] / self.spread
         self.total = float(left @ left)
+
+    @property
+    def geometry(self) -> Array:
+        """Of the mechanism, (p,)."""
+        return self.problem.chain.split(self.solution.theta)[0]
 
     @property
     def typical(self) -> float:
@@ -178,6 +183,7 @@ class Moves:
     shift: Array  # (3,) [m] of the reflector
     reflector_left: float  # [m]
     frame: Frame  # T_tracker_base
+    geometry: Array  # (p,) of the machine, with the reflector changed
 
 
 def fitted_moves(poses: Poses, robot: Robot, first: int, moved: Frame, shift: Array) -> Moves:
@@ -187,18 +193,24 @@ def fitted_moves(poses: Poses, robot: Robot, first: int, moved: Frame, shift: Ar
         more = now.step(first)
         moved, turn_std = moved @ more.moved, more.turn_std
         now = Fitted(moved_back(poses, first, moved), robot)
+        if more.size < _SETTLED:
+            break
     frame = now.problem.chain.split(now.solution.theta)[2]
     tracker_left = now.typical
+    geometry = now.geometry
     try:
-        other = Fitted(shifted_back(poses, robot, first, shift, frame), robot)
+        other = Fitted(shifted_back(poses, robot, first, shift, frame, geometry), robot)
         for _ in range(_SETTLING):
-            shift = shift + other.reflector(first)[2]
-            own = other.problem.chain.split(other.solution.theta)[2]
-            other = Fitted(shifted_back(poses, robot, first, shift, own), robot)
+            change = other.reflector(first)[2]
+            shift, geometry = shift + change, other.geometry
+            frame = other.problem.chain.split(other.solution.theta)[2]
+            other = Fitted(shifted_back(poses, robot, first, shift, frame, geometry), robot)
+            if np.linalg.norm(change) < _SETTLED:
+                break
         reflector_left = other.typical
     except CalibrationError:
         reflector_left = np.inf
-    return Moves(moved, turn_std, tracker_left, shift, reflector_left, frame)
+    return Moves(moved, turn_std, tracker_left, shift, reflector_left, frame, geometry)
 
 
 def moved_back(poses: Poses, first: int, moved: Frame) -> Poses:
@@ -208,10 +220,12 @@ def moved_back(poses: Poses, first: int, moved: Frame) -> Poses:
     return replace(poses, point=point)
 
 
-def shifted_back(poses: Poses, robot: Robot, first: int, shift: Array, frame: Frame) -> Poses:
+def shifted_back(
+    poses: Poses, robot: Robot, first: int, shift: Array, frame: Frame, geometry: Array
+) -> Poses:
     """Poses from `first` on as the first reflector would have been read."""
     model, point = robot.model(), poses.point.copy()
-    turned = model.rotation(model.forward(poses.joint[first:], model.parameters.nominal))
+    turned = model.rotation(model.forward(poses.joint[first:], geometry))
     point[first:] -= (frame.rotation @ turned) @ shift
     return replace(poses, point=point)
 

@@ -39,6 +39,9 @@ Array = NDArray[np.float64]
 
 EXPLAINED = 2.0  # times what tolerances do: what is left of a session without a mistake
 UNEXPLAINED = 4.0  # times the same from which something is wrong
+# of the spread of the points, beyond which tolerances of a machine never go (near a singularity
+# they would): of a hypothesis, and of a session as it is
+_SHARE = 0.01, 0.05
 _CLEARLY = 4.0  # times less is left than before
 _ALIKE = 1.5  # times the least that is left: not to be told from it
 _TRIED = 80  # stops
@@ -85,7 +88,8 @@ class Trial:
     @cached_property
     def tolerated(self) -> float:
         """What tolerances explain [m]."""
-        return _tolerated(self.placed, self.robot, self.few)
+        own = _tolerated(self.placed, self.robot, self.few)
+        return min(own, _SHARE[1] * _spread(self.placed))
 
     @property
     def misfit(self) -> float:
@@ -105,7 +109,9 @@ class Trial:
         placed = place(stops, robot)
         if not placed.found:
             return np.inf, np.inf
-        return placed.typical, placed.typical / _tolerated(placed, robot, stops)
+        return placed.typical, placed.typical / min(
+            _tolerated(placed, robot, stops), _SHARE[0] * _spread(placed)
+        )
 
     def answer(self) -> Answer | None:
         """What explains the session; None where nothing does."""
@@ -137,10 +143,11 @@ class Trial:
             f"drawing and tracker then agree to {1e3 * least:.3g} mm typically, as recorded to "
             f"{was}; tolerances explain {1e3 * least / self._misfit_of(scored, best):.2g} mm"
         )
-        others = [c for c in near[1:] if c in alike and c.mistake != best.mistake]
-        different: dict[str, Change] = {}
-        for change in others:
-            different.setdefault(change.mistake, change)
+        different: dict[tuple[str, str | None], Change] = {}
+        for change in near[1:]:
+            same = change.mistake == best.mistake
+            if change in alike and not (same and change.streams == (TRACKER,)):
+                different.setdefault((change.mistake, change.part if same else None), change)
         parts = best.parts if isinstance(best, Pair) else (best,)
         return Answer(parts, evidence, tuple(different.values()))
 
@@ -320,6 +327,12 @@ def _is_straight_some_way(stops: Session, robot: Robot) -> bool:
 
 def _earlier(stream: TrackerStream, late: int) -> TrackerStream:
     return replace(stream, stamp_ns=stream.stamp_ns - late)
+
+
+def _spread(placed: Placed) -> float:
+    """Root mean square distance of the points from their middle [m]."""
+    base = placed.base[np.isfinite(placed.base).all(axis=1)]
+    return float(np.sqrt(np.sum((base - base.mean(axis=0)) ** 2, axis=1).mean()))
 
 
 def _tolerated(placed: Placed, robot: Robot, stops: Session) -> float:

@@ -1,0 +1,189 @@
+"""How many mistakes `delta-cal check` names, and how often it names one where there is none.
+
+    python benchmarks/doctor.py [--robots srbd,...] [--kinds mirrored,...] [--seeds 1]
+    python benchmarks/doctor.py --clean 100      sessions without a mistake, with and without a
+                                                 hidden effect
+
+Mistakes are made by test/mistakes.py, each kind at two sizes on six robots. Right is what names
+mistake, stream and, where the mistake has them, part and size, and nothing else but what the
+session cannot tell from it. `first` counts where it is the first name. `mended` counts where a fit
+of the mended session leaves at most 1.5 times what one of the clean session leaves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
+
+from mistakes import KINDS, ROBOTS, Case, Made, clean_case, has_turns
+
+from delta_calibration.chain import Chain
+from delta_calibration.doctor import Checked, Mistake, check, examine
+from delta_calibration.doctor.steps import Fitted
+from delta_calibration.documents import write_document
+from delta_calibration.errors import CalibrationError
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import hideable_causes
+
+_DOUBT = "does not tell it from"
+_MENDED = 1.5
+_SLOW = 5.0  # [s]
+
+
+def examined(case: Case, made: Made) -> Checked:
+    """What the doctor says; of a robot file by its path."""
+    if made.document is None:
+        return check(made.session, case.robot)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.yaml"
+        write_document(path, made.document)
+        return examine(made.session, path)
+
+
+def is_it(found: Mistake, made: Made) -> bool:
+    """Whether a mistake that was found is the one that was made."""
+    if found.mistake != made.mistake or found.stream not in made.streams:
+        return False
+    doubtful = _DOUBT in found.evidence
+    if made.part is not None and found.part != made.part and not doubtful:
+        return False
+    if made.value is None:
+        return True
+    return found.value is not None and abs(found.value - made.value) <= made.within * abs(
+        made.value
+    )
+
+
+def judged(found: tuple[Mistake, ...], made: Made) -> tuple[bool, bool]:
+    """Named right, and named first."""
+    right = {m.stream for m in found if is_it(m, made)} == set(made.streams)
+    same = {m.mistake for m in found if _DOUBT not in m.evidence}
+    named = right and (
+        same == {made.mistake} or any(is_it(m, made) and _DOUBT in m.evidence for m in found)
+    )
+    return named and len(same) == 1, named and bool(found) and found[0].mistake == made.mistake
+
+
+def left_by_a_fit(session, robot) -> float:
+    """Median distance that a fit of the whole machine leaves [m]."""
+    try:
+        poses = collect(session, robot.joints.names, robot.commanded.joint_size)
+        return Fitted(poses, robot).typical
+    except CalibrationError:
+        return np.inf
+
+
+def mistakes(robots, kinds, seeds) -> None:
+    """The table of mistakes by kind, and what went wrong."""
+    count: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
+    wrong, begun = [], time.time()
+    seconds = []
+    for name in robots:
+        for seed in seeds:
+            cases = {turns: clean_case(name, seed, turns) for turns in (False, True)}
+            usual = left_by_a_fit(cases[False].session, cases[False].robot)
+            for kind in kinds:
+                case = cases[has_turns(kind)]
+                for size in (0, 1):
+                    made = KINDS[kind](case, size)
+                    if made is None:
+                        continue
+                    at = time.time()
+                    try:
+                        checked = examined(case, made)
+                        found = checked.found
+                    except CalibrationError as error:
+                        checked, found = None, ()
+                        wrong.append(f"{name} {kind} {size} seed {seed}: {error}")
+                    seconds.append(time.time() - at)
+                    if seconds[-1] > _SLOW:
+                        print(f"{name} {kind} {size}: {seconds[-1]:.1f} s", flush=True)
+                    named, first = judged(found, made)
+                    least = usual
+                    if made.clean is not None:
+                        least = left_by_a_fit(made.clean, case.robot)
+                    mended = (
+                        checked is not None
+                        and left_by_a_fit(checked.session, checked.robot) < _MENDED * least
+                    )
+                    for k, good in enumerate((True, named, first, mended)):
+                        count[kind][k] += good
+                    if not named or not mended:
+                        said = "; ".join(f"{m.mistake} {m.stream} {m.part} {m.value}" for m in found)
+                        what = "named" if named else "NOT NAMED"
+                        wrong.append(
+                            f"{name} {kind} {size} seed {seed}: {what}, "
+                            f"{'mended' if mended else 'not mended'}: {said or 'nothing'}"
+                        )
+    print(f"{'mistake':<20}{'made':>6}{'right':>7}{'first':>7}{'mended':>8}")
+    for kind, row in count.items():
+        print(f"{kind:<20}{row[0]:>6}{row[1]:>7}{row[2]:>7}{row[3]:>8}")
+    total = np.sum(list(count.values()), axis=0)
+    print(f"{'all':<20}{total[0]:>6}{total[1]:>7}{total[2]:>7}{total[3]:>8}")
+    print(
+        f"named right {100 * total[1] / total[0]:.1f} %, mended {100 * total[3] / total[0]:.1f} %; "
+        f"{len(count)} kinds; {np.median(seconds):.2f} s a session (most {max(seconds):.1f} s), "
+        f"{time.time() - begun:.0f} s in all"
+    )
+    print("\n".join(wrong))
+
+
+def clean(robots, number: int, strength: float) -> None:
+    """Sessions without a mistake: without an effect, and with each that a machine can hide."""
+    false = []
+    for k in range(number):
+        name = robots[k % len(robots)]
+        case = clean_case(name, 1000 + k, turns=k % 2 == 1)
+        found = check(case.session, case.robot).found
+        false += [f"{name} seed {1000 + k}: {m.sentence()}" for m in found]
+    print(f"{number} clean sessions: {len(false)} mistakes claimed")
+    print("\n".join(false))
+    hidden, claimed = 0, []
+    for name in robots:
+        robot = load_robot(name)
+        tracker = robot.tracker
+        chain = Chain(robot.detailed, tracker.reflector_offset, tracker.reflector_offset_prior)
+        for k, cause in enumerate(hideable_causes(robot, chain)):
+            try:
+                effect = {cause: {"strength": str(strength)}}
+                case = clean_case(name, 2000 + k, effects=effect)
+            except CalibrationError as error:
+                print(f"{name} {cause}: {error}")
+                continue
+            hidden += 1
+            found = check(case.session, case.robot).found
+            claimed += [f"{name} {cause}: {m.sentence()}" for m in found]
+    print(f"{hidden} with an effect of {strength:g} x its usual size: {len(claimed)} claimed")
+    print("\n".join(claimed))
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", default=",".join(ROBOTS))
+    parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--seeds", default="1")
+    parser.add_argument("--clean", type=int, default=0)
+    parser.add_argument("--strength", type=float, default=1.0)
+    given = parser.parse_args()
+    robots = given.robots.split(",")
+    if given.clean:
+        clean(robots, given.clean, given.strength)
+    else:
+        mistakes(robots, given.kinds.split(","), [int(s) for s in given.seeds.split(",")])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""`delta-cal check`: whether a session and a robot file say what they mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from delta_calibration import __version__
+from delta_calibration.cli.options import (
+    SESSION,
+    require_folder,
+    robot_option,
+    topics_option,
+    write_json,
+)
+from delta_calibration.doctor import Checked, Mistake, check, examine
+from delta_calibration.documents import write_document
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.recording import Topics, read_session, write_session
+from delta_calibration.robot import Robot, robot_document
+from delta_calibration.samples import Session
+
+
+@click.command("check", short_help="find mistakes of units, wiring, clocks and frames")
+@SESSION
+@robot_option
+@click.option(
+    "--json",
+    "json_file",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="File of what was found, to write.",
+)
+@click.option(
+    "--fix",
+    type=click.Path(path_type=Path),
+    default=None,
+    metavar="OUT",
+    help="Folder of the mended session to write; a mended robot file goes beside it.",
+)
+@topics_option
+def command(
+    session: Path,
+    robot_file: str,
+    json_file: Path | None,
+    fix: Path | None,
+    topics: tuple[str, ...],
+) -> None:
+    """Hold SESSION against the robot before anything is fitted.
+
+    Hypotheses about units, swapped and reversed joints, left-handed frames, clocks, a tracker
+    that was moved, a reflector that was changed, values that a logger held, and the robot file
+    are each fitted to the data. What explains the session by a clear margin is named, with the
+    evidence and what mends it. Leaves with 1 where anything is found.
+    """
+    for path in (json_file, fix):
+        if path is not None:
+            require_folder(path, folder=path is fix)
+    recorded = read_session(session, Topics.from_options(topics))
+    checked = examine(recorded, robot_file)
+    for note in (*recorded.notes, *checked.notes):
+        click.echo(f"note: {note}")
+    for mistake in checked.found:
+        click.echo(_described(mistake))
+    if json_file is not None:
+        write_json(json_file, checked.as_dict())
+        click.echo(f"written: {json_file}")
+    if not checked.found:
+        click.echo("no mistake found")
+    if fix is not None:
+        _write_mended(fix, checked, recorded)
+    if checked.found:
+        raise click.exceptions.Exit(DataError.exit_code)
+
+
+def _described(mistake: Mistake) -> str:
+    where = f" ({mistake.part})" if mistake.part else ""
+    size = ""
+    if mistake.value is not None:
+        size = f": {mistake.value:.6g} {mistake.unit if mistake.unit != '1' else ''}".rstrip()
+    return (
+        f"{mistake.mistake} in {mistake.stream}{where}{size}\n"
+        f"  evidence: {mistake.evidence}\n"
+        f"  to mend it: {mistake.mend}"
+    )
+
+
+def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
+    if not checked.found:
+        raise InputError(f"{out}: not written: there is nothing to mend")
+    if not checked.resolved:
+        raise DataError(f"{out}: not written: what is wrong is not known well enough to mend it")
+    mended = "; ".join(f"{m.mistake} in {m.stream}" for m in checked.found)
+    provenance = {"mended_by": f"delta-cal check {__version__}", "mended": mended}
+    write_session(out, checked.session, {**provenance, "mended_from": recorded.source})
+    click.echo(f"written: {out}")
+    if checked.document is not None:
+        beside = out.with_name(f"{out.name}_robot.yaml")
+        write_document(beside, checked.document)
+        click.echo(f"written: {beside}")
+
+
+def require_sound(session: Session, robot: Robot, robot_file: str, force: bool, out: bool) -> None:
+    """Warn of what a check of the session finds, before it is fitted.
+
+    Args:
+        session: as recorded.
+        robot: whose file it is held against.
+        robot_file: name of that file.
+        force: go on whatever is found.
+        out: whether a calibration is to be written.
+
+    Raises:
+        DataError: something was found, and a calibration was to be written over it.
+    """
+    path, document = robot_document(robot_file)
+    checked = check(session, robot, document, str(path))
+    for mistake in checked.found:
+        click.echo(f"warning: {mistake.sentence()}")
+    if checked.found and out and not force:
+        raise DataError(
+            f"{session.source}: no calibration is written over a session with "
+            f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: "
+            f"`delta-cal check` says more and mends it (--fix), --force goes on as it is"
+        )
