@@ -29,6 +29,10 @@ class DataError(CalibrationError):
     """Sound input without the answer: too few poses, nothing still, no overlap in time."""
 
 
+class MistakeError(DataError):
+    """A session that was recorded with a mistake: of units, wiring, clocks, frames or files."""
+
+
 class ReachError(DataError):
     """A pose or joint command that the mechanism cannot take."""
 

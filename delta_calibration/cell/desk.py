@@ -25,7 +25,7 @@ from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundi
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.cell.trajectory import Sent as TrajectorySent
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
-from delta_calibration.errors import DataError, InputError
+from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session
 
@@ -99,6 +99,7 @@ class Desk:
         self.fitted: Fitted | None = None
         self.calibration: Calibration | None = None
         self._capture_since_s = 0.0
+        self._mistake = ""  # of what was captured last, by which a fit was refused
         if settings.calibration:
             self.reload(settings.calibration, settings.table)
 
@@ -181,7 +182,7 @@ class Desk:
         """Begin to keep what is measured."""
         if self.capture.running:
             raise DataError(f"capturing already, {self.capture.held} messages so far")
-        before = self.capture.held
+        before, self._mistake = self.capture.held, ""
         self.capture.start()
         self._capture_since_s = now_s
         return f"capturing; {before} messages from before were let go" if before else "capturing"
@@ -215,7 +216,12 @@ class Desk:
 
         def work() -> tuple[Fitted, JointCompensator]:
             session = held.session(SOURCE)
-            fitted = way(session, self.robot, self._model, self.settings.seed, step)
+            self._mistake = ""
+            try:
+                fitted = way(session, self.robot, self._model, self.settings.seed, step)
+            except MistakeError as error:
+                self._mistake = f"not fitted: {error}"
+                raise
             step(COMPENSATOR)
             return fitted, self._compensator(fitted.calibration)
 
@@ -235,10 +241,12 @@ class Desk:
         """The work of `save`; may be done on another thread.
 
         Raises:
-            DataError: nothing was fitted.
+            DataError: nothing was fitted, or the last fit was refused.
             InputError: no path.
         """
         fitted, robot = self.fitted, self.robot
+        if self._mistake:
+            raise MistakeError(f"nothing to save: {self._mistake}")
         if fitted is None:
             raise DataError("nothing was fitted since the node was configured; nothing to save")
         if not path:
@@ -301,7 +309,7 @@ class Desk:
         """How the cell is doing."""
         troubles = self._silent(now_s, tracker_timeout_s) + self.watch.recent(now_s)
         troubles += self.capture.notes() if self.capture.running else ()
-        troubles += tuple(filter(None, [self._doubt]))
+        troubles += tuple(filter(None, [self._mistake, self._doubt]))
         message = "; ".join([self._state(), *troubles[:NAMED]])
         return Health(Level.WARN if troubles else Level.OK, message, self._values())
 

@@ -14,14 +14,15 @@ from delta_calibration.calibration_file import (
     save_extended,
 )
 from delta_calibration.diagnosis import STEPS, Diagnosis, diagnose
+from delta_calibration.doctor import require_sound
 from delta_calibration.identification import Identification, doubt, identify
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, Session, collect, survey
 from delta_calibration.wording import mm
 
-POSES, GEOMETRY, COMPENSATOR = "still moments", "geometry", "compensator"
-FIT_STEPS = (POSES, GEOMETRY, COMPENSATOR)
-DIAGNOSIS_STEPS = (POSES, *STEPS, COMPENSATOR)
+CHECK, POSES, GEOMETRY, COMPENSATOR = "check", "still moments", "geometry", "compensator"
+FIT_STEPS = (CHECK, POSES, GEOMETRY, COMPENSATOR)
+DIAGNOSIS_STEPS = (CHECK, POSES, *STEPS, COMPENSATOR)
 Step = Callable[[str], None]
 
 
@@ -84,8 +85,11 @@ def fit(
         step: is told of each of `FIT_STEPS` as it begins, but for the last.
 
     Raises:
+        MistakeError: the session was recorded with a mistake; says which and what mends it.
         CalibrationError: the session does not hold the answer; says why.
     """
+    step(CHECK)
+    require_sound(session, robot)
     step(POSES)
     poses = collect(session, robot.joints.names, robot.commanded.joint_size)
     step(GEOMETRY)
@@ -106,8 +110,11 @@ def diagnosed(
         step: is told of each of `DIAGNOSIS_STEPS` as it begins, but for the last.
 
     Raises:
+        MistakeError: the session was recorded with a mistake; says which and what mends it.
         CalibrationError: the session does not hold the answer; says why.
     """
+    step(CHECK)
+    require_sound(session, robot)
     step(POSES)
     seen = survey(session, robot.joints.names, robot.commanded.joint_size)
     found = diagnose(seen, robot, model, seed=seed, step=step)

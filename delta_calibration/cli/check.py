@@ -16,7 +16,7 @@ from delta_calibration.cli.options import (
 )
 from delta_calibration.doctor import Checked, Mistake, check, examine
 from delta_calibration.documents import write_document
-from delta_calibration.errors import DataError, InputError
+from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.robot import Robot, robot_document
 from delta_calibration.samples import Session
@@ -101,7 +101,7 @@ def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
         click.echo(f"written: {beside}")
 
 
-def require_sound(session: Session, robot: Robot, robot_file: str, force: bool, out: bool) -> None:
+def warn_of_mistakes(session: Session, robot: Robot, robot_file: str, force: bool, out: bool) -> None:
     """Warn of what a check of the session finds, before it is fitted.
 
     Args:
@@ -112,14 +112,14 @@ def require_sound(session: Session, robot: Robot, robot_file: str, force: bool, 
         out: whether a calibration is to be written.
 
     Raises:
-        DataError: something was found, and a calibration was to be written over it.
+        MistakeError: something was found, and a calibration was to be written over it.
     """
     path, document = robot_document(robot_file)
     checked = check(session, robot, document, str(path))
     for mistake in checked.found:
         click.echo(f"warning: {mistake.sentence()}")
     if checked.found and out and not force:
-        raise DataError(
+        raise MistakeError(
             f"{session.source}: no calibration is written over a session with "
             f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: "
             f"`delta-cal check` says more and mends it (--fix), --force goes on as it is"

@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration, save_extended
-from delta_calibration.cli.check import require_sound
+from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import (
@@ -87,7 +87,7 @@ def command(
     robot = load_robot(robot_file)
     calibration = None if in_force is None else load_calibration(in_force, robot)
     recorded = read_session(session, Topics.from_options(topics))
-    require_sound(recorded, robot, robot_file, force, out is not None)
+    warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)

@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from delta_calibration.calibration_file import save_calibration
-from delta_calibration.cli.check import require_sound
+from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.options import (
     SESSION,
     counter,
@@ -99,7 +99,7 @@ def command(
     chosen = method_named(method, particles, iterations, order)
     robot = load_robot(robot_file)
     recorded = read_session(session, Topics.from_options(topics))
-    require_sound(recorded, robot, robot_file, force, out is not None)
+    warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     with counter(most_evaluations(chosen, robot, model), "machine") as count:
         found = identify(poses, robot, model, seed, chosen, count)

@@ -1,6 +1,6 @@
 """A doctor for sessions: mistakes of units, wiring, clocks and frames, found and mended."""
 
 from delta_calibration.doctor.change import Mistake
-from delta_calibration.doctor.check import Checked, check, examine
+from delta_calibration.doctor.check import Checked, check, examine, require_sound
 
-__all__ = ["Checked", "Mistake", "check", "examine"]
+__all__ = ["Checked", "Mistake", "check", "examine", "require_sound"]

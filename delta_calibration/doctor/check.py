@@ -30,7 +30,7 @@ from delta_calibration.doctor.trial import (
 )
 from delta_calibration.doctor.wiring import wiring
 from delta_calibration.documents import Document
-from delta_calibration.errors import CalibrationError, ConfigError
+from delta_calibration.errors import CalibrationError, ConfigError, MistakeError
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.robot import Robot, robot_document, robot_from
 from delta_calibration.samples import Poses, Session, collect
@@ -41,6 +41,7 @@ _ROUNDS = 4
 _LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
 _LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
 _TURNED = 6.0  # standard errors from which a move is also a turn
+_LEAST_TURN = 2e-5  # [rad]
 _APART = 1.5  # times more is left by what is not true
 _OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # of chi square; [rad of a Delta]
 _REFINED = 4.0  # of chi square, by which an offset that the drawing told is fitted anew
@@ -103,6 +104,17 @@ def check(
         return checked
     checked = _turned(_within_limits(checked))
     return _fitted(checked)
+
+
+def require_sound(session: Session, robot: Robot) -> None:
+    """Refuse a session with a mistake.
+
+    Raises:
+        MistakeError: names all that was found, with the evidence and what mends it.
+    """
+    found = check(session, robot).found
+    if found:
+        raise MistakeError("; ".join(mistake.sentence() for mistake in found))
 
 
 def examine(session: Session, robot_file: str | Path) -> Checked:
@@ -341,7 +353,7 @@ def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Arra
         session, robot, at, found.shift, found.frame, found.geometry
     )
     turn = float(np.linalg.norm(rotations.log(found.moved.rotation)))
-    turned = turn > _TURNED * found.turn_std
+    turned = turn > max(_TURNED * found.turn_std, _LEAST_TURN)
     apart = found.reflector_left / found.tracker_left
     best, other, least = tracker, reflector, found.tracker_left
     if apart < 1 / _APART:
