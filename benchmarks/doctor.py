@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import tempfile
 import time
 from collections import defaultdict
 from pathlib import Path
@@ -26,54 +25,17 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
 
-from mistakes import KINDS, ROBOTS, Case, Made, clean_case, has_turns
-
 from delta_calibration.chain import Chain
-from delta_calibration.doctor import Checked, Mistake, check, examine
+from delta_calibration.doctor import check
 from delta_calibration.doctor.steps import Fitted
-from delta_calibration.documents import write_document
 from delta_calibration.errors import CalibrationError
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import collect
 from delta_calibration.simulation import hideable_causes
+from mistakes import KINDS, ROBOTS, clean_case, examined, has_turns, judged
 
-_DOUBT = "does not tell it from"
 _MENDED = 1.5
 _SLOW = 5.0  # [s]
-
-
-def examined(case: Case, made: Made) -> Checked:
-    """What the doctor says; of a robot file by its path."""
-    if made.document is None:
-        return check(made.session, case.robot)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.yaml"
-        write_document(path, made.document)
-        return examine(made.session, path)
-
-
-def is_it(found: Mistake, made: Made) -> bool:
-    """Whether a mistake that was found is the one that was made."""
-    if found.mistake != made.mistake or found.stream not in made.streams:
-        return False
-    doubtful = _DOUBT in found.evidence
-    if made.part is not None and found.part != made.part and not doubtful:
-        return False
-    if made.value is None:
-        return True
-    return found.value is not None and abs(found.value - made.value) <= made.within * abs(
-        made.value
-    )
-
-
-def judged(found: tuple[Mistake, ...], made: Made) -> tuple[bool, bool]:
-    """Named right, and named first."""
-    right = {m.stream for m in found if is_it(m, made)} == set(made.streams)
-    same = {m.mistake for m in found if _DOUBT not in m.evidence}
-    named = right and (
-        same == {made.mistake} or any(is_it(m, made) and _DOUBT in m.evidence for m in found)
-    )
-    return named and len(same) == 1, named and bool(found) and found[0].mistake == made.mistake
 
 
 def left_by_a_fit(session, robot) -> float:
@@ -121,7 +83,9 @@ def mistakes(robots, kinds, seeds) -> None:
                     for k, good in enumerate((True, named, first, mended)):
                         count[kind][k] += good
                     if not named or not mended:
-                        said = "; ".join(f"{m.mistake} {m.stream} {m.part} {m.value}" for m in found)
+                        said = "; ".join(
+                            f"{m.mistake} {m.stream} {m.part} {m.value}" for m in found
+                        )
                         what = "named" if named else "NOT NAMED"
                         wrong.append(
                             f"{name} {kind} {size} seed {seed}: {what}, "
@@ -133,8 +97,8 @@ def mistakes(robots, kinds, seeds) -> None:
     total = np.sum(list(count.values()), axis=0)
     print(f"{'all':<20}{total[0]:>6}{total[1]:>7}{total[2]:>7}{total[3]:>8}")
     print(
-        f"named right {100 * total[1] / total[0]:.1f} %, mended {100 * total[3] / total[0]:.1f} %; "
-        f"{len(count)} kinds; {np.median(seconds):.2f} s a session (most {max(seconds):.1f} s), "
+        f"named right {100 * total[1] / total[0]:.1f} %, "
+        f"mended {100 * total[3] / total[0]:.1f} %; {len(count)} kinds; {np.median(seconds):.2f} s a session (most {max(seconds):.1f} s), "
         f"{time.time() - begun:.0f} s in all"
     )
     print("\n".join(wrong))

@@ -7,12 +7,16 @@ an exporter or a user would make it.
 from __future__ import annotations
 
 import copy
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from delta_calibration.doctor import Checked, Mistake, check, examine
+from delta_calibration.documents import write_document
 from delta_calibration.geometry import rotations
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot, robot_document
@@ -419,8 +423,10 @@ def reflector(case, size):
     q = np.column_stack([np.interp(time, own, c) for c in session.states.position.T])
     model = robot.detailed
     pose = model.forward(q, model.parameters.nominal)
-    rigid = _frame_of(model.position(pose) + model.rotation(pose) @ robot.tracker.reflector_offset,
-                      session.tracker.position)
+    rigid = _frame_of(
+        model.position(pose) + model.rotation(pose) @ robot.tracker.reflector_offset,
+        session.tracker.position,
+    )
     moved = (rigid @ model.rotation(pose)) @ shift
     made = points(session, lambda p: p + late * moved)
     return Made(made, "reflector_changed", ("tracker",), None, when, within=0.03)
@@ -518,3 +524,39 @@ def wrong_robot(case, size):
     edited = _edited(case.document, path, lambda v: v * (1.15, 1.4)[size])
     edited["name"] = "another"
     return Made(case.session, "wrong_robot", ("robot_file",), document=edited)
+
+
+# How it is judged.
+
+
+def examined(case: Case, made: Made) -> Checked:
+    """What the doctor says; of a robot file by its path."""
+    if made.document is None:
+        return check(made.session, case.robot)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.yaml"
+        write_document(path, made.document)
+        return examine(made.session, path)
+
+
+def is_it(found: Mistake, made: Made) -> bool:
+    """Whether a mistake that was found is the one that was made."""
+    if found.mistake != made.mistake or found.stream not in made.streams:
+        return False
+    if made.part not in (None, found.part) and not found.is_alternative:
+        return False
+    if made.value is None:
+        return True
+    return found.value is not None and abs(found.value - made.value) <= made.within * abs(
+        made.value
+    )
+
+
+def judged(found: tuple[Mistake, ...], made: Made) -> tuple[bool, bool]:
+    """Named right, and named first."""
+    right = {m.stream for m in found if is_it(m, made)} == set(made.streams)
+    same = {m.mistake for m in found if not m.is_alternative}
+    named = right and (
+        same == {made.mistake} or any(is_it(m, made) and m.is_alternative for m in found)
+    )
+    return named and len(same) == 1, named and bool(found) and found[0].mistake == made.mistake

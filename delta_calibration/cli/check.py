@@ -95,13 +95,17 @@ def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
     provenance = {"mended_by": f"delta-cal check {__version__}", "mended": mended}
     write_session(out, checked.session, {**provenance, "mended_from": recorded.source})
     click.echo(f"written: {out}")
+    if any(mistake.is_alternative for mistake in checked.found):
+        click.echo("of mistakes that this session does not tell apart, the first is undone there")
     if checked.document is not None:
         beside = out.with_name(f"{out.name}_robot.yaml")
         write_document(beside, checked.document)
         click.echo(f"written: {beside}")
 
 
-def warn_of_mistakes(session: Session, robot: Robot, robot_file: str, force: bool, out: bool) -> None:
+def warn_of_mistakes(
+    session: Session, robot: Robot, robot_file: str, force: bool, out: bool
+) -> None:
     """Warn of what a check of the session finds, before it is fitted.
 
     Args:

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 COMMAND, STATES, TRACKER, ROBOT_FILE = "joint_command", "joint_states", "tracker", "robot_file"
 JOINTS = (COMMAND, STATES)
+ALTERNATIVE = "this session does not tell it from"  # begins the evidence of such a mistake
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,11 @@ class Mistake:
     unit: str | None
     evidence: str
     mend: str
+
+    @property
+    def is_alternative(self) -> bool:
+        """Whether it is named beside another that explains the session as well."""
+        return self.evidence.startswith(ALTERNATIVE)
 
     def sentence(self) -> str:
         """For people, in a line."""
@@ -69,9 +75,7 @@ class Change:
     def found(self, evidence: str) -> tuple[Mistake, ...]:
         """The mistake, once for each stream that it is in."""
         return tuple(
-            Mistake(
-                self.mistake, stream, self.part, self.value, self.unit, evidence, self.mend
-            )
+            Mistake(self.mistake, stream, self.part, self.value, self.unit, evidence, self.mend)
             for stream in self.streams
         )
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.doctor import clocks, hypotheses, moves, steps
 from delta_calibration.doctor.change import (
+    ALTERNATIVE,
     ROBOT_FILE,
     Change,
     Mistake,
@@ -19,7 +20,7 @@ from delta_calibration.doctor.change import (
     joints_of,
 )
 from delta_calibration.doctor.placing import joints_and_points
-from delta_calibration.doctor.robot_file import edited_files
+from delta_calibration.doctor.robot_file import edited_files, robots_that_come
 from delta_calibration.doctor.stops import LEAST, stops_of
 from delta_calibration.doctor.trial import (
     EXPLAINED,
@@ -38,6 +39,7 @@ from delta_calibration.samples import Poses, Session, collect
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
+_MOST_POSES = 800  # that are fitted; of more, so many evenly over the session
 _LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
 _LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
 _TURNED = 6.0  # standard errors from which a move is also a turn
@@ -161,18 +163,33 @@ def _named(session: Session, robot: Robot) -> Checked | None:
     others = [s.names for s in streams if s is not None and not wanted <= set(s.names)]
     if not others:
         return None
-    change = Change(
-        "wrong_robot",
-        (ROBOT_FILE,),
-        as_it_is,
-        "give the robot's own file with --robot, or its joints' names in `joints.names`",
-        part=robot.name,
-    )
     evidence = (
         f"joints {', '.join(others[0])} were recorded, robot {robot.name} has "
         f"{', '.join(robot.joints.names)}"
     )
-    return Checked(change.found(evidence), session, robot, False)
+    return _of_another(Checked((), session, robot), evidence, "its joints' names")
+
+
+def _of_another(checked: Checked, evidence: str, differs: str) -> Checked:
+    """With a robot's file that is wrong, and the one of the package that fits, if there is."""
+    named = (robot for robot in robots_that_come() if _names_fit(checked.session, robot))
+    fitting = next((robot for robot in named if _fits(checked, robot)), None)
+    mend = f"give the machine's own file with --robot, or write {differs} as the machine has them"
+    if fitting is not None:
+        mend, evidence = f"`--robot {fitting.name}`", f"{evidence}; robot {fitting.name} fits"
+    change = Change("wrong_robot", (ROBOT_FILE,), as_it_is, mend, part=checked.robot.name)
+    return replace(checked, found=(*checked.found, *change.found(evidence)), resolved=False)
+
+
+def _names_fit(session: Session, robot: Robot) -> bool:
+    streams = [joints_of(session, name) for name in joint_streams(session)]
+    return all(s is not None and set(s.names) == set(robot.joints.names) for s in streams)
+
+
+def _fits(checked: Checked, robot: Robot) -> bool:
+    session = in_order(checked.session, robot.joints.names)
+    stops = stops_of(session)
+    return stops is not None and Trial(session, robot, stops).misfit <= EXPLAINED
 
 
 def _in_time(checked: Checked) -> Checked:
@@ -237,7 +254,7 @@ def _answered(checked: Checked, answer: Answer) -> Checked:
         checked = checked.with_(change, answer.evidence)
     same = answer.changes[0]
     for other in answer.others:
-        doubt = f"this session does not tell it from {same.mistake} in {same.streams[0]}"
+        doubt = f"{ALTERNATIVE} {same.mistake} in {same.streams[0]}"
         found = other.found(f"{doubt}, one of the two is true: {answer.evidence}")
         checked = replace(checked, found=(*checked.found, *found))
     return checked
@@ -247,16 +264,9 @@ def _unresolved(checked: Checked, trial: Trial) -> Checked:
     left = f"{1e3 * trial.placed.typical:.3g} mm are typically left between drawing and tracker"
     if not trial.placed.found:
         left = "the drawing cannot take most of the poses"
-    change = Change(
-        "wrong_robot",
-        (ROBOT_FILE,),
-        as_it_is,
-        "hold the file's dimensions against the machine; is the session of this machine?",
-        part=checked.robot.name,
-    )
     known = f" where tolerances explain {1e3 * trial.tolerated:.2g} mm" * trial.placed.found
-    found = change.found(f"{left}{known}, and no other mistake explains it")
-    return replace(checked, found=(*checked.found, *found), resolved=False)
+    evidence = f"{left}{known}, and no other mistake explains it"
+    return _of_another(checked, evidence, "its dimensions")
 
 
 def _within_limits(checked: Checked) -> Checked:
@@ -304,7 +314,11 @@ def _fitted(checked: Checked) -> Checked:
 def _fit(checked: Checked) -> steps.Fitted | None:
     robot = checked.robot
     poses = collect(checked.session, robot.joints.names, robot.commanded.joint_size)
-    return steps.Fitted(poses, robot) if len(poses) >= steps.FEWEST else None
+    if len(poses) < steps.FEWEST:
+        return None
+    if len(poses) > _MOST_POSES:
+        poses = poses.take(np.linspace(0, len(poses) - 1, _MOST_POSES).astype(np.intp))
+    return steps.Fitted(poses, robot)
 
 
 def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
@@ -315,14 +329,18 @@ def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     told = [m for m in checked.found if m.mistake == "joint_offset" and m.part == name]
     clear = offset.gain > max(_OFFSET_GAIN, 2 * offset.second)
     large = abs(offset.value) > _OFFSET_SIZE * robot.commanded.joint_size
-    if not (clear and large or told and offset.gain > _REFINED):
+    if not ((clear and large) or (told and offset.gain > _REFINED)):
         return None
     whole = offset.value + (told[0].value or 0.0 if told else 0.0)
     undone = hypotheses.offset_joint(robot, streams, offset.joint, offset.value)
     said = hypotheses.offset_joint(robot, streams, offset.joint, whole)
-    evidence = told[0].evidence if told else (
-        f"a fit of the whole machine is better by {offset.gain:.0f} in chi square with it; of the "
-        f"other joints, the best by {offset.second:.0f}"
+    evidence = (
+        told[0].evidence
+        if told
+        else (
+            f"a fit of the whole machine is better by {offset.gain:.0f} in chi square with it; "
+            f"with an offset of another joint by {offset.second:.0f} at most"
+        )
     )
     rest = tuple(m for m in checked.found if m not in told)
     return replace(
@@ -339,12 +357,14 @@ def _step(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     if size < _LEAST_MOVE or min(step.left, left) > _LEFT_OF_MOVE:
         return None
     if of_tracker:
-        return _moved(checked, fitted.poses, step.first, step.moved, fitted.reflector(step.first)[2])
+        return _moved(
+            checked, fitted.poses, step.first, step.moved, fitted.reflector(step.first)[2]
+        )
     return _moved(checked, fitted.poses, first, fitted.step(first).moved, shift)
 
 
 def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Array) -> Checked:
-    """With a tracker moved or a reflector changed, whichever it is, or both where none can tell."""
+    """With a tracker moved or a reflector changed; both where the session does not tell."""
     session, robot = checked.session, checked.robot
     found = steps.fitted_moves(poses, robot, first, moved, shift)
     at = poses.start_ns + round(0.5e9 * float(poses.time[first - 1] + poses.time[first]))

@@ -199,26 +199,38 @@ def clocks(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
     if any(m is None for m in motions.values()):
         return session, ()
     late = {name: _late(motions[TRACKER], motions[name]) for name in names}
-    wrong: dict[str, Clock] = {}
-    if len(names) == 1:
-        if _is_off(late[names[0]], TRACKER):
-            wrong[TRACKER] = _reversed(late[names[0]])
-    else:
-        off = {n: _is_off(late[n], n) for n in names}
-        if off[STATES] and off[COMMAND]:
-            wrong[TRACKER] = _reversed(late[STATES])
-        else:
-            wrong = {n: late[n] for n in names if off[n] and late[n] is not None}
+    wrong = _wrong(late)
     found: list[Mistake] = []
     for name, clock in wrong.items():
-        if clock is None:
-            continue
         session = _shifted(name, clock)(session)
         found += _told(name, clock)
-    if TRACKER in wrong and len(names) == 2:
+    if wrong and COMMAND not in wrong and len(names) == 2:
         again, more = clocks(session)
-        return again, (*found, *(m for m in more if m.stream != TRACKER))
+        return again, (*found, *(m for m in more if m.stream == COMMAND))
     return session, tuple(found)
+
+
+def _wrong(late: dict[str, Clock | None]) -> dict[str, Clock]:
+    """Streams whose clocks are wrong, from how late each joint stream is against the tracker.
+
+    The tracker's where the joints agree with each other; then the others are looked at again.
+    """
+    main = STATES if STATES in late else COMMAND
+    own, command = late[main], late.get(COMMAND)
+    if own is not None and _is_off(own, TRACKER):
+        alone = main == COMMAND or command is None
+        if alone or (command is not None and _agree(own, command)):
+            return {TRACKER: _reversed(own)}
+        return {main: own}
+    if main == STATES and command is not None and _is_off(command, COMMAND):
+        return {COMMAND: command}
+    return {}
+
+
+def _agree(one: Clock, other: Clock) -> bool:
+    """Whether two clocks differ by no more than joints lag behind their command."""
+    begin, end = one.offset - other.offset, one.drifted - other.drifted
+    return max(abs(begin), abs(begin + end)) <= _LATENCY[COMMAND]
 
 
 def _told(name: str, clock: Clock) -> Iterator[Mistake]:
@@ -254,7 +266,7 @@ def _shifted(name: str, clock: Clock) -> Callable[[Session], Session]:
     """Put the stamps of a stream right."""
 
     def stamps(stamp_ns: Stamps) -> Stamps:
-        late = clock.late(stamp_ns * 1e-9)
+        late = clock.late(np.asarray(stamp_ns * 1e-9))
         return np.asarray(stamp_ns - np.round(late * 1e9).astype(np.int64))
 
     if name == TRACKER:
@@ -262,22 +274,16 @@ def _shifted(name: str, clock: Clock) -> Callable[[Session], Session]:
     return of_joints((name,), lambda s: replace(s, stamp_ns=stamps(s.stamp_ns)))
 
 
-def _is_off(clock: Clock | None, name: str) -> bool:
+def _is_off(clock: Clock, name: str) -> bool:
     """Whether a clock is off by more than a latency."""
-    if clock is None:
-        return False
     sure = 4 * clock.spread
     return (
-        abs(clock.offset) > max(_LATENCY[name], sure)
-        and abs(clock.drifted) <= _DRIFTED
-        or abs(clock.drifted) > max(_DRIFTED, sure)
-    )
+        abs(clock.offset) > max(_LATENCY[name], sure) and abs(clock.drifted) <= _DRIFTED
+    ) or abs(clock.drifted) > max(_DRIFTED, sure)
 
 
-def _reversed(clock: Clock | None) -> Clock | None:
+def _reversed(clock: Clock) -> Clock:
     """The clock of the other stream against this one."""
-    if clock is None:
-        return None
     rate = -clock.rate / (1 + clock.rate)
     begin = clock.begin + clock.offset
     return replace(clock, offset=-clock.offset, rate=rate, begin=begin)

@@ -5,7 +5,7 @@ All of them are transformations of the rows of a stream that need no parameter, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import combinations, permutations
 
 import numpy as np
@@ -107,9 +107,7 @@ def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ..
     )
 
 
-def offset_joint(
-    robot: Robot, streams: tuple[str, ...], joint: int, value: float
-) -> Change:
+def offset_joint(robot: Robot, streams: tuple[str, ...], joint: int, value: float) -> Change:
     """A joint that counts from another zero: recorded less true is `value` [rad, m]."""
     name, unit = robot.joints.names[joint], robot.joints.unit
     shift = np.zeros(len(robot.joints.names))
@@ -170,12 +168,8 @@ def _axes(mistake: str, part: str, matrix: Array, how: str) -> Change:
 
 def rotation_orders() -> Iterator[Change]:
     """Quaternions and angles in another order, turns of the other sense."""
-    yield _turns(
-        "w, x, y, z", lambda q: q[:, [1, 2, 3, 0]], "the quaternion is w, x, y, z"
-    )
-    yield _turns(
-        "z, w order", lambda q: q[:, [3, 0, 1, 2]], "the quaternion was reordered twice"
-    )
+    yield _turns("w, x, y, z", lambda q: q[:, [1, 2, 3, 0]], "the quaternion is w, x, y, z")
+    yield _turns("z, w order", lambda q: q[:, [3, 0, 1, 2]], "the quaternion was reordered twice")
     yield _turns("inverse", lambda q: q * [-1, -1, -1, 1], "the turn is that of the tracker")
     orders = ["".join(p) for p in permutations(AXES)]
     for true in orders:
@@ -189,7 +183,7 @@ def rotation_orders() -> Iterator[Change]:
                 )
 
 
-def _turns(part: str, undo, said: str) -> Change:  # type: ignore[no-untyped-def]
+def _turns(part: str, undo: Callable[[Array], Array], said: str) -> Change:
     def change(stream: TrackerStream) -> TrackerStream:
         turned = stream.quaternion
         if turned is None:

@@ -222,4 +222,3 @@ def reflector_changed(
         at=at,
         shift=shift,
     )
-

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.doctor.change import joints_of, joint_streams
+from delta_calibration.doctor.change import joint_streams, joints_of
 from delta_calibration.errors import CalibrationError
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.identification import chain_of

@@ -56,7 +56,7 @@ def edited_files(data: Document, source: str) -> Iterator[Change]:
 
 def other_robots(robot: Robot) -> Iterator[Change]:
     """The robots that come with the package whose joints could be those of the session."""
-    for other in _known():
+    for other in robots_that_come():
         alike = (
             other.hash != robot.hash
             and len(other.joints.names) == len(robot.joints.names)
@@ -74,7 +74,8 @@ def other_robots(robot: Robot) -> Iterator[Change]:
 
 
 @cache
-def _known() -> tuple[Robot, ...]:
+def robots_that_come() -> tuple[Robot, ...]:
+    """The robots that come with the package."""
     return tuple(load_robot(name) for name in known_robots())
 
 

@@ -238,4 +238,5 @@ def _behind(values: Array) -> Array:
 def _not_alone(weight: Array) -> NDArray[np.bool_]:
     """Poses that count, and those left out whose neighbours are as well: no single outliers."""
     out = np.r_[False, weight == 0, False]
-    return ~(out & ~(np.roll(out, 1) | np.roll(out, -1)))[1:-1]
+    alone = out & ~(np.roll(out, 1) | np.roll(out, -1))
+    return np.asarray(~alone[1:-1])

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.doctor.change import joints_of, joint_streams
+from delta_calibration.doctor.change import joint_streams, joints_of
 from delta_calibration.samples import JointStream, Session, TrackerStream
 
 Array = NDArray[np.float64]

@@ -19,7 +19,6 @@ from delta_calibration.doctor import hypotheses, moves, robot_file
 from delta_calibration.doctor.change import (
     TRACKER,
     Change,
-    in_order,
     joint_streams,
     of_tracker,
 )
@@ -239,7 +238,10 @@ class Trial:
         best = float(grid[int(np.argmin([left(v) for v in grid]))])
         step = 2 * most / _GRID
         found = minimize_scalar(
-            left, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-4 * most}
+            left,
+            bounds=(best - step, best + step),
+            method="bounded",
+            options={"xatol": 1e-4 * most},
         )
         return hypotheses.offset_joint(robot, streams, joint, float(found.x))
 

@@ -139,8 +139,7 @@ def _changes(relation: Relation, robot: Robot, wrong: str) -> list[Change]:
     for change, factor in zip(unit_of_joints(robot, (wrong,)), factors, strict=True):
         if (np.abs(slope * factor - 1) < _NEAR).all():
             changes.append(change)
-    for j in np.flatnonzero(relation.slope < 0):
-        changes.append(reversed_joints(robot, (wrong,), (int(j),)))
+    changes += [reversed_joints(robot, (wrong,), (j,)) for j in range(m) if relation.slope[j] < 0]
     size = robot.commanded.joint_size
     for j in range(m):
         shift = float(relation.shift[j])

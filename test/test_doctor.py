@@ -1,0 +1,243 @@
+"""Mistakes in sessions: named, mended, never claimed where there is none, never written over."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.health import Level
+from delta_calibration.cli.main import run
+from delta_calibration.doctor import check
+from delta_calibration.documents import check_document, load_schema, write_document
+from delta_calibration.errors import MistakeError
+from delta_calibration.recording import read_session, write_session
+from delta_calibration.robot import robot_document
+from delta_calibration.samples import Session
+from mistakes import KINDS, clean_case, examined, has_turns, judged, stamped
+
+# kinds by robot: on the one whose sessions are quickest all, on the others what is special there
+SHOWN = {
+    "linear_delta": tuple(KINDS),
+    "srbd": ("joints_unit", "joint_offset", "joint_turns", "mirrored", "tracker_shifted"),
+    "five_axis": ("turns_axes", "turns_angles", "tracker_turned", "reflector", "file_unit"),
+    "scara": ("joint_turns", "joint_reversed", "turns_quaternion"),
+    "ur10": ("joints_swapped", "axes", "reflector"),
+    "cdpr8": ("command_offset",),
+}
+
+
+@cache
+def case_of(name: str, turns: bool = False):
+    return clean_case(name, 7, turns)
+
+
+@pytest.mark.parametrize(("robot", "kind"), [(r, k) for r, kinds in SHOWN.items() for k in kinds])
+def test_a_mistake_is_named(robot: str, kind: str) -> None:
+    """At one of its two sizes; benchmarks/doctor.py has them all."""
+    case, size = case_of(robot, has_turns(kind)), len(kind) % 2
+    made = KINDS[kind](case, size) or KINDS[kind](case, 1 - size)
+    if made is None:
+        pytest.skip("cannot be seen on this robot")
+    found = examined(case, made).found
+    assert judged(found, made)[0], "; ".join(m.sentence() for m in found)
+
+
+@pytest.mark.parametrize("robot", SHOWN)
+def test_no_mistake_is_claimed_where_there_is_none(robot: str) -> None:
+    for turns in (False, True):
+        case = case_of(robot, turns)
+        assert check(case.session, case.robot, case.document).found == ()
+
+
+@pytest.mark.parametrize(
+    ("robot", "cause", "strength"),
+    [
+        ("linear_delta", "joint_zero_offset", 2),
+        ("linear_delta", "timestamp_latency", 1),
+        ("linear_delta", "backlash", 3),
+        ("scara", "link_length", 2),
+        ("srbd", "joint_zero_offset", 2),
+        ("srbd", "tracker_drift", 2),
+    ],
+)
+def test_errors_of_a_machine_are_no_mistakes(robot: str, cause: str, strength: int) -> None:
+    case = clean_case(robot, 8, effects={cause: {"strength": str(strength)}})
+    assert check(case.session, case.robot).found == ()
+
+
+def test_two_mistakes_are_both_named() -> None:
+    case = case_of("linear_delta")
+    session = replace(
+        case.session,
+        states=replace(case.session.states, position=1e3 * case.session.states.position),
+        command=replace(case.session.command, position=1e3 * case.session.command.position),
+        tracker=replace(case.session.tracker, position=case.session.tracker.position / 0.0254),
+    )
+    late = stamped(session, "tracker", lambda t: t + 2.0)
+    found = check(late, case.robot).found
+    assert [(m.mistake, m.stream) for m in found] == [
+        ("clock_offset", "tracker"),
+        ("unit_inch", "tracker"),
+        ("unit_mm", "joint_command"),
+        ("unit_mm", "joint_states"),
+    ]
+
+
+def test_a_latency_is_left_to_the_diagnosis() -> None:
+    case = case_of("linear_delta")
+    late = stamped(case.session, "tracker", lambda t: t + 0.02)
+    assert check(late, case.robot).found == ()
+    (found,) = check(stamped(case.session, "tracker", lambda t: t + 0.1), case.robot).found
+    assert (found.mistake, found.stream) == ("clock_offset", "tracker")
+    assert found.value == pytest.approx(0.1, abs=0.03)
+
+
+def test_a_clock_of_another_epoch_is_found() -> None:
+    case = case_of("linear_delta")
+    begun = stamped(case.session, "tracker", lambda t: t - 1e8)
+    (found,) = check(begun, case.robot).found
+    assert found.mistake == "clock_offset"
+    assert found.value == pytest.approx(-1e8, abs=0.1)
+
+
+def test_a_session_of_nothing_claims_nothing() -> None:
+    case = case_of("linear_delta")
+    first = case.session.tracker.stamp_ns[0]
+    short = case.session.between(first, first + 1_000_000_000)
+    checked = check(short, case.robot)
+    assert checked.found == ()
+    assert "fewer than 6 stops" in checked.notes[0]
+
+
+# The command
+
+
+def late_session(folder: Path) -> Path:
+    case = case_of("linear_delta")
+    late = stamped(case.session, "tracker", lambda t: t + 3.0)
+    write_session(folder / "late", late)
+    return folder / "late"
+
+
+def test_the_command_names_and_mends(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session, found, mended = late_session(tmp_path), tmp_path / "check.json", tmp_path / "mended"
+    robot = ["--robot", "linear_delta"]
+    assert run(["check", str(session), *robot, "--json", str(found), "--fix", str(mended)]) == 1
+    assert "clock_offset in tracker" in capsys.readouterr().out
+    data = json.loads(found.read_text())
+    check_document(data, load_schema("check"), "check.json")
+    assert [one["mistake"] for one in data["found"]] == ["clock_offset"]
+    assert data["found"][0]["value"] == pytest.approx(3.0, abs=0.05)
+    assert run(["check", str(mended), *robot, "--json", str(found)]) == 0
+    assert json.loads(found.read_text()) == {"schema": 1, "found": []}
+    late = stamps(session)
+    assert np.abs(late - stamps(mended) - 3.0).max() < 0.05
+    assert "clock_offset in tracker" in read_session(mended).metadata["mended"]
+
+
+def stamps(session: Path) -> np.ndarray:
+    tracker = read_session(session).tracker
+    return tracker.stamp_ns * 1e-9
+
+
+def test_nothing_is_written_where_nothing_is_mended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_session(tmp_path / "clean", case_of("linear_delta").session)
+    out = tmp_path / "out"
+    words = ["check", str(tmp_path / "clean"), "--robot", "linear_delta", "--fix", str(out)]
+    assert run(words) == 2
+    assert "there is nothing to mend" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("verb", ["fit", "diagnose"])
+def test_no_calibration_is_written_over_a_mistake(
+    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session, out = late_session(tmp_path), tmp_path / "calibration.yaml"
+    words = [verb, str(session), "--robot", "linear_delta", "--out", str(out)]
+    assert run(words) == 1
+    said = capsys.readouterr()
+    assert "warning: clock_offset in tracker" in said.out
+    assert "--force" in said.err
+    assert not out.exists()
+
+
+def test_by_force_it_is(tmp_path: Path) -> None:
+    """A moved tracker leaves a session that can be fitted, badly."""
+    case, out = case_of("linear_delta"), tmp_path / "calibration.yaml"
+    made = KINDS["tracker_shifted"](case, 0)
+    write_session(tmp_path / "moved", made.session)
+    words = ["fit", str(tmp_path / "moved"), "--robot", "linear_delta", "--out", str(out)]
+    assert run(words) == 1
+    assert run([*words, "--force"]) == 0
+    load_calibration(out, case.robot)
+
+
+def test_a_robot_file_that_does_not_load_is_mended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = robot_document("linear_delta")[1]
+    document["geometry"] = {**document["geometry"], "arm_mm": 0.345}
+    robot, session, out = tmp_path / "mine.yaml", tmp_path / "clean", tmp_path / "out"
+    write_document(robot, document)
+    write_session(session, case_of("linear_delta").session)
+    assert run(["check", str(session), "--robot", str(robot), "--fix", str(out)]) == 1
+    assert "write `geometry.arm_mm: 345`" in capsys.readouterr().out
+    assert run(["check", str(session), "--robot", str(tmp_path / "out_robot.yaml")]) == 0
+
+
+def test_a_robot_of_other_joints_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_session(tmp_path / "clean", case_of("linear_delta").session)
+    assert run(["check", str(tmp_path / "clean"), "--robot", "srbd"]) == 1
+    assert "`--robot linear_delta`" in capsys.readouterr().out
+
+
+# The cell
+
+
+class Held:
+    """What a desk captured, in place of hours of it."""
+
+    held = 1
+    running = False
+    counts: dict[str, int] = {}
+    lost = 0
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def frozen(self):
+        return self
+
+    def session(self, source: str) -> Session:
+        return replace(self._session, source=source)
+
+    def start(self) -> None:
+        self.running = True
+
+
+def test_a_cell_fits_nothing_over_a_mistake_and_says_so(tmp_path: Path) -> None:
+    case, desk = case_of("linear_delta"), Desk(Settings("linear_delta"))
+    desk.capture = Held(stamped(case.session, "tracker", lambda t: t + 3.0))  # type: ignore[assignment]
+    with pytest.raises(MistakeError, match="clock_offset in tracker"):
+        desk.prepare_fit()()
+    health = desk.health(0.0, 1.0)
+    assert health.level is Level.WARN
+    assert "not fitted: clock_offset in tracker" in health.message
+    with pytest.raises(MistakeError, match="nothing to save"):
+        desk.save(str(tmp_path / "calibration.yaml"))
+    desk.capture = Held(case.session)  # type: ignore[assignment]
+    desk.take(*desk.prepare_fit()())
+    assert desk.health(0.0, 1.0).level is Level.OK
+    desk.save(str(tmp_path / "calibration.yaml"))
