@@ -96,11 +96,10 @@ def mistakes(robots, kinds, seeds) -> None:
         print(f"{kind:<20}{row[0]:>6}{row[1]:>7}{row[2]:>7}{row[3]:>8}")
     total = np.sum(list(count.values()), axis=0)
     print(f"{'all':<20}{total[0]:>6}{total[1]:>7}{total[2]:>7}{total[3]:>8}")
-    print(
-        f"named right {100 * total[1] / total[0]:.1f} %, "
-        f"mended {100 * total[3] / total[0]:.1f} %; {len(count)} kinds; {np.median(seconds):.2f} s a session (most {max(seconds):.1f} s), "
-        f"{time.time() - begun:.0f} s in all"
-    )
+    named, mended = 100 * total[1] / total[0], 100 * total[3] / total[0]
+    print(f"{len(count)} kinds: named right {named:.1f} %, mended {mended:.1f} %")
+    usual, most = np.median(seconds), max(seconds)
+    print(f"{usual:.2f} s a session (most {most:.1f} s), {time.time() - begun:.0f} s in all")
     print("\n".join(wrong))
 
 

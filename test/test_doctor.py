@@ -116,6 +116,14 @@ def test_a_session_of_nothing_claims_nothing() -> None:
     assert "fewer than 6 stops" in checked.notes[0]
 
 
+def test_a_session_without_joints_or_tracker_claims_nothing() -> None:
+    case = case_of("linear_delta")
+    for missing in ({"tracker": None}, {"command": None, "states": None}):
+        checked = check(replace(case.session, **missing), case.robot)
+        assert checked.found == ()
+        assert checked.notes
+
+
 # The command
 
 
@@ -206,30 +214,22 @@ def test_a_robot_of_other_joints_is_said(
 # The cell
 
 
-class Held:
-    """What a desk captured, in place of hours of it."""
-
-    held = 1
-    running = False
-    counts: dict[str, int] = {}
-    lost = 0
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-
-    def frozen(self):
-        return self
-
-    def session(self, source: str) -> Session:
-        return replace(self._session, source=source)
-
-    def start(self) -> None:
-        self.running = True
+def captured(desk: Desk, session: Session) -> None:
+    """Let a cell measure what a session holds."""
+    desk.start_capture(0.0)
+    for stream, add in (
+        (session.command, desk.capture.add_command),
+        (session.states, desk.capture.add_states),
+        (session.tracker, desk.capture.add_tracker),
+    ):
+        for stamp, row in zip(stream.stamp_ns.tolist(), stream.position, strict=True):
+            add(stamp, row)
+    desk.stop_capture()
 
 
 def test_a_cell_fits_nothing_over_a_mistake_and_says_so(tmp_path: Path) -> None:
     case, desk = case_of("linear_delta"), Desk(Settings("linear_delta"))
-    desk.capture = Held(stamped(case.session, "tracker", lambda t: t + 3.0))  # type: ignore[assignment]
+    captured(desk, stamped(case.session, "tracker", lambda t: t + 3.0))
     with pytest.raises(MistakeError, match="clock_offset in tracker"):
         desk.prepare_fit()()
     health = desk.health(0.0, 1.0)
@@ -237,7 +237,7 @@ def test_a_cell_fits_nothing_over_a_mistake_and_says_so(tmp_path: Path) -> None:
     assert "not fitted: clock_offset in tracker" in health.message
     with pytest.raises(MistakeError, match="nothing to save"):
         desk.save(str(tmp_path / "calibration.yaml"))
-    desk.capture = Held(case.session)  # type: ignore[assignment]
+    captured(desk, case.session)
     desk.take(*desk.prepare_fit()())
     assert desk.health(0.0, 1.0).level is Level.OK
     desk.save(str(tmp_path / "calibration.yaml"))

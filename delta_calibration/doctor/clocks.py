@@ -192,7 +192,7 @@ def clocks(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
     one that goes with the tracker is right.
     """
     tracker, names = session.tracker, joint_streams(session)
-    if tracker is None:
+    if tracker is None or not names:
         return session, ()
     motions = {name: _motion(joints_of(session, name)) for name in names}
     motions[TRACKER] = _motion(tracker)
