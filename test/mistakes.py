@@ -21,7 +21,7 @@ from delta_calibration.geometry import rotations
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot, robot_document
 from delta_calibration.samples import JointStream, Session, TrackerStream
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import Machine, draw_machine, simulate_session, standing
 
 ROBOTS = ("srbd", "linear_delta", "five_axis", "cdpr8", "scara", "ur10")
 BOTH = ("joint_command", "joint_states")
@@ -35,6 +35,7 @@ class Case:
     session: Session
     robot: Robot
     document: dict
+    machine: Machine
 
     @property
     def slides(self) -> bool:
@@ -78,7 +79,7 @@ def clean_case(name: str, seed: int, turns: bool = False, effects=(), plan="iden
         robot = replace(robot, tracker=replace(robot.tracker, measures="pose", turn=_TURN))
     machine = draw_machine(robot, seed, hidden=effects)
     session = simulate_session(machine, make_plan(plan, robot, seed=seed), seed)
-    return Case(session, robot, document)
+    return Case(session, robot, document, machine)
 
 
 def has_turns(name: str) -> bool:
@@ -418,23 +419,14 @@ def reflector(case, size):
     """Another reflector on the platform, 12.7 or 50 mm from the first."""
     late, when = behind(case.session, (0.5, 0.35)[size])
     shift = np.array([(0.0127, 0.0, 0.0), (-0.02, 0.04, 0.02)][size])
-    session, robot = case.session, case.robot
+    session, machine = case.session, case.machine
     time, own = session.tracker.stamp_ns * 1e-9, session.states.stamp_ns * 1e-9
     q = np.column_stack([np.interp(time, own, c) for c in session.states.position.T])
-    model = robot.detailed
-    pose = model.forward(q, model.parameters.nominal)
-    rigid = _frame_of(
-        model.position(pose) + model.rotation(pose) @ robot.tracker.reflector_offset,
-        session.tracker.position,
-    )
-    moved = (rigid @ model.rotation(pose)) @ shift
+    turned = machine.chain.mechanism.rotation(machine.chain.pose(standing(q), machine.theta))
+    rigid = machine.chain.split(machine.theta)[2].rotation
+    moved = (rigid @ turned) @ shift
     made = points(session, lambda p: p + late * moved)
     return Made(made, "reflector_changed", ("tracker",), None, when, within=0.03)
-
-
-def _frame_of(base, point):
-    s, t = base - base.mean(axis=0), point - point.mean(axis=0)
-    return Rotation.align_vectors(t, s)[0].as_matrix()
 
 
 # Loggers.

@@ -43,7 +43,7 @@ _MOST_POSES = 800  # that are fitted; of more, so many evenly over the session
 _LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
 _LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
 _TURNED = 6.0  # standard errors from which a move is also a turn
-_LEAST_TURN = 2e-5  # [rad]
+_TILT = 2e-3  # [rad] to which a platform's tilt is known, by points alone
 _APART = 1.5  # times more is left by what is not true
 _OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # of chi square; [rad of a Delta]
 _REFINED = 4.0  # of chi square, by which an offset that the drawing told is fitted anew
@@ -373,12 +373,15 @@ def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Arra
         session, robot, at, found.shift, found.frame, found.geometry
     )
     turn = float(np.linalg.norm(rotations.log(found.moved.rotation)))
-    turned = turn > max(_TURNED * found.turn_std, _LEAST_TURN)
+    spread = float(np.sqrt(np.var(poses.point, axis=0).sum()))
+    tilted = _TILT * float(np.linalg.norm(found.shift))
+    turned = turn > max(_TURNED * found.turn_std, tilted / spread)
     apart = found.reflector_left / found.tracker_left
     best, other, least = tracker, reflector, found.tracker_left
     if apart < 1 / _APART:
         best, other, least = reflector, tracker, found.reflector_left
-    unsure = 1 / _APART <= apart <= _APART and not turned
+    worst = max(found.reflector_left, found.tracker_left)
+    unsure = not turned and (1 / _APART <= apart <= _APART or worst <= tilted)
     evidence = (
         f"from {moves.since(session, at):.1f} s on, {best.part}: a fit of the whole machine then "
         f"leaves {1e3 * least:.3g} mm typically"

@@ -38,6 +38,7 @@ _LATEST = 60.0  # [s] by which clocks that overlap are sought to differ
 _WINDOW = 25.0  # [s] over which a clock's drift does not matter
 _WINDOWS = 16, 4  # most and fewest
 _RATES = tuple(k * 4e-3 for n in range(1, 9) for k in (n, -n))
+_FASTEST = 0.05  # [s/s] of any clock
 _SHORTEST = 4.0  # [s] of a window
 _AGREE = 0.12  # [s] of windows about their line
 _MOST = 0.6  # share of the windows that must
@@ -436,7 +437,7 @@ def _line(at: Array, lag: Array) -> Line | None:
     rows = np.triu_indices(len(at), 1)
     slopes = (lag[:, None] - lag)[rows] / apart[rows]
     best = (-1, 0.0, 0.0)
-    for rate in (0.0, float(np.median(slopes)), *slopes):
+    for rate in (0.0, float(np.median(slopes)), *slopes[np.abs(slopes) < _FASTEST]):
         offset = float(np.median(lag - rate * at))
         count = int((np.abs(lag - offset - rate * at) < _AGREE).sum())
         if count > best[0]:
@@ -445,6 +446,8 @@ def _line(at: Array, lag: Array) -> Line | None:
         return None
     good = np.abs(lag - best[1] - best[2] * at) < _AGREE
     rate, offset = np.polyfit(at[good], lag[good], 1)
+    if abs(rate) >= _FASTEST:
+        return None
     left = lag[good] - offset - rate * at[good]
     return float(offset), float(rate), float(np.std(left) / np.sqrt(good.sum()))
 
