@@ -1,6 +1,7 @@
 """A doctor for sessions: mistakes of units, wiring, clocks and frames, found and mended."""
 
 from delta_calibration.doctor.change import Mistake
-from delta_calibration.doctor.check import Checked, check, examine, require_sound
+from delta_calibration.doctor.check import check, examine, require_sound
+from delta_calibration.doctor.checked import Checked
 
 __all__ = ["Checked", "Mistake", "check", "examine", "require_sound"]

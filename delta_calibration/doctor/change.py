@@ -80,6 +80,15 @@ class Change:
         )
 
 
+@dataclass(frozen=True)
+class Answer:
+    """Mistakes that explain a session, taken together, and others that explain it as well."""
+
+    changes: tuple[Change, ...]
+    evidence: str
+    others: tuple[Change, ...] = ()
+
+
 def as_it_is(session: Session) -> Session:
     """Leave a session unchanged."""
     return session

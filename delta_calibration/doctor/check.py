@@ -2,82 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.doctor import clocks, hypotheses, moves, steps
+from delta_calibration.doctor import clocks, hypotheses, loggers
 from delta_calibration.doctor.change import (
-    ALTERNATIVE,
     ROBOT_FILE,
     Change,
-    Mistake,
     as_it_is,
     in_order,
     joint_streams,
     joints_of,
 )
+from delta_calibration.doctor.checked import Checked
 from delta_calibration.doctor.placing import joints_and_points
 from delta_calibration.doctor.robot_file import edited_files, robots_that_come
 from delta_calibration.doctor.stops import LEAST, stops_of
 from delta_calibration.doctor.trial import (
     EXPLAINED,
     UNEXPLAINED,
-    Answer,
     Trial,
-    turn_answer,
 )
+from delta_calibration.doctor.turns import turn_answer
+from delta_calibration.doctor.whole import answered_in_full, fitted
 from delta_calibration.doctor.wiring import wiring
 from delta_calibration.documents import Document
-from delta_calibration.errors import CalibrationError, ConfigError, MistakeError
-from delta_calibration.geometry import Frame, rotations
+from delta_calibration.errors import ConfigError, MistakeError
 from delta_calibration.robot import Robot, robot_document, robot_from
-from delta_calibration.samples import Poses, Session, collect
+from delta_calibration.samples import Session
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
-_MOST_POSES = 800  # that are fitted; of more, so many evenly over the session
-_LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
-_LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
-_TURNED = 6.0  # standard errors from which a move is also a turn
-_TILT = 2e-3  # [rad] to which a platform's tilt is known, by points alone
-_APART = 1.5  # times more is left by what is not true
-_OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # of chi square; [rad of a Delta]
-_REFINED = 4.0  # of chi square, by which an offset that the drawing told is fitted anew
-
-
-@dataclass(frozen=True)
-class Checked:
-    """What a session was found to be.
-
-    `session` and `robot` are without the mistakes, as far as they could be undone, and `document`
-    is the robot's file, where that is what had to be edited; `resolved` is False where something
-    is wrong that no hypothesis explains.
-    """
-
-    found: tuple[Mistake, ...]
-    session: Session
-    robot: Robot
-    resolved: bool = True
-    notes: tuple[str, ...] = ()
-    document: Document | None = None
-
-    def with_(self, change: Change, evidence: str) -> Checked:
-        """With a mistake more, undone."""
-        return replace(
-            self,
-            found=(*self.found, *change.found(evidence)),
-            session=change.undo(self.session),
-            robot=change.robot or self.robot,
-            document=change.document or self.document,
-        )
-
-    def as_dict(self) -> dict[str, object]:
-        """As `check.json` has it."""
-        return {"schema": 1, "found": [dict(vars(mistake)) for mistake in self.found]}
 
 
 def check(
@@ -105,7 +64,7 @@ def check(
     if not checked.resolved:
         return checked
     checked = _turned(_within_limits(checked))
-    return _fitted(checked)
+    return fitted(checked)
 
 
 def require_sound(session: Session, robot: Robot) -> None:
@@ -194,12 +153,12 @@ def _fits(checked: Checked, robot: Robot) -> bool:
 
 def _in_time(checked: Checked) -> Checked:
     """Values held by a logger, streams exchanged, clocks."""
-    change = clocks.exchanged(checked.session)
+    change = loggers.exchanged(checked.session)
     if change is not None:
         checked = checked.with_(
             change, "the command has an encoder's noise at rest, and the state has none"
         )
-    session, found = clocks.held(checked.session)
+    session, found = loggers.held(checked.session)
     checked = replace(checked, session=session, found=(*checked.found, *found))
     session, found = clocks.clocks(checked.session)
     return replace(checked, session=session, found=(*checked.found, *found))
@@ -218,7 +177,7 @@ def _placed(checked: Checked, document: Document | None, source: str) -> Checked
         answer = trial.answer()
         if answer is None:
             break
-        now = _answered_in_full(now, answer)
+        now = answered_in_full(now, answer)
         trial = _trial(now, document if now.robot is checked.robot else None, source)
     if trial.misfit <= EXPLAINED:
         return now
@@ -231,33 +190,6 @@ def _trial(checked: Checked, document: Document | None, source: str) -> Trial:
     stops = stops_of(session)
     assert stops is not None
     return Trial(session, checked.robot, stops, document, source)
-
-
-def _answered_in_full(checked: Checked, answer: Answer) -> Checked:
-    """With a move that the drawing told of fitted with the whole machine, where that can be."""
-    move = answer.changes[0]
-    if not isinstance(move, moves.Move):
-        return _answered(checked, answer)
-    robot = checked.robot
-    try:
-        poses = collect(checked.session, robot.joints.names, robot.commanded.joint_size)
-        first = int(np.searchsorted(poses.start_ns + 1e9 * poses.time, move.at))
-        if not steps.FEWEST // 4 <= first <= len(poses) - steps.FEWEST // 4:
-            return _answered(checked, answer)
-        return _moved(checked, poses, first, move.moved, move.shift)
-    except (CalibrationError, np.linalg.LinAlgError):
-        return _answered(checked, answer)
-
-
-def _answered(checked: Checked, answer: Answer) -> Checked:
-    for change in answer.changes:
-        checked = checked.with_(change, answer.evidence)
-    same = answer.changes[0]
-    for other in answer.others:
-        doubt = f"{ALTERNATIVE} {same.mistake} in {same.streams[0]}"
-        found = other.found(f"{doubt}, one of the two is true: {answer.evidence}")
-        checked = replace(checked, found=(*checked.found, *found))
-    return checked
 
 
 def _unresolved(checked: Checked, trial: Trial) -> Checked:
@@ -294,97 +226,4 @@ def _turned(checked: Checked) -> Checked:
     """Order and sense of the tracker's turns."""
     stops = stops_of(checked.session)
     answer = None if stops is None else turn_answer(stops, checked.robot)
-    return checked if answer is None else _answered(checked, answer)
-
-
-def _fitted(checked: Checked) -> Checked:
-    """What only a fit of the whole machine shows, in rounds."""
-    for _ in range(_ROUNDS):
-        try:
-            fitted = _fit(checked)
-            again = None if fitted is None else _offset(checked, fitted) or _step(checked, fitted)
-        except (CalibrationError, np.linalg.LinAlgError):
-            return checked  # a fit of this session says so itself
-        if again is None:
-            return checked
-        checked = again
-    return checked
-
-
-def _fit(checked: Checked) -> steps.Fitted | None:
-    robot = checked.robot
-    poses = collect(checked.session, robot.joints.names, robot.commanded.joint_size)
-    if len(poses) < steps.FEWEST:
-        return None
-    if len(poses) > _MOST_POSES:
-        poses = poses.take(np.linspace(0, len(poses) - 1, _MOST_POSES).astype(np.intp))
-    return steps.Fitted(poses, robot)
-
-
-def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
-    """An offset of a joint, on its own or left of one that the drawing has told."""
-    offset = fitted.offset()
-    robot, streams = checked.robot, joint_streams(checked.session)
-    name = robot.joints.names[offset.joint]
-    told = [m for m in checked.found if m.mistake == "joint_offset" and m.part == name]
-    clear = offset.gain > max(_OFFSET_GAIN, 2 * offset.second)
-    large = abs(offset.value) > _OFFSET_SIZE * robot.commanded.joint_size
-    if not ((clear and large) or (told and offset.gain > _REFINED)):
-        return None
-    whole = offset.value + (told[0].value or 0.0 if told else 0.0)
-    undone = hypotheses.offset_joint(robot, streams, offset.joint, offset.value)
-    said = hypotheses.offset_joint(robot, streams, offset.joint, whole)
-    evidence = (
-        told[0].evidence
-        if told
-        else (
-            f"a fit of the whole machine is better by {offset.gain:.0f} in chi square with it; "
-            f"with an offset of another joint by {offset.second:.0f} at most"
-        )
-    )
-    rest = tuple(m for m in checked.found if m not in told)
-    return replace(
-        checked, found=(*rest, *said.found(evidence)), session=undone.undo(checked.session)
-    )
-
-
-def _step(checked: Checked, fitted: steps.Fitted) -> Checked | None:
-    """A move of the tracker, or another reflector."""
-    step = fitted.step()
-    first, left, shift = fitted.reflector()
-    of_tracker = step.left <= left
-    size = step.size if of_tracker else float(np.linalg.norm(shift))
-    if size < _LEAST_MOVE or min(step.left, left) > _LEFT_OF_MOVE:
-        return None
-    if of_tracker:
-        return _moved(
-            checked, fitted.poses, step.first, step.moved, fitted.reflector(step.first)[2]
-        )
-    return _moved(checked, fitted.poses, first, fitted.step(first).moved, shift)
-
-
-def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Array) -> Checked:
-    """With a tracker moved or a reflector changed; both where the session does not tell."""
-    session, robot = checked.session, checked.robot
-    found = steps.fitted_moves(poses, robot, first, moved, shift)
-    at = poses.start_ns + round(0.5e9 * float(poses.time[first - 1] + poses.time[first]))
-    tracker = moves.tracker_moved(session, at, found.moved, poses.point[first:])
-    reflector = moves.reflector_changed(
-        session, robot, at, found.shift, found.frame, found.geometry
-    )
-    turn = float(np.linalg.norm(rotations.log(found.moved.rotation)))
-    spread = float(np.sqrt(np.var(poses.point, axis=0).sum()))
-    tilted = _TILT * float(np.linalg.norm(found.shift))
-    turned = turn > max(_TURNED * found.turn_std, tilted / spread)
-    apart = found.reflector_left / found.tracker_left
-    best, other, least = tracker, reflector, found.tracker_left
-    if apart < 1 / _APART:
-        best, other, least = reflector, tracker, found.reflector_left
-    worst = max(found.reflector_left, found.tracker_left)
-    unsure = not turned and (1 / _APART <= apart <= _APART or worst <= tilted)
-    evidence = (
-        f"from {moves.since(session, at):.1f} s on, {best.part}: a fit of the whole machine then "
-        f"leaves {1e3 * least:.3g} mm typically"
-    )
-    also = (other,) if unsure else ()
-    return _answered(checked, Answer((best,), evidence, also))
+    return checked if answer is None else checked.answered(answer)

@@ -1,0 +1,136 @@
+"""What only a fit of the whole machine shows: small moves and offsets, and moves in full."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.doctor import hypotheses, moves, steps
+from delta_calibration.doctor.change import Answer, joint_streams
+from delta_calibration.doctor.checked import Checked
+from delta_calibration.errors import CalibrationError
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.samples import Poses, collect
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 4
+_MOST_POSES = 800  # that are fitted; of more, so many evenly over the session
+_LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
+_LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
+_TURNED = 6.0  # standard errors from which a move is also a turn
+_TILT = 2e-3  # [rad] to which a platform's tilt is known, by points alone
+_APART = 1.5  # times more is left by what is not true
+_OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # of chi square; [rad of a Delta]
+_REFINED = 4.0  # of chi square, by which an offset that the drawing told is fitted anew
+
+
+def fitted(checked: Checked) -> Checked:
+    """What only a fit of the whole machine shows, in rounds."""
+    for _ in range(_ROUNDS):
+        try:
+            fitted = _fit(checked)
+            again = None if fitted is None else _offset(checked, fitted) or _step(checked, fitted)
+        except (CalibrationError, np.linalg.LinAlgError):
+            return checked  # a fit of this session says so itself
+        if again is None:
+            return checked
+        checked = again
+    return checked
+
+
+def _fit(checked: Checked) -> steps.Fitted | None:
+    robot = checked.robot
+    poses = collect(checked.session, robot.joints.names, robot.commanded.joint_size)
+    if len(poses) < steps.FEWEST:
+        return None
+    if len(poses) > _MOST_POSES:
+        poses = poses.take(np.linspace(0, len(poses) - 1, _MOST_POSES).astype(np.intp))
+    return steps.Fitted(poses, robot)
+
+
+def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
+    """An offset of a joint, on its own or left of one that the drawing has told."""
+    offset = fitted.offset()
+    robot, streams = checked.robot, joint_streams(checked.session)
+    name = robot.joints.names[offset.joint]
+    told = [m for m in checked.found if m.mistake == "joint_offset" and m.part == name]
+    clear = offset.gain > max(_OFFSET_GAIN, 2 * offset.second)
+    large = abs(offset.value) > _OFFSET_SIZE * robot.commanded.joint_size
+    if not ((clear and large) or (told and offset.gain > _REFINED)):
+        return None
+    whole = offset.value + (told[0].value or 0.0 if told else 0.0)
+    undone = hypotheses.offset_joint(robot, streams, offset.joint, offset.value)
+    said = hypotheses.offset_joint(robot, streams, offset.joint, whole)
+    evidence = (
+        told[0].evidence
+        if told
+        else (
+            f"a fit of the whole machine is better by {offset.gain:.0f} in chi square with it; "
+            f"with an offset of another joint by {offset.second:.0f} at most"
+        )
+    )
+    rest = tuple(m for m in checked.found if m not in told)
+    return replace(
+        checked, found=(*rest, *said.found(evidence)), session=undone.undo(checked.session)
+    )
+
+
+def _step(checked: Checked, fitted: steps.Fitted) -> Checked | None:
+    """A move of the tracker, or another reflector."""
+    step = fitted.step()
+    first, left, shift = fitted.reflector()
+    of_tracker = step.left <= left
+    size = step.size if of_tracker else float(np.linalg.norm(shift))
+    if size < _LEAST_MOVE or min(step.left, left) > _LEFT_OF_MOVE:
+        return None
+    if of_tracker:
+        return _moved(
+            checked, fitted.poses, step.first, step.moved, fitted.reflector(step.first)[2]
+        )
+    return _moved(checked, fitted.poses, first, fitted.step(first).moved, shift)
+
+
+def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Array) -> Checked:
+    """With a tracker moved or a reflector changed; both where the session does not tell."""
+    session, robot = checked.session, checked.robot
+    found = steps.fitted_moves(poses, robot, first, moved, shift)
+    at = poses.start_ns + round(0.5e9 * float(poses.time[first - 1] + poses.time[first]))
+    tracker = moves.tracker_moved(session, at, found.moved, poses.point[first:])
+    reflector = moves.reflector_changed(
+        session, robot, at, found.shift, found.frame, found.geometry
+    )
+    turn = float(np.linalg.norm(rotations.log(found.moved.rotation)))
+    spread = float(np.sqrt(np.var(poses.point, axis=0).sum()))
+    tilted = _TILT * float(np.linalg.norm(found.shift))
+    turned = turn > max(_TURNED * found.turn_std, tilted / spread)
+    apart = found.reflector_left / found.tracker_left
+    best, other, least = tracker, reflector, found.tracker_left
+    if apart < 1 / _APART:
+        best, other, least = reflector, tracker, found.reflector_left
+    worst = max(found.reflector_left, found.tracker_left)
+    unsure = not turned and (1 / _APART <= apart <= _APART or worst <= tilted)
+    evidence = (
+        f"from {moves.since(session, at):.1f} s on, {best.part}: a fit of the whole machine then "
+        f"leaves {1e3 * least:.3g} mm typically"
+    )
+    also = (other,) if unsure else ()
+    return checked.answered(Answer((best,), evidence, also))
+
+
+def answered_in_full(checked: Checked, answer: Answer) -> Checked:
+    """With a move that the drawing told of fitted with the whole machine, where that can be."""
+    move = answer.changes[0]
+    if not isinstance(move, moves.Move):
+        return checked.answered(answer)
+    robot = checked.robot
+    try:
+        poses = collect(checked.session, robot.joints.names, robot.commanded.joint_size)
+        first = int(np.searchsorted(poses.start_ns + 1e9 * poses.time, move.at))
+        if not steps.FEWEST // 4 <= first <= len(poses) - steps.FEWEST // 4:
+            return checked.answered(answer)
+        return _moved(checked, poses, first, move.moved, move.shift)
+    except (CalibrationError, np.linalg.LinAlgError):
+        return checked.answered(answer)
