@@ -218,7 +218,7 @@ def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
     if width * _BIN < _SHORTEST:
         return None
     for line in _lines(reference, other, shift, width):
-        clock = _clock(reference, other, shift, width, line)
+        clock = _clock(reference, other, width, line)
         if clock is not None and clock.likeness >= _SURE:
             return clock
     return None
@@ -238,25 +238,30 @@ def _lines(reference: Motion, other: Motion, shift: float, width: int) -> Iterat
         yield line
 
 
-def _clock(
-    reference: Motion, other: Motion, shift: float, width: int, guess: Line
-) -> Clock | None:
+def _clock(reference: Motion, other: Motion, width: int, guess: Line) -> Clock | None:
     """The clock near a guess."""
-    line: Line | None = guess
+    line = guess
     for _ in range(2):
-        if line is None:
+        # put right by the guess, so that a clock that runs apart does not smear its windows
+        put = _warped(other, line[0], line[1], reference.start)
+        at, lag = _windows(reference, put, put.start - reference.start, width, (0.0,) * 3, 1.0)
+        more = _line(at, lag)
+        if more is None:
             return None
-        at, lag = _windows(reference, other, shift, width, line, 1.0)
-        line = _line(at, lag)
-    if line is None:
-        return None
+        line = _after(line, more)
     offset, rate, spread = line
     duration = len(reference.speed) * _BIN
     if abs(rate) * duration < _DRIFTED:
-        offset, rate = float(np.median(lag)), 0.0
+        offset, rate = offset + 0.5 * rate * duration, 0.0
     before = _likeness(reference, other)
-    put = _likeness(reference, _warped(other, offset, rate, reference.start))
-    return Clock(offset, rate, reference.start, duration, put, before, spread)
+    after = _likeness(reference, _warped(other, offset, rate, reference.start))
+    return Clock(offset, rate, reference.start, duration, after, before, spread)
+
+
+def _after(first: Line, second: Line) -> Line:
+    """A clock, and one that is left when it is put right."""
+    offset = first[0] + (1 + first[1]) * second[0]
+    return offset, (1 + first[1]) * (1 + second[1]) - 1, second[2]
 
 
 def _fast(reference: Motion, other: Motion, width: int) -> Line | None:
@@ -270,8 +275,7 @@ def _fast(reference: Motion, other: Motion, width: int) -> Line | None:
         if line is not None:
             agree = int((np.abs(lag - line[0] - line[1] * at) < _AGREE).sum())
             if best is None or agree > best[0]:
-                more = (1 + rate) * (1 + line[1]) - 1
-                best = agree, ((1 + rate) * line[0], more, line[2])
+                best = agree, _after((0.0, rate, 0.0), line)
     return None if best is None else best[1]
 
 
