@@ -72,3 +72,17 @@ def test_after_lost_time_the_output_goes_no_faster_than_the_joints_may() -> None
     np.testing.assert_allclose(way[0], Q)
     assert np.abs(np.diff(way, axis=0)).max() == pytest.approx(2e-3)
     np.testing.assert_allclose(way[60], Q + 0.1)
+
+
+def test_on_a_busy_machine_what_is_late_has_waited_though_it_comes_slowly() -> None:
+    """A second of commands, taken 0.8 ms apart: the last three periods' go out at most."""
+    backlog, last = flowing()
+    sent: list[int] = []
+    now_s = last * 1e-3 + 1.0
+    k = last
+    while (k + 1) * 1e-3 <= now_s:
+        k += 1
+        sent += backlog.take(k, k * MS, now_s)
+        now_s += 0.8e-3
+    assert all(now_s - 5e-3 < each * 1e-3 for each in sent)
+    assert backlog.superseded > 900
