@@ -6,7 +6,11 @@ neighbours in place, joint angles, time or direction, or along a motion, err ali
     I = sum_ij w_ij r_i . r_j / sum_i r_i . r_i        w: the nearest neighbours of each
 
 Both are compared with draws of chance that went through the same fit, which leaves its own traces
-in residuals.
+in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
+of m = 0.3 times the noise. It raises chi square by m^2 of itself, and I by m^2 / (1 + m^2) at most.
+
+Poses that were set aside as gross errors have nothing to do with one another if they are: each
+misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
 """
 
 from __future__ import annotations
@@ -19,6 +23,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2, pearson3, skew
 
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
+from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -29,7 +35,11 @@ _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
-MOTION, LACK_OF_FIT = "moran_motion", "lack_of_fit"
+_SLIGHT = 0.3  # of the noise, that structure must exceed to matter
+_RAISED = _SLIGHT**2  # of chi square
+_LIKER = _SLIGHT**2 / (1 + _SLIGHT**2)  # by which it raises the likeness of neighbours at most
+_FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike
+_TURNS = 2000  # draws of their directions
 
 
 @dataclass(frozen=True)
@@ -58,7 +68,8 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
-    p = {LACK_OF_FIT: float(chi2.sf(square * degrees / squares.mean(), degrees))}
+    usual = (1 + _RAISED) * squares.mean()
+    p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
         p[f"moran_{name}"] = _alike(left, chance, near)
     moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
@@ -78,9 +89,34 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     )
 
 
+def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> float | None:
+    """p of poses set aside that miss as their neighbours do; None where they are too few.
+
+    Args:
+        missed: measured less predicted by the fit that set them aside, (k, 3) [m].
+        at: their conditions; neighbours are those by joint angles.
+        rng: of the draws.
+    """
+    near = _nearest(at.joint, at.time) if len(missed) >= _FEWEST_ASIDE else None
+    if near is None or not near[1].any():
+        return None
+    turned = rng.standard_normal((*missed.shape, _TURNS))
+    return _beyond(_directions(missed[:, :, None]), _directions(turned), near, 0.0)
+
+
+def _directions(missed: Array) -> Array:
+    """Unit vectors of (k, 3, draws): one reading of another reflector must not decide alone."""
+    return np.asarray(missed / np.linalg.norm(missed, axis=1, keepdims=True))
+
+
 def _alike(left: Array, chance: Array, near: Near) -> float:
     """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws)."""
-    own, drawn = _moran(left[:, :, None], near)[0], _moran(chance, near)
+    return _beyond(left[:, :, None], chance, near, _LIKER)
+
+
+def _beyond(left: Array, chance: Array, near: Near, allowed: float) -> float:
+    """p of neighbours' likeness that exceeds chance's by more than what is allowed."""
+    own, drawn = _moran(left, near)[0] - allowed, _moran(chance, near)
     if drawn.std() == 0:
         return 1.0
     return float(pearson3.sf((own - drawn.mean()) / drawn.std(), skew(drawn)))  # not normal: skew

@@ -16,9 +16,10 @@ import numpy as np
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
 from delta_calibration.diagnosis.confirm import HeldOut, held_out
+from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
-from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
 from delta_calibration.diagnosis.model import Model, solved
 from delta_calibration.diagnosis.observed import Observed
@@ -93,10 +94,11 @@ def diagnose(
     against = None
     if calibration is not None:
         model = calibration.chain.mechanism.name
-        name = f"calibration of {Path(calibration.source).name} + frame"
-        against = name, partial(_in_force, calibration)
     with one_thread():  # the search has threads of its own (`search.py`)
         start = calibrated(survey, robot, model)
+        if calibration is not None:
+            name = f"calibration of {Path(calibration.source).name} + frame"
+            against = name, partial(_in_force, calibration, start)
         if effects is None:
             effects = catalogue(robot, start.problem.chain.mechanism)
         found = judged(start, effects, rng, against, step)
@@ -161,12 +163,20 @@ def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
     return solved(survey, robot, noise, problem)
 
 
-def _in_force(calibration: Calibration, held: HeldOutModels) -> HeldOut:
-    """What the calibration in force foretells, in the best frame."""
-    evidence, items = held.evidence, calibration.chain.mechanism.parameters
-    known = evidence.geometry @ ((calibration.geometry - items.nominal) / items.prior)
+def _in_force(calibration: Calibration, start: Model, held: HeldOutModels) -> HeldOut:
+    """What the calibration in force foretells, placed where it fits best."""
+    placed = start.registered(calibration.geometry)
+    fits, shown = (
+        _less_effects(as_known(of), calibration) for of in (placed, placed.everything())
+    )
+    return held_out(fits, held.sectors, shown)
+
+
+def _less_effects(evidence: Evidence, calibration: Calibration) -> Evidence:
+    """The evidence less what the effects of a calibration say of it."""
+    known = np.zeros(evidence.size)
     values = calibration.chain.effect_values(calibration.theta)
     for effect, value in zip(calibration.chain.effects, values, strict=True):
         known = known + evidence.columns(effect) @ (value / effect.parameters.prior)
-    fixed = replace(evidence, residual=evidence.residual - known.reshape(evidence.residual.shape))
-    return held_out(without_geometry(fixed), held.sectors)
+    left = evidence.residual - known.reshape(evidence.residual.shape)
+    return replace(evidence, residual=left)

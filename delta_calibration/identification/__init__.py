@@ -6,6 +6,7 @@ from delta_calibration.identification.alternating import (
     in_turn,
     together,
 )
+from delta_calibration.identification.baseline import placing, registered
 from delta_calibration.identification.doubt import DIAGNOSIS, doubt
 from delta_calibration.identification.encoder_closures import EncoderClosure
 from delta_calibration.identification.error_model import box_of, error_model

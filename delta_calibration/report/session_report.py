@@ -8,7 +8,7 @@ import numpy as np
 
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.diagnosis.diagnose import Diagnosis
-from delta_calibration.diagnosis.scan import ALPHA
+from delta_calibration.diagnosis.statement import MAP
 from delta_calibration.diagnosis.verdict import Finding, Verdict
 from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report, Section, Table
@@ -151,13 +151,7 @@ def _finding(finding: Finding) -> tuple[str, ...]:
 
 def _tests(verdict: Verdict) -> Table:
     unknown = verdict.unknown_structure
-    told = "No structure is left that chance would not leave."
-    least = min((p for p in unknown.tests.values() if p is not None), default=1.0)
-    if least * len(unknown.tests) <= ALPHA:
-        told = (
-            "Chance would not leave as much likeness, but what is left is too small beside the "
-            "noise to matter."
-        )
+    told = "Nothing is left that chance would not leave, beside what is too small to matter."
     if unknown.found:
         told = capital(f"{structure(unknown)}.")
     rows = tuple((_test(name), chance(p)) for name, p in unknown.tests.items())
@@ -165,12 +159,16 @@ def _tests(verdict: Verdict) -> Table:
 
 
 def _test(name: str) -> str:
+    if name == MAP:
+        return "a smooth map explains as much"
     kind, _, over = name.partition("moran_")
     return f"likeness of neighbours in {spoken(over)} (Moran's I)" if over else spoken(kind)
 
 
 def _set_aside(verdict: Verdict) -> tuple[str, ...]:
-    return (f"Readings set aside: {verdict.session.set_aside() or 'none'}.",)
+    told = f"Readings set aside: {verdict.session.set_aside() or 'none'}."
+    whole = verdict.with_set_aside()
+    return (told, f"{capital(whole)}.") if whole else (told,)
 
 
 def _workspace(judged: Judged) -> Section:
