@@ -7,7 +7,7 @@ neighbours in place, joint angles, time or direction, or along a motion, err ali
 
 Both are compared with draws of chance that went through the same fit, which leaves its own traces
 in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
-of m = 0.3 times the noise. It raises chi square by m^2 of itself, and I by m^2 / (1 + m^2) at most.
+of m = 0.15 times the noise. It raises chi square by m^2 of itself, and I by m^2 / (1 + m^2) at most.
 
 Poses that were set aside as gross errors have nothing to do with one another if they are: each
 misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
@@ -35,7 +35,7 @@ _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
-_SLIGHT = 0.3  # of the noise, that structure must exceed to matter
+_SLIGHT = 0.15  # of the noise, that structure must exceed to matter
 _RAISED = _SLIGHT**2  # of chi square
 _LIKER = _SLIGHT**2 / (1 + _SLIGHT**2)  # by which it raises the likeness of neighbours at most
 _FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike

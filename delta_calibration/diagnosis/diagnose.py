@@ -15,6 +15,7 @@ import numpy as np
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
+from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.confirm import HeldOut, held_out
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.extension import extended
@@ -31,7 +32,7 @@ from delta_calibration.identification import (
     Identification,
     Measured,
     chain_of,
-    doubt,
+    doubts,
     prepare,
     require_this_robot,
 )
@@ -40,8 +41,10 @@ from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey, require_poses
 from delta_calibration.threads import one_thread
+from delta_calibration.wording import listed, spoken
 
 _FEWEST = 12  # different places
+_REFUSED = "{} is not in the extended calibration: with it held-out poses are predicted worse"
 _POSITIONS_ONLY = "the probe's turns take part in a fit only: a diagnosis goes by its positions"
 
 
@@ -55,6 +58,8 @@ class Diagnosis:
     audit: Audit
     held: HeldOutModels  # the errors that the verdict tells, pose by pose
     before: HeldOut  # those of the baseline
+    after: HeldOut  # those of the extended model
+    refused: tuple[Candidate, ...]  # found, but it makes predictions worse: not shipped
     identification: Identification  # the same model as a fit has it, effects in its chain
 
     @property
@@ -62,7 +67,17 @@ class Diagnosis:
         """What to know before it is relied on, a sentence each; none where all is well."""
         poses, robot = self.model.survey.poses, self.model.cell.robot
         turns = turns_of(poses, robot, self.model.bare) is not None
-        return tuple(filter(None, (doubt(self.identification), turns * _POSITIONS_ONLY)))
+        refused = listed(spoken(member.label) for member in self.refused)
+        return tuple(
+            filter(
+                None,
+                (
+                    *doubts(self.identification),
+                    _REFUSED.format(refused) if refused else "",
+                    turns * _POSITIONS_ONLY,
+                ),
+            )
+        )
 
 
 def diagnose(
@@ -105,7 +120,15 @@ def diagnose(
         assert isinstance(found.model, Model)  # it was fitted as it began
         whole = extended(found.model, seed)
     return Diagnosis(
-        found.verdict, found.model, found.found, found.audit, found.held, found.before, whole
+        verdict=found.verdict,
+        model=found.model,
+        found=found.found,
+        audit=found.audit,
+        held=found.held,
+        before=found.before,
+        after=found.after,
+        refused=found.refused,
+        identification=whole,
     )
 
 

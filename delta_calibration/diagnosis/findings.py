@@ -118,7 +118,7 @@ class HeldOutModels:
         parts = [part]
         if not member.unexplained and learnable(evidence, columns, self.stretches):
             parts.append(self.stretches)
-        if member.unexplained and not self.foretells(rest, model.members):
+        if member.unexplained and not self.foretells(rest, model.members, self._where(columns)):
             return None
         if any(foretold(evidence, columns, bounds, each) < _FORETOLD for each in parts):
             return None
@@ -127,9 +127,21 @@ class HeldOutModels:
         good = held.low >= _WORTH if member.unexplained else held.share > 0.0
         return held if good else None
 
-    def foretells(self, fewer: tuple[Candidate, ...], members: tuple[Candidate, ...]) -> bool:
-        """Whether poses in sectors held out are predicted no worse by the larger of two models."""
-        without, with_ = (self.members(of, self.sectors).rms(self.poses) for of in (fewer, members))
+    def foretells(
+        self,
+        fewer: tuple[Candidate, ...],
+        members: tuple[Candidate, ...],
+        rows: NDArray[np.bool_] | None = None,
+    ) -> bool:
+        """Whether the larger of two models predicts sectors held out no worse than the other.
+
+        Args:
+            fewer: members of the smaller one.
+            members: of the larger one.
+            rows: samples that are asked of, (n,); the poses where not given.
+        """
+        rows = self.poses if rows is None else rows
+        without, with_ = (self.members(of, self.sectors).rms(rows) for of in (fewer, members))
         return with_ <= without
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:

@@ -131,6 +131,12 @@ class Fitted(ABC):
         """The same with other values, (P,)."""
         return cast(Fitted, replace(cast(Any, self), theta=theta))
 
+    def resting_as(self, other: Fitted) -> Fitted:
+        """Itself with geometry, reflector and frame of another fit."""
+        theta, base = self.theta.copy(), self.layout.base
+        theta[base] = other.theta[base]
+        return self.at(theta)
+
     @property
     def unplaced(self) -> Index:
         """Entries of the nuisance that are errors of the machine, not how it is placed."""

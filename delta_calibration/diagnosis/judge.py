@@ -66,6 +66,8 @@ class Judgement:
     audit: Audit
     held: HeldOutModels  # the errors that the verdict tells, pose by pose
     before: HeldOut  # those of the baseline
+    after: HeldOut  # those of the extended model
+    refused: tuple[Candidate, ...] = ()  # found, but it makes predictions worse: not shipped
 
 
 def judged(
@@ -99,8 +101,8 @@ def judged(
     left = _audited(found.model, rng)
     doubtful = not findings or any(_in_doubt(f, found.last) for f in findings)
     unknown = _unknown(found, sought.model, left, aside, doubtful)
-    if not held.foretells((), members):  # what predicts worse is not shipped, whatever it is called
-        found, members = replace(found, model=start), ()
+    found, after, refused = _shipped(found, held, said, start)
+    members = found.model.members
     if unknown.found and not members:  # readings in motion would bend what rests on the poses
         found = replace(found, model=start)
     bent = unknown.found or found.last.nameless
@@ -108,18 +110,34 @@ def judged(
     findings.sort(key=lambda finding: -finding.signal)
     name, compared = _drawing(start) if baseline is None else baseline
     against = compared(held)
-    plain, full = (held.members(of, held.sectors) for of in ((), members))
     verdict = Verdict(
         session=found.model.facts,
         noise_mm=MM * found.model.floor,
         baseline=held.told(name, against),
-        calibrated=held.told(_name((), start.placed), plain),
-        extended=held.told(_name(members, start.placed), full),
+        calibrated=held.told(_name((), start.placed), held.members((), held.sectors)),
+        extended=held.told(_name(members, start.placed), after),
         findings=tuple(findings),
         unknown_structure=unknown,
         cannot_tell=unseen(found.model.evidence, members, effects, findings, unknown),
     )
-    return Judgement(verdict, found.model, found, left, held, against)
+    return Judgement(verdict, found.model, found, left, held, against, after, refused)
+
+
+def _shipped(
+    found: Found, held: HeldOutModels, said: Mapping[Candidate, Finding], start: Fitted
+) -> tuple[Found, HeldOut, tuple[Candidate, ...]]:
+    """What the calibration is extended to, its held-out errors, and what it was refused.
+
+    A model that predicts held-out poses worse than the calibrated one is not shipped, whatever its
+    members are called. One whose members show in motion only has no business at rest: there it
+    stays as calibrated.
+    """
+    members, plain = found.model.members, held.members((), held.sectors)
+    if held.foretells((), members):
+        return found, held.members(members, held.sectors), ()
+    if all(said[member].in_motion for member in members):
+        return replace(found, model=found.model.resting_as(start)), plain, ()
+    return replace(found, model=start), plain, members
 
 
 def _borne_out(
