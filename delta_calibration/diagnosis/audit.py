@@ -7,7 +7,9 @@ neighbours in place, joint angles, time or direction, or along a motion, err ali
 
 Both are compared with draws of chance that went through the same fit, which leaves its own traces
 in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
-of m = 0.15 times the noise. It raises chi square by m^2 of itself, and I by m^2 / (1 + m^2) at most.
+of m = 0.1 times the noise. It raises chi square c by m^2 E c, and I by m^2 E c / c at most, with E c
+what chance makes of c: where residuals are far below a noise that was stated too large, no likeness
+among them matters.
 
 Poses that were set aside as gross errors have nothing to do with one another if they are: each
 misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
@@ -35,9 +37,8 @@ _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
-_SLIGHT = 0.15  # of the noise, that structure must exceed to matter
+_SLIGHT = 0.1  # of the noise, that structure must exceed to matter
 _RAISED = _SLIGHT**2  # of chi square
-_LIKER = _SLIGHT**2 / (1 + _SLIGHT**2)  # by which it raises the likeness of neighbours at most
 _FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike
 _TURNS = 2000  # draws of their directions
 
@@ -111,7 +112,9 @@ def _directions(missed: Array) -> Array:
 
 def _alike(left: Array, chance: Array, near: Near) -> float:
     """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws)."""
-    return _beyond(left[:, :, None], chance, near, _LIKER)
+    usual = float(np.mean(np.sum(chance**2, axis=(0, 1))))
+    allowed = _RAISED * usual / max(float(np.sum(left**2)), 1e-300)
+    return _beyond(left[:, :, None], chance, near, allowed)
 
 
 def _beyond(left: Array, chance: Array, near: Near, allowed: float) -> float:

@@ -12,7 +12,12 @@ from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment, visibility
 from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.geometry import offset_rows, without, without_geometry
-from delta_calibration.diagnosis.verdict import CannotTell, Finding, UnknownStructure
+from delta_calibration.diagnosis.verdict import (
+    NOTHING_LEFT,
+    CannotTell,
+    Finding,
+    UnknownStructure,
+)
 from delta_calibration.effects import Effect, Stage
 
 Array = NDArray[np.float64]
@@ -26,7 +31,7 @@ def unseen(
     members: tuple[Candidate, ...],
     effects: Sequence[Effect],
     findings: Sequence[Finding],
-    unknown: UnknownStructure,
+    unknown: UnknownStructure = NOTHING_LEFT,
 ) -> tuple[CannotTell, ...]:
     """Classes among the findings, and effects that this session would not show.
 

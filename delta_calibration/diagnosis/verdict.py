@@ -142,6 +142,9 @@ class UnknownStructure:
         return spoken(self.moves_with or "nothing that was recorded")
 
 
+NOTHING_LEFT = UnknownStructure(False, None, None, None, {})
+
+
 @dataclass(frozen=True)
 class CannotTell:
     """Causes that this session cannot part or see, and what would."""

@@ -78,6 +78,7 @@ _SIGNALS = {  # what a map moves with
 }
 _SCALES = {TIME: (0.0, 1 / HOUR), TEMPERATURE: (REFERENCE, 0.1)}  # offset and scale
 _ALONG = 12  # bumps along a joint's angle
+_DIGITS = 1e6  # of places, in a file
 _FADING = 0.05  # of a joint's range, over which a map fades beyond it
 _LEAST = 1e-3  # [rad of a Delta] the same of a joint that stood still
 
@@ -140,8 +141,8 @@ class Unexplained(Effect):
             family,
             size * own,
             joint_size=own,
-            lower=_told(seen.min(axis=0)),
-            upper=_told(seen.max(axis=0)),
+            lower=_told(np.floor(seen.min(axis=0) * _DIGITS) / _DIGITS),
+            upper=_told(np.ceil(seen.max(axis=0) * _DIGITS) / _DIGITS),
         )
         if family == JOINT:
             low, high = joint.min(axis=0), joint.max(axis=0)
