@@ -1,8 +1,8 @@
 """Poses that no model follows and that were set aside: whether they are outliers at all.
 
-A reading of another reflector, or of one that was touched, is a gross error, and has nothing to do
-with others. An edge of the workspace where all poses are off alike is no outlier but something that
-the machine does there, and the fit has set aside what it could not follow.
+A reading of another reflector, or of one that was touched, is a gross error, and has nothing to
+do with others. An edge of the workspace where all poses are off alike is no outlier but something
+that the machine does there, and the fit has set aside what it could not follow.
 """
 
 from __future__ import annotations

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.actions import action_of
+from delta_calibration.diagnosis.aside import set_aside
 from delta_calibration.diagnosis.candidates import (
     Candidate,
     bounds_of,
     columns_of,
     shape_columns,
 )
-from delta_calibration.diagnosis.aside import set_aside
 from delta_calibration.diagnosis.confirm import (
     Gain,
     HeldOut,

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.aside import Aside
 from delta_calibration.diagnosis.audit import Audit, audit
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
-from delta_calibration.diagnosis.confirm import HeldOut, held_out
+from delta_calibration.diagnosis.confirm import HeldOut
 from delta_calibration.diagnosis.findings import (
     MM,
     HeldOutModels,
@@ -24,7 +25,6 @@ from delta_calibration.diagnosis.findings import (
     of_member,
     of_reflector,
 )
-from delta_calibration.diagnosis.aside import Aside
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.scan import Scan, scanned
@@ -43,7 +43,6 @@ from delta_calibration.diagnosis.trust import signal_of, untrusted
 from delta_calibration.diagnosis.unseen import unseen
 from delta_calibration.diagnosis.verdict import (
     Finding,
-    Held,
     UnknownStructure,
     Verdict,
 )

@@ -13,9 +13,9 @@ and all of it times 1 within the joint angles that it was learned at, less beyon
     prod_j exp(-(d_j / r_j)^2)       d_j: how far joint j is beyond its range, r_j: a twentieth
                                      of that range
 
-as a map knows nothing of where nothing was measured. With q and its rate in units of `joint_size` s (q of sliders from home), and w of the order of
-`SIZES` times s: with s the mechanism's own, a map of a given size moves the platform of any
-mechanism by about as much.
+as a map knows nothing of where nothing was measured. q and its rate are in units of `joint_size` s
+(q of sliders from home), and w of the order of `SIZES` times s: with s the mechanism's own, a map
+of a given size moves the platform of any mechanism by about as much.
 
 Joint space serves for all: where the mechanism is regular, any displacement of its platform is
 one of its joints. The bumps with a normal prior on their weights are a Gaussian process seen from

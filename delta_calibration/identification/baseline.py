@@ -2,8 +2,8 @@
 
 How the machine stands before the tracker, where the reflector sits on its platform and what the
 robot's file says to be unknown (a tolerance without bounds) are no errors of the machine. They are
-fitted, by their priors, and all else stays as it is known: as drawn, or as the calibration in force
-has it. A fit, a verdict, their pages and the node ask here.
+fitted, by their priors, and all else stays as it is known: as drawn, or as the calibration in
+force has it. A fit, a verdict, their pages and the node ask here.
 """
 
 from __future__ import annotations
