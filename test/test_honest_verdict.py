@@ -1,4 +1,4 @@
-"""What a verdict may not do: ship what predicts worse, stay silent, have two befores."""
+"""What a verdict may not do: ship what predicts worse, stay silent, say one word of two things."""
 
 from __future__ import annotations
 
