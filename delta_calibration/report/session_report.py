@@ -8,7 +8,7 @@ import numpy as np
 
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.diagnosis.diagnose import Diagnosis
-from delta_calibration.diagnosis.statement import MAP
+from delta_calibration.diagnosis.statement import MAP, SET_ASIDE
 from delta_calibration.diagnosis.verdict import Finding, Verdict
 from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report, Section, Table
@@ -159,8 +159,9 @@ def _tests(verdict: Verdict) -> Table:
 
 
 def _test(name: str) -> str:
-    if name == MAP:
-        return "a smooth map explains as much"
+    own = {MAP: "a smooth map explains as much", SET_ASIDE: "set aside: neighbours miss alike"}
+    if name in own:
+        return own[name]
     kind, _, over = name.partition("moran_")
     return f"likeness of neighbours in {spoken(over)} (Moran's I)" if over else spoken(kind)
 
