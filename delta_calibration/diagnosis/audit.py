@@ -7,7 +7,7 @@ neighbours in place, joint angles, time or direction, or along a motion, err ali
 
 Both are compared with draws of chance that went through the same fit, which leaves its own traces
 in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
-of m = 0.1 times the noise. It raises chi square c by m^2 E c, and I by m^2 E c / c at most, with
+of m = 0.05 times the noise, 0.15 in motion. It raises chi square c by m^2 E c, and I by m^2 E c / c at most, with
 E c what chance makes of c: where residuals are far below a noise that was stated too large, no
 likeness among them matters.
 
@@ -37,8 +37,9 @@ _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
-_SLIGHT = 0.1  # of the noise, that structure must exceed to matter
-_RAISED = _SLIGHT**2  # of chi square
+# of the noise, that structure must exceed to matter: at rest, and in motion, where thousands of
+# readings show what no model of friction and loads has
+_SLIGHT, _SLIGHT_MOVING = 0.05, 0.15
 _FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike
 _TURNS = 2000  # draws of their directions
 
@@ -69,14 +70,14 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
-    usual = (1 + _RAISED) * squares.mean()
+    usual = (1 + _SLIGHT**2) * squares.mean()
     p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
-        p[f"moran_{name}"] = _alike(left, chance, near)
+        p[f"moran_{name}"] = _alike(left, chance, near, _SLIGHT)
     moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
     along = _along(evidence.rest.path[moving])
     if along[1].any():
-        p[MOTION] = _alike(every[moving], drawn[moving], along)
+        p[MOTION] = _alike(every[moving], drawn[moving], along, _SLIGHT_MOVING)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
     whole = np.linalg.solve(evidence.whiten[rows], left[..., None])[..., 0]
     around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
@@ -110,10 +111,13 @@ def _directions(missed: Array) -> Array:
     return np.asarray(missed / np.linalg.norm(missed, axis=1, keepdims=True))
 
 
-def _alike(left: Array, chance: Array, near: Near) -> float:
-    """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws)."""
+def _alike(left: Array, chance: Array, near: Near, slight: float) -> float:
+    """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws).
+
+    `slight` is the share of the noise that structure may be of.
+    """
     usual = float(np.mean(np.sum(chance**2, axis=(0, 1))))
-    allowed = _RAISED * usual / max(float(np.sum(left**2)), 1e-300)
+    allowed = slight**2 * usual / max(float(np.sum(left**2)), 1e-300)
     return _beyond(left[:, :, None], chance, near, allowed)
 
 
