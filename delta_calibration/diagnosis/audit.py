@@ -7,9 +7,9 @@ neighbours in place, joint angles, time or direction, or along a motion, err ali
 
 Both are compared with draws of chance that went through the same fit, which leaves its own traces
 in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
-of m = 0.05 times the noise, 0.15 in motion. It raises chi square c by m^2 E c, and I by m^2 E c / c
-at most, with E c what chance makes of c: where residuals are far below a noise that was stated too
-large, no likeness among them matters.
+of m = 0.05 times the noise, 0.15 in motion. It raises chi square c by m^2 E c, and I by
+m^2 E c / c at most, with E c what chance makes of c: where residuals are far below a noise that was
+stated too large, no likeness among them matters.
 
 Poses that were set aside as gross errors have nothing to do with one another if they are: each
 misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
