@@ -7,9 +7,9 @@ neighbours in place, joint angles, time or direction, or along a motion, err ali
 
 Both are compared with draws of chance that went through the same fit, which leaves its own traces
 in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
-of m = 0.05 times the noise, 0.15 in motion. It raises chi square c by m^2 E c, and I by
-m^2 E c / c at most, with E c what chance makes of c: where residuals are far below a noise that was
-stated too large, no likeness among them matters.
+of m = 0.05 times the noise, 0.15 in motion. With E c what chance makes of chi square c, it raises
+c by m^2 E c, and I by m^2 (E c / c)^2: where residuals are far below the noise that repeats show,
+that is gross errors, and a fit that believes it leaves structure of its own.
 
 Poses that were set aside as gross errors have nothing to do with one another if they are: each
 misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
@@ -117,8 +117,8 @@ def _alike(left: Array, chance: Array, near: Near, slight: float) -> float:
     `slight` is the share of the noise that structure may be of.
     """
     usual = float(np.mean(np.sum(chance**2, axis=(0, 1))))
-    allowed = slight**2 * usual / max(float(np.sum(left**2)), 1e-300)
-    return _beyond(left[:, :, None], chance, near, allowed)
+    over = usual / max(float(np.sum(left**2)), 1e-300)
+    return _beyond(left[:, :, None], chance, near, (slight * over) ** 2)
 
 
 def _beyond(left: Array, chance: Array, near: Near, allowed: float) -> float:

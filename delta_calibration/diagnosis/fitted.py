@@ -125,7 +125,8 @@ class Fitted(ABC):
             theta[problem.layout.geometry], sure[problem.layout.geometry] = known, True
             problem = replace(problem, theta0=theta, has_prior=sure)
         placed: Fitted = replace(cast(Any, self), problem=problem, members=())
-        return placed.at(registered(problem).theta)
+        somewhere = placing(problem).any()  # not where encoders alone were read
+        return placed.at(registered(problem).theta if somewhere else problem.theta0)
 
     def at(self, theta: Array) -> Fitted:
         """The same with other values, (P,)."""
