@@ -271,11 +271,15 @@ def of_dimension(
 def of_geometry(
     found: Found, scatter: Scatter, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a machine whose parts are farther off the drawing than they may be."""
+    """What is said of a machine whose parts are farther off the drawing than they may be.
+
+    None where the dimensions do not foretell sectors that they were not fitted in.
+    """
     if scatter.log_p > np.log(ALPHA) or scatter.tau < _BEYOND:
         return None
     rows = entries(found.model.bare.layout.geometry)
-    return _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
+    said = _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
+    return said if said.gain > 0.0 else None
 
 
 def of_reflector(found: Found, held: HeldOutModels, rng: np.random.Generator) -> Finding | None:

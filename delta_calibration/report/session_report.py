@@ -58,9 +58,11 @@ def report_of(
         iso: the standard's criteria, or why there are none.
     """
     verdict, judged = diagnosis.verdict, Judged.of(diagnosis)
+    detail = verdict_section(verdict)
+    warnings = tuple(f"Warning: {text}." for text in diagnosis.doubts)
     session = verdict.session
     told = (
-        verdict_section(verdict),
+        replace(detail, text=(*warnings, *detail.text)),
         _workspace(judged),
         _line(judged, robot),
         _causes(judged, robot),
