@@ -40,7 +40,7 @@ def test_what_is_left_after_one_repair_is_what_was_foretold(found):
     assert {f.cause for f in found.findings} == set(CAUSES)
     for finding in found.findings:
         rest = [name for name in CAUSES if name != finding.cause]
-        held = HeldOutModels(calibrated(measured(rest), ROBOT).evidence)
+        held = HeldOutModels(calibrated(measured(rest), ROBOT))
         left = held.mm(held.members((), held.sectors))
         assert finding.action.held_out_rms_after_mm == pytest.approx(left, rel=0.15)
 

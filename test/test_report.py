@@ -86,13 +86,20 @@ def test_another_robot_s_line_is_its_own(name: str, along: str) -> None:
     assert not any(word in told for word in ("paper", "Pan,", "711 mm"))
 
 
-def test_likeness_too_small_to_matter_is_not_called_chance() -> None:
+def test_the_page_says_of_the_tests_what_the_verdict_says() -> None:
     verdict = found().verdict
-    tests = dict.fromkeys(verdict.unknown_structure.tests, 1e-9)
-    alike = replace(verdict.unknown_structure, found=False, tests=tests)
-    assert "too small" in _tests(replace(verdict, unknown_structure=alike)).caption
-    none = replace(alike, tests=dict.fromkeys(tests, 0.5))
-    assert "too small" not in _tests(replace(verdict, unknown_structure=none)).caption
+    unknown = replace(verdict.unknown_structure, found=False)
+    quiet = _tests(replace(verdict, unknown_structure=unknown)).caption
+    assert quiet.startswith("Nothing is left that chance would not leave")
+    there = replace(unknown, found=True, moves_with="direction", rms_mm=0.01)
+    loud = _tests(replace(verdict, unknown_structure=there)).caption
+    assert loud.startswith("Structure of no known cause, 0.0100 mm RMS; it moves with direction")
+    tests = {"set_aside": 1e-9, "map": 1e-12}
+    rows = _tests(replace(verdict, unknown_structure=replace(there, tests=tests))).rows
+    assert [row[0] for row in rows] == [
+        "set aside: neighbours miss alike",
+        "a smooth map explains as much",
+    ]
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from delta_calibration.calibration_file import (
 )
 from delta_calibration.diagnosis import STEPS, Diagnosis, diagnose
 from delta_calibration.doctor import require_sound
-from delta_calibration.identification import Identification, doubt, identify
+from delta_calibration.identification import Identification, doubts, identify
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, Session, collect, survey
 from delta_calibration.wording import mm
@@ -55,7 +55,7 @@ class Fitted:
         """What to know before it is relied on, a sentence each; none where all is well."""
         if self.diagnosis is not None:
             return self.diagnosis.doubts
-        return tuple(filter(None, [doubt(self.found)]))
+        return doubts(self.found)
 
     def sentence(self) -> str:
         """The result in a line: rank, the error left and the noise beside it."""

@@ -362,7 +362,7 @@ def _refuse_uncorrected(found: Compensated, targets: Path, region: Region) -> No
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         reason = found.verdicts[bad[0]].value
         if found.verdicts[bad[0]] is Verdict.OUTSIDE_REGION:
-            reason += f", which lies within {_extent(region)}"
+            reason += f", which lies within {_extent(region)} and the joint angles measured there"
         raise DataError(
             f"{targets}: point {bad[0] + 1} cannot be corrected: {reason}{more}; "
             "nothing was written"

@@ -139,6 +139,7 @@ def describe(
         table(("model", f"held-out error, {error} RMS [mm]"), rows),
         f"noise of a {of}: {mm(verdict.noise_mm)} mm",
         *([f"readings set aside: {aside}"] if aside else []),
+        *([verdict.with_set_aside()] if verdict.with_set_aside() else []),
         *(line for finding in verdict.findings for line in ("", *_finding(finding))),
     ]
     unknown = verdict.unknown_structure

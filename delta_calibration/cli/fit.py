@@ -26,7 +26,7 @@ from delta_calibration.identification import (
     METHODS,
     ORDERS,
     Identification,
-    doubt,
+    doubts,
     identify,
     method_named,
     most_evaluations,
@@ -149,7 +149,7 @@ def describe(found: Identification, verbose: bool) -> str:
         f"error left: {found.full.held_out / noise.floor:.2f} times the noise of a pose; "
         f"chi square per degree of freedom {found.chi_square:.2f}"
         + (f"; {poses} believed less, {gone} of them left out" if down else ""),
-        *([f"warning: {doubt(found)}"] if doubt(found) else []),
+        *(f"warning: {text}" for text in doubts(found)),
         *_deviations(found),
         *_unset(found, verbose),
         *_correlated(found, verbose),

@@ -42,6 +42,8 @@ class Guards(NamedTuple):
     planes: Array  # (f, 4) faces of the calibrated region: n . p + d <= 0 inside
     lower: Array  # (m,) of the joints
     upper: Array  # (m,)
+    least: Array  # (m,) joint angles that were measured, and a little beyond
+    most: Array  # (m,)
     condition: float  # of the drawing's machine, at most
     typical: float  # gain that it compares with [m/rad]
     margin: float  # [m] beyond the region over which corrections are blended out
@@ -123,6 +125,15 @@ def _outside(guards: Guards, point: Array) -> float:
     return most
 
 
+@compiled(borrows=True)
+def _unseen(guards: Guards, q: Array) -> float:
+    """How far beyond the joints measured a command lies, as far as that moves the tool [m]."""
+    most = -np.inf
+    for i in range(len(q)):
+        most = max(most, guards.least[i] - q[i], q[i] - guards.most[i])
+    return guards.typical * most
+
+
 @compiled()
 def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
     """Whether the drawing's machine, as it stands, is far enough from a singularity."""
@@ -192,6 +203,7 @@ def judged(
         point_at(drawn.body.bearing, room.drawn.x, room.origin, room.centre)
         first = drawn.body.bearing.point_at[2]
         beyond = _outside(guards, room.centre[first : first + 3]) - guards.on_face
+        beyond = max(beyond, _unseen(guards, q))
         if guards.margin > 0.0:
             told[SHARE] = min(max(1.0 - max(beyond, 0.0) / guards.margin, 0.0), 1.0)
         else:

@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 
 _PLACES = 10_000  # of the region at which a table is tried, beside the middles of its cells
 _WIDE = 10.0  # times the bound of a correction: at nodes beyond the region it may be larger
+_BEYOND = 0.1  # of the range of each joint: as much as places among those measured may ask for
 _ON_FACE = 1e-9  # [m] a point this near a face of the region is on it
 _STEPPED = 3e-4  # [m] no clearance that a machine is run with steps farther
 _VERDICTS = (  # by the codes of command_kernel.py
@@ -359,6 +360,7 @@ class JointCompensator:
             np.ascontiguousarray(self.calibration.region.planes, dtype=float),
             np.array(joints.lower, dtype=float),
             np.array(joints.upper, dtype=float),
+            *self._seen_joints(),
             float(limits.condition),
             float(self._nominal.typical_gain),
             float(limits.region_margin),
@@ -368,6 +370,18 @@ class JointCompensator:
             _STEPPED,
             OF_PULLS if self._nominal.pulls else 0,
         )
+
+    def _seen_joints(self) -> tuple[Array, Array]:
+        """Joint angles that the calibration was learned at, and a little beyond, (m,) each.
+
+        Where places set the joints, a region of places says more: within it joints may go beyond
+        those of its corners. Where they do not, as of an arm, the joints say what was never seen.
+        """
+        lower = np.array(self.calibration.joints_lower, dtype=float)
+        upper = np.array(self.calibration.joints_upper, dtype=float)
+        least = self.robot.limits.region_margin / float(self._nominal.typical_gain)
+        beyond = np.maximum(_BEYOND * (upper - lower), least)
+        return lower - beyond, upper + beyond
 
     def _told_share(self, share: Array) -> Array | None:
         """The share where it goes down over a margin; None where corrections end at the region."""

@@ -6,7 +6,13 @@ neighbours in place, joint angles, time or direction, or along a motion, err ali
     I = sum_ij w_ij r_i . r_j / sum_i r_i . r_i        w: the nearest neighbours of each
 
 Both are compared with draws of chance that went through the same fit, which leaves its own traces
-in residuals.
+in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
+of m = 0.05 times the noise, 0.15 in motion. With E c what chance makes of chi square c, it raises
+c by m^2 E c, and I by m^2 (E c / c)^2: where residuals are far below the noise that repeats show,
+that is gross errors, and a fit that believes it leaves structure of its own.
+
+Poses that were set aside as gross errors have nothing to do with one another if they are: each
+misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
 """
 
 from __future__ import annotations
@@ -19,6 +25,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2, pearson3, skew
 
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
+from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -29,7 +37,11 @@ _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
-MOTION, LACK_OF_FIT = "moran_motion", "lack_of_fit"
+# of the noise, that structure must exceed to matter: at rest, and in motion, where thousands of
+# readings show what no model of friction and loads has
+_SLIGHT, _SLIGHT_MOVING = 0.05, 0.15
+_FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike
+_TURNS = 2000  # draws of their directions
 
 
 @dataclass(frozen=True)
@@ -58,13 +70,14 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
-    p = {LACK_OF_FIT: float(chi2.sf(square * degrees / squares.mean(), degrees))}
+    usual = (1 + _SLIGHT**2) * squares.mean()
+    p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
-        p[f"moran_{name}"] = _alike(left, chance, near)
+        p[f"moran_{name}"] = _alike(left, chance, near, _SLIGHT)
     moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
     along = _along(evidence.rest.path[moving])
     if along[1].any():
-        p[MOTION] = _alike(every[moving], drawn[moving], along)
+        p[MOTION] = _alike(every[moving], drawn[moving], along, _SLIGHT_MOVING)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
     whole = np.linalg.solve(evidence.whiten[rows], left[..., None])[..., 0]
     around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
@@ -78,9 +91,39 @@ def audit(evidence: Evidence, noise_degrees: float, rng: np.random.Generator) ->
     )
 
 
-def _alike(left: Array, chance: Array, near: Near) -> float:
-    """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws)."""
-    own, drawn = _moran(left[:, :, None], near)[0], _moran(chance, near)
+def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> float | None:
+    """p of poses set aside that miss as their neighbours do; None where they are too few.
+
+    Args:
+        missed: measured less predicted by the fit that set them aside, (k, 3) [m].
+        at: their conditions; neighbours are those by joint angles.
+        rng: of the draws.
+    """
+    near = _nearest(at.joint, at.time) if len(missed) >= _FEWEST_ASIDE else None
+    if near is None or not near[1].any():
+        return None
+    turned = rng.standard_normal((*missed.shape, _TURNS))
+    return _beyond(_directions(missed[:, :, None]), _directions(turned), near, 0.0)
+
+
+def _directions(missed: Array) -> Array:
+    """Unit vectors of (k, 3, draws): one reading of another reflector must not decide alone."""
+    return np.asarray(missed / np.linalg.norm(missed, axis=1, keepdims=True))
+
+
+def _alike(left: Array, chance: Array, near: Near, slight: float) -> float:
+    """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws).
+
+    `slight` is the share of the noise that structure may be of.
+    """
+    usual = float(np.mean(np.sum(chance**2, axis=(0, 1))))
+    over = usual / max(float(np.sum(left**2)), 1e-300)
+    return _beyond(left[:, :, None], chance, near, (slight * over) ** 2)
+
+
+def _beyond(left: Array, chance: Array, near: Near, allowed: float) -> float:
+    """p of neighbours' likeness that exceeds chance's by more than what is allowed."""
+    own, drawn = _moran(left, near)[0] - allowed, _moran(chance, near)
     if drawn.std() == 0:
         return 1.0
     return float(pearson3.sf((own - drawn.mean()) / drawn.std(), skew(drawn)))  # not normal: skew

@@ -139,7 +139,9 @@ def maps(evidence: Evidence, any_effect: Effect) -> Iterator[list[Candidate]]:
     joint = evidence.at.joint[: evidence.poses]
     for family in families(evidence.at):
         for reach in reaches(family):
-            widest = Unexplained.over(any_effect, family, joint, reach=reach)
+            widest = Unexplained.over(
+                any_effect, family, joint, reach=reach, seen=evidence.at.joint
+            )
             rows = tuple(range(len(widest.parameters)))
             own = widest.mechanism.joint_size
             effects = [replace(widest, size=size * own) for size in SIZES]

@@ -28,7 +28,7 @@ _SURE = 0.025  # quantile under which the gain's interval begins
 class HeldOut:
     """Squared distance between predicted and measured, each sample by a fit without its part."""
 
-    square: Array  # (n,) [m^2]
+    square: Array  # (n,) [m^2]; of what was set aside too, where that was looked at
     part: NDArray[np.int64]  # (n,) which part it was held out with
 
     def rms(self, rows: NDArray[np.bool_]) -> float:
@@ -81,18 +81,22 @@ def learnable(evidence: Evidence, columns: Array, part: NDArray[np.int64]) -> bo
     return True
 
 
-def held_out(evidence: Evidence, part: NDArray[np.int64]) -> HeldOut:
+def held_out(
+    evidence: Evidence, part: NDArray[np.int64], whole: Evidence | None = None
+) -> HeldOut:
     """Predict every part by a fit to the others.
 
     Args:
         evidence: of all samples, what the fit may use in its nuisance.
         part: what is held out together, (n,).
+        whole: the same with what the fits do not believe, to be predicted as well.
     """
     square, misfit = np.full(len(evidence), np.nan), evidence.misfit
+    whole = evidence if whole is None else whole
     for number in np.unique(part):
         rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
         if others.size:
-            missed = evidence.take(rows).missed(evidence.take(others).best(misfit))
+            missed = whole.take(rows).missed(evidence.take(others).best(misfit))
             square[rows] = np.sum(missed**2, axis=1)
     return HeldOut(square, part)
 

@@ -15,10 +15,12 @@ import numpy as np
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.diagnosis.audit import Audit
+from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.confirm import HeldOut, held_out
+from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
-from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
 from delta_calibration.diagnosis.model import Model, solved
 from delta_calibration.diagnosis.observed import Observed
@@ -30,7 +32,7 @@ from delta_calibration.identification import (
     Identification,
     Measured,
     chain_of,
-    doubt,
+    doubts,
     prepare,
     require_this_robot,
 )
@@ -39,8 +41,10 @@ from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey, require_poses
 from delta_calibration.threads import one_thread
+from delta_calibration.wording import listed, spoken
 
 _FEWEST = 12  # different places
+_REFUSED = "{} is not in the extended calibration: with it held-out poses are predicted worse"
 _POSITIONS_ONLY = "the probe's turns take part in a fit only: a diagnosis goes by its positions"
 
 
@@ -54,6 +58,8 @@ class Diagnosis:
     audit: Audit
     held: HeldOutModels  # the errors that the verdict tells, pose by pose
     before: HeldOut  # those of the baseline
+    after: HeldOut  # those of the extended model
+    refused: tuple[Candidate, ...]  # found, but it makes predictions worse: not shipped
     identification: Identification  # the same model as a fit has it, effects in its chain
 
     @property
@@ -61,7 +67,17 @@ class Diagnosis:
         """What to know before it is relied on, a sentence each; none where all is well."""
         poses, robot = self.model.survey.poses, self.model.cell.robot
         turns = turns_of(poses, robot, self.model.bare) is not None
-        return tuple(filter(None, (doubt(self.identification), turns * _POSITIONS_ONLY)))
+        refused = listed(spoken(member.label) for member in self.refused)
+        return tuple(
+            filter(
+                None,
+                (
+                    *doubts(self.identification),
+                    _REFUSED.format(refused) if refused else "",
+                    turns * _POSITIONS_ONLY,
+                ),
+            )
+        )
 
 
 def diagnose(
@@ -93,17 +109,26 @@ def diagnose(
     against = None
     if calibration is not None:
         model = calibration.chain.mechanism.name
-        name = f"calibration of {Path(calibration.source).name} + frame"
-        against = name, partial(_in_force, calibration)
     with one_thread():  # the search has threads of its own (`search.py`)
         start = calibrated(survey, robot, model)
+        if calibration is not None:
+            name = f"calibration of {Path(calibration.source).name} + frame"
+            against = name, partial(_in_force, calibration, start)
         if effects is None:
             effects = catalogue(robot, start.problem.chain.mechanism)
         found = judged(start, effects, rng, against, step)
         assert isinstance(found.model, Model)  # it was fitted as it began
         whole = extended(found.model, seed)
     return Diagnosis(
-        found.verdict, found.model, found.found, found.audit, found.held, found.before, whole
+        verdict=found.verdict,
+        model=found.model,
+        found=found.found,
+        audit=found.audit,
+        held=found.held,
+        before=found.before,
+        after=found.after,
+        refused=found.refused,
+        identification=whole,
     )
 
 
@@ -161,12 +186,20 @@ def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
     return solved(survey, robot, noise, problem)
 
 
-def _in_force(calibration: Calibration, held: HeldOutModels) -> HeldOut:
-    """What the calibration in force foretells, in the best frame."""
-    evidence, items = held.evidence, calibration.chain.mechanism.parameters
-    known = evidence.geometry @ ((calibration.geometry - items.nominal) / items.prior)
+def _in_force(calibration: Calibration, start: Model, held: HeldOutModels) -> HeldOut:
+    """What the calibration in force foretells, placed where it fits best."""
+    placed = start.registered(calibration.geometry)
+    fits, shown = (
+        _less_effects(as_known(of), calibration) for of in (placed, placed.everything())
+    )
+    return held_out(fits, held.sectors, shown)
+
+
+def _less_effects(evidence: Evidence, calibration: Calibration) -> Evidence:
+    """The evidence less what the effects of a calibration say of it."""
+    known = np.zeros(evidence.size)
     values = calibration.chain.effect_values(calibration.theta)
     for effect, value in zip(calibration.chain.effects, values, strict=True):
         known = known + evidence.columns(effect) @ (value / effect.parameters.prior)
-    fixed = replace(evidence, residual=evidence.residual - known.reshape(evidence.residual.shape))
-    return held_out(without_geometry(fixed), held.sectors)
+    left = evidence.residual - known.reshape(evidence.residual.shape)
+    return replace(evidence, residual=left)

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import shape_columns
 from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.geometry import as_drawn
+from delta_calibration.diagnosis.fitted import without_effects
+from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.identification import (
     DIAGNOSIS,
@@ -32,7 +33,7 @@ def extended(model: Model, seed: int) -> Identification:
         model: the machine with its members.
         seed: of the diagnosis, and of the parts that the error left is told by.
     """
-    problem, poses = model.extended, model.survey.poses
+    problem, poses, before = model.extended, model.survey.poses, model.registered()
     chain, base, at = problem.chain, model.problem.chain, poses.conditions
     covariance = covariance_of(model)
     geometry, frame = base.mechanism.parameters.nominal, chain.split(model.theta)[2]
@@ -50,9 +51,9 @@ def extended(model: Model, seed: int) -> Identification:
         correlations=strong_correlations(
             covariance[base.layout.base, base.layout.base], base.parameters.names
         ),
-        frame_only=_residuals(as_drawn(model.evidence), model, seed),
+        frame_only=_residuals(as_known(before), model, seed),
         full=_residuals(model.beside, model, seed),
-        frame_only_theta=problem.theta0,
+        frame_only_theta=without_effects(before.theta, model.layout),
         weight=model.cell.weight,
         chi_square=model.misfit,
         region=Region.of(base.mechanism.position(nominal)),

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.actions import action_of
+from delta_calibration.diagnosis.aside import set_aside
 from delta_calibration.diagnosis.candidates import (
     Candidate,
     bounds_of,
@@ -31,6 +32,7 @@ from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import (
     Outlier,
     Scatter,
+    as_known,
     at_scatter,
     displaced,
     offset_rows,
@@ -38,10 +40,10 @@ from delta_calibration.diagnosis.geometry import (
     without_geometry,
 )
 from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
-from delta_calibration.diagnosis.scan import ALPHA
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import Found
-from delta_calibration.diagnosis.verdict import Estimate, Finding
+from delta_calibration.diagnosis.statement import ALPHA
+from delta_calibration.diagnosis.verdict import Estimate, Finding, Held
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.parameters import Parameter
 from delta_calibration.theta import entries
@@ -61,12 +63,15 @@ _ELSEWHERE = 1e-5  # p of a reflector's place; its prior is an expectation, and 
 class HeldOutModels:
     """Held-out errors of one model after another; each is predicted once."""
 
-    def __init__(self, evidence: Evidence) -> None:
+    def __init__(self, model: Fitted) -> None:
         """Of the models about one fit."""
-        self.evidence = evidence
+        self.evidence = evidence = model.evidence
+        self.whole = model.everything().evidence
         self.sectors, self.stretches = sectors(evidence), stretches(evidence)
         self.scattered = scattered(evidence)
         self.poses = (np.arange(len(evidence)) < evidence.poses) & evidence.believed
+        self.aside = np.zeros_like(self.poses)
+        self.aside[set_aside(model)] = True
         self.frame = held_out(without_geometry(evidence), self.sectors)
         self._known: dict[tuple[int, ...], HeldOut] = {}
 
@@ -74,8 +79,18 @@ class HeldOutModels:
         """With these members beside the geometry."""
         key = (id(part), *(id(m) for m in members))
         if key not in self._known:
-            self._known[key] = held_out(beside(self.evidence, members), part)
+            whole = beside(self.whole, members)
+            self._known[key] = held_out(beside(self.evidence, members), part, whole)
         return self._known[key]
+
+    def placed(self, machine: Fitted) -> HeldOut:
+        """Of a machine as it is known, placed anew without each sector."""
+        return held_out(as_known(machine), self.sectors, as_known(machine.everything()))
+
+    def told(self, name: str, held: HeldOut) -> Held:
+        """What a verdict says of a model: its error, and the same with what was set aside."""
+        whole = MM * held.rms(self.poses | self.aside) if self.aside.any() else None
+        return Held(name, self.mm(held), whole)
 
     def gain(
         self, before: HeldOut, after: HeldOut, columns: Array, rng: np.random.Generator
@@ -95,7 +110,7 @@ class HeldOutModels:
         A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
         time as far as each leaves enough to learn it from the others, and the predictions must
         come nearer in metres. A map is no more than interpolation; it has to be worth its while
-        in metres where it interpolates.
+        in metres where it interpolates, and must do no harm in sectors that it has not seen.
         """
         rest = tuple(m for m in model.members if m is not member)
         evidence, bounds = beside(self.evidence, rest), bounds_of(member, self.evidence)
@@ -103,12 +118,31 @@ class HeldOutModels:
         parts = [part]
         if not member.unexplained and learnable(evidence, columns, self.stretches):
             parts.append(self.stretches)
+        if member.unexplained and not self.foretells(rest, model.members, self._where(columns)):
+            return None
         if any(foretold(evidence, columns, bounds, each) < _FORETOLD for each in parts):
             return None
         before, after = self.members(rest, part), self.members(model.members, part)
         held = self.gain(before, after, columns, rng)
         good = held.low >= _WORTH if member.unexplained else held.share > 0.0
         return held if good else None
+
+    def foretells(
+        self,
+        fewer: tuple[Candidate, ...],
+        members: tuple[Candidate, ...],
+        rows: NDArray[np.bool_] | None = None,
+    ) -> bool:
+        """Whether the larger of two models predicts sectors held out no worse than the other.
+
+        Args:
+            fewer: members of the smaller one.
+            members: of the larger one.
+            rows: samples that are asked of, (n,); the poses where not given.
+        """
+        rows = self.poses if rows is None else rows
+        without, with_ = (self.members(of, self.sectors).rms(rows) for of in (fewer, members))
+        return with_ <= without
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:
         """The poses; the paths where the columns show in motion only."""
@@ -237,11 +271,15 @@ def of_dimension(
 def of_geometry(
     found: Found, scatter: Scatter, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a machine whose parts are farther off the drawing than they may be."""
+    """What is said of a machine whose parts are farther off the drawing than they may be.
+
+    None where the dimensions do not foretell sectors that they were not fitted in.
+    """
     if scatter.log_p > np.log(ALPHA) or scatter.tau < _BEYOND:
         return None
     rows = entries(found.model.bare.layout.geometry)
-    return _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
+    said = _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
+    return said if said.gain > 0.0 else None
 
 
 def of_reflector(found: Found, held: HeldOutModels, rng: np.random.Generator) -> Finding | None:

@@ -21,7 +21,7 @@ from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
-from delta_calibration.identification import Problem
+from delta_calibration.identification import Problem, placing, registered
 from delta_calibration.theta import Layout, entries
 
 Array = NDArray[np.float64]
@@ -108,6 +108,41 @@ class Fitted(ABC):
     @abstractmethod
     def rested(self) -> Fitted:
         """The same with everything where all that was measured has it."""
+
+    def everything(self) -> Fitted:
+        """The same fit, with poses that it set aside as gross errors to be looked at again."""
+        return self
+
+    def registered(self, known: Array | None = None) -> Fitted:
+        """The machine as drawn, placed where it fits best: see `identification.registered`.
+
+        Args:
+            known: geometry that is known in the drawing's place, (p,).
+        """
+        problem = self.problem
+        if known is not None:
+            theta, sure = problem.theta0.copy(), problem.has_prior.copy()
+            theta[problem.layout.geometry], sure[problem.layout.geometry] = known, True
+            problem = replace(problem, theta0=theta, has_prior=sure)
+        placed: Fitted = replace(cast(Any, self), problem=problem, members=())
+        somewhere = placing(problem).any()  # not where encoders alone were read
+        return placed.at(registered(problem).theta if somewhere else problem.theta0)
+
+    def at(self, theta: Array) -> Fitted:
+        """The same with other values, (P,)."""
+        return cast(Fitted, replace(cast(Any, self), theta=theta))
+
+    def resting_as(self, other: Fitted) -> Fitted:
+        """Itself with geometry, reflector and frame of another fit."""
+        theta, base = self.theta.copy(), self.layout.base
+        theta[base] = other.theta[base]
+        return self.at(theta)
+
+    @property
+    def unplaced(self) -> Index:
+        """Entries of the nuisance that are errors of the machine, not how it is placed."""
+        base = self.problem.layout.base
+        return np.flatnonzero(~placing(self.problem)[base])
 
     @cached_property
     def beside(self) -> Evidence:

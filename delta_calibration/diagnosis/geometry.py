@@ -19,6 +19,7 @@ from scipy.stats import chi2
 
 from delta_calibration.diagnosis.candidates import Candidate, dimensions
 from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.scores import PRECISION
 from delta_calibration.theta import entries
 
@@ -105,16 +106,13 @@ def without_geometry(evidence: Evidence) -> Evidence:
     return without(evidence, entries(evidence.chain.layout.geometry))
 
 
-def as_drawn(evidence: Evidence) -> Evidence:
-    """The evidence of the drawing in its best frame, the reflector where the fit has it.
+def as_known(placed: Fitted) -> Evidence:
+    """The evidence of a machine that is as it is known, where it is placed being open.
 
-    Left free beside the drawing, an offset would take much of what is wrong with it on itself, as
-    far as the platform tilts: a reflector half a metre off in the place of a rod that is too long.
+    Args:
+        placed: what `Fitted.registered` gives.
     """
-    rows = offset_rows(evidence)
-    there = evidence.nuisance[:, :, rows] @ evidence.best(evidence.misfit)[rows]
-    fixed = replace(evidence, residual=evidence.residual - there)
-    return without(fixed, entries(evidence.chain.layout.dimensions))
+    return without(placed.evidence, placed.unplaced)
 
 
 def at_scatter(evidence: Evidence, tau: float) -> Evidence:

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.audit import LACK_OF_FIT, MOTION, Audit, audit
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.confirm import HeldOut, held_out
+from delta_calibration.diagnosis.aside import Aside
+from delta_calibration.diagnosis.audit import Audit, audit
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.confirm import HeldOut
 from delta_calibration.diagnosis.findings import (
     MM,
     HeldOutModels,
@@ -24,16 +25,24 @@ from delta_calibration.diagnosis.findings import (
     of_member,
     of_reflector,
 )
-from delta_calibration.diagnosis.fitted import Fitted
-from delta_calibration.diagnosis.geometry import as_drawn, scatter_of
-from delta_calibration.diagnosis.scan import ALPHA, Scan, scanned
+from delta_calibration.diagnosis.fitted import Fitted, beside
+from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.scan import Scan, scanned
+from delta_calibration.diagnosis.scores import Chance, decrease, most_likely
 from delta_calibration.diagnosis.search import Found, beyond_names, find
 from delta_calibration.diagnosis.sets import MOST, worth_it
+from delta_calibration.diagnosis.statement import (
+    LACK_OF_FIT,
+    MAP,
+    MOTION,
+    SET_ASIDE,
+    moves_with,
+    shown,
+)
 from delta_calibration.diagnosis.trust import signal_of, untrusted
 from delta_calibration.diagnosis.unseen import unseen
 from delta_calibration.diagnosis.verdict import (
     Finding,
-    Held,
     UnknownStructure,
     Verdict,
 )
@@ -41,8 +50,6 @@ from delta_calibration.effects import Effect
 
 Array = NDArray[np.float64]
 
-# what is left must exceed these shares, of the noise and of what the members explain, to matter
-_MATERIAL, _SLIGHT = 0.3, 0.2
 _PART = 0.5  # odds that a name beside which a map explains some is not a part of what the map is
 _SOME = 0.02  # of what a cause explains, that a map may explain beside it: no model is perfect
 STEPS = ("geometry", "causes", "held-out data", "what is left")
@@ -58,6 +65,8 @@ class Judgement:
     audit: Audit
     held: HeldOutModels  # the errors that the verdict tells, pose by pose
     before: HeldOut  # those of the baseline
+    after: HeldOut  # those of the extended model
+    refused: tuple[Candidate, ...] = ()  # found, but it makes predictions worse: not shipped
 
 
 def judged(
@@ -87,29 +96,47 @@ def judged(
     members = found.model.members
     findings = [f for m, f in said.items() if not m.unexplained]
     step(STEPS[3])
+    aside = Aside.of(found.model, rng)
     left = _audited(found.model, rng)
-    before, after = (held.members(of, held.sectors).rms(held.poses) for of in ((), members))
-    explained = float(np.sqrt(max(0.0, before**2 - after**2)))
     doubtful = not findings or any(_in_doubt(f, found.last) for f in findings)
-    unknown = _unknown(found, sought.model, left, explained, doubtful)
+    unknown = _unknown(found, sought.model, left, aside, doubtful)
+    found, after, refused = _shipped(found, held, said, start)
+    members = found.model.members
     if unknown.found and not members:  # readings in motion would bend what rests on the poses
         found = replace(found, model=start)
     bent = unknown.found or found.last.nameless
     findings += _of_what_is_fitted(found, held, bent, rng)
     findings.sort(key=lambda finding: -finding.signal)
-    name, compared = _drawing(start.placed) if baseline is None else baseline
+    name, compared = _drawing(start) if baseline is None else baseline
     against = compared(held)
     verdict = Verdict(
         session=found.model.facts,
         noise_mm=MM * found.model.floor,
-        baseline=Held(name, held.mm(against)),
-        calibrated=Held(_name((), start.placed), held.mm(held.members((), held.sectors))),
-        extended=Held(_name(members, start.placed), held.mm(held.members(members, held.sectors))),
+        baseline=held.told(name, against),
+        calibrated=held.told(_name((), start.placed), held.members((), held.sectors)),
+        extended=held.told(_name(members, start.placed), after),
         findings=tuple(findings),
         unknown_structure=unknown,
-        cannot_tell=unseen(found.model.evidence, members, effects, findings),
+        cannot_tell=unseen(found.model.evidence, members, effects, findings, unknown),
     )
-    return Judgement(verdict, found.model, found, left, held, against)
+    return Judgement(verdict, found.model, found, left, held, against, after, refused)
+
+
+def _shipped(
+    found: Found, held: HeldOutModels, said: Mapping[Candidate, Finding], start: Fitted
+) -> tuple[Found, HeldOut, tuple[Candidate, ...]]:
+    """What the calibration is extended to, its held-out errors, and what it was refused.
+
+    A model that predicts held-out poses worse than the calibrated one is not shipped, whatever its
+    members are called. One whose members show in motion only has no business at rest: there it
+    stays as calibrated.
+    """
+    members, plain = found.model.members, held.members((), held.sectors)
+    if held.foretells((), members):
+        return found, held.members(members, held.sectors), ()
+    if all(said[member].in_motion for member in members):
+        return replace(found, model=found.model.resting_as(start)), plain, ()
+    return replace(found, model=start), plain, members
 
 
 def _borne_out(
@@ -170,7 +197,7 @@ def _holding(
         weak = untrusted(found.model)
         if not weak:
             found = replace(found, model=found.model.rested())
-            held = HeldOutModels(found.model.evidence)
+            held = HeldOutModels(found.model)
             said = {m: of_member(found, m, held, rng) for m in found.model.members}
             good = {m: finding for m, finding in said.items() if finding is not None}
             weak = tuple(m for m in said if m not in good)
@@ -206,10 +233,10 @@ def _audited(model: Fitted, rng: np.random.Generator) -> Audit:
     return replace(left, p={name: p for name, p in left.p.items() if name != LACK_OF_FIT})
 
 
-def _drawing(placed: bool) -> tuple[str, Callable[[HeldOutModels], HeldOut]]:
+def _drawing(start: Fitted) -> tuple[str, Callable[[HeldOutModels], HeldOut]]:
     """The drawing, in the best frame where there is one."""
-    name = "nominal + frame" if placed else "nominal"
-    return name, lambda held: held_out(as_drawn(held.evidence), held.sectors)
+    name = "nominal + frame" if start.placed else "nominal"
+    return name, lambda held: held.placed(start.registered())
 
 
 def _name(members: tuple[Candidate, ...], placed: bool) -> str:
@@ -218,35 +245,50 @@ def _name(members: tuple[Candidate, ...], placed: bool) -> str:
 
 
 def _unknown(
-    found: Found, sought: Fitted, left: Audit, explained: float, doubtful: bool
+    found: Found, sought: Fitted, left: Audit, aside: Aside, doubtful: bool
 ) -> UnknownStructure:
-    """Structure that a smooth map follows, or that the audit finds in what is left.
+    """Structure that a smooth map follows, or that the tests find in what is left.
 
     A map that chance is no reason for is structure, even where it foretells too little to be of
-    use and was left out of the model again.
+    use and was left out of the model again. Whether anything is said follows from the tests alone
+    (`statement.py`).
 
     Args:
         found: what is borne out, and what is left beside it.
         sought: where the search ended.
         left: the audit of what the model leaves.
-        explained: root mean square of what its members explain [m].
+        aside: what was set aside.
         doubtful: whether no name holds, or one is in doubt for what is left beside it.
     """
     tests: dict[str, float | None] = {LACK_OF_FIT: None, **left.p}
-    model = found.model
+    if aside.alike is not None:
+        tests[SET_ASIDE] = aside.alike
     for with_map in _where_a_map_is(found, sought, doubtful):
         for member in with_map.members:
             if member.unexplained:
-                return _mapped(with_map, member, tests)
-    least = max(_MATERIAL * model.floor, _SLIGHT * explained)
-    size = {name: left.in_motion if name == MOTION else left.excess for name in left.p}
-    shown = [n for n, p in left.p.items() if size[n] >= least and p * len(left.p) <= ALPHA]
-    if not shown:
+                mapped = {**tests, MAP: _chance_of_map(with_map, member, found.first.tests)}
+                if MAP in shown(mapped):
+                    return _mapped(with_map, member, mapped)
+    said = shown(tests)
+    if not said:
         return UnknownStructure(False, None, None, None, tests)
-    worst = min(shown, key=lambda name: left.p[name])
-    moves = worst.removeprefix("moran_") if worst != LACK_OF_FIT else None
-    where = None if worst == MOTION else _around(left.worst)
-    return UnknownStructure(True, where, moves, MM * size[worst], tests)
+    worst = said[0]
+    size = {MOTION: left.in_motion, SET_ASIDE: aside.rms}.get(worst, left.excess)
+    where = {MOTION: None, SET_ASIDE: aside.worst}.get(worst, left.worst)
+    told = None if where is None else _around(where)
+    return UnknownStructure(True, told, moves_with(worst), MM * size, tests)
+
+
+def _chance_of_map(model: Fitted, member: Candidate, asked: int) -> float:
+    """p of as much as a map explains beside the others, times everything that was asked."""
+    evidence = beside(model.evidence, tuple(m for m in model.members if m is not member))
+    columns = columns_of(member, evidence)
+    information = evidence.information(columns)
+    along = columns.T @ evidence.weigh(evidence.column)
+    value = most_likely(information, along[:, 0], *bounds_of(member, evidence))
+    gain = decrease(information, along[:, 0], value)
+    log_p = Chance.of(information).log_p(gain, model.noise_degrees) + float(np.log(asked))
+    return float(np.exp(min(0.0, log_p)))
 
 
 def _where_a_map_is(found: Found, sought: Fitted, doubtful: bool) -> Iterator[Fitted]:
@@ -257,7 +299,9 @@ def _where_a_map_is(found: Found, sought: Fitted, doubtful: bool) -> Iterator[Fi
     yield sought
 
 
-def _mapped(model: Fitted, member: Candidate, tests: dict[str, float | None]) -> UnknownStructure:
+def _mapped(
+    model: Fitted, member: Candidate, tests: Mapping[str, float | None]
+) -> UnknownStructure:
     """What the map says: how large it is, and where it is largest.
 
     Of its displacement what the geometry would not take up, as that of the map and what

@@ -112,6 +112,15 @@ class Model(Fitted):
             return self
         return solved(self.survey, robot, noise, problem)
 
+    def everything(self) -> Model:
+        """The same fit, with poses that it set aside as gross errors to be looked at again."""
+        weight = self.cell.weight
+        return replace(self, cell=replace(self.cell, weight=np.where(weight > 0, weight, 1.0)))
+
+    def at(self, theta: Array) -> Model:
+        """The same with other values, (P,)."""
+        return replace(self, theta=theta, near=None)
+
     def moved_by_causes(self) -> Array:
         """How far the named effects move each pose's reading, (n, 3) [m]."""
         chain, without = self.extended.chain, self.theta.copy()

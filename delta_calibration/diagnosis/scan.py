@@ -13,9 +13,9 @@ from delta_calibration.diagnosis.candidates import Candidate, dimensions, maps, 
 from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.scores import Score, Weighed
+from delta_calibration.diagnosis.statement import ALPHA
 from delta_calibration.effects import Effect
 
-ALPHA = 0.002  # chance that a clean session raises any alarm
 PLAIN = 3.0  # ln B from which there is no doubt that something is left, or likelier
 THREADS = min(4, os.cpu_count() or 1)
 _DRAWS = 64

@@ -15,8 +15,9 @@ import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.fitted import Fitted
-from delta_calibration.diagnosis.scan import ALPHA, Scan
+from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Score
+from delta_calibration.diagnosis.statement import ALPHA
 from delta_calibration.diagnosis.together import Together, as_score, shadow
 
 MOST = 4  # effects at a time

@@ -12,8 +12,13 @@ from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment, visibility
 from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.geometry import offset_rows, without, without_geometry
-from delta_calibration.diagnosis.verdict import CannotTell, Finding
-from delta_calibration.effects import Effect
+from delta_calibration.diagnosis.verdict import (
+    NOTHING_LEFT,
+    CannotTell,
+    Finding,
+    UnknownStructure,
+)
+from delta_calibration.effects import Effect, Stage
 
 Array = NDArray[np.float64]
 
@@ -26,6 +31,7 @@ def unseen(
     members: tuple[Candidate, ...],
     effects: Sequence[Effect],
     findings: Sequence[Finding],
+    unknown: UnknownStructure = NOTHING_LEFT,
 ) -> tuple[CannotTell, ...]:
     """Classes among the findings, and effects that this session would not show.
 
@@ -34,6 +40,7 @@ def unseen(
         members: what was found beyond what every calibration fits.
         effects: the catalogue.
         findings: what is said of all that was found.
+        unknown: what is said of what nothing explains.
     """
     said = [_of_class(finding) for finding in findings if finding.equivalents]
     found = {finding.cause for finding in findings}
@@ -41,7 +48,7 @@ def unseen(
     for effect in effects:
         if effect.cause in found:
             continue
-        blind = _blind(evidence, members, effect)
+        blind = _blind(evidence, members, effect, unknown)
         if blind is not None:
             partners, because, following = blind
             if effect.cause in partners:  # a dimension of the same name is fitted anyway
@@ -58,6 +65,11 @@ def unseen(
 
 
 _NOTHING = "none"
+_OF_NEED = {
+    "direction": ("direction",),
+    "payload": ("payload",),
+    "temperature": ("temperature", "time"),
+}
 _COVERED = "it may be a part of what was found: they move the readings of this session alike"
 _WARMER = 1.0  # [K]
 _MOST = 0.8  # of the deviations that stand for an effect
@@ -86,7 +98,10 @@ def _of_class(finding: Finding) -> CannotTell:
 
 
 def _blind(
-    evidence: Evidence, members: tuple[Candidate, ...], effect: Effect
+    evidence: Evidence,
+    members: tuple[Candidate, ...],
+    effect: Effect,
+    unknown: UnknownStructure,
 ) -> tuple[tuple[str, ...], str, str] | None:
     """Partners, reason and next experiment of an effect of typical size that would not show."""
     shape = next(effect.shapes(evidence.at), effect)
@@ -106,9 +121,28 @@ def _blind(
     following = next_experiment(whole, candidate, None)
     constant = _constant(evidence, shape)
     if bare < _SHOWS:
-        return (), constant or "a typical one stays under the noise of this session", following
+        return (), constant or _too_small(evidence, shape, unknown), following
     because = constant or "on these poses the geometry can take its place"
     return _partners(whole, candidate), because, following
+
+
+def _too_small(evidence: Evidence, effect: Effect, unknown: UnknownStructure) -> str:
+    """That a typical one would not be seen, for the noise or for what else moves as it does."""
+    if unknown.found and unknown.moves_with in _moves_with(evidence, effect):
+        return f"what is left moves with {unknown.moves()} as well, and would hide a typical one"
+    return "a typical one stays under the noise of this session"
+
+
+def _moves_with(evidence: Evidence, effect: Effect) -> set[str]:
+    """What the readings of an effect move with, by the words of `UnknownStructure.moves_with`."""
+    at = evidence.at
+    resting = at.take(~(at.velocity != 0).any(axis=1))
+    words = {word for need in effect.needs for word in _OF_NEED.get(need, ())}
+    if effect.bound_to_session:
+        words |= {"time"}
+    if effect.stage is not Stage.MEASUREMENT and not effect.columns(resting).any():
+        words |= {"speed", "motion"}
+    return words or {"position", "joint angle", "joints"}
 
 
 def _covering(

@@ -31,6 +31,7 @@ class Held:
 
     model: str
     held_out_rms_mm: float | None
+    with_set_aside_rms_mm: float | None = None  # the same with poses that were set aside
 
 
 @dataclass(frozen=True)
@@ -141,6 +142,9 @@ class UnknownStructure:
         return spoken(self.moves_with or "nothing that was recorded")
 
 
+NOTHING_LEFT = UnknownStructure(False, None, None, None, {})
+
+
 @dataclass(frozen=True)
 class CannotTell:
     """Causes that this session cannot part or see, and what would."""
@@ -167,6 +171,9 @@ class Verdict:
         """As the JSON of the contract; `verdict.schema.json` holds its form."""
         plain = _plain(asdict(self))
         plain["findings"] = [finding.as_dict() for finding in self.findings]
+        for model in ("baseline", "calibrated", "extended"):
+            if plain[model]["with_set_aside_rms_mm"] is None:
+                del plain[model]["with_set_aside_rms_mm"]
         return {"schema": SCHEMA, **plain}
 
     def models(self) -> tuple[tuple[str, Held], ...]:
@@ -175,6 +182,15 @@ class Verdict:
         if self.extended.model != self.calibrated.model:
             known.append(("extended", self.extended))
         return tuple(known)
+
+    def with_set_aside(self) -> str:
+        """The models' errors with the poses that were set aside; empty where none was."""
+        told = [
+            f"{mm(model.with_set_aside_rms_mm)} mm {name}"
+            for name, model in self.models()
+            if model.with_set_aside_rms_mm is not None
+        ]
+        return f"held-out error with the poses set aside: {', '.join(told)}" if told else ""
 
     def sentence(self) -> str:
         """What an engineer reads first: what it is, how sure, and the errors of the models."""

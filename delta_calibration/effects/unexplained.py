@@ -8,9 +8,14 @@ one condition times a plane over the joints:
                                      condition(c) * (1, q_1, ..., q_m)       (all others), or
                                      condition(c) * bumps about places       (payload)
 
-with q and its rate in units of `joint_size` s (q of sliders from home), and w of the order of
-`SIZES` times s: with s the mechanism's own, a map of a given size moves the platform of any
-mechanism by about as much.
+and all of it times 1 within the joint angles that it was learned at, less beyond them,
+
+    prod_j exp(-(d_j / r_j)^2)       d_j: how far joint j is beyond its range, r_j: a twentieth
+                                     of that range
+
+as a map knows nothing of where nothing was measured. q and its rate are in units of `joint_size` s
+(q of sliders from home), and w of the order of `SIZES` times s: with s the mechanism's own, a map
+of a given size moves the platform of any mechanism by about as much.
 
 Joint space serves for all: where the mechanism is regular, any displacement of its platform is
 one of its joints. The bumps with a normal prior on their weights are a Gaussian process seen from
@@ -43,7 +48,7 @@ from delta_calibration.effects.remedy import MEASURE, Remedy
 from delta_calibration.effects.signals import NOTHING, Places
 from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.effects.time_course import HOUR
-from delta_calibration.model.symbols import Symbol, exp, square, where
+from delta_calibration.model.symbols import Symbol, exp, maximum, square, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.samples import Conditions
@@ -73,6 +78,9 @@ _SIGNALS = {  # what a map moves with
 }
 _SCALES = {TIME: (0.0, 1 / HOUR), TEMPERATURE: (REFERENCE, 0.1)}  # offset and scale
 _ALONG = 12  # bumps along a joint's angle
+_DIGITS = 1e6  # of places, in a file
+_FADING = 0.05  # of a joint's range, over which a map fades beyond it
+_LEAST = 1e-3  # [rad of a Delta] the same of a joint that stood still
 
 
 @dataclass(frozen=True)
@@ -80,7 +88,7 @@ class Unexplained(Effect):
     """A smooth map over `family`; `centres` are the places of its bumps, (f m,) in a row.
 
     Files of versions that knew no `joint_size` hold none: theirs is 0, for places and speeds taken
-    as they are and weights said to be in rad.
+    as they are and weights said to be in rad. Those that knew no range have none.
     """
 
     cause: ClassVar[str] = UNEXPLAINED
@@ -100,6 +108,8 @@ class Unexplained(Effect):
     width: float = 0.0  # of a bump
     centres: tuple[float, ...] = ()
     joint_size: float = 0.0  # that counts as one where a feature is a place or a speed
+    lower: tuple[float, ...] = ()  # (m,) joints that it was learned at, and is to be used at
+    upper: tuple[float, ...] = ()  # (m,)
 
     @classmethod
     def over(
@@ -109,6 +119,7 @@ class Unexplained(Effect):
         joint: Array,
         size: float = SIZES[-1],
         reach: float | None = None,
+        seen: Array | None = None,
     ) -> Unexplained:
         """The map of a family over a session's places, (n, m) in the joints' unit.
 
@@ -118,10 +129,21 @@ class Unexplained(Effect):
             joint: the places.
             size: of its weights [rad of a Delta].
             reach: width of its bumps over the spread of the places, one of `reaches`; 0 for none.
+            seen: all joints that it is learned at, in motion too, (k, m); the places where not
+                given.
         """
+        seen = joint if seen is None else seen
         mechanism = effect_of.mechanism
         own = mechanism.joint_size
-        bare = cls(effect_of.robot, mechanism, family, size * own, joint_size=own)
+        bare = cls(
+            effect_of.robot,
+            mechanism,
+            family,
+            size * own,
+            joint_size=own,
+            lower=_told(np.floor(seen.min(axis=0) * _DIGITS) / _DIGITS),
+            upper=_told(np.ceil(seen.max(axis=0) * _DIGITS) / _DIGITS),
+        )
         if family == JOINT:
             low, high = joint.min(axis=0), joint.max(axis=0)
             step = float((high - low).max()) / (_ALONG - 1)
@@ -134,8 +156,7 @@ class Unexplained(Effect):
 
     def _about(self, centres: Array, width: float) -> Unexplained:
         """The map with bumps about places (f, m)."""
-        flat = tuple(np.round(centres, 6).ravel().tolist())
-        return replace(self, width=width, centres=flat)
+        return replace(self, width=width, centres=_told(centres.ravel()))
 
     @property
     def parameters(self) -> ParameterSet:
@@ -156,6 +177,11 @@ class Unexplained(Effect):
                 return f"{name}: {value} is not allowed; more than 0"
         if not 0 <= self.joint_size < np.inf:
             return f"joint_size: {self.joint_size} is not allowed; 0 or more"
+        ends = {len(self.lower), len(self.upper)}
+        if ends not in ({0}, {self.mechanism.joints}):
+            return f"lower, upper: {ends} numbers are not allowed; {self.mechanism.joints} each"
+        if not all(low <= high for low, high in zip(self.lower, self.upper, strict=True)):
+            return f"lower: {self.lower} is not allowed; not above upper, {self.upper}"
         wanted = {POSITION: (True,), JOINT: (True,), PAYLOAD: (True, False)}
         whole = len(self.centres) % self.mechanism.joints == 0
         fitting = bumps in wanted.get(self.family, (False,))
@@ -211,7 +237,7 @@ class Unexplained(Effect):
         """Bumps over so many joints, along one joint, or a plane."""
         if self.family == JOINT:
             return "_bump_1"
-        return f"_bump_{self.mechanism.joints}" if self.centres else "_plane"
+        return f"_{'bump' if self.centres else 'plane'}_{self.mechanism.joints}"
 
     @property
     def law(self) -> Callable[..., Any]:  # type: ignore[override]
@@ -234,13 +260,15 @@ class Unexplained(Effect):
         if self.family == JOINT:
             nothing = places.begin(NOTHING)
             for j in range(m):
+                ends = self._ends(slice(j, j + 1))
                 for centre in centres[:, j].tolist():
-                    yield (first + j, nothing), (centre, narrow, 0.0)
+                    yield (first + j, nothing), (centre, narrow, 0.0, *ends)
             return
         condition = places.begin(_SIGNALS.get(self.family, NOTHING))
         counts = float(self.family == PAYLOAD)
+        ends = self._ends(slice(0, m))
         for own in centres.tolist():
-            yield (*range(first, first + m), condition), (*own, narrow, counts)
+            yield (*range(first, first + m), condition), (*own, narrow, counts, *ends)
 
     def _planes(self, places: Places) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
         """Of each condition the plane's features: 1, then each joint; offsets and scales."""
@@ -249,10 +277,21 @@ class Unexplained(Effect):
         begin, middle = places.begin(_SIGNALS[self.family]), self._middle
         offset, scale = _SCALES.get(self.family, (0.0, 1.0))
         scale = 1 / self._unit if self.family == SPEED else scale
+        joints, ends = range(first, first + m), self._ends(slice(0, m))
         for i in range(self._conditions):
-            yield (begin + i, nothing), (offset, scale, -1.0, 1.0)
+            yield (*joints, begin + i, nothing), (offset, scale, -1.0, 1.0, *ends)
             for j in range(m):
-                yield (begin + i, first + j), (offset, scale, middle[j], 1 / self._unit)
+                own = offset, scale, middle[j], 1 / self._unit
+                yield (*joints, begin + i, first + j), (*own, *ends)
+
+    def _ends(self, joints: slice) -> tuple[float, ...]:
+        """Of some joints the ends of their ranges, and how fast it fades beyond them, (3 k,)."""
+        if not self.lower:
+            zero = (0.0,) * len(range(*joints.indices(self.mechanism.joints)))
+            return (*zero, *zero, *zero)  # at no rate: nowhere less than whole
+        low, high = np.array(self.lower[joints]), np.array(self.upper[joints])
+        rate = 1 / np.maximum(_FADING * (high - low), _LEAST * self._unit)
+        return (*low.tolist(), *high.tolist(), *rate.tolist())
 
     @property
     def _middle(self) -> list[float]:
@@ -267,12 +306,30 @@ def _bump(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
     m = s.shape[0] - 1
     counts = c[m + 1]
     condition = where(counts > 0, s[m], 1.0)
-    return v[0] * condition * exp(-square(s[:m] - c[:m]) * c[m])
+    near = square(s[:m] - c[:m]) * c[m] + _beyond(s[:m], c[m + 2 :])
+    return v[0] * condition * exp(-near)
 
 
 def _plane(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
     """w times condition and feature, each less its middle and in its unit."""
-    return v[0] * (s[0] - c[0]) * c[1] * ((s[1] - c[2]) * c[3])
+    m = s.shape[0] - 2
+    whole = v[0] * (s[m] - c[0]) * c[1] * ((s[m + 1] - c[2]) * c[3])
+    return whole * exp(-_beyond(s[:m], c[4:]))
+
+
+def _beyond(q: Symbol, c: Symbol) -> Symbol:
+    """Sum of the squares by which joints are beyond their ranges, in what it fades by."""
+    m = q.shape[0]
+    total = 0.0
+    for j in range(m):
+        by = maximum(maximum(c[j] - q[j], q[j] - c[m + j]), 0.0) * c[2 * m + j]
+        total = total + by * by
+    return total
+
+
+def _told(values: Array) -> tuple[float, ...]:
+    """Numbers as a file holds them, in the joints' unit."""
+    return tuple(np.round(values, 6).tolist())
 
 
 @lru_cache

@@ -6,7 +6,8 @@ from delta_calibration.identification.alternating import (
     in_turn,
     together,
 )
-from delta_calibration.identification.doubt import DIAGNOSIS, doubt
+from delta_calibration.identification.baseline import placing, registered
+from delta_calibration.identification.doubt import DIAGNOSIS, doubt, doubts
 from delta_calibration.identification.encoder_closures import EncoderClosure
 from delta_calibration.identification.error_model import box_of, error_model
 from delta_calibration.identification.fit import (
@@ -121,6 +122,7 @@ __all__ = [
     "build_problem",
     "chain_of",
     "doubt",
+    "doubts",
     "error_model",
     "fit_observations",
     "identify",
@@ -133,7 +135,9 @@ __all__ = [
     "most_evaluations",
     "observe",
     "parts_of",
+    "placing",
     "prepare",
+    "registered",
     "require_this_robot",
     "residuals_of",
     "robust_weights",

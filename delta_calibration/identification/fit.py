@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from delta_calibration.chain import Chain
 from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.geometry import Frame, align
+from delta_calibration.identification.baseline import registered
 from delta_calibration.identification.methods import LeastSquares, Method, Watch
 from delta_calibration.identification.noise import Noise, estimate_noise, whitening
 from delta_calibration.identification.observability import (
@@ -75,7 +76,7 @@ class Identification:
     correlations: tuple[tuple[str, str, float], ...]
     frame_only: Residuals
     full: Residuals
-    frame_only_theta: Array  # (P,) nominal geometry in the best frame
+    frame_only_theta: Array  # (P,) nominal geometry where it fits best: see `baseline.py`
     weight: Array  # (n,) of each pose under the robust loss
     chi_square: float  # per degree of freedom, of the whitened residuals
     region: Region
@@ -147,8 +148,7 @@ def identify(
     _, noise, problem = prepare(poses, robot, chain)
     problem = _with_turns(problem, poses, robot, noise)
     layout = problem.layout
-    frame_free = layout.mask(layout.frame, layout.mount)
-    registered = solve(problem.only(frame_free), robust=False)
+    before = registered(problem)
     require_this_robot(problem, poses, robot)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch)
@@ -174,9 +174,9 @@ def identify(
         noise=noise,
         observability=observability,
         correlations=strong_correlations(covariance, chain.parameters.names),
-        frame_only=_residuals(registered, folds, counted, _LEAST_SQUARES, rng, watch),
+        frame_only=_residuals(before, folds, counted, _LEAST_SQUARES, rng, watch),
         full=_residuals(full, folds, counted, method, rng, watch),
-        frame_only_theta=registered.theta[layout.chain],
+        frame_only_theta=before.theta[layout.chain],
         weight=full.weight,
         chi_square=chi_square,
         region=Region.of(chain.mechanism.position(nominal)),

@@ -9,9 +9,10 @@ GLOSSARY = "glossary"  # name of its section and table
 TERMS: tuple[tuple[str, str], ...] = (
     (
         "before, calibrated, extended",
-        "Three models of the machine: as drawn, or as the calibration in force has it, in the "
-        "best frame; with its geometry identified; with the causes that were found as well. "
-        "The tracker's frame is fitted in all three.",
+        "Three models of the machine: as drawn, or as the calibration in force has it, where it "
+        "fits best; with its geometry identified; with the causes that were found as well. The "
+        "tracker's frame and the reflector's offset are fitted in all three: where they are is "
+        "no error of the machine. No model is extended by what predicts held-out poses worse.",
     ),
     (
         "pose, place, reading, stop",

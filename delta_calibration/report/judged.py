@@ -33,8 +33,7 @@ class Judged:
         """Of a diagnosis."""
         held, evidence = diagnosis.held, diagnosis.held.evidence
         rows = np.flatnonzero(held.poses)
-        members = diagnosis.model.members
-        models = [diagnosis.before, *(held.members(of, held.sectors) for of in ((), members))]
+        models = [diagnosis.before, held.members((), held.sectors), diagnosis.after]
         before, calibrated, extended = (np.sqrt(model.square[rows]) for model in models)
         place = evidence.chain.mechanism.position(evidence.pose[rows])
         return cls(diagnosis, rows, place, before, calibrated, extended)

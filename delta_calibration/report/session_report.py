@@ -8,7 +8,7 @@ import numpy as np
 
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.diagnosis.diagnose import Diagnosis
-from delta_calibration.diagnosis.scan import ALPHA
+from delta_calibration.diagnosis.statement import MAP, SET_ASIDE
 from delta_calibration.diagnosis.verdict import Finding, Verdict
 from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report, Section, Table
@@ -58,9 +58,11 @@ def report_of(
         iso: the standard's criteria, or why there are none.
     """
     verdict, judged = diagnosis.verdict, Judged.of(diagnosis)
+    detail = verdict_section(verdict)
+    warnings = tuple(f"Warning: {text}." for text in diagnosis.doubts)
     session = verdict.session
     told = (
-        verdict_section(verdict),
+        replace(detail, text=(*warnings, *detail.text)),
         _workspace(judged),
         _line(judged, robot),
         _causes(judged, robot),
@@ -151,13 +153,7 @@ def _finding(finding: Finding) -> tuple[str, ...]:
 
 def _tests(verdict: Verdict) -> Table:
     unknown = verdict.unknown_structure
-    told = "No structure is left that chance would not leave."
-    least = min((p for p in unknown.tests.values() if p is not None), default=1.0)
-    if least * len(unknown.tests) <= ALPHA:
-        told = (
-            "Chance would not leave as much likeness, but what is left is too small beside the "
-            "noise to matter."
-        )
+    told = "Nothing is left that chance would not leave, beside what is too small to matter."
     if unknown.found:
         told = capital(f"{structure(unknown)}.")
     rows = tuple((_test(name), chance(p)) for name, p in unknown.tests.items())
@@ -165,12 +161,17 @@ def _tests(verdict: Verdict) -> Table:
 
 
 def _test(name: str) -> str:
+    own = {MAP: "a smooth map explains as much", SET_ASIDE: "set aside: neighbours miss alike"}
+    if name in own:
+        return own[name]
     kind, _, over = name.partition("moran_")
     return f"likeness of neighbours in {spoken(over)} (Moran's I)" if over else spoken(kind)
 
 
 def _set_aside(verdict: Verdict) -> tuple[str, ...]:
-    return (f"Readings set aside: {verdict.session.set_aside() or 'none'}.",)
+    told = f"Readings set aside: {verdict.session.set_aside() or 'none'}."
+    whole = verdict.with_set_aside()
+    return (told, f"{capital(whole)}.") if whole else (told,)
 
 
 def _workspace(judged: Judged) -> Section:

@@ -69,7 +69,7 @@ def verdict_of(data: Mapping[str, Any]) -> Verdict:
 
 
 def _held(data: Mapping[str, Any]) -> Held:
-    return Held(data["model"], data["held_out_rms_mm"])
+    return Held(data["model"], data["held_out_rms_mm"], data.get("with_set_aside_rms_mm"))
 
 
 def _finding(data: Mapping[str, Any]) -> Finding:

@@ -81,7 +81,7 @@ typedef struct {
 } Machine;
 
 typedef struct {
-    Numbers planes, lower, upper;
+    Numbers planes, lower, upper, least, most;
     double condition, typical, margin, on_face, correction, reached, stepped;
     int pulls;
 } Guards;
@@ -949,6 +949,14 @@ static double outside(const double *point) {
     return most;
 }
 
+/* How far beyond the joints measured a command lies, as far as that moves the tool [m]. */
+static double unseen(const double *q, int m) {
+    double most = -INFINITY;
+    for (int i = 0; i < m; i++)
+        most = larger(most, larger(guards.least.at[i] - q[i], q[i] - guards.most.at[i]));
+    return guards.typical * most;
+}
+
 /* Largest and smallest singular value of a (rows, columns), which is used up: Jacobi, one side. */
 static void singular_values(double *a, int rows, int columns, double *most, double *least) {
     const int wide = rows <= columns;
@@ -1038,6 +1046,7 @@ static int judged(const double *q, double payload, const double *centre, double 
         point_at(&drawn.body.bearing, room->drawn.x, drawn.body.limbs.sizes.at[OF_POSE],
                  room->origin, room->centre);
         beyond = outside(room->centre + drawn.body.bearing.point_at.at[2]) - guards.on_face;
+        beyond = larger(beyond, unseen(q, m));
         if (guards.margin > 0.0)
             *share = smaller(larger(1.0 - larger(beyond, 0.0) / guards.margin, 0.0), 1.0);
         else
