@@ -52,7 +52,7 @@ class Action:
     # of the calibrated machine without the cause and nothing else done; None where not foretold
     held_out_rms_after_mm: float | None
     confirm: str  # the one test that would confirm the cause
-    how: str = ""  # in words; not part of the JSON
+    how: str = ""  # in words
 
     def sentence(self) -> str:
         """As an order, with what is to be expected."""
@@ -85,16 +85,16 @@ class Finding:
     in_motion: bool = False  # the errors are of readings on paths; not part of the JSON
 
     def as_dict(self) -> dict[str, Any]:
-        """As the JSON of the contract: of a shape the values, their errors beside them."""
+        """As the JSON of the contract: of a shape the values, errors and units beside them."""
         told: dict[str, Any] = _plain(asdict(self))
         del told["in_motion"]
         shape = told.pop("shape")
         told["shape"] = {n: e if isinstance(e, str) else e["value"] for n, e in shape.items()}
-        told["shape_std"] = {n: e["std"] for n, e in shape.items() if not isinstance(e, str)}
+        searched = {n: e for n, e in shape.items() if not isinstance(e, str)}
+        told["shape_std"] = {name: each["std"] for name, each in searched.items()}
+        told["shape_unit"] = {name: each["unit"] for name, each in searched.items()}
         if told["action"] is None:
             del told["action"]
-        else:
-            del told["action"]["how"]
         return told
 
     def called(self) -> str:

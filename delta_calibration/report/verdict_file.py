@@ -98,10 +98,12 @@ def _finding(data: Mapping[str, Any]) -> Finding:
 
 
 def _shape(data: Mapping[str, Any]) -> dict[str, Estimate | str]:
-    """What was searched; units are not part of the file: names say them."""
-    std = data.get("shape_std", {})
+    """What was searched."""
+    std, unit = data.get("shape_std", {}), data.get("shape_unit", {})
     return {
-        name: value if isinstance(value, str) else Estimate(value, std.get(name), "")
+        name: value
+        if isinstance(value, str)
+        else Estimate(value, std.get(name), unit.get(name, ""))
         for name, value in data.get("shape", {}).items()
         if value is not None
     }
@@ -111,4 +113,5 @@ def _action(data: Mapping[str, Any] | None) -> Action | None:
     if data is None:
         return None
     left, confirm = data.get("held_out_rms_after_mm"), data.get("confirm")
-    return Action(data["do"], data.get("part") or "", left, confirm or "")
+    how = data.get("how", "")
+    return Action(data["do"], data.get("part") or "", left, confirm or "", how)
