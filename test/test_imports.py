@@ -52,6 +52,7 @@ LAYERS = [
     "recording",
     "cell",
     "report",
+    "access",
     "cli",
     "ros",
 ]
