@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 # A module may import those before it.
 LAYERS = [
     "errors",
+    "files",
     "model",
     "processes",
     "texts",
