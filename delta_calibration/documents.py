@@ -15,6 +15,7 @@ from typing import Any
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError, best_match
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import (
@@ -32,6 +33,7 @@ Document = Mapping[str, Any]
 Schema = Mapping[str, Any]
 
 _LONGEST = 200_000  # bytes: seconds of reading; a calibration of 60 parameters has 10 000
+_DEEPEST = 40  # levels; no document of the package has more than 6
 _MOST_ENTRIES = 50_000  # that a document of this length can have without aliases
 
 
@@ -108,8 +110,29 @@ def _reader() -> YAML:
     for kind in ("int", "float"):
         Constructor.add_constructor(f"tag:yaml.org,2002:{kind}", _number)
     yaml = YAML(typ="safe", pure=True)
-    yaml.Constructor = Constructor
+    yaml.Composer, yaml.Constructor = _Shallow, Constructor
     return yaml
+
+
+class _Shallow(Composer):
+    """Puts nodes together to a depth: the time that a text of brackets takes grows by its square.
+
+    Older versions of the library have no bound of their own.
+    """
+
+    def __init__(self, loader: Any = None) -> None:
+        super().__init__(loader=loader)
+        self._level = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """A node and those below it."""
+        self._level += 1
+        if self._level > _DEEPEST:
+            mark = self.parser.peek_event().start_mark
+            raise ComposerError(None, None, f"nested too deep: {_DEEPEST} levels may be", mark)
+        node = super().compose_node(parent, index)
+        self._level -= 1
+        return node
 
 
 def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
