@@ -25,7 +25,7 @@ class ContentError(ConfigError):
     """A file whose content is not what it should be; the message may tell some of it."""
 
 
-class RefusedFile(ConfigError):
+class RefusedFileError(ConfigError):
     """A file that was refused, told without what is in it.
 
     Attributes:

@@ -1,8 +1,8 @@
 """Hostile input: damaged and forged files and messages end in the package's own errors only.
 
-Every input is made from a sound one, by damage to its bytes or by a hostile value in the place of a
-sound one (a calibration is sealed anew, so that what lies behind the seal is reached). The draws
-are the same in every run. An alarm ends what hangs, and the peak of memory is looked at.
+Every input is made from a sound one, by damage to its bytes or by a hostile value in its place. A
+calibration is sealed anew, so that what lies behind the seal is reached. The draws are the same in
+every run. An alarm ends what hangs, and the peak of memory is looked at.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from delta_calibration.cell.health import Health, Level, Watch
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
-from delta_calibration.errors import ContentError, DataError, InputError, RefusedFile
+from delta_calibration.errors import ContentError, DataError, InputError, RefusedFileError
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session
 
@@ -271,7 +271,7 @@ class Desk:
                 calibration = load_calibration(Path(path).expanduser(), self.robot)
             except ContentError as error:  # who asks need not see what is in it
                 message = f"{path}: is no calibration file of this package; the log says why"
-                raise RefusedFile(message, str(error)) from error
+                raise RefusedFileError(message, str(error)) from error
             read = load_table(Path(table).expanduser(), calibration) if table else None
             return calibration, self._compensator(calibration, read)
 
