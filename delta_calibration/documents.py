@@ -107,32 +107,27 @@ def _reader() -> YAML:
     class Constructor(SafeConstructor):
         """Its own, as constructors are registered by class."""
 
+    class Shallow(Composer):
+        """Puts nodes together to a depth; older versions of the library have no bound of it."""
+
+        level = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            """A node and those below it."""
+            self.level += 1
+            if self.level > _DEEPEST:
+                mark = self.parser.peek_event().start_mark
+                problem = f"nested too deep: {_DEEPEST} levels may be"
+                raise ComposerError(None, None, problem, mark)
+            node = super().compose_node(parent, index)
+            self.level -= 1
+            return node
+
     for kind in ("int", "float"):
         Constructor.add_constructor(f"tag:yaml.org,2002:{kind}", _number)
     yaml = YAML(typ="safe", pure=True)
-    yaml.Composer, yaml.Constructor = _Shallow, Constructor
+    yaml.Composer, yaml.Constructor = Shallow, Constructor
     return yaml
-
-
-class _Shallow(Composer):
-    """Puts nodes together to a depth: the time that a text of brackets takes grows by its square.
-
-    Older versions of the library have no bound of their own.
-    """
-
-    def __init__(self, loader: Any = None) -> None:
-        super().__init__(loader=loader)
-        self._level = 0
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """A node and those below it."""
-        self._level += 1
-        if self._level > _DEEPEST:
-            mark = self.parser.peek_event().start_mark
-            raise ComposerError(None, None, f"nested too deep: {_DEEPEST} levels may be", mark)
-        node = super().compose_node(parent, index)
-        self._level -= 1
-        return node
 
 
 def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
