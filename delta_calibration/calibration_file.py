@@ -63,6 +63,25 @@ def save_calibration(path: Path, found: Identification, robot: Robot, poses: Pos
     write_document(path, {**content, _SEAL: content_hash(content)})
 
 
+def require_ours(path: Path) -> None:
+    """Refuse a file to be written over that is there and was not written by this package.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    if not path.exists():
+        return
+    try:
+        data = read_document(path, lambda _: load_schema("calibration"))
+    except ConfigError as error:
+        raise ConfigError(
+            f"{path}: is there, and no calibration file: not written over"
+        ) from error
+    content = {key: value for key, value in data.items() if key != _SEAL}
+    if content_hash(content) != data[_SEAL]:
+        raise ConfigError(f"{path}: was changed by hand: not written over")
+
+
 def from_diagnosis(found: Diagnosis, robot: Robot, poses: Poses) -> Calibration:
     """The calibration that `save_extended` would write and `load_calibration` read back."""
     return from_identification(found.identification, robot, poses)

@@ -15,17 +15,26 @@ from typing import Any
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError, best_match
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import (
+    AliasEvent,
+    CollectionEndEvent,
+    CollectionStartEvent,
+    ScalarEvent,
+)
 from ruamel.yaml.nodes import ScalarNode
 
-from delta_calibration.errors import ConfigError
+from delta_calibration.errors import ConfigError, ContentError
 from delta_calibration.texts import read_text
 
 Document = Mapping[str, Any]
 Schema = Mapping[str, Any]
 
-_LONGEST = 200_000  # characters: seconds of reading; a calibration of 60 parameters has 10 000
+_LONGEST = 200_000  # bytes: seconds of reading; a calibration of 60 parameters has 10 000
+_DEEPEST = 40  # levels; no document of the package has more than 6
+_MOST_ENTRIES = 50_000  # that a document of this length can have without aliases
 
 
 def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[str, Any]:
@@ -36,27 +45,60 @@ def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[
         schema_for: the schema of a document, which may go by what the document says.
 
     Raises:
-        ConfigError: no such file, not YAML, or an entry that is missing, unknown or out of range;
-            the message names the file, the entry's path, the value and what is allowed.
+        ConfigError: no such file or no regular one, not YAML, or an entry that is missing, unknown
+            or out of range; the message names the file, the entry's path, the value and what is
+            allowed.
     """
-    text = read_text(path, ConfigError)
-    if len(text) > _LONGEST:
-        raise ConfigError(
-            f"{path}: {len(text)} characters; no document of this kind has more than {_LONGEST}"
-        )
-    try:
-        data = _reader().load(text)
-    except MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise ConfigError(f"{path}: not valid YAML: {where}{_line(str(error.problem))}") from error
-    except (YAMLError, ValueError) as error:
-        raise ConfigError(f"{path}: not valid YAML: {_line(str(error))}") from error
-    except RecursionError as error:
-        raise ConfigError(f"{path}: not valid YAML: nested too deep") from error
+    data = parse_yaml(read_text(path, ConfigError, _LONGEST), str(path))
     _require_mapping(data, str(path))
     check_document(data, schema_for(data), str(path))
     return dict(data)
+
+
+def parse_yaml(text: str, source: str) -> Any:
+    """Plain data of a YAML text, which cannot be much larger than the text.
+
+    Raises:
+        ContentError: not YAML, nested too deep, or with aliases that stand for too much.
+    """
+    try:
+        if "*" in text and "&" in text:
+            _require_small(text)
+        return _reader().load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        problem = _line(str(error.problem))
+        raise ContentError(f"{source}: not valid YAML: {where}{problem}") from error
+    except (YAMLError, ValueError) as error:
+        raise ContentError(f"{source}: not valid YAML: {_line(str(error))}") from error
+    except RecursionError as error:
+        raise ContentError(f"{source}: not valid YAML: nested too deep") from error
+
+
+def _require_small(text: str) -> None:
+    """Refuse aliases by which a short text stands for millions of entries."""
+    sizes: dict[str, int] = {}  # entries that an anchor stands for, those of its aliases counted
+    open_at: list[tuple[str | None, int]] = []  # anchors of what is open, and the count before
+    count = 0
+    for event in YAML(typ="safe", pure=True).parse(text):
+        if isinstance(event, AliasEvent):
+            if event.anchor not in sizes:
+                raise ValueError(f"alias *{event.anchor} stands within what it stands for")
+            count += sizes[event.anchor]
+        elif isinstance(event, CollectionStartEvent):
+            open_at.append((event.anchor, count))
+            count += 1
+        elif isinstance(event, CollectionEndEvent):
+            anchor, before = open_at.pop()
+            if anchor is not None:
+                sizes[anchor] = count - before
+        elif isinstance(event, ScalarEvent):
+            count += 1
+            if event.anchor is not None:
+                sizes[event.anchor] = 1
+        if count > _MOST_ENTRIES:
+            raise ValueError(f"aliases that stand for more than {_MOST_ENTRIES} entries")
 
 
 def _reader() -> YAML:
@@ -65,10 +107,26 @@ def _reader() -> YAML:
     class Constructor(SafeConstructor):
         """Its own, as constructors are registered by class."""
 
+    class Shallow(Composer):
+        """Puts nodes together to a depth; older versions of the library have no bound of it."""
+
+        level = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            """A node and those below it."""
+            self.level += 1
+            if self.level > _DEEPEST:
+                mark = self.parser.peek_event().start_mark
+                problem = f"nested too deep: {_DEEPEST} levels may be"
+                raise ComposerError(None, None, problem, mark)
+            node = super().compose_node(parent, index)
+            self.level -= 1
+            return node
+
     for kind in ("int", "float"):
         Constructor.add_constructor(f"tag:yaml.org,2002:{kind}", _number)
     yaml = YAML(typ="safe", pure=True)
-    yaml.Constructor = Constructor
+    yaml.Composer, yaml.Constructor = Shallow, Constructor
     return yaml
 
 
@@ -94,7 +152,7 @@ def check_document(data: Any, schema: Schema, source: str) -> None:
     # A file of another version first says so, whatever else is different in it.
     error = next((e for e in errors if e.validator == "const"), None) or best_match(errors)
     if error is not None:
-        raise ConfigError(f"{source}: {_explain(error)}")
+        raise ContentError(f"{source}: {_explain(error)}")
     _require_finite(data, source, "")
 
 
@@ -141,7 +199,7 @@ def _plain(value: Any) -> Any:
 def _require_mapping(data: Any, source: str) -> None:
     if not isinstance(data, Mapping):
         found = "nothing" if data is None else type(data).__name__
-        raise ConfigError(f"{source}: a mapping of keys to values is expected, found {found}")
+        raise ContentError(f"{source}: a mapping of keys to values is expected, found {found}")
 
 
 def _refuse_another_kind(data: Document, schema: Schema, source: str) -> None:
@@ -181,7 +239,7 @@ def _require_finite(value: Any, source: str, path: str) -> None:
         for row, item in enumerate(value):
             _require_finite(item, source, f"{path}[{row}]")
     elif isinstance(value, int | float) and not abs(value) <= sys.float_info.max:
-        raise ConfigError(f"{source}: {path}: {value} is not a finite number")
+        raise ContentError(f"{source}: {path}: {value} is not a finite number")
 
 
 def _explain(error: ValidationError) -> str:

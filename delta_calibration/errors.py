@@ -21,6 +21,22 @@ class ConfigError(InputError):
     """A robot or calibration file with a missing, unknown or impossible entry."""
 
 
+class ContentError(ConfigError):
+    """A file whose content is not what it should be; the message may tell some of it."""
+
+
+class RefusedFileError(ConfigError):
+    """A file that was refused, told without what is in it.
+
+    Attributes:
+        why: what is wrong with it, for who may read it.
+    """
+
+    def __init__(self, message: str, why: str) -> None:
+        super().__init__(message)
+        self.why = why
+
+
 class RecordingError(InputError):
     """A session that cannot be read, or lacks what was asked of it."""
 

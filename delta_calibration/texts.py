@@ -8,23 +8,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from delta_calibration.errors import InputError
+from delta_calibration.files import MOST_TEXT, read_bounded
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _ARCHIVE = b"PK\x03\x04"  # workbooks (xlsx, ods) are archives
 
 
-def read_text(path: Path, kind: type[InputError] = InputError) -> str:
+def read_text(path: Path, kind: type[InputError] = InputError, most: int = MOST_TEXT) -> str:
     """What a text file holds, without the mark that some programs put in front.
 
     Raises:
-        InputError: (or the `kind` of it) no such file, or one in another encoding than UTF-8;
-            names the file, the encoding as far as it shows, and what to do.
+        InputError: (or the `kind` of it) no such file, no regular one, one of more than `most`
+            bytes, or in another encoding than UTF-8; names the file, the encoding as far as it
+            shows, and what to do.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise kind(f"{path}: cannot be read: {error.strerror or error}") from error
+    data = read_bounded(path, most, kind)
     if data.startswith(_ARCHIVE):
         raise kind(f"{path}: is a workbook or another archive; export a text file (CSV, UTF-8)")
     if data.startswith(_UTF16):

@@ -82,7 +82,7 @@ def test_the_file_as_it_is_is_read(tmp_path):
             "name: srbd\nname: srbd",
             r"not valid YAML: line 6, column 1: .*duplicate key",
         ),
-        ("name: srbd", "name: srbd\nown: &a {own: *a}", r"unknown key own"),
+        ("name: srbd", "name: srbd\nown: &a {own: *a}", r"alias \*a stands within what"),
         ("name: srbd", "\tname: srbd", r"not valid YAML: line 5, column 1: "),
         ("name: srbd", "name: !!python/name:os.system", r"not valid YAML"),
         ("name: srbd", "---\nname: srbd", r"not valid YAML|missing key"),
@@ -100,8 +100,8 @@ def test_a_wrong_entry_is_refused_by_path_and_value(tmp_path, old, new, message)
         ("# nothing\n", "a mapping of keys to values is expected, found nothing"),
         ("- a\n- b\n", "a mapping of keys to values is expected, found list"),
         ("just words", "a mapping of keys to values is expected, found str"),
-        ("[" * 1500, "not valid YAML: nested too deep"),
-        ("&a [*a]", "a mapping of keys to values is expected, found list"),
+        ("[" * 1500, "nested too deep: 40 levels may be"),
+        ("&a [*a]", "not valid YAML: alias *a stands within what it stands for"),
         (b"\xff\xfe\x00name", "is in UTF-16; save it as UTF-8"),
     ],
 )
@@ -163,6 +163,6 @@ def test_a_huge_file_is_refused_before_it_is_parsed(tmp_path):
     path = tmp_path / "huge.yaml"
     path.write_text("a: [" + "1, " * 2_000_000 + "1]")
     began = time.monotonic()
-    with pytest.raises(ConfigError, match=r"huge\.yaml: 6000006 characters; no document"):
+    with pytest.raises(ConfigError, match=r"huge\.yaml: 6000006 bytes; no file of this kind"):
         read_document(path, lambda _: {})
     assert time.monotonic() - began < 2.0  # parsing takes minutes

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 # A module may import those before it.
 LAYERS = [
     "errors",
+    "files",
     "model",
     "processes",
     "threads",
@@ -54,6 +55,7 @@ LAYERS = [
     "recording",
     "cell",
     "report",
+    "access",
     "cli",
     "ros",
 ]

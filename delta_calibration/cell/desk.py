@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.calibration_file import load_calibration
+from delta_calibration.calibration_file import load_calibration, require_ours
 from delta_calibration.cell.backlog import Backlog
 from delta_calibration.cell.capture import Capture
 from delta_calibration.cell.command_path import PASS_THROUGH, REFUSE, CommandPath, Sent
@@ -25,7 +25,13 @@ from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundi
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.cell.trajectory import Sent as TrajectorySent
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
-from delta_calibration.errors import DataError, InputError, MistakeError
+from delta_calibration.errors import (
+    ContentError,
+    DataError,
+    InputError,
+    MistakeError,
+    RefusedFileError,
+)
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session
 
@@ -254,6 +260,7 @@ class Desk:
         file = Path(path).expanduser()
 
         def work() -> str:
+            require_ours(file)
             fitted.save(file, robot)
             return f"saved to {file}"
 
@@ -277,7 +284,11 @@ class Desk:
             raise InputError("parameter calibration: is empty; it names the file to load")
 
         def work() -> tuple[Calibration, JointCompensator]:
-            calibration = load_calibration(Path(path).expanduser(), self.robot)
+            try:
+                calibration = load_calibration(Path(path).expanduser(), self.robot)
+            except ContentError as error:  # who asks need not see what is in it
+                message = f"{path}: is no calibration file of this package; the log says why"
+                raise RefusedFileError(message, str(error)) from error
             read = load_table(Path(table).expanduser(), calibration) if table else None
             return calibration, self._compensator(calibration, read)
 

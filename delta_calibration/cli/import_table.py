@@ -10,6 +10,7 @@ import click
 from delta_calibration import __version__
 from delta_calibration.cli.options import robot_option
 from delta_calibration.errors import InputError
+from delta_calibration.files import read_bounded
 from delta_calibration.recording import write_session
 from delta_calibration.recording.table_mapping import read_mapping
 from delta_calibration.recording.table_session import session_of_table
@@ -53,7 +54,7 @@ def command(table: Path, mapping_file: Path, robot_file: str, out: Path) -> None
             "robot": robot.name,
             "robot_sha256": robot.hash,
             "table": table.name,
-            "table_sha256": hashlib.sha256(table.read_bytes()).hexdigest(),
+            "table_sha256": hashlib.sha256(read_bounded(table)).hexdigest(),
             "mapping": mapping_file.name,
         },
     )

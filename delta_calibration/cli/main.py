@@ -31,6 +31,7 @@ VERBS = (
     "info",
     "recover",
     "urdf",
+    "sros2",
     "demo",
 )
 _MODULES = {"import": "import_table"}  # where a verb is no name in Python

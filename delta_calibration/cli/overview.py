@@ -33,6 +33,9 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
         "report": "session --robot srbd --out report.html",
         "compare": "january.json june.json --out drift.html",
     },
+    "Protect": {
+        "sros2": "--policy --out policy.xml",
+    },
     "Begin": {
         "demo": "--out out/demo",
         "completion": "bash",

@@ -6,7 +6,7 @@ dwell.
 """
 
 from delta_calibration.plans.motion import Leg, MotionPath, Plan, legs
-from delta_calibration.plans.named import make_plan
+from delta_calibration.plans.named import PLANS, make_plan
 from delta_calibration.plans.plan_file import read_plan, write_plan
 from delta_calibration.plans.points import (
     CUBE,
@@ -39,6 +39,7 @@ __all__ = [
     "PLACE",
     "PLACES",
     "PLANE",
+    "PLANS",
     "RADIUS",
     "TURN",
     "Leg",

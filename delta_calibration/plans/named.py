@@ -16,6 +16,7 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
+PLANS = ("line", "disc", "iso9283", "identify", "rich")
 _FINE = 801  # points of a path: on the circle the straight lines between stay within 1 um
 _PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
 

@@ -10,10 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+
+from delta_calibration.documents import parse_yaml
+from delta_calibration.errors import InputError
+from delta_calibration.texts import read_text
 
 FILE_NAME = "metadata.yaml"
 _ROOT = "rosbag2_bagfile_information"
+_LONGEST = 4 << 20  # bytes; a recording of a thousand topics has one
 _NOTHING_NS = 2**63 - 1  # what rosbag2 gives as the start of a recording without messages
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
@@ -71,7 +75,7 @@ def read_metadata(path: Path) -> BagMetadata | None:
     The messages describe themselves, so a damaged list of them stops nothing.
     """
     try:
-        content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+        content = parse_yaml(read_text(path, most=_LONGEST), str(path))
         information: dict[str, Any] = content[_ROOT]
         files = information.get("relative_file_paths") or ()
         custom = information.get("custom_data") or {}
@@ -80,7 +84,7 @@ def read_metadata(path: Path) -> BagMetadata | None:
             compression_mode=_no_none(information.get("compression_mode")),
             custom_data={str(key): str(value) for key, value in custom.items()},
         )
-    except (OSError, UnicodeDecodeError, YAMLError, KeyError, TypeError, AttributeError):
+    except (InputError, KeyError, TypeError, AttributeError):
         return None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sqlite3
 from collections.abc import Mapping
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from delta_calibration.errors import RecordingError
+from delta_calibration.files import require_regular
 from delta_calibration.recording.bag_metadata import FILE_NAME, read_metadata
 from delta_calibration.recording.mcap_file import decompress, read_mcap
 from delta_calibration.recording.raw import Keep, RawRecording, RawTopic
@@ -18,6 +20,10 @@ from delta_calibration.recording.sqlite_file import SQLITE_MAGIC, read_sqlite
 
 _SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 _NAMED = 6  # recordings in a folder, in a message
+_MOST = 1 << 40  # bytes of a file
+_ALWAYS = 64 << 20  # bytes to which anything may unpack, a message among it
+_MOST_RATIO = 200  # times its size, to which a file may; joint states unpack to 10 times
+_MOST_UNPACKED = 2 << 30  # bytes: it is held in memory
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
@@ -84,13 +90,27 @@ def load_raw(path: Path, keep: Keep) -> tuple[RawRecording, SessionFiles]:
 
 def open_data(path: Path) -> BinaryIO:
     """Open a data file; one that was compressed as a whole is unpacked in memory."""
-    stream = path.open("rb")
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    stream = os.fdopen(descriptor, "rb")
+    size = _size(path, stream)
     if stream.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC:
         with stream:
             stream.seek(0)
-            return BytesIO(decompress(stream.read(), "zstd"))
+            most = min(_MOST_UNPACKED, max(_ALWAYS, _MOST_RATIO * size))
+            return BytesIO(decompress(stream.read(), "zstd", most))
     stream.seek(0)
     return stream
+
+
+def _size(path: Path, stream: BinaryIO) -> int:
+    """Bytes of a file; one that is not regular is closed again and refused."""
+    found = os.fstat(stream.fileno())
+    try:
+        require_regular(path, found, _MOST, RecordingError)
+    except RecordingError as error:
+        stream.close()
+        raise RecordingError(str(error).removeprefix(f"{path}: ")) from error
+    return found.st_size
 
 
 def is_sqlite(stream: BinaryIO) -> bool:
@@ -123,7 +143,7 @@ def _read_by_kind(path: Path, recording: RawRecording) -> None:
 
 def _unpacked(topic: RawTopic) -> list[bytes]:
     try:
-        return [decompress(record, "zstd") for record in topic.records]
+        return [decompress(record, "zstd", _ALWAYS) for record in topic.records]
     except ValueError as error:
         raise RecordingError(
             f"{topic.name}: {FILE_NAME} says that messages are compressed, but: {error}"

@@ -42,7 +42,10 @@ _READ_WHOLE = frozenset(
     (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK, Opcode.METADATA)
 )
 _FOOTER_BYTES = 9 + 20 + len(MAGIC)
-_LARGEST_CHUNK = 4 << 30  # bytes; a larger length is damage, not a chunk
+_LARGEST_CHUNK = 1 << 29  # bytes; a larger length is damage, not a chunk
+_LARGEST_UNPACKED = 1 << 28  # bytes of a chunk; writers make 1 MB of them
+_LARGEST_WINDOW = 1 << 27  # bytes that zstd looks back at most, its own bound
+_PART = 1 << 22
 # What comes of reading damage; bad UTF-8 is a ValueError.
 _BROKEN = (McapError, struct.error, ValueError, OverflowError, MemoryError)
 
@@ -62,29 +65,51 @@ def read_mcap(stream: BinaryIO, name: str, recording: RawRecording) -> None:
     _Scan(stream, name, recording).run()
 
 
-def decompress(data: bytes, compression: str) -> bytes:
+def decompress(data: bytes, compression: str, most: int) -> bytes:
     """Content of a chunk; of a torn one, as much as can be had.
+
+    Args:
+        data: as it lies in the file.
+        compression: "zstd", "lz4" or none.
+        most: bytes that it may unpack to.
 
     Raises:
         RecordingError: Unknown compression.
-        ValueError: The data is damaged.
+        ValueError: The data is damaged, or unpacks to more.
     """
     if compression == "zstd":
         try:
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            plain = _unpacked(data, most + 1)
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from error
+        return _no_more(plain, most)
     if compression == "lz4":
         try:
-            plain: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data)
+            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most + 1)
         except RuntimeError as error:
             raise ValueError(str(error)) from error
-        return plain
+        return _no_more(plain, most)
     if compression:
         raise RecordingError(
             f"has chunks compressed by {compression!r}: none, lz4 and zstd can be read"
         )
     return data
+
+
+def _unpacked(data: bytes, most: int) -> bytes:
+    """What zstd makes of data, as far as they go and no more than so many bytes."""
+    parts, left = [], most
+    with zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).stream_reader(data) as reader:
+        while left and (part := reader.read(min(left, _PART))):
+            parts.append(part)
+            left -= len(part)
+    return b"".join(parts)
+
+
+def _no_more(plain: bytes, most: int) -> bytes:
+    if len(plain) > most:
+        raise ValueError(f"it unpacks to more than {most} bytes")
+    return plain
 
 
 def _what_then(name: str) -> str:
@@ -153,7 +178,11 @@ class _Scan:
         self._recording.chunks += 1
         self._recording.compressions.add(chunk.compression or "none")
         try:
-            data = decompress(chunk.data, chunk.compression)
+            if chunk.uncompressed_size > _LARGEST_UNPACKED:
+                raise ValueError(
+                    f"{chunk.uncompressed_size} bytes; no chunk has more than {_LARGEST_UNPACKED}"
+                )
+            data = decompress(chunk.data, chunk.compression, chunk.uncompressed_size)
             if whole:
                 _check(chunk, data)
             self._chunk_records(data)

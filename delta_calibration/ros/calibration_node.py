@@ -87,6 +87,7 @@ class CalibrationNode(SafeLifecycleNode):
         scale = partial(self._settings.number, "error_scale")
         prefix = frame_prefix(self._settings.text("frame_prefix"))
         self._markers = Markers(self, lambda: self._desk, scale, prefix)
+        self.shut_to_peers()
 
     def _serve(self) -> None:
         orders: dict[str, Callable[[Desk], str]] = {
@@ -166,9 +167,11 @@ class CalibrationNode(SafeLifecycleNode):
             )
 
     def activate(self) -> None:
-        """Begin to send, uncompensated."""
+        """Begin to send, uncompensated unless it was started with `enabled`."""
         if self._desk is not None:
             self._desk.reset()
+            if self._settings.flag("enabled"):
+                self._desk.enable(True)
         self._active = True
 
     def deactivate(self) -> None:
@@ -344,7 +347,7 @@ class CalibrationNode(SafeLifecycleNode):
         return lambda: partial(desk.take, *work())
 
     def _prepare_save(self) -> Work:
-        save = self._require_desk().prepare_save(self._settings.text("output"))
+        save = self._require_desk().prepare_save(self._file("output"))
 
         def work() -> Finish:
             sentence = save()
@@ -352,9 +355,13 @@ class CalibrationNode(SafeLifecycleNode):
 
         return work
 
+    def _file(self, name: str) -> str:
+        """The file that a parameter names; empty where it names none."""
+        return str(self._settings.path(name) or "")
+
     def _prepare_reload(self) -> Work:
-        desk, path = self._require_desk(), self._settings.text("calibration")
-        work = desk.prepare_reload(path, self._settings.text("table"))
+        desk, path = self._require_desk(), self._file("calibration")
+        work = desk.prepare_reload(path, self._file("table"))
         return lambda: partial(desk.take_file, path, *work())
 
     def _tell_of(self, job: str, why: str) -> None:

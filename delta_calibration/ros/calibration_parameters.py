@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from delta_calibration.cell.command_path import BEYOND_LIMITS, ON_FAILURE, PASS_THROUGH, REFUSE
 from delta_calibration.cell.desk import Settings
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S
 from delta_calibration.compensation import METHODS
 from delta_calibration.mechanisms import MECHANISMS
-from delta_calibration.ros.parameters import FRAME_PREFIX, ParameterTable, Spec
+from delta_calibration.ros.parameters import FRAME_PREFIX, ROBOT, ParameterTable, Spec
 
 SPECS = (
-    Spec("robot", "srbd", "robot file, or the name of one of the package's; from configure on"),
-    Spec("calibration", "", "calibration file for configure and ~/reload; may be empty"),
+    replace(ROBOT, description=f"{ROBOT.description}; from configure on", read_only=False),
+    Spec(
+        "calibration", "", "calibration file for configure and ~/reload; may be empty", path=True
+    ),
     Spec("method", "newton", "how corrections are found; from configure on", choices=METHODS),
     Spec(
         "table",
         "",
         "file of a table of corrections for configure and ~/reload, with method table; empty: "
         "the table is made then",
+        path=True,
     ),
     Spec(
         "on_failure",
@@ -79,7 +84,13 @@ SPECS = (
         "factor by which ~/markers draws errors longer than they are",
         range=(0.0, 1e5),
     ),
-    Spec("output", "", "calibration file that ~/save writes"),
+    Spec("output", "", "calibration file that ~/save writes", path=True),
+    Spec(
+        "enabled",
+        False,
+        "switch compensation on whenever the node is activated; wants a calibration",
+        read_only=True,
+    ),
     Spec(
         "command_controller",
         "",
@@ -108,10 +119,10 @@ SPECS = (
 def desk_settings(table: ParameterTable) -> Settings:
     """What the parameters say now."""
     return Settings(
-        robot=table.text("robot"),
-        calibration=table.text("calibration"),
+        robot=table.named("robot"),
+        calibration=str(table.path("calibration") or ""),
         method=table.text("method"),
-        table=table.text("table"),
+        table=str(table.path("table") or ""),
         on_failure=table.text("on_failure"),
         beyond_limits=table.text("beyond_limits"),
         ramp_s=table.number("ramp_s"),

@@ -44,6 +44,7 @@ from delta_calibration.ros.diagnostics import Diagnostics
 from delta_calibration.ros.driven import Driven
 from delta_calibration.ros.parameters import (
     RATE,
+    ROBOT,
     SUBSCRIBERS,
     WAIT_FOR_SUBSCRIBER,
     ParameterTable,
@@ -61,14 +62,21 @@ FAREWELL_S = 1.0  # [s] for the last command to arrive
 ENCODER_SIGMAS = 8.0  # a standing joint may read so far from where it was told to be
 
 SPECS = (
-    Spec("robot", "srbd", "robot file, or name of a robot of this package", read_only=True),
-    Spec("points", "", "CSV file with columns x_mm, y_mm, z_mm: tool points", read_only=True),
-    Spec("output", "corrections.csv", "CSV file for what is found", read_only=True),
+    ROBOT,
+    Spec(
+        "points",
+        "",
+        "CSV file with columns x_mm, y_mm, z_mm: tool points",
+        read_only=True,
+        path=True,
+    ),
+    Spec("output", "corrections.csv", "CSV file for what is found", read_only=True, path=True),
     Spec(
         "calibration",
         "",
         "calibration file that says how the tracker stands; empty: found by stops first",
         read_only=True,
+        path=True,
     ),
     Spec("frame_stops", 24, "stops to find the tracker's frame by", (4, 1000), read_only=True),
     Spec("repeats", 3, "searches for each point, averaged", (2, 100), read_only=True),
@@ -118,7 +126,7 @@ class GridPositioner(BaseNode):
         super().__init__(NAME, **kwargs)
         self._settings = ParameterTable(self, SPECS)
         warn_of_unknown(self)
-        self._robot = load_robot(self._settings.text("robot"))
+        self._robot = load_robot(self._settings.named("robot"))
         size = self._robot.commanded.joint_size
         self._unit = float(np.radians(self._settings.number("unit_deg"))) * size
         self._positioning = self._make_positioning()
@@ -165,7 +173,7 @@ class GridPositioner(BaseNode):
         )
         return Positioning(
             self._robot,
-            read_targets(Path(s.text("points")), self._robot).point,
+            read_targets(Path(s.named("points")), self._robot).point,
             lattice,
             s.integer("repeats"),
             s.integer("readings"),
@@ -175,8 +183,8 @@ class GridPositioner(BaseNode):
     @staticmethod
     def _frame(robot: Robot, settings: ParameterTable) -> Calibration | int:
         """Where the tracker's frame comes from."""
-        file = settings.text("calibration")
-        return load_calibration(Path(file), robot) if file else settings.integer("frame_stops")
+        file = settings.path("calibration")
+        return load_calibration(file, robot) if file else settings.integer("frame_stops")
 
     # --- topics
 
@@ -317,7 +325,7 @@ class GridPositioner(BaseNode):
         outcomes = doing.outcomes
         if len(outcomes) > self._said:
             self._said = len(outcomes)
-            output = Path(self._settings.text("output"))
+            output = Path(self._settings.named("output"))
             write_outcomes(output, self._robot.joints.names, outcomes)
             self._say_outcome(outcomes[-1])
 

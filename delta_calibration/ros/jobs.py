@@ -13,7 +13,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from delta_calibration.cell.background import Background
-from delta_calibration.errors import CalibrationError, DataError
+from delta_calibration.errors import CalibrationError, DataError, RefusedFileError
 from delta_calibration.ros.deferred import Deferred, allow_deferred
 
 POLL_S = 0.05  # [s] until the end of a job is noticed
@@ -91,6 +91,9 @@ class Jobs:
     def _answer(self, kind: str, job: _Job) -> Any:
         try:
             return Trigger.Response(success=True, message=job.background.result()())
+        except RefusedFileError as error:
+            self._node.get_logger().error(error.why)
+            why = str(error)
         except CalibrationError as error:
             why = str(error)
         except Exception as error:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from delta_calibration.errors import CalibrationError
@@ -22,6 +23,32 @@ AUTOSTART = Spec(
     "autostart",
     False,
     "configure and activate at start, without a lifecycle manager",
+    read_only=True,
+)
+
+
+# What rclpy gives every lifecycle node: to be read by peers, refused where it would change it.
+ROS_OWN = frozenset(
+    (
+        "describe_parameters",
+        "get_parameter_types",
+        "get_parameters",
+        "list_parameters",
+        "set_parameters",
+        "set_parameters_atomically",
+        "get_type_description",
+        "change_state",
+        "get_state",
+        "get_available_states",
+        "get_available_transitions",
+        "get_transition_graph",
+    )
+)
+SERVICES = Spec(
+    "services",
+    True,
+    "whether peers may call services, change the state and set parameters; where not, only who "
+    "started the node says what it does: parameters at the start, autostart, enabled, signals",
     read_only=True,
 )
 
@@ -37,7 +64,8 @@ class SafeLifecycleNode(Finishing, LifecycleNode):
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         super().__init__(name, **kwargs)
-        self._autostart = ParameterTable(self, (AUTOSTART,)).flag("autostart")
+        table = ParameterTable(self, (AUTOSTART, SERVICES))
+        self._autostart, self.serves = table.flag("autostart"), table.flag("services")
         self._change_state: Callable[..., Any] = self._service_change_state.callback
         self._service_change_state.callback = self._answer_change_state
 
@@ -66,6 +94,16 @@ class SafeLifecycleNode(Finishing, LifecycleNode):
             )
         elif self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
+
+    def shut_to_peers(self) -> None:
+        """Where services are off, end those of the node itself, and take no parameter any more."""
+        if self.serves:
+            return
+        own = self.get_fully_qualified_name() + "/"
+        for service in list(self.services):
+            if service.service_name.removeprefix(own) not in ROS_OWN:
+                self.destroy_service(service)
+        self.add_on_set_parameters_callback(_refuse_change)
 
     def close(self) -> None:
         """Leave through the lifecycle's own shutdown: `deactivate` and `cleanup` are called."""
@@ -122,6 +160,10 @@ class SafeLifecycleNode(Finishing, LifecycleNode):
     ) -> ChangeState.Response:
         """Answer false where rclpy would let a request out of state end the process."""
         state = self.state
+        if not self.serves:
+            self.get_logger().warn("transition refused: services are off", once=True)
+            response.success = False
+            return response
         try:
             return self._change_state(request, response)
         except RuntimeError as error:  # RCLError
@@ -129,3 +171,7 @@ class SafeLifecycleNode(Finishing, LifecycleNode):
             self.get_logger().warn(f"transition {asked} refused in state '{state}': {error}")
             response.success = False
             return response
+
+
+def _refuse_change(_changed: list[Any]) -> SetParametersResult:
+    return SetParametersResult(successful=False, reason="services are off (services:=false)")

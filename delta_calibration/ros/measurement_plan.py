@@ -22,13 +22,14 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
 from delta_calibration.errors import CalibrationError, DataError
-from delta_calibration.plans import Plan, legs, make_plan
+from delta_calibration.plans import PLANS, Plan, legs, make_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
 from delta_calibration.ros.driven import Driven
 from delta_calibration.ros.parameters import (
     RATE,
+    ROBOT,
     SUBSCRIBERS,
     WAIT_FOR_SUBSCRIBER,
     ParameterTable,
@@ -49,12 +50,14 @@ HELD_UP_S = 0.25  # [s] behind time: beyond it, to catch up would be a jump
 FAREWELL_S = 1.0  # [s] for the last command to arrive
 
 SPECS = (
-    Spec("robot", "srbd", "robot file, or name of a robot of this package", read_only=True),
+    ROBOT,
     Spec(
         "plan",
         "line",
         "line, disc, iso9283, identify, rich, or a CSV file with columns x_mm, y_mm, z_mm",
         read_only=True,
+        path=True,
+        names=PLANS,
     ),
     Spec("count", 0, "different points; 0: the plan's usual number", (0, 10**5), read_only=True),
     Spec("dwell", 1.0, "time [s] at each stop", range=(0.0, 3600.0), read_only=True),
@@ -102,7 +105,7 @@ class MeasurementPlan(BaseNode):
         super().__init__(NAME, **kwargs)
         self._settings = ParameterTable(self, SPECS)
         warn_of_unknown(self)
-        self._robot = load_robot(self._settings.text("robot"))
+        self._robot = load_robot(self._settings.named("robot"))
         self._hz = self._settings.number("rate")
         self._plan = self._read_plan()
         self._commands = self.create_publisher(JointState, "joint_command", STREAM_OUT)
@@ -137,7 +140,7 @@ class MeasurementPlan(BaseNode):
     def _read_plan(self) -> Plan:
         settings = self._settings
         return make_plan(
-            settings.text("plan"),
+            settings.named("plan"),
             self._robot,
             count=settings.integer("count") or None,
             dwell=settings.number("dwell"),

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -22,6 +23,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from delta_calibration.errors import InputError
+from delta_calibration.robot import known_robots
+from delta_calibration.ros.data_dir import DataFolder
 
 Value = bool | int | float | str | Sequence[str] | Sequence[float]
 
@@ -37,6 +40,8 @@ class Spec:
         range: lowest and highest value of a number, or of each number of an array.
         choices: allowed texts; of an array, allowed entries.
         read_only: can be given at the start only.
+        path: whether it names a file, which has to lie in `data_dir` (data_dir.py).
+        names: texts that name no file, as those of robots that come with the package.
     """
 
     name: str
@@ -45,6 +50,8 @@ class Spec:
     range: tuple[float, float] | None = None
     choices: tuple[str, ...] = ()
     read_only: bool = False
+    path: bool = False
+    names: tuple[str, ...] = ()
 
     def reason_against(self, value: Any) -> str | None:
         """Why the value is refused, naming it and what is allowed; None if it is not."""
@@ -74,6 +81,21 @@ class Spec:
             descriptor.integer_range = [IntegerRange(from_value=first, to_value=last)]
         return descriptor
 
+
+DATA_DIR = Spec(
+    "data_dir",
+    "",
+    "folder under which files lie that parameters name; empty for the working folder",
+    read_only=True,
+)
+ROBOT = Spec(
+    "robot",
+    "srbd",
+    "robot file, or the name of one of the package's",
+    read_only=True,
+    path=True,
+    names=known_robots(),
+)
 
 # Of every node that drives a cell by commands.
 RATE = Spec("rate", 50.0, "rate [Hz] of the commands", range=(1.0, 1000.0), read_only=True)
@@ -122,9 +144,15 @@ class ParameterTable:
     ) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
+        paths = [spec for spec in self._specs.values() if spec.path]
+        if paths:
+            self._specs = {DATA_DIR.name: DATA_DIR, **self._specs}
+        self._files: DataFolder | None = None  # anything may be named at the start
         node.add_on_set_parameters_callback(self._check)
         for spec in self._specs.values():
             self._declare(spec)
+        if paths:
+            self._bound(paths)
         if on_change is not None:
             self._on_change = on_change
             node.add_post_set_parameters_callback(self._report)
@@ -144,6 +172,33 @@ class ParameterTable:
     def text(self, name: str) -> str:
         """Value of a text."""
         return str(self._value(name))
+
+    def path(self, name: str) -> Path | None:
+        """The file that a parameter names; None where it is empty.
+
+        Raises:
+            InputError: it lies outside `data_dir`.
+        """
+        text = self.text(name)
+        assert self._files is not None
+        return self._files.path(name, text) if text else None
+
+    def named(self, name: str) -> str:
+        """A name that is no file's, or else the file that a parameter names, as text.
+
+        Raises:
+            InputError: it lies outside `data_dir`.
+        """
+        text = self.text(name)
+        return text if text in self._specs[name].names else str(self.path(name) or "")
+
+    def _bound(self, paths: Iterable[Spec]) -> None:
+        """From now on files lie in `data_dir`, but for those named at the start."""
+        files = DataFolder.of(self.text(DATA_DIR.name))
+        known = frozenset(self.text(spec.name) for spec in paths)
+        self._files = replace(files, known=known)
+        for spec in paths:
+            self.named(spec.name)
 
     def texts(self, name: str) -> tuple[str, ...]:
         """Value of an array of texts; without empty ones: YAML has no empty array with a type."""
@@ -172,10 +227,19 @@ class ParameterTable:
     def _check(self, changed: list[Parameter]) -> SetParametersResult:
         for parameter in changed:
             spec = self._specs.get(parameter.name)
-            reason = None if spec is None else spec.reason_against(parameter.value)
+            reason = None if spec is None else self._reason_against(spec, parameter.value)
             if reason is not None:
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
+
+    def _reason_against(self, spec: Spec, value: Any) -> str | None:
+        reason = spec.reason_against(value)
+        if reason is None and spec.path and self._files and value and value not in spec.names:
+            try:
+                self._files.path(spec.name, value)
+            except InputError as error:
+                return str(error)
+        return reason
 
     def _report(self, changed: list[Parameter]) -> None:
         names = tuple(p.name for p in changed if p.name in self._specs)

@@ -8,7 +8,6 @@ under their own name, so that nothing else in the cell takes them for the encode
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,13 @@ from delta_calibration.errors import CalibrationError, ReachError
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.parameters import FRAME_PREFIX, ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.parameters import (
+    FRAME_PREFIX,
+    ROBOT,
+    ParameterTable,
+    Spec,
+    warn_of_unknown,
+)
 from delta_calibration.ros.qos import MEASURED, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
 
@@ -33,12 +38,13 @@ ALL_STATES = "joint_states_all"
 SAY_AGAIN_S = 5.0  # [s] between two lines of log on states that cannot be shown
 
 SPECS = (
-    Spec("robot", "srbd", "robot file, or name of a robot of this package", read_only=True),
+    ROBOT,
     Spec(
         "calibration",
         "",
         "calibration file: the robot as identified, and the tracker's frame; may be empty",
         read_only=True,
+        path=True,
     ),
     Spec("rate", 30.0, "highest rate [Hz] of joint states", range=(0.1, 200.0), read_only=True),
     FRAME_PREFIX,
@@ -52,8 +58,8 @@ class RobotDescription(BaseNode):
         super().__init__(NAME, **kwargs)
         settings = ParameterTable(self, SPECS)
         warn_of_unknown(self)
-        robot, file = load_robot(settings.text("robot")), settings.text("calibration")
-        known = load_calibration(Path(file).expanduser(), robot) if file else None
+        robot, file = load_robot(settings.named("robot")), settings.path("calibration")
+        known = load_calibration(file, robot) if file else None
         self._skeleton = describe(robot, known)
         self._urdf = urdf(self._skeleton.tree, settings.text("frame_prefix"))
         self._reader = JointReader(robot.joints.names)

@@ -32,7 +32,7 @@ QUEUE = 1000  # messages a slow reader may be behind
 FAREWELL_S = 0.5  # [s] for the last messages to arrive; to be acknowledged may take 3 s
 
 SPECS = (
-    Spec("session", "", "folder or file of the session to play", read_only=True),
+    Spec("session", "", "folder or file of the session to play", read_only=True, path=True),
     Spec("topics", (ALL,), "topics to play, by their recorded names; * for all", read_only=True),
     Spec("rate", 1.0, "seconds of session a second of wall time", range=(1e-3, 1e4)),
     Spec("paused", False, "stand still until this is set to false"),
@@ -57,7 +57,7 @@ class SessionPlayer(BaseNode):
         super().__init__(NAME, **kwargs)
         self._settings = ParameterTable(self, SPECS, self._on_change)
         warn_of_unknown(self)
-        path = session_path(self._settings.text("session"))
+        path = session_path(self._settings.named("session"))
         self._timeline = load_timeline(path, self._settings.texts("topics"))
         self._first = start_index(self._timeline, self._settings.number("start"))
         for note in self._timeline.notes:

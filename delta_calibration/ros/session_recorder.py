@@ -32,7 +32,13 @@ CLOSE_S = 20.0  # [s] for what is still to be written, on a slow disk
 QUEUE = 2000  # messages: while the disk is flushed, two seconds at 1 kHz wait here
 
 SPECS = (
-    Spec("output", "", "folder of the session to be written; must not exist", read_only=True),
+    Spec(
+        "output",
+        "",
+        "folder of the session to be written; must not exist",
+        read_only=True,
+        path=True,
+    ),
     Spec(
         "topics",
         tuple(topic.name for topic in INPUTS),
@@ -66,7 +72,7 @@ class SessionRecorder(BaseNode):
         if not topics:
             raise InputError(f"parameter topics: is empty; name some of {', '.join(BY_NAME)}")
         provenance = parse_provenance(parameters.texts("provenance")) | self._sources(topics)
-        self._path = output_path(parameters.text("output"))
+        self._path = output_path(parameters.named("output"))
         self._writer = SessionWriter(self._path, provenance)
         self._failed = ""  # why nothing is recorded any more
         self._tallies = {topic.name: Tally() for topic in topics}

@@ -30,7 +30,13 @@ from delta_calibration.ros.conversions import (
     stamp_to_ns,
 )
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.parameters import FRAME_PREFIX, ParameterTable, Spec, warn_of_unknown
+from delta_calibration.ros.parameters import (
+    FRAME_PREFIX,
+    ROBOT,
+    ParameterTable,
+    Spec,
+    warn_of_unknown,
+)
 from delta_calibration.ros.qos import BY_NAME, COMMAND
 from delta_calibration.ros.runtime import BaseNode, run
 from delta_calibration.ros.simulated_machine import SimulatedMachine, without_noise
@@ -41,7 +47,7 @@ TEMPERATURE_PERIOD_S = 1.0  # [s]
 SAY_AGAIN_S = 2.0  # [s] between two lines of log on refused commands
 
 SPECS = (
-    Spec("robot", "srbd", "robot file, or name of a robot of this package", read_only=True),
+    ROBOT,
     Spec("seed", 0, "of the machine that is drawn and of its noise", (0, 2**31), read_only=True),
     Spec(
         "scatter",
@@ -80,7 +86,7 @@ class SimulatedTracker(BaseNode):
         settings = ParameterTable(self, SPECS)
         warn_of_unknown(self)
         self._prefix = frame_prefix(settings.text("frame_prefix"))
-        robot = load_robot(settings.text("robot"))
+        robot = load_robot(settings.named("robot"))
         seed = settings.integer("seed")
         drawn = robot if settings.flag("noise") else without_noise(robot)
         hidden = [effect_options(text) for text in settings.texts("effects") if text != "none"]
