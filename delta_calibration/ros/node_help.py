@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from importlib import import_module
 
 from delta_calibration.ros.inventory import NODES, Inventory
-from delta_calibration.ros.lifecycle import AUTOSTART
-from delta_calibration.ros.parameters import Spec
+from delta_calibration.ros.lifecycle import AUTOSTART, SERVICES
+from delta_calibration.ros.parameters import DATA_DIR, Spec
 
 ASKED = ("--help", "-h")
 WIDTH = 99
@@ -49,7 +49,9 @@ def help_text(name: str) -> str:
 def specs_of(name: str) -> tuple[Spec, ...]:
     """All parameters that a node declares."""
     specs = tuple(import_module(f"delta_calibration.ros.{name}").SPECS)
-    return (*specs, AUTOSTART) if name == "calibration_node" else specs
+    if any(spec.path for spec in specs):
+        specs = (DATA_DIR, *specs)
+    return (*specs, AUTOSTART, SERVICES) if name == "calibration_node" else specs
 
 
 def _ends(inventory: Inventory) -> Iterator[str]:
