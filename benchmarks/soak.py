@@ -8,7 +8,8 @@ killed. What has to hold all the time, whatever the machine's load:
 
 - every output is finite, with the stamp of a command, and moves no faster than the commands do,
   plus what corrections and ways back from a hold may;
-- outside holds, output and command differ by the largest correction at most;
+- outside holds and ways back from them or from a stop of the stream, output and command differ by
+  the largest correction at most;
 - each guard's counter has risen; no traceback in the node's log; its memory does not grow.
 
 On a machine that is too busy for 1 kHz commands are left out while the node is behind: how many is
@@ -46,6 +47,7 @@ from soak_outputs import Outputs
 RATE = 0.05  # [rad/s] fastest change of a correction
 SLOPE = 1.0  # [MB/min] that memory may grow by at most
 FIRST = 10.0  # [MB] that a first round takes: what is used for the first time stays
+BROKEN = "broken.yaml"
 GUARDS = (
     Verdict.CORRECTED.value,
     path.BEYOND,
@@ -102,7 +104,7 @@ def files(folder: Path) -> tuple[Path, dict[str, Path]]:
     wrong = found.theta.copy()
     wrong[found.parameters.row("joint_zero_1")] += 0.03  # beyond what may be corrected
     save_calibration(calibrations["useless"], replace(found, theta=wrong), robot, poses)
-    calibrations["broken"] = folder / "broken.yaml"
+    calibrations["broken"] = folder / BROKEN
     calibrations["broken"].write_bytes(calibrations["plain"].read_bytes()[:2000])
     np.save(folder / "singular.npy", poses.joint[int(np.argmax(condition))])
     return file, calibrations
@@ -139,9 +141,9 @@ def verdict(cell: Cell, outputs: Outputs, log: str) -> list[str]:
         f"{outputs.largest * 1e3:.3f} of {outputs.bound * 1e3:.3f} mrad"
     )
     for word in ("Traceback", "[ERROR]", "[FATAL]", "Exception"):
-        if word in log:
-            line = next(line for line in log.splitlines() if word in line)
-            failed.append(f"in the log: {line}")
+        # that a calibration is broken is an error that has to be told
+        lines = [line for line in log.splitlines() if word in line and BROKEN not in line]
+        failed += [f"in the log: {line}" for line in lines[:1]]
     if len(cell.memory) < 10:
         return [*failed, "memory was not measured"]
     slope, minutes = growth(cell.memory)

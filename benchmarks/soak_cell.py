@@ -50,6 +50,7 @@ class Cell:
             robot=robot_file,
             autostart=True,
             calibration=calibrations["plain"],
+            data_dir=calibrations["plain"].parent,  # where others may be loaded from
             command_controller="forward",
             tracker_timeout_s=1.0,
             **self.parameters(),
@@ -305,13 +306,15 @@ class Cell:
         self._child: subprocess.Popen[bytes]
         self._child = self.running.start("calibration_node", NODE, self._arguments)
         self._life, self.memory = {}, []
+        self.holding = True  # it begins where the drives stand and goes to the commands from there
         self.outputs.forget()
 
     def _ready(self) -> Steps:
-        """Wait until it sends; switch compensation on."""
+        """Wait until it sends and is where the commands are; switch compensation on."""
         before = self.outputs.count
         yield from self._until(lambda: self.outputs.count > before, "output")
-        yield from self.wait(0.5)
+        yield from self.wait(RAMP_S + 1.0)
+        self.holding = False
         yield from self.order("enable", True)
         yield from self.wait(0.5)
 

@@ -42,6 +42,7 @@ class Faults:
             self.held,
         )
         for fault in each:
+            cell.outputs.during = fault.__name__
             yield from fault(cell)
             yield from cell.wait(0.3)
 
@@ -126,10 +127,13 @@ class Faults:
     def lifecycle(self, cell: Any) -> Steps:
         from lifecycle_msgs.msg import Transition
 
+        cell.holding = True  # active again, it begins where the drives stand
         for name in ("DEACTIVATE", "CONFIGURE", "ACTIVATE"):  # the second does not fit
             transition = getattr(Transition, f"TRANSITION_{name}")
             yield from cell.transit(transition)
             yield from cell.wait(0.1)
+        yield from cell.wait(LONGEST_RAMP_S + 1.0)
+        cell.holding = False
         yield from cell.order("enable", True)
 
     def storm(self, cell: Any) -> Steps:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+STOP_S = 0.1  # [s] without an output: what comes next may begin where the drives stand
+RETURN_S = 2.0  # [s] of the way from there to the commands
+
 
 @dataclass(frozen=True)
 class Told:
@@ -23,9 +26,13 @@ class Outputs:
         self.bound, self._step = bound, rate + speed
         self.count, self.fastest, self.largest = 0, 0.0, 0.0
         self.broken: list[str] = []
+        self.during = ""  # the fault that the cell goes through
         self.told: dict[int, Told] = {}
         self._last: tuple[Told, np.ndarray] | None = None
-        self._in: np.ndarray | None = None
+        self._came, self._returning = (
+            np.inf,
+            -np.inf,
+        )  # last output; until when it may be on its way
 
     def forget(self) -> None:
         """The node begins anew: the next output follows none."""
@@ -34,13 +41,16 @@ class Outputs:
     def take(self, stamp: int, out: np.ndarray, now: float) -> None:
         """An output came."""
         self.count += 1
+        if now - self._came > STOP_S:
+            self._returning = now + RETURN_S
+        self._came = now
         told = self.told.get(stamp)
         if told is None:
             return self._break(f"an output with a stamp that no command had: {stamp}")
         if not np.isfinite(out).all():
             return self._break(f"an output that is not finite: {out.tolist()}")
         finite = np.isfinite(told.joint).all()
-        if finite and not told.held:
+        if finite and not told.held and now > self._returning:
             self.largest = max(self.largest, float(np.abs(out - told.joint).max()))
             if self.largest > self.bound * (1 + 1e-9):
                 self._break(f"a correction of {self.largest:.5f} rad")
@@ -60,4 +70,4 @@ class Outputs:
 
     def _break(self, text: str) -> None:
         if len(self.broken) < 10:
-            self.broken.append(text)
+            self.broken.append(f"{text}, during '{self.during}'")

@@ -81,9 +81,9 @@ def test_a_fit_without_bounds_gives_no_calibration(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("name", known_robots())
 def test_a_fit_predicts_to_the_noise(name: str) -> None:
     found, _ = fitted(name)
-    before, after = found.frame_only.held_out, found.full.held_out
-    assert after < 0.05 * before
-    assert found.full.held_out_whitened < 2.0
+    before, after = found.frame_only, found.full
+    assert after.held_out < 0.6 * before.held_out  # of five_axis 7 um are left, 3.6 um are noise
+    assert after.held_out_whitened < 1.5 < 1.75 < before.held_out_whitened
     assert 0.7 < found.chi_square < 1.4
 
 

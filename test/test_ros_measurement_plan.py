@@ -300,7 +300,7 @@ def test_wrong_parameters_are_refused(
 def test_wrong_use_is_one_line_and_2(launch: Launch) -> None:
     node = launch(NODE, plan="spiral")
     assert node.end() == 2
-    assert "no plan 'spiral'; there are: line, disc" in node.output
+    assert f"no plan '{Path.cwd() / 'spiral'}'; there are: line, disc" in node.output
     assert len(node.output.strip().splitlines()) == 1
 
 

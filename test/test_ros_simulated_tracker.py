@@ -236,6 +236,7 @@ def test_the_truth_is_nowhere_to_be_read(bench: Bench) -> None:
     assert not cell.states[-1].velocity
     known = {spec for spec in cell.cell.list_parameters([], 0).names if "." not in spec}
     assert known <= {"robot", "seed", "scatter", "rate", "noise", "effects", "warm_up"} | {
+        "data_dir",
         "frame_prefix",
         "use_sim_time",
         "start_type_description_service",
@@ -283,7 +284,7 @@ def test_wrong_parameters_are_refused(bench: Bench, name: str, value: object, sa
 def test_wrong_use_is_one_line_and_2(launch: Launch) -> None:
     node = launch(NODE, robot="scarab")
     assert node.end() == 2
-    assert "no robot 'scarab'" in node.output
+    assert f"no robot '{Path.cwd() / 'scarab'}'" in node.output
     assert len(node.output.strip().splitlines()) == 1
 
 

@@ -25,6 +25,7 @@ from calibration_bench import (  # noqa: F401
     file_fixture,
     session_fixture,
 )
+from delta_calibration.cell.fitting import FIT_STEPS
 from delta_calibration.plans import make_plan, nominal_joints
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp
@@ -113,7 +114,7 @@ def test_a_fit_is_followed_and_its_errors_are_drawn(bench: Bench, session: Any) 
     assert 0 < counts[-1] <= len(session.tracker.position)
     steps = [int(values(s)["steps done"]) for s in fitted]
     assert steps == sorted(steps)
-    assert {values(s)["steps"] for s in fitted} == {"3"}
+    assert {values(s)["steps"] for s in fitted} == {str(len(FIT_STEPS))}
     drawn = watcher.sees(*FITTED)
     lines = drawn["error measured"]
     assert lines.type == Marker.LINE_LIST
@@ -139,7 +140,7 @@ def test_work_quicker_than_the_period_is_told(
     assert cell.call("fit")[0]
     assert bench.until(lambda: [s.message for s in watcher.tasks()][-1:] == ["idle"])
     told = [s for s in watcher.tasks() if s.name == "/calibration_node/fit"]
-    assert [values(s)["steps"] for s in told] == ["3"]
+    assert [values(s)["steps"] for s in told] == [str(len(FIT_STEPS))]
 
 
 def points(watcher: Watcher) -> np.ndarray:
