@@ -110,10 +110,11 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
             f"{path}: {_SEAL}: the content was changed or cut after it was written; fit again"
         )
     made_for = data["robot"]
-    if made_for["sha256"] != robot.hash:
+    # files of before 0.2.0 name the hash of the whole robot file
+    if made_for["sha256"] not in (robot.machine_hash, robot.hash):
         raise ConfigError(
             f"{path}: robot: made for {made_for['name']!r} with hash {made_for['sha256'][:12]}, "
-            f"but {robot.source} is {robot.name!r} with hash {robot.hash[:12]}; "
+            f"but {robot.source} is {robot.name!r} with hash {robot.machine_hash[:12]}; "
             "fit again with this robot file"
         )
     try:
@@ -244,7 +245,7 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
     fitted = zip(found.parameters.items[base], found.theta[base], found.std[base], strict=True)
     content = {
         "schema": 1,
-        "robot": {"name": robot.name, "sha256": robot.hash},
+        "robot": {"name": robot.name, "sha256": robot.machine_hash},
         "model": found.chain.mechanism.name,
         "provenance": _provenance(found, poses),
         "noise": {

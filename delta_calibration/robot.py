@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 
 SCHEMA = 1
 _SINGULAR = 1e3  # condition at home, from which no pose near it can be had
+_MACHINE = ("schema", "name", "mechanism", "geometry", "tolerances", "masses", "tool")
+_GEARS = "gear_ratio"
 _SHORT = 40  # letters of an entry that a message repeats
 _NAME = "^[a-z][a-z0-9_]*$"
 
@@ -166,11 +168,13 @@ class Robot:
     """A robot: its drawing, what its parts may deviate by, its joints, tracker and limits.
 
     `dimensions`, `tolerances` and `masses` are of the mechanism's own kinds. `hash` is that of the
-    file's content: a calibration says by it for which robot it was made.
+    file's content, `machine_hash` of what a calibration depends on: it says by that for which
+    robot it was made, and stays true when noise, speeds, limits or the workspace are changed.
     """
 
     name: str
     hash: str
+    machine_hash: str
     source: str
     mechanism: str
     dimensions: Any
@@ -270,6 +274,7 @@ def _robot(data: Document, path: str) -> Robot:
         robot = Robot(
             name=data["name"],
             hash=content_hash(data),
+            machine_hash=content_hash(_machine(data)),
             source=path,
             mechanism=kind.name,
             dimensions=section("geometry", kind.Dimensions),
@@ -287,6 +292,13 @@ def _robot(data: Document, path: str) -> Robot:
     _require_joints(robot, data["joints"])
     _require_home(robot, data)
     return robot
+
+
+def _machine(data: Document) -> Document:
+    """What a calibration depends on: the drawing with its tolerances, tool, masses, gears."""
+    joints = data["joints"]
+    geared = {key: joints[key] for key in joints if key == "names" or key.startswith(_GEARS)}
+    return {**{key: data[key] for key in _MACHINE if key in data}, "joints": geared}
 
 
 def known_robots() -> tuple[str, ...]:

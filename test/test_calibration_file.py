@@ -22,7 +22,7 @@ from delta_calibration.effects import effect_named
 from delta_calibration.errors import ConfigError
 from delta_calibration.identification import Effort, identify
 from delta_calibration.plans import make_plan
-from delta_calibration.robot import load_robot
+from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
@@ -91,7 +91,7 @@ def test_what_is_read_is_what_was_found(fitted, written):
 def test_where_it_came_from_is_written(fitted, written):
     found, poses = fitted
     data = content_of(written)
-    assert data["robot"] == {"name": "srbd", "sha256": ROBOT.hash}
+    assert data["robot"] == {"name": "srbd", "sha256": ROBOT.machine_hash}
     origin = data["provenance"]
     assert (origin["seed"], origin["poses"], origin["readings"]) == (4, 14, poses.readings)
     assert origin["session_start"] == "2023-11-14T22:13:20+00:00"
@@ -173,8 +173,51 @@ def test_another_robots_calibration_is_refused_with_both_hashes(written, tmp_pat
     other.write_text(text.replace("rod_mm: 850.0", "rod_mm: 850.1"), encoding="utf-8")
     robot = load_robot(other)
     message = refusal(written, robot)
-    assert f"made for 'srbd' with hash {ROBOT.hash[:12]}" in message
-    assert f"{other} is 'srbd' with hash {robot.hash[:12]}" in message
+    assert f"made for 'srbd' with hash {ROBOT.machine_hash[:12]}" in message
+    assert f"{other} is 'srbd' with hash {robot.machine_hash[:12]}" in message
+
+
+def edited_robot(folder: Path, old: str, new: str) -> Robot:
+    text = Path(ROBOT.source).read_text(encoding="utf-8")
+    assert old in text
+    (folder / "edited.yaml").write_text(text.replace(old, new), encoding="utf-8")
+    return load_robot(folder / "edited.yaml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("correction_deg: 1.0", "correction_deg: 2.0"),
+        ("condition: 20.0", "condition: 30.0"),
+        ("encoder_urad: ", "encoder_urad: 1"),
+        ("speed_deg_per_s: ", "speed_deg_per_s: 1"),
+        ("transverse_um: ", "transverse_um: 1"),
+        ("lower_deg: [-35.0, ", "lower_deg: [-34.0, "),
+    ],
+)
+def test_what_a_calibration_does_not_depend_on_may_change(written, tmp_path, old, new):
+    robot = edited_robot(tmp_path, old, new)
+    assert load_calibration(written, robot).seal == load_calibration(written, ROBOT).seal
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("gear_ratio: ", "gear_ratio: 1"),
+        ("arm_mm: 0.15", "arm_mm: 0.2"),
+        ("names: [joint_1, joint_2, joint_3]", "names: [joint_2, joint_1, joint_3]"),
+        ("offset_mm: [0.0, 0.0, ", "offset_mm: [0.0, 1.0, "),
+    ],
+)
+def test_what_it_depends_on_may_not(written, tmp_path, old, new):
+    robot = edited_robot(tmp_path, old, new)
+    assert "made for 'srbd' with hash" in refusal(written, robot)
+
+
+def test_a_file_by_the_hash_of_the_whole_robot_file_is_read(written):
+    """As 0.1.0 wrote them."""
+    sealed(written, lambda data: data["robot"].update(sha256=ROBOT.hash))
+    assert load_calibration(written, ROBOT).robot is ROBOT
 
 
 @pytest.mark.parametrize(
