@@ -44,6 +44,11 @@ _SHORT = 40  # letters of an entry that a message repeats
 _NAME = "^[a-z][a-z0-9_]*$"
 
 
+_AT_REST = "standard deviation of where a joint comes to rest"
+_READING = "standard deviation of an encoder's reading"
+_FASTEST = "fastest motion of a measurement plan"
+
+
 @dataclass(frozen=True)
 class Joints:
     """The actuated joints, turning; lengths stand for angles where they slide."""
@@ -51,15 +56,17 @@ class Joints:
     unit: ClassVar[str] = "rad"
     shown: ClassVar[tuple[str, float]] = ("degrees", 180 / np.pi)  # for people, of one SI unit
 
-    names: tuple[str, ...] = names()  # (m,), the order of every joint vector of this robot
-    lower: Array = quantity("deg", least=-1e6, most=1e6, shape=(None,))  # (m,)
-    upper: Array = quantity("deg", least=-1e6, most=1e6, shape=(None,))  # (m,)
-    # standard deviation of where a joint comes to rest
-    repeatability: float = quantity("urad", least=0.0, most=1e4)
-    encoder: float = quantity("urad", least=0.0, most=1e4)  # the same of an encoder's reading
-    # fastest motion of a measurement plan
-    speed: float = quantity("deg_per_s", above=0.0, most=1e4)
-    gear_ratio: float = quantity(above=0.0)  # motor angle [rad] a joint's unit
+    names: tuple[str, ...] = names(about="of the joints, in the order of the legs or axes")
+    lower: Array = quantity(
+        "deg", least=-1e6, most=1e6, shape=(None,), about="lower limit of each joint"
+    )
+    upper: Array = quantity(
+        "deg", least=-1e6, most=1e6, shape=(None,), about="upper limit of each joint"
+    )
+    repeatability: float = quantity("urad", least=0.0, most=1e4, about=_AT_REST)
+    encoder: float = quantity("urad", least=0.0, most=1e4, about=_READING)
+    speed: float = quantity("deg_per_s", above=0.0, most=1e4, about=_FASTEST)
+    gear_ratio: float = quantity(above=0.0, about="motor turns a joint turn")
 
     def beyond(self, joint: Array) -> str:
         """Which joint of (m,) is beyond its limits, in words; empty if none is."""
@@ -78,37 +85,54 @@ class SlidingJoints(Joints):
     unit: ClassVar[str] = "m"
     shown: ClassVar[tuple[str, float]] = ("mm", 1e3)
 
-    lower: Array = place(shape=(None,))
-    upper: Array = place(shape=(None,))
-    repeatability: float = quantity("um", least=0.0, most=1e4)
-    encoder: float = quantity("um", least=0.0, most=1e4)
-    speed: float = quantity("mm_per_s", above=0.0, most=1e5)
-    gear_ratio: float = quantity("turns_per_m", above=0.0)
+    lower: Array = place(shape=(None,), about="lower limit of each joint")
+    upper: Array = place(shape=(None,), about="upper limit of each joint")
+    repeatability: float = quantity("um", least=0.0, most=1e4, about=_AT_REST)
+    encoder: float = quantity("um", least=0.0, most=1e4, about=_READING)
+    speed: float = quantity("mm_per_s", above=0.0, most=1e5, about=_FASTEST)
+    gear_ratio: float = quantity("turns_per_m", above=0.0, about="motor turns a metre of joint")
 
 
 @dataclass(frozen=True)
 class Tool:
     """What is on the platform."""
 
-    offset: Array = quantity("mm", least=-2000.0, most=2000.0, shape=(3,))  # in its frame
+    offset: Array = quantity(
+        "mm",
+        least=-2000.0,
+        most=2000.0,
+        shape=(3,),
+        about="tool centre point in the platform's frame",
+    )
 
 
 @dataclass(frozen=True)
 class Tracker:
     """What measures: noise along the beam and, a + b d at distance d, across it."""
 
-    measures: str = choice("position", "pose")
-    radial: float = quantity("um", above=0.0, most=1e4)
-    transverse: float = quantity("um", above=0.0, most=1e4)  # a
-    # b [m/m]
-    transverse_per_metre: float = quantity(
-        "um_per_m", least=0.0, most=1e4, key="transverse_um_per_m"
+    measures: str = choice("position", "pose", about="a reflector gives positions, a probe poses")
+    radial: float = quantity(
+        "um", above=0.0, most=1e4, about="standard deviation of a reading along the beam"
     )
-    # (3,) [m] in the platform's frame
-    reflector_offset: Array = quantity("mm", least=-2000.0, most=2000.0, shape=(3,))
-    reflector_offset_prior: float = quantity("mm", above=0.0, most=1000.0)
-    # standard deviation of a reading's turn about each axis; without it turns take no part
-    turn: float | None = quantity("urad", above=0.0, most=1e5, default=None)
+    transverse: float = quantity(
+        "um", above=0.0, most=1e4, about="a of a + b d, the same across the beam at distance d"
+    )
+    transverse_per_metre: float = quantity(
+        "um_per_m", least=0.0, most=1e4, key="transverse_um_per_m", about="b of a + b d"
+    )
+    reflector_offset: Array = quantity(
+        "mm", least=-2000.0, most=2000.0, shape=(3,), about="reflector in the platform's frame"
+    )
+    reflector_offset_prior: float = quantity(
+        "mm", above=0.0, most=1000.0, about="how well that is known, standard deviation"
+    )
+    turn: float | None = quantity(
+        "urad",
+        above=0.0,
+        most=1e5,
+        default=None,
+        about="standard deviation of a pose's turn about each axis; left out, turns take no part",
+    )
 
     def sigmas(self, distance: Array) -> tuple[Array, Array]:
         """Standard deviations of one reading along and across the beam, each (n,) [m]."""
@@ -120,11 +144,12 @@ class Tracker:
 class Sight:
     """A camera that looks down on the workspace: a pinhole, and how well it finds the tool."""
 
-    focal: Array = quantity("px", above=0.0, shape=(2,))
-    centre: Array = quantity("px", least=0.0, shape=(2,))  # where its axis meets the image
-    # standard deviation of each coordinate of the mark in one image
-    noise: float = quantity("px", above=0.0, most=100.0)
-    place: Array = place(shape=(3,))  # [m] about where it hangs, in the base
+    focal: Array = quantity("px", above=0.0, shape=(2,), about="focal lengths")
+    centre: Array = quantity("px", least=0.0, shape=(2,), about="where its axis meets the image")
+    noise: float = quantity(
+        "px", above=0.0, most=100.0, about="standard deviation of the mark in one image"
+    )
+    place: Array = place(shape=(3,), about="about where it hangs, in the base")
 
     @property
     def camera(self) -> Camera:
@@ -132,31 +157,38 @@ class Sight:
         return Camera(self.focal, self.centre)
 
 
+_LARGEST = "largest correction of a joint that is ever sent"
+
+
 @dataclass(frozen=True)
 class Limits:
     """What the compensation may do."""
 
-    # largest correction of a joint; a drum turns far where a joint of an arm turns little
-    correction: float = quantity("deg", above=0.0, most=7200.0)
-    condition: float = quantity(above=1.0)  # largest of the mechanism, see Mechanism.condition
-    # how far outside the calibrated region
-    region_margin: float = quantity("mm", least=0.0)
+    # a drum turns far where a joint of an arm turns little
+    correction: float = quantity("deg", above=0.0, most=7200.0, about=_LARGEST)
+    # see Mechanism.condition
+    condition: float = quantity(above=1.0, about="largest condition at which joints are corrected")
+    region_margin: float = quantity(
+        "mm", least=0.0, about="how far outside the calibrated region a command may lie"
+    )
 
 
 @dataclass(frozen=True)
 class Workspace:
     """Where it works: a box of tool points, and how far the platform turns there."""
 
-    centre: Array = place(shape=(3,))
-    size: Array = quantity("mm", least=0.0, most=1e4, shape=(3,))
-    turn: float = angle(default=0.0)  # about each axis that it can turn about, either way
+    centre: Array = place(shape=(3,), about="middle of the box of tool points, in the base")
+    size: Array = quantity("mm", least=0.0, most=1e4, shape=(3,), about="edges of that box")
+    turn: float = angle(
+        default=0.0, about="how far the platform turns about each axis that it can turn about"
+    )
 
 
 @dataclass(frozen=True)
 class SlidingLimits(Limits):
     """The same for joints that slide."""
 
-    correction: float = quantity("mm", above=0.0, most=100.0)
+    correction: float = quantity("mm", above=0.0, most=100.0, about=_LARGEST)
 
 
 _JOINTS: Mapping[str, type[Joints]] = {"rad": Joints, "m": SlidingJoints}
@@ -322,8 +354,12 @@ def _find(path_or_name: str | Path) -> Path:
 
 
 def _schema(data: Document) -> Schema:
-    """What a robot file must be, by its mechanism."""
-    kind = MECHANISMS.get(str(data.get("mechanism")))
+    return robot_schema(str(data.get("mechanism")))
+
+
+def robot_schema(mechanism: str) -> Schema:
+    """What a robot file of a mechanism must be; of an unknown one, what all are."""
+    kind = MECHANISMS.get(mechanism)
     parts: dict[str, Any] = {
         "schema": {"const": SCHEMA},
         "name": {"type": "string", "pattern": _NAME},

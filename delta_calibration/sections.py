@@ -44,6 +44,7 @@ class _Entry:
     unit: str | None = None  # of a number or an array of them; None: not a number
     key: str | None = None  # where it is not the field's name and the unit
     part: type[Any] | None = None  # section of which there is a list
+    about: str = ""  # what it is, for who writes a file
 
 
 def quantity(
@@ -55,6 +56,7 @@ def quantity(
     shape: Shape = (),
     key: str | None = None,
     default: Any = MISSING,
+    about: str = "",
 ) -> Any:
     """A field that holds a number, or an array of them.
 
@@ -66,10 +68,11 @@ def quantity(
         shape: of the array; `None` for a length that the file decides.
         key: in the file, where it is not the field's name with the unit behind.
         default: where the file says nothing; without it the entry is required.
+        about: what it is, for who writes a file.
     """
     bounds = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
     number = {"type": "number", **{k: v for k, v in bounds.items() if v is not None}}
-    return _field(_Entry(_array(number, shape), unit, key), default)
+    return _field(_Entry(_array(number, shape), unit, key, about=about), default)
 
 
 def length(**options: Any) -> Any:
@@ -97,25 +100,25 @@ def tolerance(unit: str = "mm", **options: Any) -> Any:
     return quantity(unit, above=0.0, most=100.0, **options)
 
 
-def choice(*values: str) -> Any:
+def choice(*values: str, about: str = "") -> Any:
     """One of some words."""
-    return _field(_Entry({"enum": list(values)}))
+    return _field(_Entry({"enum": list(values)}, about=about))
 
 
-def names() -> Any:
+def names(about: str = "") -> Any:
     """Texts that differ, at least one."""
     word = {"type": "string", "minLength": 1}
-    return _field(_Entry({**_array(word, (None,)), "uniqueItems": True}))
+    return _field(_Entry({**_array(word, (None,)), "uniqueItems": True}, about=about))
 
 
-def flag(default: bool) -> Any:
+def flag(default: bool, about: str = "") -> Any:
     """True or false."""
-    return _field(_Entry({"type": "boolean"}), default)
+    return _field(_Entry({"type": "boolean"}, about=about), default)
 
 
-def parts(kind: type[Any]) -> Any:
+def parts(kind: type[Any], about: str = "") -> Any:
     """Several sections of one kind."""
-    return _field(_Entry(_array(schema_of(kind), (None,)), part=kind))
+    return _field(_Entry(_array(schema_of(kind), (None,)), part=kind, about=about))
 
 
 def schema_of(kind: type) -> dict[str, Any]:
@@ -191,7 +194,7 @@ def _schema(item: Field[Any], kind: Any) -> Mapping[str, Any]:
     if is_dataclass(kind):
         return schema_of(kind)  # type: ignore[arg-type]
     entry: _Entry = item.metadata["entry"]
-    return entry.schema
+    return {**entry.schema, **({"description": entry.about} if entry.about else {})}
 
 
 def _value(item: Field[Any], kind: Any, value: Any) -> Any:

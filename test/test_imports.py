@@ -46,6 +46,7 @@ LAYERS = [
     "diagnosis",
     "iso9283",
     "plans",
+    "drafting",
     "accuracy",
     "compensation",
     "calibration_file",

@@ -31,6 +31,7 @@ VERBS = (
     "info",
     "recover",
     "urdf",
+    "robot",
     "sros2",
     "demo",
 )

@@ -19,6 +19,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
         "recover": "session --out whole",
         "replay": "session --rate 10",
         "urdf": "--robot srbd --out srbd.urdf",
+        "robot": "draw srbd --out srbd.svg",
     },
     "Find out": {
         "fit": "session --robot srbd --out calibration.yaml",

@@ -21,18 +21,22 @@ class CableDimensions:
     of t the cable goes t times between anchor and platform.
     """
 
-    # a, (m, 3) [m] where the cables leave, in the robot's frame
-    anchors: Array = place(shape=(None, 3))
-    joints: Array = place(shape=(None, 3))  # b, (m, 3) [m] where they end, in the platform's frame
-    drum_radius: Array = quantity("mm", above=0.0, shape=(None,))  # (m,) [m] at home
-    gear: Array = quantity(above=0.0, shape=(None,))  # (m,) motor turns a drum turn
-    # (m,) lines between anchor and platform
-    tackle: Array = quantity(above=0.0, shape=(None,))
-    home_place: Array = place(shape=(3,))  # [m] where the counters are zero
-    # rotation vector [rad] of the platform there; none of a point
-    home_turn: Array | None = angle(shape=(3,), default=None)
-    # [N] the drives keep every cable near
-    pretension: float = quantity("n", least=0.0, default=0.0)
+    anchors: Array = place(  # (m, 3)
+        shape=(None, 3), about="a: where the cables leave, in the robot's frame"
+    )
+    joints: Array = place(  # (m, 3)
+        shape=(None, 3), about="b: where they end, in the platform's frame"
+    )
+    drum_radius: Array = quantity("mm", above=0.0, shape=(None,), about="of each drum, at home")
+    gear: Array = quantity(above=0.0, shape=(None,), about="motor turns a drum turn")
+    tackle: Array = quantity(above=0.0, shape=(None,), about="lines between anchor and platform")
+    home_place: Array = place(shape=(3,), about="of the platform where the counters are zero")
+    home_turn: Array | None = angle(
+        shape=(3,), default=None, about="its rotation vector there; left out for a point"
+    )
+    pretension: float = quantity(
+        "n", least=0.0, default=0.0, about="force the drives keep every cable near"
+    )
 
     def __post_init__(self) -> None:
         """Refuse what is no cable robot.
@@ -76,18 +80,19 @@ class CableDimensions:
 class CableTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    anchor: float = tolerance()  # [m] each coordinate
-    joint: float = tolerance()  # [m] each coordinate; of a body's platform
-    gain: float = tolerance("percent")  # [1] of k, relative
-    # [m] of free length, a counter at home; without it they are known to be zero there
-    zero: float | None = tolerance(default=None)
+    anchor: float = tolerance(about="where a cable leaves, each coordinate")
+    joint: float = tolerance(about="where a cable ends on the platform, each coordinate")
+    gain: float = tolerance("percent", about="cable let out a motor turn")
+    zero: float | None = tolerance(
+        default=None, about="a counter at home, as cable; left out where they are zero there"
+    )
 
 
 @dataclass(frozen=True)
 class CableMasses:
     """What moves."""
 
-    platform: float = mass()  # [kg]
+    platform: float = mass(about="platform and what is always on it")
 
     @property
     def on_platform(self) -> float:

@@ -33,11 +33,13 @@ LEG_TURNS = tuple(zip(np.cos(_STANDS).tolist(), np.sin(_STANDS).tolist(), strict
 class DeltaDimensions:
     """The drawing of a rotary Delta, all [m]: paper 000 table 1, ball joints' half distance."""
 
-    base_radius: float = length()  # R: motor axis from the base's centre
-    platform_radius: float = length()  # r: middle of the ball joints from the platform's centre
-    arm: float = length()  # L
-    rod: float = length()  # l
-    half_width: float = length()  # e: ball joint from the middle of its pair
+    base_radius: float = length(about="R: motor axis from the base's centre")
+    platform_radius: float = length(
+        about="r: middle of a leg's ball joints from the platform's centre"
+    )
+    arm: float = length(about="L: upper arm, motor axis to elbow")
+    rod: float = length(about="l: forearm, elbow to platform, between ball centres")
+    half_width: float = length(about="e: ball joint from the middle of its pair")
 
     def __post_init__(self) -> None:
         """Refuse rods that do not reach from level arms to the platform.
@@ -59,24 +61,30 @@ class DeltaDimensions:
 class DeltaTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    joint_position: float = tolerance()  # [m] hinge and platform joint, each coordinate
-    arm: float = tolerance()  # [m]
-    rod: float = tolerance()  # [m] mean of a pair
-    rod_mismatch: float = tolerance()  # [m] difference within a pair
-    joint_zero: float = tolerance("mrad")  # [rad] of the encoder
-    hinge_tilt: float = tolerance("mrad")  # [rad] motor axis
-    half_width: float = tolerance()  # [m] ball joint along its line
-    line_tilt: float = tolerance("mrad")  # [rad] line through a pair of ball joints
+    joint_position: float = tolerance(about="hinge and platform joint, each coordinate")
+    arm: float = tolerance(about="length of an arm")
+    rod: float = tolerance(about="mean length of a pair of rods")
+    rod_mismatch: float = tolerance(about="difference of the two rods of a pair")
+    joint_zero: float = tolerance("mrad", about="zero of the encoder")
+    hinge_tilt: float = tolerance("mrad", about="direction of the motor axis")
+    half_width: float = tolerance(about="ball joint along the line of its pair")
+    line_tilt: float = tolerance(
+        "mrad", about="direction of the line through a pair of ball joints"
+    )
 
 
 @dataclass(frozen=True)
 class DeltaMasses:
     """What moves."""
 
-    platform: float = mass()  # [kg]
-    arm: float = mass()  # [kg]
-    arm_centre: float = quantity(least=0.0, most=1.0)  # of the arm's length, from the motor axis
-    rod: float = mass()  # [kg], each
+    platform: float = mass(about="platform and what is always on it")
+    arm: float = mass(about="one arm")
+    arm_centre: float = quantity(
+        least=0.0,
+        most=1.0,
+        about="centre of an arm's mass, part of its length from the motor axis",
+    )
+    rod: float = mass(about="one rod")
 
     @property
     def on_platform(self) -> float:

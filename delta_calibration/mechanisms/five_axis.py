@@ -32,12 +32,12 @@ _TURNS, _ABOVE, _LENGTH = range(3)  # constants of a strut
 class StrutPair:
     """Two struts, one either side of the plane y = 0, all [m]."""
 
-    platform_x: float = place()  # platform joint, in the platform
-    platform_y: float = place()  # its distance from the plane
-    platform_z: float = place()
-    column_x: float = place()  # where the slider runs, in the base
-    column_y: float = place()
-    strut: float = length()  # measured on the bench
+    platform_x: float = place(about="platform joint, in the platform")
+    platform_y: float = place(about="its distance from the plane y = 0")
+    platform_z: float = place(about="its height in the platform")
+    column_x: float = place(about="where the slider runs, in the base")
+    column_y: float = place(about="its distance from the plane y = 0")
+    strut: float = length(about="strut between joint centres, as measured on the bench")
 
     def __post_init__(self) -> None:
         """Refuse struts that do not reach from column to platform.
@@ -61,15 +61,15 @@ class FiveAxisDimensions:
 
     turning: StrutPair  # struts 1, 2: on the platform, R = R_X R_Y
     hinged: StrutPair  # struts 3, 4: on the part that turns about x only, R_X
-    tool: float = length()  # tip from the platform's centre, along its z
-    height: float = length()  # of the platform's centre in the middle of the workspace
+    tool: float = length(about="tip from the platform's centre, along its z")
+    height: float = length(about="platform's centre in the middle of the workspace")
 
 
 @dataclass(frozen=True)
 class FiveAxisTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    joint_position: float = tolerance()  # [m] each coordinate of each joint's centre
+    joint_position: float = tolerance(about="each coordinate of each joint's centre")
 
 
 class FiveAxis(Mechanism):

@@ -26,12 +26,14 @@ RADIUS, ANGLE, ENDSTOP, ARM = range(4)  # dimensions of a tower
 class LinearDeltaDimensions:
     """The drawing of a linear Delta."""
 
-    radius: float = length()  # [m] tower joints from the axis, less those of the platform
-    # (3,) [rad] where the towers stand about z, counter-clockwise
-    angles: Array = angle(shape=(TOWERS,))
-    arm: float = length()  # [m]
-    # [m] of the platform over the bed, in the middle, carriages at their endstops
-    height: float = length()
+    radius: float = length(about="joints on the towers from the axis, less those of the platform")
+    angles: Array = angle(
+        shape=(TOWERS,), about="where the towers stand about z, counter-clockwise"
+    )
+    arm: float = length(about="rod from carriage to platform, between ball centres")
+    height: float = length(
+        about="platform over the bed, in the middle, carriages at their endstops"
+    )
 
     def __post_init__(self) -> None:
         """Refuse arms that do not reach the middle, and towers in one place.
@@ -56,10 +58,10 @@ class LinearDeltaDimensions:
 class LinearDeltaTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    radius: float = tolerance()  # [m]
-    angle: float = tolerance("mrad")  # [rad]
-    endstop: float = tolerance()  # [m]
-    arm: float = tolerance()  # [m]
+    radius: float = tolerance(about="radius of a tower")
+    angle: float = tolerance("mrad", about="where a tower stands about z")
+    endstop: float = tolerance(about="height of an endstop")
+    arm: float = tolerance(about="length of a rod")
 
 
 class LinearDelta(Mechanism):

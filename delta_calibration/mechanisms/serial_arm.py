@@ -166,7 +166,7 @@ class SerialArm(Mechanism):
         if link.parallel:
             yield parameter("skew", "rad", 0.0, t.twist, "joint_axis_tilt")
         yield parameter("length", "m", link.length, t.length, "link_length")
-        yield parameter("zero", "rad", 0.0, t.zero, "joint_zero_offset")
+        yield parameter("zero", "rad", link.zero, t.zero, "joint_zero_offset")
         if not link.parallel:
             yield parameter("offset", "m", link.offset, t.length, "link_offset")
 

@@ -17,19 +17,24 @@ Array = NDArray[np.float64]
 class Link:
     """From joint axis i - 1 (the base for the first) to axis i, modified DH (Craig).
 
-        A_i = R_x(twist) T_x(length) R_z(q_i) T_z(offset)
+        A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)
 
     `parallel` says that the two axes are nearly so. Their common normal is then badly defined: an
     error of twist moves it far along the axes. Hayati's angle about y takes the offset's place
     among what can be wrong, and the offset stays as drawn.
     """
 
-    twist: float = angle()  # alpha [rad]
-    length: float = place()  # a [m]
-    offset: float = place()  # d [m]
-    parallel: bool = flag(False)
-    # [kg] of what turns with joint i, spread along the way to the next
-    mass: float = quantity("kg", least=0.0, default=0.0)
+    twist: float = angle(about="alpha: from the axis before to this one, about x")
+    length: float = place(about="a: from the axis before to this one, along x")
+    offset: float = place(about="d: along the axis")
+    zero: float = angle(default=0.0, about="theta: about the axis, with the joint at its zero")
+    parallel: bool = flag(False, about="whether this axis lies nearly along the one before")
+    mass: float = quantity(
+        "kg",
+        least=0.0,
+        default=0.0,
+        about="of what turns with the joint, spread along the way to the next",
+    )
 
 
 @dataclass(frozen=True)
@@ -40,11 +45,12 @@ class ArmDimensions:
         ConfigError: no link, a first axis said to be parallel, or a home of another size.
     """
 
-    links: tuple[Link, ...] = parts(Link)
-    tool: Array = place(shape=(3,))  # (3,) [m] tool centre point in the last link
-    # (m,) [rad] in the middle of the workspace, in the posture that is wanted
-    home: Array = angle(shape=(None,))
-    mount: Array = angle(shape=(3,))  # [rad] tool turned about z, y, x
+    links: tuple[Link, ...] = parts(Link, about="one a joint, modified DH (Craig)")
+    tool: Array = place(shape=(3,), about="tool centre point in the last link")
+    home: Array = angle(
+        shape=(None,), about="joints in the middle of the workspace, in the posture that is wanted"
+    )
+    mount: Array = angle(shape=(3,), about="how the tool is turned, about z, y, x")
 
     def __post_init__(self) -> None:
         """Refuse what no arm can be made of."""
@@ -68,8 +74,8 @@ class ArmDimensions:
 class ArmTolerances:
     """Standard deviations of an arm's parts about the drawing; `inf` where nothing is known."""
 
-    length: float = tolerance()  # [m] a and d
-    twist: float = tolerance("mrad")  # [rad] alpha and beta
-    zero: float = tolerance("mrad")  # [rad] encoder zero
-    tool: float = tolerance()  # [m] tool centre point, each coordinate
-    mount: float = tolerance("mrad")  # [rad] how the tool is turned, each axis
+    length: float = tolerance(about="lengths and offsets of the links")
+    twist: float = tolerance("mrad", about="directions of the axes")
+    zero: float = tolerance("mrad", about="zero of an encoder")
+    tool: float = tolerance(about="tool centre point, each coordinate")
+    mount: float = tolerance("mrad", about="how the tool is turned, each axis")

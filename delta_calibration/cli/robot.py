@@ -1,0 +1,244 @@
+"""`delta-cal robot`: robot files written by questions, looked over, drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from delta_calibration.cli.options import require_folder, robots
+from delta_calibration.drafting import (
+    Entry,
+    commented,
+    entries,
+    model_for,
+    reference,
+    review,
+    robot_from_urdf,
+    value_at,
+    with_value,
+)
+from delta_calibration.errors import CalibrationError, InputError
+from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.robot import Robot, load_robot, robot_document, robot_from
+
+ROBOT = click.argument("robot_file", metavar="FILE|NAME", shell_complete=robots)
+OUT = click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+_GROWN = 1.25  # that a dimension is drawn with beside what the file says
+
+
+@click.group("robot", short_help="write, check and draw a robot file")
+def command() -> None:
+    """Write, check and draw the file that describes a robot."""
+
+
+@command.command("check", short_help="units in doubt, and the machine in figures")
+@ROBOT
+def check(robot_file: str) -> int:
+    """Look a robot file over.
+
+    Says where the machine works, how well it is conditioned there, what machines within the
+    tolerances miss by, and which entries look as if they were in another unit than their keys say.
+    Exit code 1 where something is in doubt.
+    """
+    robot, seen = load_robot(robot_file), review(load_robot(robot_file), _document(robot_file))
+    click.echo(f"{robot.name}: {robot.mechanism}, {len(robot.joints.names)} joints")
+    for what, value in seen.figures:
+        click.echo(f"  {what}: {value}")
+    for doubt in seen.doubts:
+        click.echo(f"in doubt: {doubt}")
+    if not seen.doubts:
+        click.echo("nothing in doubt")
+    return int(bool(seen.doubts))
+
+
+@command.command("draw", short_help="frames, zeros and senses of the joints as a drawing")
+@ROBOT
+@OUT
+@click.option(
+    "--dimensions",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="Folder for one more drawing of each dimension: what changes when it grows by a quarter.",
+)
+def draw(robot_file: str, out: Path, dimensions: Path | None) -> None:
+    """Draw a robot in three views, in the middle of its workspace.
+
+    Arrows with a joint's name point the way in which its angle or place grows; dashed is where a
+    turning joint's link would be at zero. SVG, PNG or PDF, by the ending of the file.
+    """
+    from delta_calibration.report.sketch import write_sketch
+
+    robot = load_robot(robot_file)
+    require_folder(out)
+    write_sketch(robot, out)
+    click.echo(f"written: {out}")
+    if dimensions is not None:
+        dimensions.mkdir(parents=True, exist_ok=True)
+        for entry, path in _pictures(robot, robot_document(robot_file)[1], dimensions):
+            click.echo(f"written: {path} ({entry.about or entry.name})")
+
+
+@command.command("new", short_help="a robot file by questions")
+@OUT
+@click.option("--mechanism", type=click.Choice(list(MECHANISMS)), default=None, help="Its kind.")
+@click.option("--name", default=None, help="Of the robot: small letters, digits, _.")
+@click.option(
+    "--like",
+    "model",
+    metavar="FILE|NAME",
+    shell_complete=robots,
+    default=None,
+    help="Robot whose values are proposed; one of the same mechanism where not given.",
+)
+@click.option(
+    "--pictures",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="Folder for a picture of each dimension, which the questions name.",
+)
+@click.option("--yes", is_flag=True, help="Take every proposed value.")
+def new(
+    out: Path,
+    mechanism: str | None,
+    name: str | None,
+    model: str | None,
+    pictures: Path | None,
+    yes: bool,
+) -> int:
+    """Write a robot file: every entry is asked for, with what it is and a value proposed.
+
+    Enter takes the proposed value; lists are typed with commas. What is typed is checked at once.
+    The file has what each entry means behind it.
+    """
+    require_folder(out)
+    if out.exists():
+        raise InputError(f"{out}: exists already; name another file")
+    data = _begun(mechanism, model, ask=not yes)
+    default = str(data["name"]) if yes else "my_robot"
+    named = name or (default if yes else click.prompt("name", default=default))
+    data = {**data, "name": named}
+    shown = _shown(data, model or str(data["mechanism"]), pictures)
+    if not yes:
+        for entry in entries(str(data["mechanism"])):
+            data = _asked(entry, data, shown.get(entry.path))
+    out.write_text(commented(data), encoding="utf-8")
+    click.echo(f"written: {out}")
+    robot = load_robot(out)
+    seen = review(robot, data)
+    for doubt in seen.doubts:
+        click.echo(f"in doubt: {doubt}")
+    click.echo(f"next: delta-cal robot draw {out} --out {out.with_suffix('.svg')}")
+    return int(bool(seen.doubts))
+
+
+@command.command("from-urdf", short_help="a serial arm's robot file, of its URDF")
+@click.argument("urdf", type=click.Path(path_type=Path))
+@OUT
+@click.option("--tip", default=None, help="Link of the tool; the last of the chain if not given.")
+@click.option("--base", default=None, help="Link to begin at; the tree's root if not given.")
+@click.option("--name", default=None, help="Of the robot; the URDF's own where not given.")
+def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: str | None) -> None:
+    """Write the robot file of a serial arm of turning joints that a URDF describes.
+
+    Lengths, axes, joint names, limits and masses come from the URDF; tolerances, tracker and
+    limits of the compensation are proposed and to be looked over. Points of URDF and robot file
+    agree at all joints (checked before the file is written).
+    """
+    require_folder(out)
+    if out.exists():
+        raise InputError(f"{out}: exists already; name another file")
+    data = robot_from_urdf(urdf, base=base, tip=tip, name=name)
+    robot_from(data, str(urdf))
+    out.write_text(commented(data), encoding="utf-8")
+    click.echo(f"written: {out}; tolerances, tracker and limits are proposed: look them over")
+
+
+@command.command("reference", short_help="all entries of robot files, as a page")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Else printed.")
+def reference_page(out: Path | None) -> None:
+    """Write the page of all entries (Markdown)."""
+    text = reference()
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    require_folder(out)
+    out.write_text(text, encoding="utf-8")
+    click.echo(f"written: {out}")
+
+
+def _document(robot_file: str) -> dict[str, Any]:
+    return robot_document(robot_file)[1]
+
+
+def _begun(mechanism: str | None, model: str | None, *, ask: bool) -> dict[str, Any]:
+    """The file whose values are proposed."""
+    if model is not None:
+        return _document(model)
+    if mechanism is None:
+        if not ask:
+            raise click.UsageError("give --mechanism or --like")
+        mechanism = click.prompt("mechanism", type=click.Choice(list(MECHANISMS)))
+    return model_for(str(mechanism))
+
+
+def _shown(data: dict[str, Any], source: str, folder: Path | None) -> dict[tuple[str, ...], Path]:
+    """Pictures of dimensions, by entry."""
+    if folder is None:
+        return {}
+    folder.mkdir(parents=True, exist_ok=True)
+    robot = robot_from(data, source)
+    return {entry.path: path for entry, path in _pictures(robot, data, folder)}
+
+
+def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str, Any]:
+    """The file with what somebody says of an entry."""
+    proposed = value_at(data, entry.path)
+    if proposed is None and not entry.required:
+        return data
+    unit = f" [{entry.unit}]" if entry.unit else ""
+    about = f"\n{entry.about}" if entry.about else ""
+    seen = f"\n(picture: {picture})" if picture else ""
+    text = f"{about}{seen}\n{entry.name}{unit}"
+    while True:
+        said = click.prompt(text, default=_written(proposed), type=str)
+        try:
+            return with_value(data, entry.path, entry.read(said))
+        except InputError as error:
+            click.echo(str(error), err=True)
+
+
+def _written(value: Any) -> str:
+    """A proposed value as it would be typed."""
+    if isinstance(value, list) and not any(isinstance(item, list | dict) for item in value):
+        return ", ".join(map(str, value))
+    return str(value)
+
+
+def _pictures(robot: Robot, data: dict[str, Any], folder: Path) -> Iterator[tuple[Entry, Path]]:
+    """What each dimension is: the robot as it is, and with that grown by a quarter."""
+    from delta_calibration.report.sketch import write_sketch
+
+    for entry in entries(robot.mechanism):
+        value = value_at(data, entry.path)
+        if entry.path[0] != "geometry" or value is None or entry.unit not in ("mm", "degrees"):
+            continue
+        for factor in (_GROWN, 1 / _GROWN):
+            try:
+                changed = robot_from(
+                    with_value(data, entry.path, _times(value, factor)), robot.source
+                )
+            except (CalibrationError, ValueError):
+                continue
+            path = folder / f"{'.'.join(entry.path[1:])}.svg"
+            said = f"{entry.name}: {entry.about}; {factor:.2g} times as much in blue"
+            write_sketch(changed, path, before=robot, changed=said)
+            yield entry, path
+            break
+
+
+def _times(value: Any, factor: float) -> Any:
+    return (np.asarray(value, dtype=float) * factor).tolist()

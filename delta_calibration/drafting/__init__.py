@@ -1,0 +1,26 @@
+"""Robot files as people write them: by questions, looked over, taken from a URDF."""
+
+from delta_calibration.drafting.form import (
+    Entry,
+    commented,
+    entries,
+    model_for,
+    reference,
+    value_at,
+    with_value,
+)
+from delta_calibration.drafting.review import Review, review
+from delta_calibration.drafting.serial_urdf import robot_from_urdf
+
+__all__ = [
+    "Entry",
+    "Review",
+    "commented",
+    "entries",
+    "model_for",
+    "reference",
+    "review",
+    "robot_from_urdf",
+    "value_at",
+    "with_value",
+]

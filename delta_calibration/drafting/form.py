@@ -1,0 +1,237 @@
+"""Robot files to be written by people: entries with what they mean, read off the schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from io import StringIO
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import YAMLError
+
+from delta_calibration.documents import Document
+from delta_calibration.errors import InputError
+from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.robot import known_robots, load_robot, robot_document, robot_schema
+
+_WORDS = {
+    "mm": "mm",
+    "um": "um",
+    "um_per_m": "um/m",
+    "mm_per_s": "mm/s",
+    "deg": "degrees",
+    "deg_per_s": "degrees/s",
+    "mrad": "mrad",
+    "urad": "urad",
+    "kg": "kg",
+    "n": "N",
+    "percent": "%",
+    "turns_per_m": "turns/m",
+    "px": "px",
+}
+_GIVEN = ("schema", "name", "mechanism")
+_WIDTH, _INDENT, _COLUMN = 110, 2, 40
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One value that a robot file holds.
+
+    Attributes:
+        path: keys from the section on.
+        about: what it is; empty where the schema does not say.
+        schema: of the value.
+        required: whether a file has to have it.
+    """
+
+    path: tuple[str, ...]
+    about: str
+    schema: Mapping[str, Any]
+    required: bool
+
+    @property
+    def name(self) -> str:
+        """As messages have it."""
+        return ".".join(self.path)
+
+    @property
+    def unit(self) -> str:
+        """In words, by the end of the key; empty of a number without one."""
+        ends = (unit for unit in sorted(_WORDS, key=len, reverse=True))
+        return next((_WORDS[u] for u in ends if self.path[-1].endswith(f"_{u}")), "")
+
+    @property
+    def allowed(self) -> str:
+        """What the value may be, in words."""
+        return allowed(self.schema)
+
+    def read(self, text: str) -> Any:
+        """The value that somebody typed: YAML, or numbers with commas between.
+
+        Raises:
+            InputError: says what is allowed.
+        """
+        many = self.schema.get("type") == "array" and not text.lstrip().startswith("[")
+        try:
+            value = YAML(typ="safe", pure=True).load(f"[{text}]" if many else text)
+        except YAMLError as error:
+            raise InputError(f"{self.name}: {text!r} cannot be read; {self.allowed}") from error
+        if not Draft202012Validator(self.schema).is_valid(value):
+            raise InputError(f"{self.name}: {text} is not allowed; {self.allowed}")
+        return value
+
+
+def allowed(schema: Mapping[str, Any]) -> str:
+    """What a value may be, in words."""
+    if "enum" in schema:
+        return " or ".join(map(str, schema["enum"]))
+    kind = schema.get("type")
+    if kind == "array":
+        least, most = schema.get("minItems"), schema.get("maxItems")
+        many = f"{least} of" if least == most else "a list of"
+        return f"{many}: {allowed(schema['items'])}"
+    if kind == "number":
+        bounds = [
+            f"{word} {schema[key]:g}"
+            for key, word in (
+                ("exclusiveMinimum", "above"),
+                ("minimum", "at least"),
+                ("maximum", "at most"),
+            )
+            if key in schema
+        ]
+        return ", ".join(["a number", *bounds])
+    return {"string": "a text", "boolean": "true or false", "object": "a section"}[str(kind)]
+
+
+def entries(mechanism: str) -> Iterator[Entry]:
+    """All that a robot file of a mechanism holds, section by section, in the order of a file.
+
+    Raises:
+        InputError: no mechanism of that name.
+    """
+    if mechanism not in MECHANISMS:
+        known = ", ".join(MECHANISMS)
+        raise InputError(f"no mechanism {mechanism!r}; there are: {known}")
+    schema = robot_schema(mechanism)
+    for name, section in schema["properties"].items():
+        if name not in _GIVEN:
+            yield from _entries(section, (name,), name in schema["required"])
+
+
+def _entries(schema: Mapping[str, Any], path: tuple[str, ...], needed: bool) -> Iterator[Entry]:
+    if schema.get("type") != "object":
+        yield Entry(path, schema.get("description", ""), schema, needed)
+        return
+    for key, item in schema["properties"].items():
+        yield from _entries(item, (*path, key), needed and key in schema["required"])
+
+
+def model_for(mechanism: str) -> dict[str, Any]:
+    """The file of a robot of this mechanism that comes with the package, as it is written.
+
+    Raises:
+        InputError: there is none.
+    """
+    for name in known_robots():
+        kind = type(load_robot(name).dimensions)
+        if MECHANISMS[mechanism].Dimensions is kind:
+            return {**robot_document(name)[1], "mechanism": mechanism}
+    raise InputError(
+        f"no robot of mechanism {mechanism} comes with the package to begin from; --like FILE"
+    )
+
+
+def value_at(data: Document, path: tuple[str, ...]) -> Any:
+    """What a file has under these keys; None where it has nothing."""
+    inside: Any = data
+    for key in path:
+        if not isinstance(inside, Mapping) or key not in inside:
+            return None
+        inside = inside[key]
+    return inside
+
+
+def with_value(data: Document, path: tuple[str, ...], value: Any) -> dict[str, Any]:
+    """The same file with another value there."""
+    first, *rest = path
+    inside = data.get(first, {})
+    return {**data, first: with_value(inside, tuple(rest), value) if rest else value}
+
+
+def commented(data: Document) -> str:
+    """A robot file as YAML, each entry with what it means beside it."""
+    made = _with_comments(data, robot_schema(str(data["mechanism"])), 0)
+    for key in list(made)[len(_GIVEN) :]:
+        made.yaml_set_comment_before_after_key(key, before="\n")
+    yaml, text = YAML(), StringIO()
+    yaml.width = _WIDTH
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    yaml.dump(made, text)
+    return text.getvalue()
+
+
+def _with_comments(value: Any, schema: Mapping[str, Any], indent: int) -> Any:
+    """A value as it is written: numbers in a row in one line, meanings behind or above."""
+    if isinstance(value, Mapping):
+        of = schema.get("properties", {})
+        made = CommentedMap(
+            {k: _with_comments(v, of.get(k, {}), indent + _INDENT) for k, v in value.items()}
+        )
+        for key, item in value.items():
+            about = of.get(key, {}).get("description", "")
+            if about and isinstance(item, list):
+                made.yaml_set_comment_before_after_key(key, before=about, indent=indent)
+            elif about:
+                made.yaml_add_eol_comment(about, key, column=_COLUMN)
+        return made
+    if not isinstance(value, list):
+        return value
+    items = schema.get("items", {})
+    plain = {} if value and isinstance(value[0], Mapping) else items
+    made_list = CommentedSeq(
+        _with_comments(item, items if row == 0 else plain, indent + _INDENT)
+        for row, item in enumerate(value)
+    )
+    if not any(isinstance(item, Mapping | list) for item in value):
+        made_list.fa.set_flow_style()
+    return made_list
+
+
+def reference() -> str:
+    """All entries of all mechanisms as a page (Markdown)."""
+    own = ("geometry", "tolerances", "masses")
+    lines = [
+        "# Robot files, entry by entry",
+        "",
+        "Made by `delta-cal robot reference`. The unit of a number is the end of its key; inside,",
+        "all is in SI. A file begins with `schema: 1`, `name` and `mechanism`; `delta-cal robot",
+        "new` writes one by questions, `robot check` looks it over, `robot draw` draws it.",
+    ]
+    for mechanism in MECHANISMS:
+        lines += ["", f"## `mechanism: {mechanism}`", ""]
+        lines += _table([e for e in entries(mechanism) if e.path[0] in own])
+    turning, sliding = _by_joints()
+    for title, name in (("joints that turn", turning), ("joints that slide", sliding)):
+        lines += ["", f"## All robots: {title}", ""]
+        rest = [e for e in entries(name) if e.path[0] not in own]
+        shared = {entry.path for entry in entries(turning)} if name == sliding else set()
+        lines += _table([e for e in rest if e.path not in shared])
+    return "\n".join(lines) + "\n"
+
+
+def _by_joints() -> tuple[str, str]:
+    """A mechanism whose joints turn, and one whose joints slide."""
+    first = {kind.joint_unit: name for name, kind in reversed(list(MECHANISMS.items()))}
+    return first["rad"], first["m"]
+
+
+def _table(rows: list[Entry]) -> list[str]:
+    lines = ["| Entry | What it is | Allowed |", "|---|---|---|"]
+    for entry in rows:
+        about = entry.about + ("" if entry.required else " (may be left out)")
+        lines.append(f"| `{entry.name}` | {about} | {entry.allowed} |")
+    return lines

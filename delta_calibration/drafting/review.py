@@ -1,0 +1,218 @@
+"""What a robot file says of its machine in figures, and where a number looks like another unit.
+
+A file can pass its schema and be wrong: `arm_mm: 0.235` is a length, `lower_deg: [-0.6, ...]` are
+angles. Nothing is measured here; what is doubted is what no machine that is drawn in one unit
+would have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.documents import Document
+from delta_calibration.errors import CalibrationError
+from delta_calibration.plans import make_plan
+from delta_calibration.plans.points import tool_points
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+_PLACES = 60  # of the workspace that figures are taken at
+# What is doubted. A desk machine is some decimetres wide, and no part of one that is drawn in mm
+# is a five-hundredth of its longest; an arm that turns by less than 7 degrees moves nothing.
+_SMALL_MM = 20.0
+_TINY_PART = 1 / 500
+_FEW_DEG, _FEW_MM = 7.0, 5.0
+_ROUND_DEG, _ROUNDLY = 15.0, 0.05  # what drawings have their angles in, and how near that is meant
+_FULL_TURN = 2 * np.pi
+_LARGE_TOLERANCE, _TINY_TOLERANCE_MM = 1 / 20, 0.0005
+_LEAST_NOISE_UM, _MOST_NOISE_UM = 0.05, 1000.0
+_SIGMAS = 2.0
+
+
+@dataclass(frozen=True)
+class Review:
+    """A robot file as read.
+
+    Attributes:
+        figures: what and how much, in words, in the order of reading.
+        doubts: a sentence each, with the entry, its value and what it may be meant as.
+    """
+
+    figures: tuple[tuple[str, str], ...]
+    doubts: tuple[str, ...]
+
+
+def review(robot: Robot, data: Document) -> Review:
+    """Look a robot file over.
+
+    Args:
+        robot: that it describes.
+        data: as the file has it.
+    """
+    doubts = [*_lengths(data), *_angles(data), *_ranges(robot, data), *_tolerances(robot, data)]
+    doubts += _noise(data)
+    try:
+        figures, more = _figures(robot)
+    except CalibrationError as error:
+        return Review((), (*doubts, f"its workspace cannot be measured in: {error}"))
+    return Review(figures, (*doubts, *more))
+
+
+# --- what each entry says
+
+
+def entries(value: Any, path: str) -> Iterator[tuple[str, str, float]]:
+    """Numbers of a section: path, unit at the key's end, value; each of a list by itself."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from entries(item, f"{path}.{key}")
+    elif isinstance(value, list):
+        for row, item in enumerate(value):
+            yield from entries(item, f"{path}[{row}]")
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        key = path.rsplit(".", 1)[-1].split("[", 1)[0]
+        yield path, key.rsplit("_", 1)[-1], float(value)
+
+
+def _lengths(data: Document) -> Iterator[str]:
+    """Lengths that are not in mm."""
+    sizes = [
+        (path, abs(v)) for path, unit, v in entries(data["geometry"], "geometry") if unit == "mm"
+    ]
+    longest = max((size for _, size in sizes), default=0.0)
+    if 0.0 < longest < _SMALL_MM:
+        yield (
+            f"geometry: the longest of its lengths is {longest:.6g} mm; were they written in "
+            "metres or inches?"
+        )
+        return
+    for path, size in sizes:
+        if 0.0 < size < _TINY_PART * longest:
+            yield (
+                f"{path}: {size:.6g} mm is a {longest / size:.0f}th of the longest length; was it "
+                f"written in metres ({1e3 * size:.6g} mm)?"
+            )
+
+
+def _angles(data: Document) -> Iterator[str]:
+    """Angles of the drawing that are round ones in radians."""
+    for path, unit, value in entries(data["geometry"], "geometry"):
+        if unit != "deg" or not 0.0 < abs(value) <= _FULL_TURN:
+            continue
+        turned = np.degrees(value)
+        nearest = _ROUND_DEG * round(turned / _ROUND_DEG)
+        if abs(turned - nearest) < _ROUNDLY and value != round(value):
+            meant = f"{nearest:.0f} degrees"
+            yield f"{path}: {value:.6g} degrees; was it written in radians ({meant})?"
+
+
+def _ranges(robot: Robot, data: Document) -> Iterator[str]:
+    """Limits of the joints that leave nothing to move."""
+    unit, factor = robot.joints.shown
+    widest = float(factor * (robot.joints.upper - robot.joints.lower).max())
+    few, meant = (_FEW_DEG, "radians") if robot.joints.unit == "rad" else (_FEW_MM, "metres")
+    if widest < few:
+        yield (
+            f"joints: the widest range between its limits is {widest:.6g} {unit}; were they "
+            f"written in {meant}?"
+        )
+
+
+def _tolerances(robot: Robot, data: Document) -> Iterator[str]:
+    """Tolerances that are none of a machine part."""
+    sizes = [abs(v) for _, unit, v in entries(data["geometry"], "geometry") if unit == "mm"]
+    longest = max(sizes, default=np.inf)
+    for path, unit, value in entries(data["tolerances"], "tolerances"):
+        if unit != "mm" or not np.isfinite(value):
+            continue
+        if value > _LARGE_TOLERANCE * longest:
+            yield f"{path}: {value:.6g} mm on a machine of {longest:.6g} mm; is it in micrometres?"
+        elif value < _TINY_TOLERANCE_MM:
+            yield f"{path}: {value:.6g} mm; was it written in metres ({1e3 * value:.6g} mm)?"
+
+
+def _noise(data: Document) -> Iterator[str]:
+    """A tracker that is none."""
+    for key in ("radial_um", "transverse_um"):
+        value = float(data["tracker"][key])
+        if not _LEAST_NOISE_UM <= value <= _MOST_NOISE_UM:
+            yield f"tracker.{key}: {value:.6g} um; trackers have some 1 to 100 um"
+
+
+# --- the machine in figures
+
+
+def _figures(robot: Robot) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    model = robot.commanded
+    g = model.parameters.nominal
+    joint = make_plan("identify", robot, count=_PLACES, both_sides=False).joint
+    x = model.forward(joint, g)
+    point = tool_points(robot, joint)
+    size = 1e3 * np.ptp(point, axis=0)
+    condition = model.condition(joint, x, g)
+    miss, corrections = _by_tolerances(robot, joint, x)
+    unit, factor = robot.joints.shown
+    figures = (
+        ("measured in", " x ".join(f"{edge:.0f}" for edge in size) + " mm, as `--plan identify`"),
+        (
+            "joints there",
+            ", ".join(
+                f"{name} {factor * low:.1f} to {factor * high:.1f}"
+                for name, low, high in zip(
+                    robot.joints.names, joint.min(axis=0), joint.max(axis=0), strict=True
+                )
+            )
+            + f" {unit}",
+        ),
+        (
+            "condition",
+            f"{condition.min():.1f} to {condition.max():.1f}; corrected up to "
+            f"{robot.limits.condition:.1f}",
+        ),
+        ("built to its tolerances", f"misses by {1e3 * miss:.2g} mm RMS before calibration"),
+        (
+            "corrections",
+            f"{_SIGMAS:.0f} standard deviations are {factor * _SIGMAS * corrections:.2g} {unit}; "
+            f"allowed are {factor * robot.limits.correction:.2g}",
+        ),
+    )
+    doubts = []
+    if _SIGMAS * corrections > robot.limits.correction:
+        doubts.append(
+            f"limits: corrections up to {factor * robot.limits.correction:.2g} {unit} are "
+            f"allowed, and machines within the tolerances need "
+            f"{factor * _SIGMAS * corrections:.2g}"
+        )
+    return figures, tuple(doubts)
+
+
+def _by_tolerances(robot: Robot, joint: Array, x: Array) -> tuple[float, float]:
+    """What machines within the tolerances miss by, and what correction that asks of a joint.
+
+    Root mean square [m] with the machine where it fits best, and standard deviation [rad or m] of
+    the joint and place that need most.
+    """
+    model = robot.commanded
+    g = model.parameters.nominal
+    spread = model.parameters.prior.copy()
+    spread[~np.isfinite(spread)] = 0.0
+    slope = model.identification_jacobian(joint, x, g) * spread  # (n, k, p)
+    moved = model.point_by_pose(x, robot.tool_offset) @ slope
+    left = _beyond_rigid(moved, tool_points(robot, joint))
+    asked = np.linalg.pinv(model.velocity_jacobian(joint, x, g)) @ slope
+    return float(np.sqrt((left**2).sum() / len(x))), float(np.sqrt((asked**2).sum(axis=2)).max())
+
+
+def _beyond_rigid(moved: Array, place: Array) -> Array:
+    """What motions (n, 3, p) of points (n, 3) leave with the machine put where it fits."""
+    turned = -np.cross(place[:, None], np.eye(3)).transpose(0, 2, 1)
+    shifted = np.tile(np.eye(3), (len(place), 1, 1))
+    rigid = np.concatenate([shifted, turned], axis=2).reshape(-1, 6)
+    rows = moved.reshape(len(rigid), -1)
+    return np.asarray(rows - rigid @ np.linalg.lstsq(rigid, rows, rcond=None)[0])

@@ -1,0 +1,421 @@
+"""The robot file of a serial arm, from the URDF that its vendor publishes.
+
+A URDF places each joint anywhere; a robot file has modified Denavit-Hartenberg links (Craig). Both
+describe the same axes: frame i has z along axis i and x along the common normal to axis i + 1, and
+
+    A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)
+
+leads from one to the next. What was found is compared with the URDF's own forward kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from scipy.stats import qmc
+
+from delta_calibration.errors import InputError
+from delta_calibration.geometry import Frame, rotations
+from delta_calibration.mechanisms import SerialArm
+from delta_calibration.mechanisms.serial_dimensions import ArmDimensions, ArmTolerances
+from delta_calibration.sections import part_of
+from delta_calibration.texts import read_text
+
+Array = NDArray[np.float64]
+
+_PARALLEL = 0.02  # [rad] under which neighbouring axes count as parallel
+_SAME = 1e-9  # [m, rad] that URDF and robot file may differ
+_TRIALS, _WIDEST = 256, 2 * np.pi / 3  # joints that home is chosen from, and how far from zero
+_REACH = 0.15  # of the arm's length, half the workspace that is proposed
+_TURN = 360.0  # [deg] limits of a joint that turns on and on
+_SPEED = 120.0  # [deg/s] where the URDF says nothing
+_X, _Z = np.eye(3)[0], np.eye(3)[2]
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint of a URDF with what it carries."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Frame
+    axis: Array  # (3,) of length 1
+    lower: float  # [rad]
+    upper: float  # [rad]
+    speed: float  # [rad/s]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Joints from base to tip, fixed ones among them, and the masses of all links."""
+
+    name: str
+    joints: tuple[UrdfJoint, ...]
+    masses: dict[str, float]  # [kg] by link
+    every: tuple[UrdfJoint, ...]  # joints of the whole tree
+
+    @property
+    def turning(self) -> tuple[UrdfJoint, ...]:
+        """Those that turn."""
+        return tuple(joint for joint in self.joints if joint.kind != "fixed")
+
+    def frames(self, q: Array) -> Iterator[Frame]:
+        """Frames of the turning joints, then of the tip, in the base at joints (m,) [rad]."""
+        at, values = Frame.identity(), iter(q)
+        for joint in self.joints:
+            at = at @ joint.origin
+            if joint.kind != "fixed":
+                yield at
+                at = at @ Frame(rotations.exp(joint.axis * next(values)), np.zeros(3))
+        yield at
+
+
+def robot_from_urdf(
+    path: Path, base: str | None = None, tip: str | None = None, name: str | None = None
+) -> dict[str, Any]:
+    """A robot file's content for the serial arm in a URDF.
+
+    Args:
+        path: the URDF; no xacro.
+        base: link to begin at; the root where not given.
+        tip: link of the tool; the end of the only chain where not given.
+        name: of the robot; the URDF's own in small letters where not given.
+
+    Raises:
+        InputError: no URDF, a link that it does not have, a joint that slides, several chains
+            to choose from, a first axis that modified DH cannot lead to from the base.
+    """
+    chain = _chain(path, base, tip)
+    links, tool = _denavit_hartenberg(chain, path)
+    document = _document(chain, links, tool, name)
+    _require_same(chain, document, path)
+    return _with_home(document)
+
+
+# --- reading
+
+
+def _chain(path: Path, base: str | None, tip: str | None) -> Chain:
+    text = read_text(path)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(f"{path}: a document type or entities are not allowed in a URDF")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path}: not XML: {error}") from error
+    if root.tag != "robot":
+        raise InputError(f"{path}: its root is <{root.tag}>, that of a URDF is <robot>")
+    joints = tuple(_joint(element, path) for element in root.findall("joint"))
+    links = {str(e.get("name")): _mass(e, path) for e in root.findall("link")}
+    children = {joint.child: joint for joint in joints}
+    begin = _link(base, "base", links, path) or next((n for n in links if n not in children), "")
+    end = _link(tip, "tip", links, path) or _end(joints, begin, path)
+    way: list[UrdfJoint] = []
+    at = end
+    while at != begin:
+        if at not in children or len(way) > len(joints):
+            raise InputError(f"{path}: link {end!r} does not hang on {begin!r}")
+        way.append(children[at])
+        at = children[at].parent
+    return Chain(str(root.get("name") or path.stem), tuple(reversed(way)), links, joints)
+
+
+def _link(name: str | None, option: str, links: dict[str, float], path: Path) -> str | None:
+    if name is not None and name not in links:
+        raise InputError(
+            f"{path}: --{option} {name!r}: no such link; there are: {', '.join(links)}"
+        )
+    return name
+
+
+def _end(joints: Sequence[UrdfJoint], begin: str, path: Path) -> str:
+    """The link at the end of the longest chain of turning joints; it has to be the only one."""
+    ends: dict[str, int] = {}
+    open_at = [(begin, 0)]
+    while open_at:
+        link, turns = open_at.pop()
+        below = [joint for joint in joints if joint.parent == link]
+        open_at += [(j.child, turns + (j.kind != "fixed")) for j in below]
+        if not below:
+            ends[link] = turns
+    most = max(ends.values(), default=0)
+    last = sorted(link for link, turns in ends.items() if turns == most)
+    if most == 0:
+        raise InputError(f"{path}: no joint that turns behind link {begin!r}")
+    if len(last) > 1:
+        raise InputError(f"{path}: several ends of the arm; give --tip: {', '.join(last)}")
+    return last[0]
+
+
+def _joint(element: Element, path: Path) -> UrdfJoint:
+    name, kind = str(element.get("name")), str(element.get("type"))
+    if kind not in ("fixed", "revolute", "continuous"):
+        raise InputError(
+            f"{path}: joint {name!r}: type {kind!r}; an arm of turning joints is needed"
+        )
+    where = f"joint {name!r}"
+    axis = _numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0), where, path)
+    length = float(np.linalg.norm(axis))
+    if kind != "fixed" and not length > 0.0:
+        raise InputError(f"{path}: {where}: axis has no length")
+    limit = element.find("limit")
+    bound = {
+        key: float(_numbers(limit, key, (default,), where, path)[0])
+        for key, default in (("lower", -np.inf), ("upper", np.inf), ("velocity", np.nan))
+    }
+    endless = kind == "continuous"
+    return UrdfJoint(
+        name,
+        kind,
+        _end_of(element, "parent", where, path),
+        _end_of(element, "child", where, path),
+        _origin(element, where, path),
+        axis / (length or 1.0),
+        np.radians(-_TURN) if endless else max(bound["lower"], np.radians(-_TURN)),
+        np.radians(_TURN) if endless else min(bound["upper"], np.radians(_TURN)),
+        bound["velocity"],
+    )
+
+
+def _end_of(element: Element, tag: str, where: str, path: Path) -> str:
+    found = element.find(tag)
+    if found is None or not found.get("link"):
+        raise InputError(f"{path}: {where}: <{tag} link=...> is missing")
+    return str(found.get("link"))
+
+
+def _origin(element: Element, where: str, path: Path) -> Frame:
+    origin = element.find("origin")
+    place = _numbers(origin, "xyz", (0.0, 0.0, 0.0), where, path)
+    turns = _numbers(origin, "rpy", (0.0, 0.0, 0.0), where, path)
+    return Frame(Rotation.from_euler("xyz", turns).as_matrix(), place)
+
+
+def _mass(link: Element, path: Path) -> float:
+    inertial = link.find("inertial")
+    found = None if inertial is None else inertial.find("mass")
+    return float(_numbers(found, "value", (0.0,), f"link {link.get('name')!r}", path)[0])
+
+
+def _numbers(
+    element: Element | None, key: str, default: Sequence[float], where: str, path: Path
+) -> Array:
+    text = None if element is None else element.get(key)
+    if text is None:
+        return np.array(default)
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != len(default) or not np.isfinite(values).all():
+        raise InputError(f"{path}: {where}: {key}={text!r}; {len(default)} numbers are needed")
+    return values
+
+
+# --- axes into links
+
+
+def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]], Frame]:
+    """Links of the robot file, and the tool in the last link's frame."""
+    *joints, tip = chain.frames(np.zeros(len(chain.turning)))
+    axes = [
+        (frame.translation, frame.rotation @ joint.axis)
+        for frame, joint in zip(joints, chain.turning, strict=True)
+    ]
+    _require_first(axes[0], path)
+    before = Frame.identity()  # origin and axes of the frame reached
+    links = []
+    for number, (point, direction) in enumerate(axes):
+        x = before.rotation[:, 0]
+        foot = _foot(before.translation, x, point, direction)
+        twist = _angle(before.rotation[:, 2], direction, x)
+        origin, ahead = _next_frame(axes[number:], foot, x)
+        links.append(
+            {
+                "twist_deg": _tidy(np.degrees(twist)),
+                "length_mm": _tidy(float(1e3 * (foot - before.translation) @ x)),
+                "offset_mm": _tidy(float(1e3 * (origin - foot) @ direction)),
+                "zero_deg": _tidy(np.degrees(_angle(x, ahead, direction))),
+                "parallel": bool(number > 0 and abs(np.sin(twist)) < _PARALLEL),
+            }
+        )
+        before = Frame(np.stack([ahead, np.cross(direction, ahead), direction], axis=1), origin)
+    return links, before.inverse() @ tip
+
+
+def _require_first(axis: tuple[Array, Array], path: Path) -> None:
+    """Refuse a first axis that R_x T_x does not lead to from the base."""
+    point, direction = axis
+    across = np.array([point[1], point[2]])
+    way = np.array([direction[1], direction[2]])
+    cuts = abs(across[0] * way[1] - across[1] * way[0]) < _SAME
+    if abs(direction[0]) > _SAME or not cuts:
+        raise InputError(
+            f"{path}: the first axis has to cut the base's x axis at a right angle; "
+            "name another link by --base"
+        )
+
+
+def _foot(start: Array, x: Array, point: Array, direction: Array) -> Array:
+    """Where the line from `start` along x meets the axis, which is at a right angle to it."""
+    return np.asarray(
+        point + direction * (direction @ (start + x * (x @ (point - start)) - point))
+    )
+
+
+def _next_frame(axes: Sequence[tuple[Array, Array]], foot: Array, x: Array) -> tuple[Array, Array]:
+    """Origin on an axis and x of its frame: along the common normal to the next one."""
+    direction = axes[0][1]
+    if len(axes) == 1:  # the tool takes what is left
+        return foot, _across(x, direction)
+    point, ahead = axes[1]
+    normal = np.cross(direction, ahead)
+    if np.linalg.norm(normal) < _SAME:
+        away = (point - foot) - direction * (direction @ (point - foot))
+        if np.linalg.norm(away) < _SAME:
+            return foot, _across(x, direction)
+        return foot, _along(away)
+    # the feet of the common normal: direction t - ahead s + normal r = point - foot
+    system = np.stack([direction, -ahead, normal], axis=1)
+    t, _, r = np.linalg.solve(system, point - foot)
+    way = _along(normal * (r if abs(r) > _SAME else 1.0))
+    if abs(r) <= _SAME and way @ x < 0.0:
+        way = -way
+    return foot + direction * t, way
+
+
+def _across(x: Array, direction: Array) -> Array:
+    return _along(x - direction * (direction @ x))
+
+
+def _along(way: Array) -> Array:
+    return np.asarray(way / np.linalg.norm(way))
+
+
+def _angle(start: Array, end: Array, about: Array) -> float:
+    """From one direction to another about an axis [rad]."""
+    return float(np.arctan2(np.cross(start, end) @ about, start @ end))
+
+
+def _tidy(value: float) -> float:
+    """Without what rounding left of a whole number."""
+    near = round(value, 9)
+    return float(near + 0.0)
+
+
+# --- the file
+
+
+def _document(
+    chain: Chain, links: list[dict[str, Any]], tool: Frame, name: str | None
+) -> dict[str, Any]:
+    joints = chain.turning
+    for link, mass in zip(links, _moving(chain), strict=True):
+        link["mass_kg"] = mass
+    mount = Rotation.from_matrix(tool.rotation).as_euler("ZYX", degrees=True)
+    speed = min((np.degrees(j.speed) for j in joints if np.isfinite(j.speed)), default=_SPEED)
+    called = name or "".join(c if c.isalnum() else "_" for c in chain.name.lower()).strip("_")
+    return {
+        "schema": 1,
+        "name": called,
+        "mechanism": SerialArm.name,
+        "geometry": {
+            "links": links,
+            "tool_mm": [_tidy(1e3 * v) for v in tool.translation],
+            "home_deg": [0.0] * len(joints),
+            "mount_deg": [_tidy(v) for v in mount],
+        },
+        "tolerances": {
+            "length_mm": 1.0,
+            "twist_mrad": 1.0,
+            "zero_mrad": 1.0,
+            "tool_mm": 2.0,
+            "mount_mrad": 5.0,
+        },
+        "joints": {
+            "names": [joint.name for joint in joints],
+            "lower_deg": [_tidy(np.degrees(joint.lower)) for joint in joints],
+            "upper_deg": [_tidy(np.degrees(joint.upper)) for joint in joints],
+            "repeatability_urad": 30.0,
+            "encoder_urad": 5.0,
+            "speed_deg_per_s": _tidy(speed),
+            "gear_ratio": 100.0,
+        },
+        "tool": {"offset_mm": [0.0, 0.0, 0.0]},
+        "tracker": {
+            "measures": "position",
+            "radial_um": 3.0,
+            "transverse_um": 2.0,
+            "transverse_um_per_m": 2.0,
+            "reflector_offset_mm": [0.0, 0.0, 0.0],
+            "reflector_offset_prior_mm": 50.0,
+        },
+        "limits": {"correction_deg": 2.0, "condition": 50.0, "region_margin_mm": 20.0},
+    }
+
+
+def _moving(chain: Chain) -> list[float]:
+    """Masses of what turns with each joint and not with the next [kg]."""
+    turning = {joint.child: number for number, joint in enumerate(chain.turning)}
+    held = {joint.child: joint.parent for joint in chain.every}
+    found = [0.0] * len(chain.turning)
+    for link, mass in chain.masses.items():
+        at = link
+        while at not in turning and at in held:
+            at = held[at]
+        if at in turning:
+            found[turning[at]] += mass
+    return found
+
+
+def _require_same(chain: Chain, document: dict[str, Any], path: Path) -> None:
+    """Refuse links that are another arm than the URDF's."""
+    arm = _arm(document)
+    rng = np.random.default_rng(0)
+    joints = rng.uniform(-np.pi, np.pi, (20, len(chain.turning)))
+    x = arm.forward(joints, arm.parameters.nominal)
+    for q, place, turn in zip(joints, arm.position(x), arm.rotation(x), strict=True):
+        *_, tip = chain.frames(q)
+        off = max(np.abs(tip.translation - place).max(), np.abs(tip.rotation - turn).max())
+        if not off < 10 * _SAME:
+            raise InputError(f"{path}: its axes cannot be put in modified DH (off by {off:.2g})")
+
+
+def _with_home(document: dict[str, Any]) -> dict[str, Any]:
+    """The same with home and workspace where the arm moves well to all sides."""
+    arm = _arm(document)
+    low, high = (np.array(document["joints"][key]) for key in ("lower_deg", "upper_deg"))
+    low = np.maximum(np.radians(low), -_WIDEST)
+    high = np.minimum(np.radians(high), _WIDEST)
+    drawn = qmc.Sobol(arm.joints, scramble=False).random(_TRIALS)
+    joints = np.radians(np.round(np.degrees(low + drawn * (high - low))))
+    g = arm.parameters.nominal
+    x = arm.forward(joints, g)
+    slope = arm.velocity_jacobian(joints, x, g)[:, : arm.task_size]
+    best = int(np.argmax(np.linalg.svd(slope, compute_uv=False)[:, -1]))
+    half = 1e3 * _REACH * float(sum(np.hypot(k.length, k.offset) for k in arm.dimensions.links))
+    workspace = {
+        "centre_mm": [round(1e3 * float(v), 1) for v in arm.position(x)[best]],
+        "size_mm": [round(2 * half)] * 3 if arm.task_size > 2 else [round(2 * half)] * 2 + [0.0],
+    }
+    geometry = {
+        **document["geometry"],
+        "home_deg": [_tidy(v) for v in np.degrees(joints[best])],
+    }
+    return {**document, "geometry": geometry, "workspace": workspace}
+
+
+def _arm(document: dict[str, Any]) -> SerialArm:
+    """The arm of a file whose home is not chosen yet."""
+    geometry = part_of("geometry", ArmDimensions, document["geometry"])
+    return SerialArm(geometry, part_of("tolerances", ArmTolerances, document["tolerances"]))

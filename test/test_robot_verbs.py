@@ -1,0 +1,313 @@
+"""`delta-cal robot`: files checked, drawn, written by questions, and taken from a URDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
+
+from delta_calibration.cli.robot import command
+from delta_calibration.drafting import (
+    commented,
+    model_for,
+    reference,
+    review,
+    robot_from_urdf,
+    with_value,
+)
+from delta_calibration.drafting.review import _by_tolerances
+from delta_calibration.errors import InputError
+from delta_calibration.geometry import align
+from delta_calibration.plans import make_plan
+from delta_calibration.plans.points import tool_points
+from delta_calibration.report.sketch import Pose, _driven, _motion
+from delta_calibration.robot import known_robots, load_robot, robot_document, robot_from
+from urdf_reader import Urdf
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def run(*arguments: object, typed: str | None = None):
+    return CliRunner().invoke(
+        command, [str(a) for a in arguments], input=typed, catch_exceptions=True
+    )
+
+
+# --- check
+
+
+@pytest.mark.parametrize("name", known_robots())
+def test_robots_that_come_are_in_no_doubt(name: str) -> None:
+    seen = review(load_robot(name), robot_document(name)[1])
+    assert seen.doubts == ()
+    assert seen.figures[0][0] == "measured in"
+
+
+SLIPS = [
+    ("srbd", ("geometry", "half_width_mm"), 0.04, "geometry.half_width_mm: 0.04 mm"),
+    ("srbd", ("tolerances", "arm_mm"), 0.00015, "tolerances.arm_mm: 0.00015 mm"),
+    ("srbd", ("tolerances", "rod_mm"), 60.0, "tolerances.rod_mm: 60 mm"),
+    ("srbd", ("tracker", "radial_um"), 3000.0, "tracker.radial_um: 3000 um"),
+    ("srbd", ("limits", "correction_deg"), 0.01, "corrections up to 0.01 degrees"),
+    ("srbd", ("limits", "condition"), 3.0, "its workspace cannot be measured in: only 0 of"),
+    ("scara", ("geometry", "home_deg"), [np.pi / 3, np.pi / 6], "geometry.home_deg[0]: 1.0472"),
+    ("five_axis", ("geometry", "hinged", "platform_z_mm"), 0.078, "hinged.platform_z_mm: 0.078"),
+]
+
+
+@pytest.mark.parametrize(("name", "path", "value", "said"), SLIPS)
+def test_an_entry_in_another_unit_is_named(name, path, value, said) -> None:
+    data = with_value(robot_document(name)[1], path, value)
+    doubts = review(robot_from(data, "edited.yaml"), data).doubts
+    assert [doubt for doubt in doubts if said in doubt], doubts
+
+
+def test_limits_in_radians_and_a_machine_in_metres_are_named() -> None:
+    data = robot_document("srbd")[1]
+    joints = {
+        **data["joints"],
+        **{k: np.radians(data["joints"][k]).tolist() for k in ("lower_deg", "upper_deg")},
+    }
+    turned = {**data, "joints": joints}
+    assert "were they written in radians" in review(robot_from(turned, "x"), turned).doubts[0]
+    geometry = {key: value / 1e3 for key, value in data["geometry"].items()}
+    small = {**data, "geometry": geometry}
+    assert "were they written in metres" in review(robot_from(small, "x"), small).doubts[0]
+
+
+@pytest.mark.parametrize("name", ["srbd", "five_axis", "scara"])
+def test_what_tolerances_make_of_a_machine_is_what_drawn_machines_show(name: str) -> None:
+    """Against machines drawn one by one, each put where it fits best."""
+    robot = load_robot(name)
+    model = robot.commanded
+    joint = make_plan("identify", robot, count=40, both_sides=False).joint
+    x = model.forward(joint, model.parameters.nominal)
+    meant = tool_points(robot, joint)
+    rng = np.random.default_rng(5)
+    squares = []
+    for _ in range(300):
+        g = model.parameters.nominal + model.parameters.prior * rng.normal(
+            size=len(model.parameters)
+        )
+        pose = model.forward(joint, g)
+        tip = model.rotation(pose) @ robot.tool_offset
+        got = model.position(pose) + tip
+        squares.append(((align(got, meant).apply(got) - meant) ** 2).sum(axis=1).mean())
+    drawn = float(np.sqrt(np.mean(squares)))
+    assert _by_tolerances(robot, joint, x)[0] == pytest.approx(drawn, rel=0.12)
+
+
+def test_check_says_it_in_words_and_by_its_exit_code(tmp_path: Path) -> None:
+    good = run("check", "srbd")
+    assert good.exit_code == 0
+    assert "nothing in doubt" in good.output
+    file = tmp_path / "own.yaml"
+    data = with_value(robot_document("srbd")[1], ("geometry", "half_width_mm"), 0.04)
+    file.write_text(commented(data), encoding="utf-8")
+    bad = run("check", file)
+    assert "in doubt: geometry.half_width_mm" in bad.output
+
+
+# --- draw
+
+
+def test_an_arrow_points_the_way_a_joint_moves() -> None:
+    """A Delta's arm goes down, a carriage of the linear one towards the bed, with its joint."""
+    delta = Pose.home(load_robot("srbd"))
+    for number, joint in enumerate(_driven(load_robot("srbd"), delta)):
+        way = _motion(delta, joint)
+        azimuth = np.radians(120 * number)
+        elbow = 0.52 * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        np.testing.assert_allclose(way[0], elbow, atol=1e-9)
+        assert way[-1][2] < way[0][2] - 0.05
+    linear = load_robot("linear_delta")
+    model, g = linear.commanded, linear.commanded.parameters.nominal
+    low, high = (model.forward((model.home + step)[None], g)[0, 2] for step in (-0.01, 0.01))
+    pose = Pose.home(linear)
+    for joint in _driven(linear, pose):
+        way = _motion(pose, joint)
+        assert np.sign(way[-1][2] - way[0][2]) == np.sign(high - low)
+
+
+@pytest.mark.parametrize("name", known_robots())
+def test_every_robot_is_drawn(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "robot.svg"
+    assert run("draw", name, "--out", out).exit_code == 0
+    text = out.read_text(encoding="utf-8")
+    for joint in load_robot(name).joints.names:
+        assert f"+{joint}" in text or name == "cdpr8"
+    again = tmp_path / "again.svg"
+    run("draw", name, "--out", again)
+    assert "<dc:date>" not in text
+
+
+def test_each_dimension_has_a_picture(tmp_path: Path) -> None:
+    done = run("draw", "srbd", "--out", tmp_path / "r.svg", "--dimensions", tmp_path / "each")
+    assert done.exit_code == 0
+    names = {path.stem for path in (tmp_path / "each").glob("*.svg")}
+    assert names == {
+        "base_radius_mm",
+        "platform_radius_mm",
+        "arm_mm",
+        "rod_mm",
+        "half_width_mm",
+    }
+    assert "upper arm" in (tmp_path / "each" / "arm_mm.svg").read_text(encoding="utf-8")
+
+
+# --- new
+
+
+@pytest.mark.parametrize("name", known_robots())
+def test_a_file_written_with_comments_is_the_same_robot(name: str, tmp_path: Path) -> None:
+    data = robot_document(name)[1]
+    file = tmp_path / "robot.yaml"
+    file.write_text(commented(data), encoding="utf-8")
+    assert load_robot(file).hash == load_robot(name).hash
+
+
+def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
+    out = tmp_path / "mine.yaml"
+    # name, base radius; an arm of no length is refused and asked for again; the rest as proposed
+    typed = "mine\n210\n\n0\n330\n" + "\n" * 40
+    done = run("new", "--like", "srbd", "--out", out, typed=typed)
+    assert done.exit_code == 0, done.output
+    assert "geometry.arm_mm: 0 is not allowed; a number, above 0, at most 10000" in done.output
+    robot = load_robot(out)
+    assert (robot.name, robot.dimensions.base_radius, robot.dimensions.arm) == ("mine", 0.21, 0.33)
+    assert robot.dimensions.rod == load_robot("srbd").dimensions.rod
+    assert "# L: upper arm, motor axis to elbow" in out.read_text(encoding="utf-8")
+    assert isinstance(run("new", "--like", "srbd", "--out", out).exception, InputError)
+
+
+def test_a_file_without_questions_is_the_robot_it_is_like(tmp_path: Path) -> None:
+    out = tmp_path / "r.yaml"
+    made = run("new", "--mechanism", "rotary_delta", "--name", "r", "--out", out, "--yes")
+    assert made.exit_code == 0, made.output
+    assert load_robot(out).mechanism == "rotary_delta"
+    assert model_for("rotary_delta")["geometry"] == robot_document("srbd")[1]["geometry"]
+
+
+def test_the_reference_page_is_current() -> None:
+    assert (ROOT / "docs" / "robot_file.md").read_text(encoding="utf-8") == reference()
+
+
+# --- from a URDF
+
+JOINT = """
+  <joint name="{name}" type="{kind}">
+    <parent link="{parent}"/><child link="{child}"/>
+    <origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>
+    <limit lower="-2.5" upper="2.0" velocity="1.5" effort="1"/>
+  </joint>"""
+
+
+def urdf(path: Path, joints: list[dict[str, str]], masses: dict[str, float] | None = None) -> Path:
+    links = ["base", *(joint["child"] for joint in joints)]
+    mass = masses or {}
+    text = "".join(
+        f'<link name="{link}"><inertial><mass value="{mass.get(link, 0.0)}"/></inertial></link>'
+        for link in links
+    )
+    text += "".join(JOINT.format(**joint) for joint in joints)
+    path.write_text(f'<robot name="Arm 7">{text}\n</robot>\n', encoding="utf-8")
+    return path
+
+
+def crooked(count: int = 6) -> list[dict[str, str]]:
+    """An arm whose frames lie anywhere and turn about any axis, its first joint upright."""
+    rng = np.random.default_rng(11)
+    rows = []
+    for k in range(count):
+        first = k == 0
+        axis = rng.uniform(-1, 1, 3)
+        rows.append(
+            {
+                "name": f"axis_{k + 1}",
+                "kind": "revolute",
+                "parent": "base" if first else f"l{k}",
+                "child": f"l{k + 1}",
+                "xyz": "0 0 0.1" if first else " ".join(map(str, rng.uniform(-0.3, 0.3, 3))),
+                "rpy": "0 0 0.4" if first else " ".join(map(str, rng.uniform(-2, 2, 3))),
+                "axis": "0 0 -1" if first else " ".join(map(str, axis / np.linalg.norm(axis))),
+            }
+        )
+    flange = {"name": "flange", "kind": "fixed", "parent": f"l{count}", "child": "tool"}
+    return [*rows, {**flange, "xyz": "0.01 0.02 0.2", "rpy": "0.3 0.2 0.1", "axis": "1 0 0"}]
+
+
+def test_an_arm_of_a_urdf_is_the_same_arm(tmp_path: Path) -> None:
+    """By the tests' own reader of URDF."""
+    file = urdf(tmp_path / "arm.urdf", crooked(), {"l2": 3.0, "tool": 0.5, "l6": 1.0})
+    data = robot_from_urdf(file)
+    robot = robot_from(data, "arm.yaml")
+    assert robot.name == "arm_7"
+    assert robot.joints.names == tuple(f"axis_{k}" for k in range(1, 7))
+    np.testing.assert_allclose(robot.joints.lower, -2.5)
+    masses = [link["mass_kg"] for link in data["geometry"]["links"]]
+    assert masses == [0.0, 3.0, 0.0, 0.0, 0.0, 1.5]
+    tree, model = Urdf(file.read_text(encoding="utf-8")), robot.commanded
+    for q in np.random.default_rng(2).uniform(-2.0, 2.0, (5, 6)):
+        at = tree.place("tool", dict(zip(robot.joints.names, q, strict=True)))
+        x = model.forward(q[None], model.parameters.nominal)
+        np.testing.assert_allclose(model.position(x)[0], at[:3, 3], atol=1e-8)
+        turn = Rotation.from_matrix(model.rotation(x)[0].T @ at[:3, :3])
+        assert turn.magnitude() < 1e-7
+
+
+@pytest.mark.parametrize("name", ["ur10", "scara"])
+def test_there_and_back(name: str, tmp_path: Path) -> None:
+    from delta_calibration.description import describe
+    from delta_calibration.description import urdf as written
+
+    file, out = tmp_path / "arm.urdf", tmp_path / "arm.yaml"
+    file.write_text(written(describe(load_robot(name)).tree), encoding="utf-8")
+    done = run("from-urdf", file, "--out", out)
+    assert done.exit_code == 0, done.output
+    old, new = load_robot(name).commanded, load_robot(out).commanded
+    q = np.random.default_rng(3).uniform(-2, 2, (4, old.joints))
+    places = [m.position(m.forward(q, m.parameters.nominal)) for m in (old, new)]
+    np.testing.assert_allclose(*places, atol=1e-8)
+    parallel = [link.parallel for link in load_robot(out).dimensions.links]
+    assert parallel == [link.parallel for link in load_robot(name).dimensions.links]
+
+
+def changed(row: int, **values: str) -> list[dict[str, str]]:
+    joints = crooked()
+    joints[row] = {**joints[row], **values}
+    return joints
+
+
+@pytest.mark.parametrize(
+    ("joints", "said"),
+    [
+        (changed(2, kind="prismatic"), "joint 'axis_3': type 'prismatic'; an arm of turning"),
+        (changed(0, axis="1 0 0"), "the first axis has to cut the base's x axis"),
+        (changed(0, xyz="0 0.1 0"), "the first axis has to cut the base's x axis"),
+        (changed(1, xyz="0 zero 0"), "joint 'axis_2': xyz='0 zero 0'; 3 numbers are needed"),
+        (changed(1, axis="0 0 0"), "joint 'axis_2': axis has no length"),
+        (changed(5, parent="l4"), "several ends of the arm; give --tip: l5, tool"),
+    ],
+)
+def test_a_urdf_that_is_no_such_arm_is_refused(joints, said, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as refused:
+        robot_from_urdf(urdf(tmp_path / "arm.urdf", joints))
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<robot>", "not XML"),
+        ("<model/>", "its root is <model>"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "document type or entities"),
+        ("<robot/>", "no joint that turns"),
+    ],
+)
+def test_a_file_that_is_no_urdf_is_refused(text, said, tmp_path: Path) -> None:
+    (tmp_path / "x.urdf").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        robot_from_urdf(tmp_path / "x.urdf")
