@@ -19,7 +19,7 @@ from delta_calibration.samples import Poses
 
 RATE = 50.0  # [1/s] of commands, states and tracker
 RADIUS = 0.45  # [m] of the disc
-STOPS = {"identify": 48, "line": 37, "disc": 36}
+STOPS = {"identify": 48, "line": 37, "disc": 24}
 _RAMP = 0.2  # [s] over which corrections come in: before the first stop is reached
 _DWELL = 0.25  # [s]
 _NEAR = 0.6 * APPROACH  # [rad of a Delta] of a target; a way in turns round farther off
