@@ -15,8 +15,16 @@ _LEAST_P = 1e-300
 _PLAIN = 1e-3, 1e7  # numbers between are written out
 _DATED_NS = 946_684_800_000_000_000  # [ns] the year 2000: who counts from zero has no date
 _MINUTE_NS = 60_000_000_000
-_MINUS, _THIN = "\u2212", "\u202f"
+MINUS, _THIN = "\u2212", "\u202f"
+_ASCII = str.maketrans({"\u2212": "-", "\u202f": " ", "\u00a0": " ", "µ": "u"})
+# a reader's unit for each of the code's; the rest is shown as it is
+_COMMON = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
+_SMALL = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
+_SMALL_FROM = 1e-3  # [m, rad] below
+_COARSE = 1e-3  # a standard error that is told by its places
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 
 
 def mm(value: float | None) -> str:
@@ -31,9 +39,28 @@ def figures(value: float, digits: int = 3) -> str:
     rounded = float(f"{value:.{digits}g}")
     if _PLAIN[0] <= abs(rounded) < _PLAIN[1]:
         places = max(0, digits - 1 - floor(log10(abs(rounded))))
-        return f"{rounded:,.{places}f}".replace(",", _THIN).replace("-", _MINUS)
+        return f"{rounded:,.{places}f}".replace(",", _THIN).replace("-", MINUS)
     mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
-    return f"{mantissa} × 10{str(int(power)).translate(_RAISED)}".replace("-", _MINUS)
+    return f"{mantissa} × 10{str(int(power)).translate(_RAISED)}".replace("-", MINUS)
+
+
+def measured(value: float, std: float | None, unit: str) -> str:
+    """A value of an SI unit with its standard error, in a reader's unit, to figures that hold."""
+    of, slash, per = unit.partition("/")
+    factor, shown = (_SMALL if abs(value) < _SMALL_FROM else _COMMON).get(of, (1.0, of))
+    behind = "" if unit == "1" else f" {shown}{slash}{per}"
+    value, std = factor * value, factor * (std or 0.0)
+    if std < _COARSE:
+        spread = f" ± {figures(std, 2)}" if std > 0 else ""
+        return f"{figures(value, 4)}{spread}{behind}"
+    places = max(0, 1 - floor(log10(std)))
+    return f"{value:.{places}f} ± {std:.{places}f}{behind}".replace("-", MINUS)
+
+
+def plain(text: str) -> str:
+    """The same on a console, in ASCII."""
+    text = _POWER.sub(lambda found: f"e{int(found[1].translate(_LOWERED)):+03d}", text)
+    return text.translate(_ASCII).replace("±", "+-")
 
 
 def chance(p: float | None) -> str:

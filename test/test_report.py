@@ -38,11 +38,12 @@ from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line, line_figure, line_table
 from delta_calibration.report.picture import draw
 from delta_calibration.report.session_report import _tests
-from delta_calibration.report.words import chance, estimate, figures, sure
+from delta_calibration.report.words import estimate
 from delta_calibration.report.workspace import around, scale_of
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.wording import chance, figures, sure
 from report_bench import HOSTILE, JOINTS, NAME, PROVENANCE, ROBOT, found, hidden
 
 ISO = IsoReport(STANDARD, "calibration <x>", (IsoValue("AP", "P1", 0.862e-3, 30),))

@@ -31,7 +31,7 @@ from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Survey, survey
-from delta_calibration.wording import mm, sure
+from delta_calibration.wording import measured, mm, plain, sure
 
 _FILE = click.Path(path_type=Path)
 
@@ -160,7 +160,7 @@ def describe(
 def _finding(finding: Finding) -> list[str]:
     where = f" at {finding.location}" if finding.location else ""
     values = ", ".join(
-        f"{name} {e.value:.4g}" + (f" +- {e.std:.2g}" if e.std is not None else "") + f" {e.unit}"
+        f"{name} {plain(measured(e.value, e.std, e.unit))}"
         for name, e in finding.parameters.items()
     )
     lines = [

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import floor, log10
-
 from delta_calibration.diagnosis.verdict import (
     CannotTell,
     Estimate,
@@ -13,29 +11,13 @@ from delta_calibration.diagnosis.verdict import (
 )
 from delta_calibration.effects.unexplained import UNEXPLAINED
 from delta_calibration.report.document import KeyFigure, Statement
-from delta_calibration.wording import capital, chance, figures, listed, mm, spoken, sure
-
-# a reader's unit for each of the code's; the rest is shown as it is
-_SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
-_MINUS = "\u2212"
-_SMALL = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
-_SMALL_FROM = 1e-3  # [m, rad] below
-_COARSE = 1e-3  # a standard error that is told by its places
+from delta_calibration.wording import MINUS, capital, chance, listed, measured, mm, spoken, sure
 
 
 def estimate(name: str, e: Estimate) -> str:
     """A parameter with its standard error, in a reader's unit, to the figures that hold."""
-    units = _SMALL if abs(e.value) < _SMALL_FROM else _SHOWN
-    factor, unit = units.get(e.unit, (1.0, e.unit))
-    unit = "" if unit == "1" else f" {unit}"
-    value, std = e.value * factor, (e.std or 0.0) * factor
-    if std <= 0 or std < _COARSE:
-        spread = f" ± {figures(std, 2)}" if std > 0 else ""
-        shown = f"{figures(value, 4)}{spread}"
-    else:
-        places = max(0, 1 - floor(log10(std)))
-        shown = f"{value:.{places}f} ± {std:.{places}f}".replace("-", _MINUS)
-    return f"{spoken(name)} = {shown}{unit}".replace(" ", "\u00a0")
+    told = measured(e.value, e.std, e.unit)
+    return f"{spoken(name)} = {told}".replace(" ", "\u00a0")
 
 
 def statements(verdict: Verdict) -> tuple[Statement, ...]:
@@ -117,7 +99,7 @@ def _mapped(verdict: Verdict) -> bool:
 
 def structure(unknown: UnknownStructure) -> str:
     """Structure that no cause explains: how large, what it moves with, where."""
-    where = f", {unknown.where.replace('= -', '= ' + _MINUS)}" if unknown.where else ""
+    where = f", {unknown.where.replace('= -', '= ' + MINUS)}" if unknown.where else ""
     size = "" if unknown.rms_mm is None else f", {mm(unknown.rms_mm)} mm RMS"
     return f"structure of no known cause{size}; it moves with {unknown.moves()}{where}"
 

@@ -1,0 +1,23 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import pytest
+
+from delta_calibration.wording import measured, plain
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "told"),
+    [
+        (2.708e-4, 1.2e-6, "rad", "270.8 +- 1.2 urad"),
+        (-0.01234, 4e-5, "rad", "-12.340 +- 0.040 mrad"),
+        (0.0175, 9e-5, "m", "17.500 +- 0.090 mm"),
+        (2.4e-4, 1e-6, "rad/kg", "240.0 +- 1.0 urad/kg"),
+        (2.31e-5, 4.1e-7, "1/K", "2.310e-05 +- 4.1e-07 1/K"),
+        (0.5, None, "1", "0.5000"),
+        (33.0, 0.0, "s", "33.00 s"),
+    ],
+)
+def test_a_value_is_told_to_the_figures_that_hold(value, std, unit, told) -> None:
+    assert plain(measured(value, std, unit)) == told
