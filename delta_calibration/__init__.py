@@ -27,6 +27,7 @@ save_calibration(Path("calibration.yaml"), found, robot, poses)
 - `compensation`: joint commands that put the tool where it was meant to be
 - `simulation`, `plans`, `accuracy`: a machine with errors, where to measure it, ISO 9283
 - `report`: figures, tables, the page
+- `notebook`: the same in a notebook: `open_session`, tables and plots
 - `cli`: `delta-cal`; `cell`, `ros`: the live cell and its nodes
 """
 

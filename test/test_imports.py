@@ -56,6 +56,7 @@ LAYERS = [
     "recording",
     "cell",
     "report",
+    "notebook",
     "access",
     "cli",
     "ros",

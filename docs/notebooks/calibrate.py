@@ -1,0 +1,57 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: py:percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # From a recorded session to corrected commands
+#
+# `bags/srbd_plain` is a session of a simulated Delta whose parts are not as drawn: its joints were
+# commanded to some places, and a laser tracker said where the tool was. Open this file with
+# Jupyter (jupytext), from the folder of the repository.
+
+# %%
+from delta_calibration.notebook import open_session
+
+session = open_session("bags/srbd_plain", robot="srbd")
+session
+
+# %% [markdown]
+# What was measured, a row a pose at rest: joints by the encoders, place of the reflector in the
+# tracker's frame.
+
+# %%
+session.to_frame().head()
+
+# %% [markdown]
+# The fit finds dimensions, reflector and tracker frame together. *Held-out* errors are of places
+# that a fit had not seen.
+
+# %%
+found = session.fit()
+found
+
+# %%
+table = found.to_frame()
+table[table["deviation"].abs() > 3 * table["std"]]
+
+# %%
+found.plot_residuals()
+
+# %% [markdown]
+# Where the joints have to go for the tool to be where it is meant to be, in five places; the last
+# is out of reach, and says so.
+
+# %%
+targets = [[0, 0, -750], [200, 0, -750], [0, 200, -700], [-100, -100, -700], [2000, 0, -750]]
+commands = found.compensate(targets)
+commands[["x_mm", "y_mm", "z_mm", "joint_1_rad", "joint_2_rad", "joint_3_rad", "status"]]
+
+# %%
+assert list(commands["status"]) == ["corrected"] * 4 + ["out_of_reach"]
+found.save("calibration.yaml")

@@ -1,0 +1,115 @@
+"""Sessions, fits and verdicts as notebooks show them, and the notebooks of the documentation."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.identification import identify
+from delta_calibration.notebook import Identified, Session, open_session
+from delta_calibration.samples import collect
+
+pytest.importorskip("pandas")
+ROOT = Path(__file__).resolve().parents[1]
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.py"))
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return open_session(ROOT / "bags" / "srbd_plain", robot="srbd")
+
+
+@pytest.fixture(scope="module")
+def found(session: Session) -> Identified:
+    return session.fit()
+
+
+def test_poses_are_rows(session: Session) -> None:
+    poses = collect(session.recorded, session.robot.joints.names)
+    table = session.to_frame()
+    assert len(table) == len(poses)
+    np.testing.assert_array_equal(table["joint_2_rad"], poses.joint[:, 1])
+    np.testing.assert_allclose(table[["x_mm", "y_mm", "z_mm"]], 1e3 * poses.point, rtol=1e-15)
+
+
+def test_a_fit_is_that_of_the_library(session: Session, found: Identified) -> None:
+    poses = collect(session.recorded, session.robot.joints.names)
+    same = identify(poses, session.robot)
+    table = found.to_frame()
+    item = same.parameters.items[0]
+    assert table.index[0] == item.name
+    assert table["identified"].iloc[0] == pytest.approx(1e3 * same.theta[0], rel=1e-12)
+    off = table["identified"] - table["drawn"] - table["deviation"]
+    assert np.abs(off).max() < 1e-9
+    left = found.residuals()
+    assert (left["calibrated_mm"] < left["before_mm"]).mean() > 0.95
+    gap = left[[f"calibrated_d{axis}_mm" for axis in "xyz"]].to_numpy()
+    np.testing.assert_allclose(np.linalg.norm(gap, axis=1), left["calibrated_mm"])
+
+
+def test_commands_put_the_identified_machine_on_the_targets(found: Identified) -> None:
+    targets = np.array([[0.0, 0.0, -750.0], [150.0, -50.0, -700.0], [3000.0, 0.0, 0.0]])
+    table = found.compensate(targets)
+    assert list(table["status"]) == ["corrected", "corrected", "out_of_reach"]
+    names = found.session.robot.joints.names
+    q = table[[f"{name}_rad" for name in names]].to_numpy()[:2]
+    chain = found.found.chain
+    x = chain.mechanism.forward(q, found.found.theta[chain.layout.geometry])
+    np.testing.assert_allclose(1e3 * chain.mechanism.position(x), targets[:2], atol=1e-6)
+    assert np.isnan(table[f"{names[0]}_rad"].iloc[2])
+    again = found.compensate(table)
+    assert list(again["status"]) == list(table["status"])
+
+
+def test_they_show_themselves_and_escape_what_files_say(found: Identified) -> None:
+    shown = found._repr_html_()
+    assert f"{1e3 * found.found.full.held_out:.4f} mm" in shown
+    notes = found.session.recorded.notes
+    page = Session(found.session.robot, found.session.recorded)._repr_html_()
+    assert "srbd (six_rod_delta)" in page
+    assert notes == ()
+
+
+def test_what_is_saved_is_a_calibration(found: Identified, tmp_path: Path) -> None:
+    found.save(tmp_path / "c.yaml")
+    read = load_calibration(tmp_path / "c.yaml", found.session.robot)
+    np.testing.assert_array_equal(read.theta, found.calibration.theta)
+
+
+def test_a_plot_has_every_pose(found: Identified) -> None:
+    import matplotlib
+
+    matplotlib.use("agg")
+    axes = found.plot_residuals()
+    points = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+    assert [len(line.get_xdata()) for line in points] == [len(found.residuals())] * 2
+    assert axes.get_ylabel() == "3-D error of a pose [mm]"
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From start to end in a kernel of its own; its asserts hold, it shows tables and plots."""
+    jupytext = pytest.importorskip("jupytext")
+    client = pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    (tmp_path / "bags").symlink_to(ROOT / "bags")
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    )
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+    book = jupytext.read(path)
+    client.NotebookClient(
+        book, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    shown = {
+        kind
+        for cell in book.cells
+        for out in cell.get("outputs", ())
+        for kind in out.get("data", ())
+    }
+    assert {"text/html", "image/png"} <= shown
+    assert list(tmp_path.glob("*.yaml"))
