@@ -41,7 +41,8 @@ from delta_calibration.wording import measured, mm, spoken, sure
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
+
+    from delta_calibration.report.residual_plot import Axes
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from delta_calibration.report.drawing import BEFORE, CALIBRATED, EXTENDED, INK
 from delta_calibration.report.missing import required
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.axes import Axes as Axes
 
 Array = NDArray[np.float64]
 
