@@ -13,7 +13,7 @@ import numpy as np
 from delta_calibration.errors import InputError
 from delta_calibration.texts import number_of, read_text
 
-_DELIMITERS = ";\t|,"
+DELIMITERS = ";\t|,"
 
 _HUGE = 1e30  # in no unit is anything of a cell so large; what is would overflow when squared
 
@@ -25,6 +25,7 @@ class Row:
     file: Path
     line: int
     text: Mapping[str, str | None]  # by the names of the columns; None where the line is short
+    beside: Row | None = None  # of a second file, whose columns are in `text` as well
 
     def number(self, column: str, least: float = -_HUGE, most: float = _HUGE) -> float:
         """The finite number in a column, between bounds.
@@ -42,6 +43,8 @@ class Row:
 
     def wrong(self, column: str, problem: str) -> InputError:
         """What is wrong with the value in a column."""
+        if self.beside is not None and column in self.beside.text:
+            return self.beside.wrong(column, problem)
         text = self.text[column] or ""
         return InputError(f"{self.file}: line {self.line}: {column}: {text!r} {problem}")
 
@@ -69,7 +72,7 @@ def read_table(
     try:
         found = [name.strip() for name in reader.fieldnames or ()]
         reader.fieldnames = found
-        _require_columns(path, found, columns, optional, delimiter)
+        require_columns(path, found, columns, optional, delimiter)
         rows = [Row(path, reader.line_num, row) for row in _of_one_length(path, reader, found)]
     except csv.Error as error:
         raise InputError(f"{path}: line {reader.line_num}: {error}") from error
@@ -78,16 +81,21 @@ def read_table(
     return rows
 
 
-def _require_columns(
+def require_columns(
     path: Path,
     found: Sequence[str],
     columns: Sequence[str],
     optional: Sequence[str],
     delimiter: str,
 ) -> None:
+    """Refuse columns that are missing or there twice.
+
+    Raises:
+        InputError: names them, what is there, and the delimiter that it looks like.
+    """
     missing = [name for name in columns if name not in found]
     if missing:
-        other = next((mark for mark in _DELIMITERS if len(found) == 1 and mark in found[0]), "")
+        other = next((mark for mark in DELIMITERS if len(found) == 1 and mark in found[0]), "")
         between = f"; {delimiter!r} is expected between two, not {other!r}" if other else ""
         raise InputError(
             f"{path}: column {', '.join(missing)} missing; expected "

@@ -214,16 +214,14 @@ ENCODINGS = {
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-@pytest.mark.parametrize("which", ["table", "mapping"])
-def test_other_encodings_are_named(cell, capsys, encoding, which):
+def test_other_encodings_of_a_mapping_are_named(cell, capsys, encoding):
     folder, _, poses = cell
     number = len(list(folder.iterdir()))
     out = imported(folder, *stops(poses), mapping_of())
-    file = folder / f"{number}{'.csv' if which == 'table' else '.yaml'}"
-    mark = "wärme\n" if which == "table" else "# wärme\n"
-    file.write_bytes((mark + file.read_text()).encode(encoding))
+    file = folder / f"{number}.yaml"
+    file.write_bytes(("# wärme\n" + file.read_text()).encode(encoding))
     verb = ["import", str(folder / f"{number}.csv"), "--robot", "srbd", "--out", f"{out}_again"]
-    assert run([*verb, "--mapping", str(folder / f"{number}.yaml")]) == 2
+    assert run([*verb, "--mapping", str(file)]) == 2
     assert f"{file.name}: {ENCODINGS[encoding]}" in capsys.readouterr().err
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.errors import ConfigError
+from delta_calibration.recording.table_source import Form, Join
 from delta_calibration.robot import Robot
 
 ANGLES = {"urad": 1e-6, "mrad": 1e-3, "rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi}
@@ -33,6 +34,7 @@ class Column:
     factor: float  # SI of one unit
     scale: float = 1.0
     offset: float = 0.0  # in the unit
+    plus: tuple[tuple[str, float], ...] = ()  # other columns of the unit, and how often
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class TableMapping:
 
     source: str
     stream: bool  # rows are samples of a motion, not stops
-    delimiter: str
+    form: Form  # how the file is written
+    join: Join | None  # a second file beside it
     skip_missing: bool
     repeated: str  # refuse, skip, keep
     time: Column | None
@@ -73,7 +76,9 @@ class TableMapping:
         some = (self.time, self.payload, *(c for _, c in self.temperature))
         numbers = (*self.commands, *self.encoders, *self.position, *turns, *some)
         texts = (self.same_command, *self.direction, self.moving)
-        return tuple(dict.fromkeys([c.name for c in numbers if c] + [t for t in texts if t]))
+        single = [c.name for c in numbers if c]
+        added = [name for c in numbers if c for name, _ in c.plus]
+        return tuple(dict.fromkeys([*single, *added, *(t for t in texts if t)]))
 
 
 def read_mapping(path: Path, robot: Robot) -> TableMapping:
@@ -88,14 +93,15 @@ def read_mapping(path: Path, robot: Robot) -> TableMapping:
     mapping = TableMapping(
         source=str(path),
         stream=data["rows"] == "stream",
-        delimiter=data.get("delimiter", ","),
+        form=Form.of(data.get("table", {}), data.get("delimiter", ","), f"{path}: table"),
+        join=_join(data.get("join"), path),
         skip_missing=data.get("missing") == "skip",
         repeated=data.get("repeated", "refuse"),
         time=time and Column(time["column"], time["unit"], TIMES.get(time["unit"], 1.0)),
         time_format=(time or {}).get("format", ""),
         commands=_joints(data["commands"], robot, f"{path}: commands"),
         encoders=_joints(data.get("encoders", ()), robot, f"{path}: encoders"),
-        position=_alike(data["position"], LENGTHS),
+        position=_places(data["position"], f"{path}: position"),
         turn=_turn(data.get("rotation"), f"{path}: rotation"),
         same_command=data.get("same_command", ""),
         payload=_one(data.get("payload"), MASSES),
@@ -201,19 +207,30 @@ def _joint(entry: Mapping[str, Any], turning: bool, where: str) -> Column:
             f"{', '.join((*units, _STEPS))}"
         )
     factor = units[unit] if unit != _STEPS else units["deg" if turning else "mm"] * entry[step]
-    return Column(entry["column"], unit, factor, entry.get("scale", 1.0), entry.get("offset", 0.0))
+    scale, offset = entry.get("scale", 1.0), entry.get("offset", 0.0)
+    return Column(entry["column"], unit, factor, scale, offset, _plus(entry))
+
+
+def _plus(entry: Mapping[str, Any]) -> tuple[tuple[str, float], ...]:
+    """Columns that are added, each with its factor."""
+    return tuple((item["column"], item.get("scale", 1.0)) for item in entry.get("plus", ()))
 
 
 def _turn(entry: Mapping[str, Any] | None, where: str) -> Turn | None:
     if entry is None:
         return None
     form, columns = entry["form"], entry["columns"]
-    quaternion, angles = form.startswith("quaternion"), form == "rpy"
-    if len(columns) != 3 + quaternion:
+    angles = form in ("rpy", "euler")
+    bare = form.startswith("quaternion") or form == "matrix"
+    expected = {"quaternion_xyzw": 4, "quaternion_wxyz": 4, "matrix": 9}.get(form, 3)
+    if len(columns) != expected:
+        raise ConfigError(f"{where}.columns: {len(columns)} values found, {expected} are expected")
+    if form == "rpy" and entry.get("axes", "xyz").lower() not in ("xyz", "zyx"):
         raise ConfigError(
-            f"{where}.columns: {len(columns)} values found, {3 + quaternion} are expected"
+            f"{where}: axes {entry['axes']!r} is not allowed with form rpy: xyz, XYZ, zyx, ZYX; "
+            "form euler takes any order, its columns in the order of the axes"
         )
-    for key, needed in (("unit", not quaternion), ("axes", angles)):
+    for key, needed in (("unit", not bare), ("axes", angles)):
         if (key in entry) != needed:
             raise ConfigError(
                 f"{where}: {'missing' if needed else 'unknown'} key {key} with form {form}"
@@ -226,9 +243,33 @@ def _turn(entry: Mapping[str, Any] | None, where: str) -> Turn | None:
     )
 
 
-def _alike(entry: Mapping[str, Any], units: Mapping[str, float]) -> tuple[Column, ...]:
-    unit = entry["unit"]
-    return tuple(Column(name, unit, units[unit]) for name in entry["columns"])
+def _places(entry: Mapping[str, Any], where: str) -> tuple[Column, ...]:
+    """Three coordinates, each with a unit of its own or all alike, and what is added to them."""
+    units = entry["unit"] if isinstance(entry["unit"], list) else [entry["unit"]] * 3
+    added: list[str] = entry.get("plus", [])
+    if added and len(added) != len(entry["columns"]):
+        raise ConfigError(f"{where}: plus: {len(added)} columns, one for each of position.columns")
+    plus: list[tuple[tuple[str, float], ...]] = [((name, 1.0),) for name in added] or [()] * 3
+    return tuple(
+        Column(name, unit, LENGTHS[unit], plus=more)
+        for name, unit, more in zip(entry["columns"], units, plus, strict=True)
+    )
+
+
+def _join(entry: Mapping[str, Any] | None, path: Path) -> Join | None:
+    """The second file, which lies beside the mapping where its path is relative."""
+    if entry is None:
+        return None
+    where, by = f"{path}: join", entry["by"]
+    needed = {"row": (), "column": ("left", "right"), "nearest": ("left", "right", "within")}[by]
+    rest = ("shift",) if by == "nearest" else ()
+    for key in ("left", "right", "within", "shift"):
+        if (key in entry) != (key in needed) and key not in rest:
+            missing = "missing" if key in needed else "unknown"
+            raise ConfigError(f"{where}: {missing} key {key} with by: {by}")
+    form = Form.of(entry.get("table", {}), entry.get("delimiter", ","), f"{where}.table")
+    keys = {key: entry[key] for key in (*needed, *rest) if key in entry}
+    return Join(path.parent / entry["file"], by, form=form, **keys)
 
 
 def _one(entry: Mapping[str, Any] | None, units: Mapping[str, float]) -> Column | None:

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 from delta_calibration.errors import InputError
 from delta_calibration.recording.table_mapping import KELVIN, Column, TableMapping, Turn
 from delta_calibration.recording.table_repeats import new_rows
-from delta_calibration.tables import Row, read_table
+from delta_calibration.recording.table_source import read_source
+from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -57,8 +58,8 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
             times that do not rise, rows there twice, none at rest, an impossible rotation or mark;
             names file, line and column.
     """
-    rows = read_table(path, mapping.names, delimiter=mapping.delimiter)
-    notes = []
+    source = read_source(path, mapping.names, mapping.form, mapping.join)
+    rows, notes = list(source.rows), list(source.notes)
     if mapping.skip_missing:
         whole = [row for row in rows if all(_filled(row, name) for name in mapping.names)]
         if len(whole) < len(rows):
@@ -115,9 +116,14 @@ def _number(row: Row, name: str) -> float:
     return row.number(name)
 
 
+def _summed(row: Row, column: Column) -> float:
+    """A column, with what is added to it from others, in its unit."""
+    return _number(row, column.name) + sum(k * _number(row, name) for name, k in column.plus)
+
+
 def _columns(rows: Sequence[Row], columns: Sequence[Column]) -> Array:
     """(n, columns) in SI."""
-    raw = np.array([[_number(row, c.name) for c in columns] for row in rows])
+    raw = np.array([[_summed(row, c) for c in columns] for row in rows])
     scale, offset, factor = (
         np.array([getattr(c, name) for c in columns]) for name in ("scale", "offset", "factor")
     )
@@ -190,6 +196,8 @@ def _quaternions(rows: Sequence[Row], turn: Turn) -> Array:
             )
         ordered = values if turn.form.endswith("xyzw") else np.roll(values, -1, axis=1)
         return np.asarray(Rotation.from_quat(ordered).as_quat())
+    if turn.form == "matrix":
+        return _matrices(rows, values.reshape(-1, 3, 3), names)
     beyond = np.argwhere(np.abs(values) > 2 * np.pi)
     if len(beyond):
         row, column = beyond[0].tolist()
@@ -201,9 +209,22 @@ def _quaternions(rows: Sequence[Row], turn: Turn) -> Array:
     rotation = (
         Rotation.from_rotvec(values)
         if turn.form == "rotation_vector"
-        else Rotation.from_euler(turn.axes, _in_order(values, turn.axes))
+        else Rotation.from_euler(
+            turn.axes, _in_order(values, turn.axes) if turn.form == "rpy" else values
+        )
     )
     return np.asarray(rotation.as_quat())
+
+
+def _matrices(rows: Sequence[Row], matrix: Array, names: Sequence[str]) -> Array:
+    """Quaternions (n, 4) of rotation matrices (n, 3, 3), given row by row."""
+    off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    bad = np.flatnonzero((off > _NOT_UNIT) | (np.linalg.det(matrix) < 0))
+    if bad.size:
+        raise rows[bad[0]].wrong(
+            names[0], f"and {', '.join(names[1:])} make no rotation matrix (row by row)"
+        )
+    return np.asarray(Rotation.from_matrix(matrix).as_quat())
 
 
 def _in_order(values: Array, axes: str) -> Array:

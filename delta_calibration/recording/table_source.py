@@ -1,0 +1,344 @@
+"""Tables as programs write them: encodings, preambles, decimal commas, workbooks, two files.
+
+What comes out are lines with plain numbers (`tables.Row`), whatever the file looked like.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from charset_normalizer import from_bytes
+from numpy.typing import NDArray
+
+from delta_calibration.errors import ConfigError, InputError
+from delta_calibration.files import read_bounded
+from delta_calibration.tables import Row, require_columns
+from delta_calibration.texts import listed
+
+Array = NDArray[np.float64]
+
+_WORKBOOK = b"PK\x03\x04"
+_MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+# of what instruments and their computers write; the first that fits is not always the likeliest
+_LIKELY = ["utf_16_le", "utf_16_be", "cp1252", "gb18030", "shift_jis", "euc_kr"]
+_PREAMBLE = 200  # lines that may stand before the names of the columns
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a table is written.
+
+    Attributes:
+        delimiter: between two values.
+        decimal: `.` or `,`.
+        thousands: what parts the thousands; empty where nothing does.
+        encoding: of the text; empty to find it.
+        header_line: line with the names of the columns, from 1; 0 to find it by the names.
+        columns: their names where no line has them.
+        sheet: of a workbook; its first where empty.
+        comment: what lines begin with that are none; empty where there are none.
+    """
+
+    delimiter: str = ","
+    decimal: str = "."
+    thousands: str = ""
+    encoding: str = ""
+    header_line: int = 0
+    columns: tuple[str, ...] = ()
+    sheet: str = ""
+    comment: str = ""
+
+    @classmethod
+    def of(cls, entry: Mapping[str, Any], delimiter: str, where: str) -> Form:
+        """From a mapping's section.
+
+        Raises:
+            ConfigError: one mark for decimals and thousands, or for decimals and columns.
+        """
+        columns = tuple(entry.get("columns", ()))
+        form = cls(**{"delimiter": delimiter, **entry, "columns": columns})
+        if form.decimal == form.thousands or form.decimal == form.delimiter:
+            other = "thousands" if form.decimal == form.thousands else "delimiter"
+            raise ConfigError(
+                f"{where}: decimal {form.decimal!r} is not allowed with {other} {form.decimal!r}"
+            )
+        if form.columns and form.header_line:
+            raise ConfigError(f"{where}: header_line goes with names in the file, without columns")
+        return form
+
+    @property
+    def number(self) -> re.Pattern[str]:
+        """A number as it is written here, where that is not the plain way."""
+        parted = rf"\d{{1,3}}(?:{re.escape(self.thousands)}\d{{3}})+|" if self.thousands else ""
+        mark = re.escape(self.decimal)
+        return re.compile(rf"[+-]?(?:{parted}\d+)?(?:{mark}\d*)?(?:[eE][+-]?\d+)?")
+
+    def plain(self, text: str) -> str:
+        """A cell with a plain number where it holds one, else as it is."""
+        bare = text.strip().replace("\u2212", "-")
+        if self.number.fullmatch(bare) is None:
+            return text
+        if self.thousands:
+            bare = bare.replace(self.thousands, "")
+        return bare.replace(self.decimal, ".")
+
+
+@dataclass(frozen=True)
+class Join:
+    """A second table beside the first.
+
+    Attributes:
+        file: of the second.
+        by: `row`, `column` or `nearest`.
+        left: column of the first that is compared, where rows are not.
+        right: that of the second.
+        within: [in the columns' unit] the nearest may be away.
+        shift: [in the columns' unit] of the second's clock, added to its values.
+        form: how the second is written.
+    """
+
+    file: Path
+    by: str
+    left: str = ""
+    right: str = ""
+    within: float = 0.0
+    shift: float = 0.0
+    form: Form = field(default_factory=Form)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Rows with what is to be told of how they were read."""
+
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...] = ()
+
+
+def read_source(path: Path, names: Sequence[str], form: Form, join: Join | None) -> Source:
+    """The rows of a table, or of two.
+
+    Args:
+        path: of the table.
+        names: columns that one of the files has to have.
+        form: how it is written.
+        join: the second table; None where there is none.
+
+    Raises:
+        InputError: no such file, a column missing, in both files or there twice, a line too long,
+            no line, rows that do not go together; names file and line.
+    """
+    if join is None:
+        return _read(path, names, form, names)
+    left = _read(path, names, form, [join.left] * bool(join.left))
+    right = _read(join.file, names, join.form, [join.right] * bool(join.right))
+    _require_all(left, right, names, path, join)
+    rows, notes = _joined(left.rows, right.rows, join, path)
+    return Source(rows, (*left.notes, *right.notes, *notes))
+
+
+def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -> Source:
+    """The rows of one file; the columns that it may have and those that it has to have."""
+    lines, notes = _lines(path, form)
+    head = -1 if form.columns else _header(lines, names, form, path)
+    found = list(form.columns) if form.columns else [name.strip() for name in lines[head][1]]
+    if head > 0 and not form.header_line:
+        notes = (*notes, f"{path.name}: line {lines[head][0]} has the names of the columns")
+    require_columns(path, found, needed, (), form.delimiter)
+    twice = sorted({name for name in names if found.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column {', '.join(twice)} is there twice")
+    rows = tuple(_row(path, line, cells, found, form) for line, cells in lines[head + 1 :])
+    if not rows:
+        raise InputError(f"{path}: no points in it")
+    return Source(rows, notes)
+
+
+def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
+    """Lines that are not empty, with their numbers."""
+    data = read_bounded(path)
+    if data.startswith(_WORKBOOK):
+        return list(_sheet(path, data, form)), ()
+    text, notes = _text(path, data, form)
+    reader = csv.reader(
+        io.StringIO(text, newline=""), delimiter=form.delimiter, skipinitialspace=True
+    )
+    try:
+        lines = [(reader.line_num, cells) for cells in reader if any(c.strip() for c in cells)]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {reader.line_num}: {error}") from error
+    if form.comment:
+        lines = [line for line in lines if not line[1][0].startswith(form.comment)]
+    if not lines:
+        raise InputError(f"{path}: no points in it")
+    return lines, notes
+
+
+def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:
+    """A file's text; what its encoding was taken for is told where nobody said it."""
+    known = form.encoding or next(
+        (name for mark, name in _MARKS if data.startswith(mark)), "utf-8"
+    )
+    try:
+        text = data.decode(known)
+        if "\0" not in text:
+            return text, ()
+    except (UnicodeDecodeError, LookupError) as error:
+        if form.encoding:
+            raise InputError(f"{path}: is not in {form.encoding}: {error}") from error
+    best = from_bytes(data, cp_isolation=_LIKELY).best()
+    if best is None or "\0" in str(best):
+        raise InputError(
+            f"{path}: no text in any known encoding; say table.encoding in the mapping"
+        )
+    said = f"{path.name}: read as {best.encoding}; table.encoding in the mapping says another"
+    return str(best), (said,)
+
+
+def _sheet(path: Path, data: bytes, form: Form) -> Iterator[tuple[int, list[str]]]:
+    """Rows of a workbook's sheet, numbers to their last digit."""
+    try:
+        from openpyxl import load_workbook
+    except ImportError as error:
+        raise InputError(
+            f"{path}: a workbook needs openpyxl, which this Python does not have: "
+            "pip install openpyxl, or export a text file (CSV)"
+        ) from error
+    try:
+        book = load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+    except Exception as error:  # whatever is wrong with an archive that somebody renamed
+        raise InputError(f"{path}: is no workbook (xlsx): {error}") from error
+    if form.sheet and form.sheet not in book.sheetnames:
+        raise InputError(f"{path}: no sheet {form.sheet!r}; there are: {listed(book.sheetnames)}")
+    sheet = book[form.sheet] if form.sheet else book[book.sheetnames[0]]
+    for number, row in enumerate(sheet.iter_rows(values_only=True), 1):
+        cells = ["" if value is None else _cell(value) for value in row]
+        while cells and not cells[-1]:
+            cells.pop()
+        if cells:
+            yield number, cells
+
+
+def _cell(value: Any) -> str:
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _header(
+    lines: Sequence[tuple[int, list[str]]], names: Sequence[str], form: Form, path: Path
+) -> int:
+    """Which of the lines names the columns: that which was said, or has most of the names."""
+    if form.header_line:
+        rows = [k for k, (line, _) in enumerate(lines) if line == form.header_line]
+        if not rows:
+            raise InputError(f"{path}: header_line {form.header_line}: there is nothing in it")
+        return rows[0]
+    found = [len(set(names) & {cell.strip() for cell in cells}) for _, cells in lines[:_PREAMBLE]]
+    return int(np.argmax(found))
+
+
+def _row(path: Path, line: int, cells: list[str], names: Sequence[str], form: Form) -> Row:
+    """A line; none is longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
+    if len(cells) > len(names):
+        raise InputError(
+            f"{path}: line {line}: {len(cells)} values, but {len(names)} columns; decimals take a "
+            "point, not a comma (table.decimal and delimiter in the mapping say otherwise)"
+        )
+    plain = (
+        [form.plain(cell) for cell in cells] if form.decimal != "." or form.thousands else cells
+    )
+    text: dict[str, str | None] = dict.fromkeys(names)
+    return Row(path, line, text | dict(zip(names, plain, strict=False)))
+
+
+# --- two files
+
+
+def _require_all(
+    left: Source, right: Source, names: Sequence[str], path: Path, join: Join
+) -> None:
+    in_left, in_right = (set(source.rows[0].text) for source in (left, right))
+    missing = [name for name in names if name not in in_left | in_right]
+    if missing:
+        raise InputError(
+            f"{path}, {join.file}: column {', '.join(missing)} missing; found "
+            f"{', '.join(sorted(in_left))} and {', '.join(sorted(in_right))}"
+        )
+    both = [name for name in names if name in in_left & in_right]
+    if both:
+        raise InputError(
+            f"{path}, {join.file}: column {', '.join(both)} is in both; name the columns of one "
+            "by `columns` in the mapping"
+        )
+
+
+def _joined(
+    left: Sequence[Row], right: Sequence[Row], join: Join, path: Path
+) -> tuple[tuple[Row, ...], tuple[str, ...]]:
+    partner = {"row": _by_row, "column": _by_column, "nearest": _by_nearest}[join.by](
+        left, right, join, path
+    )
+    rows = tuple(
+        replace(row, text={**right[k].text, **row.text}, beside=right[k])
+        for row, k in zip(left, partner, strict=True)
+        if k is not None
+    )
+    alone = sum(k is None for k in partner)
+    if not rows:
+        raise InputError(
+            f"{path}: none of its {len(left)} rows has one in {join.file} ({join.by})"
+        )
+    told = f"{alone} of {len(left)} rows of {path.name} have none in {join.file.name}: left out"
+    return rows, (told,) * bool(alone)
+
+
+def _by_row(left: Sequence[Row], right: Sequence[Row], join: Join, path: Path) -> list[int | None]:
+    if len(left) != len(right):
+        raise InputError(
+            f"{path} has {len(left)} rows, {join.file} {len(right)}: joined row by row they have "
+            "as many; join.by: column or nearest goes by a column of each"
+        )
+    return list(range(len(right)))
+
+
+def _by_column(
+    left: Sequence[Row], right: Sequence[Row], join: Join, path: Path
+) -> list[int | None]:
+    del path
+    known: dict[str, int] = {}
+    for k, row in enumerate(right):
+        text = (row.text[join.right] or "").strip()
+        if known.setdefault(text, k) != k:
+            raise row.wrong(join.right, f"is in line {right[known[text]].line} as well")
+    return [known.get((row.text[join.left] or "").strip()) for row in left]
+
+
+def _by_nearest(
+    left: Sequence[Row], right: Sequence[Row], join: Join, path: Path
+) -> list[int | None]:
+    """The nearest by a number, each row of the second once."""
+    del path
+    ours = np.array([row.number(join.left) for row in left])
+    theirs = np.array([row.number(join.right) for row in right]) + join.shift
+    order = np.argsort(theirs, kind="stable")
+    after = np.clip(np.searchsorted(theirs[order], ours), 1, max(len(order) - 1, 1))
+    near = np.stack([order[after - 1], order[np.minimum(after, len(order) - 1)]])
+    gap = np.abs(theirs[near] - ours)
+    best = np.where(gap[0] <= gap[1], near[0], near[1])
+    found = [
+        int(k) if g <= join.within else None for k, g in zip(best, gap.min(axis=0), strict=True)
+    ]
+    first: dict[int, Row] = {}
+    for row, k in zip(left, found, strict=True):
+        if k is not None and first.setdefault(k, row) is not row:
+            raise row.wrong(
+                join.left,
+                f"and {first[k].text[join.left]!r} in line {first[k].line} are both nearest to "
+                f"line {right[k].line} of {right[k].file}",
+            )
+    return found

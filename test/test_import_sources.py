@@ -1,0 +1,273 @@
+"""Tables as programs write them: encodings, preambles, decimal commas, workbooks, two files."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from openpyxl import Workbook
+from ruamel.yaml import YAML
+from scipy.spatial.transform import Rotation
+
+from delta_calibration.cli.main import run
+from delta_calibration.recording import read_session
+from import_bench import imported, mapping_of, measured, stops
+
+DEGREES = 180.0 / np.pi
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    return tmp_path_factory.mktemp("cell"), *measured()
+
+
+@pytest.fixture(scope="module")
+def plain(cell):
+    """The session of the plain table, that every other form has to give."""
+    folder, _, poses = cell
+    return read_session(imported(folder, *stops(poses), mapping_of()))
+
+
+def bring(path: Path, mapping: dict, capsys, code: int = 0, robot: str = "srbd"):
+    """Import a file that stands there already; the session, and what was said."""
+    yaml = path.with_suffix(".mapping.yaml")
+    YAML(typ="safe").dump(mapping, yaml)
+    out = path.with_suffix(".session")
+    verb = ["import", str(path), "--mapping", str(yaml), "--robot", robot, "--out", str(out)]
+    assert run(verb) == code
+    said = capsys.readouterr()
+    assert "Traceback" not in said.err
+    return (read_session(out) if code == 0 else None), said.out + said.err
+
+
+def same(one, other) -> None:
+    np.testing.assert_allclose(one.command.position, other.command.position, atol=1e-15)
+    np.testing.assert_allclose(one.tracker.position, other.tracker.position, atol=1e-15)
+
+
+def write(path: Path, lines: list[str], encoding: str = "utf-8") -> Path:
+    path.write_bytes(("\r\n".join(lines) + "\r\n").encode(encoding))
+    return path
+
+
+def german(poses, parted: str = ".") -> list[str]:
+    """`;` between values, a comma for decimals, thousands parted."""
+
+    def number(text: str) -> str:
+        whole, _, part = f"{float(text):,.12f}".partition(".")
+        return whole.replace(",", parted) + "," + part
+
+    head, rows = stops(poses)
+    return [";".join(head), *(";".join(map(number, row)) for row in rows)]
+
+
+COMMAS = {"delimiter": ";", "table": {"decimal": ",", "thousands": "."}}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1", "cp1252"])
+def test_an_instruments_own_export(cell, plain, tmp_path, capsys, encoding) -> None:
+    """A preamble with umlauts, in whatever encoding; decimal commas, thousands parted."""
+    _, _, poses = cell
+    preamble = ["Messprotokoll;Prüfer: Jörg Müller;Gerät 12", "", "Temperatur 21,5 °C"]
+    path = write(tmp_path / "export.csv", [*preamble, *german(poses)], encoding)
+    found, said = bring(path, mapping_of(**COMMAS), capsys)
+    np.testing.assert_allclose(found.tracker.position, plain.tracker.position, atol=1e-14)
+    assert "line 4 has the names of the columns" in said
+    assert ("read as" in said) == (encoding in ("latin-1", "cp1252"))
+
+
+def test_decimal_commas_are_not_guessed(cell, tmp_path, capsys) -> None:
+    _, _, poses = cell
+    path = write(tmp_path / "t.csv", german(poses))
+    _, said = bring(path, mapping_of(delimiter=";"), capsys, 2)
+    assert "is not a finite number; decimals take a point, thousands take nothing" in said
+    other = {"delimiter": ",", "table": {"decimal": ","}}
+    _, said = bring(path, mapping_of(**other), capsys, 2)
+    assert "table: decimal ',' is not allowed with delimiter ','" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("1.234.567,5", "1234567.5"), ("-0,25", "-0.25"), ("\u22123,5e-3", "-3.5e-3"), ("7", "7")],
+)
+def test_numbers_with_commas(text, number) -> None:
+    from delta_calibration.recording.table_source import Form
+
+    form = Form(delimiter=";", decimal=",", thousands=".")
+    assert form.plain(text) == number
+    for other in ("1.23,5", "12.5", "Pt.1", "1,2,3"):
+        assert form.plain(other) == other
+
+
+def test_a_workbook_is_read(cell, plain, tmp_path, capsys) -> None:
+    _, _, poses = cell
+    head, rows = stops(poses)
+    book = Workbook()
+    book.active.append(["nothing here"])
+    sheet = book.create_sheet("Messung")
+    for row in [["Protokoll"], [], head, *([float(v) for v in row] for row in rows)]:
+        sheet.append(row)
+    path = tmp_path / "data.xlsx"
+    book.save(path)
+    found, said = bring(path, mapping_of(table={"sheet": "Messung"}), capsys)
+    same(found, plain)
+    assert "line 3 has the names" in said
+    _, said = bring(path, mapping_of(table={"sheet": "Mess"}), capsys, 2)
+    assert "no sheet 'Mess'; there are: ['Sheet', 'Messung']" in said
+    path.write_bytes(path.read_bytes()[:500])
+    _, said = bring(path, mapping_of(), capsys, 2)
+    assert "is no workbook (xlsx)" in said
+
+
+def test_columns_without_names_and_comments(cell, plain, tmp_path, capsys) -> None:
+    _, _, poses = cell
+    head, rows = stops(poses)
+    lines = ["# exported", *(",".join(row) for row in rows), "# end"]
+    path = write(tmp_path / "bare.csv", lines)
+    found, _ = bring(path, mapping_of(table={"columns": head, "comment": "#"}), capsys)
+    same(found, plain)
+    table = {"columns": head, "header_line": 1}
+    _, said = bring(path, mapping_of(table=table), capsys, 2)
+    assert "header_line goes with names in the file" in said
+
+
+# --- two files
+
+
+def two(poses, folder: Path, order: np.ndarray) -> tuple[Path, Path]:
+    """Joints in one file; points in another, with names and times, in another order."""
+    _, rows = stops(poses)
+    robot, tracker = folder / "robot.csv", folder / "tracker.csv"
+    with robot.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["point", "t", "q1", "q2", "q3"])
+        writer.writerows([f"P{k}", 20 * k, *row[:3]] for k, row in enumerate(rows))
+    with tracker.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["name", "clock", "x", "y", "z"])
+        writer.writerows([f"P{k}", 20 * k + 107.02, *rows[k][3:]] for k in order)
+    return robot, tracker
+
+
+@pytest.mark.parametrize(
+    "join",
+    [
+        {"by": "column", "left": "point", "right": "name"},
+        {"by": "nearest", "left": "t", "right": "clock", "within": 0.1, "shift": -107.0},
+        {"by": "row"},
+    ],
+)
+def test_joints_and_readings_in_two_files(cell, plain, tmp_path, capsys, join) -> None:
+    _, _, poses = cell
+    order = np.arange(len(poses))
+    if join["by"] != "row":
+        np.random.default_rng(3).shuffle(order)
+    robot, _ = two(poses, tmp_path, order)
+    found, _ = bring(robot, mapping_of(join={"file": "tracker.csv", **join}), capsys)
+    same(found, plain)
+
+
+def test_rows_without_a_partner_are_left_out_and_told(cell, plain, tmp_path, capsys) -> None:
+    _, _, poses = cell
+    kept = np.arange(len(poses))[3:]
+    robot, _ = two(poses, tmp_path, kept)
+    join = {"file": "tracker.csv", "by": "column", "left": "point", "right": "name"}
+    found, said = bring(robot, mapping_of(join=join), capsys)
+    assert f"3 of {len(poses)} rows of robot.csv have none in tracker.csv: left out" in said
+    np.testing.assert_array_equal(found.tracker.position, plain.tracker.position[3:])
+    _, said = bring(robot, mapping_of(join={"file": "tracker.csv", "by": "row"}), capsys, 2)
+    assert f"has {len(poses)} rows" in said
+    near = {"by": "nearest", "left": "t", "right": "clock", "within": 0.1}
+    _, said = bring(robot, mapping_of(join={"file": "tracker.csv", **near}), capsys, 2)
+    assert "rows has one in" in said or "rows of robot.csv have none" in said
+
+
+def test_what_is_wrong_in_the_second_file_is_named_there(cell, tmp_path, capsys) -> None:
+    _, _, poses = cell
+    robot, tracker = two(poses, tmp_path, np.arange(len(poses)))
+    join = {"file": "tracker.csv", "by": "column", "left": "point", "right": "name"}
+    text = tracker.read_text().splitlines()
+    text[4] = text[4].rsplit(",", 1)[0] + ",oops"
+    tracker.write_text("\n".join(text) + "\n")
+    _, said = bring(robot, mapping_of(join=join), capsys, 2)
+    assert f"{tracker}: line 5: z: 'oops' is not a finite number" in said
+    text[4] = text[3]
+    tracker.write_text("\n".join(text) + "\n")
+    _, said = bring(robot, mapping_of(join=join), capsys, 2)
+    assert "line 5: name: 'P2' is in line 4 as well" in said
+    _, said = bring(
+        robot, mapping_of(join={"file": "tracker.csv", "by": "row", "left": "t"}), capsys, 2
+    )
+    assert "join: unknown key left with by: row" in said
+    _, said = bring(robot, mapping_of(join={"file": "no.csv", "by": "row"}), capsys, 2)
+    assert "no.csv: cannot be read" in said
+
+
+def test_two_rows_that_want_one_are_refused(cell, tmp_path, capsys) -> None:
+    _, _, poses = cell
+    robot, _ = two(poses, tmp_path, np.arange(0, len(poses), 2))
+    near = {"by": "nearest", "left": "t", "right": "clock", "within": 30.0, "shift": -107.0}
+    _, said = bring(robot, mapping_of(join={"file": "tracker.csv", **near}), capsys, 2)
+    assert "are both nearest to line" in said
+
+
+# --- columns
+
+
+def test_sums_of_columns_and_units_of_their_own(cell, plain, tmp_path, capsys) -> None:
+    """A coupled joint, a target with its deviation, heights in metres."""
+    _, _, poses = cell
+    joint, point = DEGREES * poses.joint, 1e3 * poses.point
+    target = np.round(point)
+    head = ["a", "b", "c", "tx", "ty", "tz", "dx", "dy", "dz"]
+    other = np.column_stack([joint[:, 0], joint[:, 1] - 0.5 * joint[:, 0], joint[:, 2]])
+    scale = np.array([1.0, 1.0, 1e-3])
+    table = np.hstack([other, target * scale, (point - target) * scale])
+    path = write(
+        tmp_path / "s.csv", [",".join(head), *(",".join(map(repr, r)) for r in table.tolist())]
+    )
+    commands = [
+        {"joint": "joint_1", "column": "a", "unit": "deg"},
+        {
+            "joint": "joint_2",
+            "column": "b",
+            "unit": "deg",
+            "plus": [{"column": "a", "scale": 0.5}],
+        },
+        {"joint": "joint_3", "column": "c", "unit": "deg"},
+    ]
+    position = {
+        "columns": ["tx", "ty", "tz"],
+        "plus": ["dx", "dy", "dz"],
+        "unit": ["mm", "mm", "m"],
+    }
+    found, _ = bring(path, mapping_of(commands=commands, position=position), capsys)
+    np.testing.assert_allclose(found.command.position, plain.command.position, atol=1e-12)
+    np.testing.assert_allclose(found.tracker.position, plain.tracker.position, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", ["matrix", "euler", "rotation_vector", "quaternion_xyzw"])
+def test_rotations_in_any_form(cell, tmp_path, capsys, form) -> None:
+    _, _, poses = cell
+    turn = Rotation.random(len(poses), random_state=4)
+    values, more = {
+        "matrix": (turn.as_matrix().reshape(-1, 9), {}),
+        "euler": (turn.as_euler("ZXZ", degrees=True), {"axes": "ZXZ", "unit": "deg"}),
+        "rotation_vector": (turn.as_rotvec(), {"unit": "rad"}),
+        "quaternion_xyzw": (turn.as_quat(), {}),
+    }[form]
+    head, rows = stops(poses)
+    names = [f"r{k}" for k in range(values.shape[1])]
+    lines = [",".join([*row, *map(repr, r)]) for row, r in zip(rows, values.tolist(), strict=True)]
+    path = write(tmp_path / "r.csv", [",".join([*head, *names]), *lines])
+    mapping = mapping_of(rotation={"columns": names, "form": form, **more})
+    found, _ = bring(path, mapping, capsys)
+    off = Rotation.from_quat(found.tracker.quaternion) * turn.inv()
+    assert off.magnitude().max() < 1e-12
+    if form == "matrix":
+        bad = [",".join([*row, *["1"] * 9]) for row in rows]
+        path = write(tmp_path / "b.csv", [",".join([*head, *names]), *bad])
+        _, said = bring(path, mapping, capsys, 2)
+        assert "make no rotation matrix" in said
