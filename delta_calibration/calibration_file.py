@@ -20,6 +20,7 @@ from delta_calibration.identification import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses
+from delta_calibration.uncertainty import Uncertainty
 
 if TYPE_CHECKING:  # a fit does not wait for it
     from delta_calibration.diagnosis import Diagnosis
@@ -44,6 +45,7 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
         poses.source,
         content_hash(_content(found, robot, poses)),
         found.full.held_out,
+        found.uncertainty,
     )
 
 
@@ -146,7 +148,46 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         held_out=float(data["residuals"]["full"]["error_left_rms_mm"]) * 1e-3,
         source=data["provenance"]["session"],
         seal=data[_SEAL],
+        uncertainty=_uncertainty(path, data, len(theta)),
     )
+
+
+def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty | None:
+    """What makes positions uncertain; None of a file that was written before it was told."""
+    if "uncertainty" not in data:
+        return None
+    told = data["uncertainty"]
+    covariance = np.zeros((size, size))
+    try:
+        rows = [[float(number) for number in row.split()] for row in told["covariance_lower"]]
+    except ValueError as error:
+        raise ConfigError(f"{path}: uncertainty: covariance_lower: {error}") from error
+    if [len(row) for row in rows] != list(range(1, size + 1)) or not np.isfinite(sum(rows, [])).all():
+        raise ConfigError(
+            f"{path}: uncertainty: covariance_lower: the lower triangle of {size} rows of finite "
+            "numbers is expected"
+        )
+    for k, row in enumerate(rows):
+        covariance[k, : k + 1] = covariance[: k + 1, k] = row
+    return Uncertainty(
+        covariance,
+        float(data["noise"]["repeatability_urad"]) * 1e-6,
+        1e-12 * np.array(told["model_um2"], dtype=float),
+        float(told["widen"]),
+    )
+
+
+def _uncertainty_told(found: Identification) -> dict[str, Any]:
+    """Numbers of a row in one text: a document of so many entries would be slow to read."""
+    told = found.uncertainty
+    return {
+        "covariance_lower": [
+            " ".join(f"{value:.12g}" for value in row[: k + 1])
+            for k, row in enumerate(told.covariance.tolist())
+        ],
+        "model_um2": (1e12 * told.model).tolist(),
+        "widen": told.widen,
+    }
 
 
 def _require_possible(path: Path, chain: Chain, geometry: Array) -> None:
@@ -272,6 +313,7 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
             "joints_lower_rad": lower.tolist(),
             "joints_upper_rad": upper.tolist(),
         },
+        "uncertainty": _uncertainty_told(found),
     }
     return {**content, "effects": _effects(found)} if found.chain.effects else content
 
