@@ -162,7 +162,9 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
         rows = [[float(number) for number in row.split()] for row in told["covariance_lower"]]
     except ValueError as error:
         raise ConfigError(f"{path}: uncertainty: covariance_lower: {error}") from error
-    if [len(row) for row in rows] != list(range(1, size + 1)) or not np.isfinite(sum(rows, [])).all():
+    if [len(row) for row in rows] != list(range(1, size + 1)) or not np.isfinite(
+        sum(rows, [])
+    ).all():
         raise ConfigError(
             f"{path}: uncertainty: covariance_lower: the lower triangle of {size} rows of finite "
             "numbers is expected"

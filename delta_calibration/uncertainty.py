@@ -93,9 +93,7 @@ class Identified:
             [np.arange(layout.size)[layout.base]]
             + [np.arange(layout.size)[layout.each[k]] for k in kept]
         )
-        own = replace(
-            self.uncertainty, covariance=self.uncertainty.covariance[np.ix_(rows, rows)]
-        )
+        own = replace(self.uncertainty, covariance=self.uncertainty.covariance[np.ix_(rows, rows)])
         return Identified(
             chain.with_effects(tuple(chain.effects[k] for k in kept)), self.theta[rows], own
         )
@@ -114,12 +112,17 @@ class Identified:
             model=np.broadcast_to(self.uncertainty.model, (len(at), 3, 3)),
         )
 
-    def radius(self, at: Conditions) -> Array:
+    def radius(self, at: Conditions, stated: Array | float = 0.0) -> Array:
         """Within how far of the target the tool comes with 95 %, (n,) [m].
 
-        At joints as they are commanded, corrected; NaN where the machine cannot stand.
+        Args:
+            at: joints as they are commanded, corrected.
+            stated: covariance of what is uncertain beside, (n, 3, 3) [m^2].
+
+        Returns:
+            NaN where the machine cannot stand.
         """
-        return self.uncertainty.widen * radius95(self.machine.parts(at).whole)
+        return self.uncertainty.widen * radius95(self.machine.parts(at).whole + stated)
 
 
 def _turned_round(matrix: Array) -> Array:

@@ -39,7 +39,7 @@ _WIDE, _TALL = 4.6, 3.5  # [inch] of a panel
 _ALONE = 7.5  # [inch] width of a panel that fills the page
 _SYMBOLS = {"circle": "o", "diamond": "D", "square": "s", "triangle": "^", "cross": "x"}
 _DASHES = {"solid": "-", "dash": "--", "dot": ":"}
-_STYLE = {
+STYLE = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -62,7 +62,7 @@ def write_figures(report: Report, folder: Path) -> tuple[Path, ...]:
     paths = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with pyplot.rc_context(_STYLE):
+        with pyplot.rc_context(STYLE):
             for figure in report.figures():
                 path = folder / f"{figure.name}.png"
                 canvas = draw(figure)
