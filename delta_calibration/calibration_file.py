@@ -20,7 +20,7 @@ from delta_calibration.identification import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses
-from delta_calibration.uncertainty import Uncertainty
+from delta_calibration.uncertainty import ModelError, Uncertainty
 
 if TYPE_CHECKING:  # a fit does not wait for it
     from delta_calibration.diagnosis import Diagnosis
@@ -171,24 +171,37 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
         )
     for k, row in enumerate(rows):
         covariance[k, : k + 1] = covariance[: k + 1, k] = row
+    model = told["model"]
     return Uncertainty(
         covariance,
         float(data["noise"]["repeatability_urad"]) * 1e-6,
-        1e-12 * np.array(told["model_um2"], dtype=float),
-        float(told["widen"]),
+        ModelError(
+            1e-12 * np.array(model["covariance_um2"], dtype=float),
+            np.array(model["middle_m"], dtype=float),
+            np.array(model["shape_per_m2"], dtype=float),
+            float(model["share"]),
+            float(model["widen"]),
+            np.array(model["play"], dtype=float),
+        ),
     )
 
 
 def _uncertainty_told(found: Identification) -> dict[str, Any]:
     """Numbers of a row in one text: a document of so many entries would be slow to read."""
-    told = found.uncertainty
+    told, model = found.uncertainty, found.model_error
     return {
         "covariance_lower": [
             " ".join(f"{value:.12g}" for value in row[: k + 1])
             for k, row in enumerate(told.covariance.tolist())
         ],
-        "model_um2": (1e12 * told.model).tolist(),
-        "widen": told.widen,
+        "model": {
+            "covariance_um2": (1e12 * model.covariance).tolist(),
+            "middle_m": model.middle.tolist(),
+            "shape_per_m2": model.shape.tolist(),
+            "share": model.share,
+            "widen": model.widen,
+            "play": [] if model.play is None else model.play.tolist(),
+        },
     }
 
 

@@ -2,16 +2,19 @@
 
 The tool of a compensated machine comes to
 
-    p = p(theta) + J_q e_q + e_m
+    p = p(theta) + J_q (e_q + e_g) + e_m
 
-with theta as identified (covariance C), e_q where the joints come to rest (s_q each) and e_m what
-the model leaves out. Its covariance at a place is
+with theta as identified (covariance C), e_q where the joints come to rest (s_q each), e_g the play
+g of each joint that is in no model, one side or the other, and e_m what the model leaves out. Its
+covariance at a place is
 
-    V = J C J^T + s_q^2 J_q J_q^T + M
+    V = J C J^T + J_q (s_q^2 + g g) J_q^T + M
 
-M, (3, 3), is measured: what poses that a fit had not seen were missed by, less what noise and C
-explain of it. Errors of a model are not always normal; `widen` is by how much the 95 % of those
-poses reach beyond what V and the tracker's noise say, and is 1 where they do not.
+M is measured: what poses that a fit had not seen were missed by, less what noise and C explain of
+it. Most models miss more towards the edge of the region than in its middle: the size of M goes as
+1 - b + b r^2, with r the distance from the middle of the poses in units of their spread and b, 0 to
+1, as the poses show it. Errors of a model are not always normal: `widen` is by how much the 95 % of
+those poses reach beyond what V and the tracker's noise say, and is 1 where they do not.
 
 All in the axes of the base. Between dimensions and the tracker's frame there are strong
 correlations (the base may be moved as a whole): the frame is told as what is left of it with the
@@ -32,10 +35,31 @@ from delta_calibration.effects import Stage
 from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 COVERED = 0.95
 _FEWEST = 20  # poses from which a quantile of 95 % is told
-_GROWN = 1.25  # of the covariance of a fit to four fifths of the poses, over that of all
+_THIN = 1e-4  # of the largest extent squared: poses thinner than this lie in a plane
+_LEAST = 0.02  # of the noise that a part held out keeps, however much of the fit it carries
+_SURE = 3.0  # standard errors from which play is one
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """What a model leaves out, as poses show it that it was not fitted to; in the base."""
+
+    covariance: Array  # (3, 3) [m^2] M, mean of the poses
+    middle: Array  # (3,) [m] of the poses
+    shape: Array  # (3, 3) [1/m^2] r^2 = d^T shape d, 1 in the mean of the poses
+    share: float = 0.0  # b, 0 to 1, of it that grows with r^2
+    widen: float = 1.0  # at least 1
+    play: Array | None = None  # (m,) [rad or m] each joint is off, by the side it comes from
+
+    def at(self, places: Array) -> Array:
+        """M at places (n, 3) [m], (n, 3, 3)."""
+        way = places - self.middle
+        size = 1 - self.share + self.share * np.einsum("ni,ij,nj->n", way, self.shape, way)
+        return np.asarray(size[:, None, None] * self.covariance)
 
 
 @dataclass(frozen=True)
@@ -44,8 +68,7 @@ class Uncertainty:
 
     covariance: Array  # (P, P) of theta
     repeatability: float  # [rad or m] of each joint, one standard deviation
-    model: Array  # (3, 3) [m^2] of what the model leaves out, in the base
-    widen: float = 1.0  # at least 1
+    model: ModelError
 
 
 @dataclass(frozen=True)
@@ -55,6 +78,7 @@ class Parts:
     frame: Array  # tracker's frame, dimensions known
     dimensions: Array  # dimensions, reflector and effects, the frame following them
     repeatability: Array
+    play: Array
     model: Array
 
     @property
@@ -65,7 +89,7 @@ class Parts:
     @property
     def whole(self) -> Array:
         """Of a corrected position, (n, 3, 3)."""
-        return self.fit + self.repeatability + self.model
+        return self.fit + self.repeatability + self.play + self.model
 
 
 @dataclass(frozen=True)
@@ -105,11 +129,14 @@ class Identified:
         jacobian, by_joints = turned.T @ seen.jacobian, turned.T @ seen.by_joints
         rest, following = _divided(self.uncertainty.covariance, self.chain)
         frame = jacobian[..., self.chain.layout.frame]
+        play = self.uncertainty.model.play
+        played = by_joints * (np.zeros(by_joints.shape[-1]) if play is None else play)
         return Parts(
             frame=frame @ rest @ _turned_round(frame),
             dimensions=jacobian @ following @ _turned_round(jacobian),
             repeatability=self.uncertainty.repeatability**2 * by_joints @ _turned_round(by_joints),
-            model=np.broadcast_to(self.uncertainty.model, (len(at), 3, 3)),
+            play=played @ _turned_round(played),
+            model=self.uncertainty.model.at(self.chain.mechanism.position(seen.x)),
         )
 
     def radius(self, at: Conditions, stated: Array | float = 0.0) -> Array:
@@ -122,7 +149,7 @@ class Identified:
         Returns:
             NaN where the machine cannot stand.
         """
-        return self.uncertainty.widen * radius95(self.machine.parts(at).whole + stated)
+        return self.uncertainty.model.widen * radius95(self.machine.parts(at).whole + stated)
 
 
 def _turned_round(matrix: Array) -> Array:
@@ -166,37 +193,105 @@ def radius95(covariance: Array) -> Array:
     return np.asarray(np.where(np.isfinite(trace), found, np.nan))
 
 
-def uncertainty_of(
-    chain: Chain,
-    theta: Array,
-    covariance: Array,
-    repeatability: float,
-    at: Conditions,
-    missed: Array,
-    whiten: Array,
-) -> Uncertainty:
-    """What makes positions uncertain, with the model's errors as poses held out show them.
+@dataclass(frozen=True)
+class HeldOut:
+    """Poses, each missed by a fit to the parts that it is not in."""
+
+    at: Conditions  # of the n poses
+    missed: Array  # (n, 3) [m] measured less predicted, tracker's frame; NaN: does not count
+    whiten: Array  # (n, 3, 3) [1/m] W C W^T = 1, C the covariance of a pose's noise
+    part: Index  # (n,)
+
+
+def model_error_of(
+    chain: Chain, theta: Array, covariance: Array, held: HeldOut, spread: float = 1.0
+) -> ModelError:
+    """What a model leaves out, by poses that were held out of its fit.
 
     Args:
         chain: the model.
         theta: as identified, (P,).
         covariance: of it, (P, P).
-        repeatability: of each joint [rad or m].
-        at: conditions of the n poses.
-        missed: measured less predicted by a fit that has not seen the place, (n, 3) [m], in the
-            tracker's frame; NaN rows do not count.
-        whiten: W of each pose with W C W^T = 1, C its noise's covariance, (n, 3, 3) [1/m].
+        held: what the poses were missed by.
+        spread: by how much the fit took the noise's variance to be larger.
     """
-    bare = Uncertainty(covariance, repeatability, np.zeros((3, 3)))
+    rows = np.flatnonzero(np.isfinite(held.missed).all(axis=1))
+    at, part = held.at.take(rows), held.part[rows]
+    seen = chain.see(at, theta)
     turned = chain.split(theta)[2].rotation
-    rows = np.flatnonzero(np.isfinite(missed).all(axis=1))
-    error = missed[rows] @ turned
-    colour = turned.T @ np.linalg.inv(whiten[rows])
+    by_theta, by_joints = turned.T @ seen.jacobian, turned.T @ seen.by_joints
+    colour = turned.T @ np.linalg.inv(held.whiten[rows])
     noise = colour @ _turned_round(colour)
-    known = noise + _GROWN * Identified(chain, theta, bare).parts(at.take(rows)).fit
-    model = _definite(error.T @ error / len(rows) - known.mean(axis=0))
-    ratio = np.linalg.norm(error, axis=1) / radius95(known + model)
-    return replace(bare, model=model, widen=max(1.0, _reached(ratio)))
+    known = noise + _unfitted(by_theta, covariance, max(1.0, spread) * noise, part)
+    error = held.missed[rows] @ turned
+    sided = by_joints * np.nan_to_num(at.direction)[:, None, :]
+    play = _play(sided, error, known)
+    error = error - sided @ play
+    places = chain.mechanism.position(seen.x)
+    found = _grown(places, error, known)
+    ratio = np.linalg.norm(error, axis=1) / radius95(known + found.at(places))
+    return replace(found, widen=max(1.0, _reached(ratio)), play=np.abs(play))
+
+
+def _unfitted(by_theta: Array, covariance: Array, noise: Array, part: Index) -> Array:
+    """Covariance (n, 3, 3) of what fits without a pose's own part predict of it.
+
+    A pose at the edge of what was measured carries much of the fit: without it the prediction
+    there is far less sure than with it, C' = C + C J^T (N - J C J^T)^-1 J C.
+    """
+    found = np.zeros((len(by_theta), 3, 3))
+    for number in np.unique(part):
+        own = np.flatnonzero(part == number)
+        jacobian = by_theta[own].reshape(3 * len(own), -1)
+        seen = jacobian @ covariance @ jacobian.T
+        left = _blocks(noise[own]) - seen
+        value, way = np.linalg.eigh((left + left.T) / 2)
+        value = np.maximum(value, _LEAST * value.max())
+        wider = seen + seen @ (way / value) @ way.T @ seen
+        each = wider.reshape(len(own), 3, len(own), 3)
+        found[own] = each[np.arange(len(own)), :, np.arange(len(own)), :]
+    return found
+
+
+def _blocks(each: Array) -> Array:
+    """A matrix (3 n, 3 n) with blocks (n, 3, 3) on its diagonal."""
+    n = len(each)
+    whole = np.zeros((n, 3, n, 3))
+    whole[np.arange(n), :, np.arange(n), :] = each
+    return whole.reshape(3 * n, 3 * n)
+
+
+def _play(sided: Array, error: Array, known: Array) -> Array:
+    """How far each joint is off by the side that it comes from, (m,); 0 where that is chance.
+
+    Args:
+        sided: by the joints, times the sides that they came from, (n, 3, m).
+        error: (n, 3) [m].
+        known: covariance of what else is in it, (n, 3, 3).
+    """
+    inverse = np.linalg.inv(known)
+    normal = np.einsum("nij,nik,nkl->jl", sided, inverse, sided)
+    spread = np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
+    value = spread @ np.einsum("nij,nik,nk->j", sided, inverse, error)
+    sigma = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    return np.where(np.abs(value) > _SURE * sigma, value, 0.0)
+
+
+def _grown(places: Array, error: Array, known: Array) -> ModelError:
+    """M and how it grows from the middle, of errors (n, 3) of which `known` (n, 3, 3) is noise."""
+    covariance = _definite(error.T @ error / len(error) - known.mean(axis=0))
+    middle = places.mean(axis=0)
+    way = places - middle
+    scatter = way.T @ way / len(way)
+    shape = np.linalg.pinv(scatter, rcond=_THIN, hermitian=True)
+    shape /= max(np.linalg.matrix_rank(shape), 1)
+    size = float(np.trace(covariance))
+    if size <= 0.0:
+        return ModelError(covariance, middle, shape)
+    beyond = np.einsum("ni,ij,nj->n", way, shape, way) - 1
+    left = (np.sum(error**2, axis=1) - np.trace(known, axis1=1, axis2=2)) / size - 1
+    share = float(beyond @ left / max(beyond @ beyond, np.finfo(float).tiny))
+    return ModelError(covariance, middle, shape, min(max(share, 0.0), 1.0))
 
 
 def _reached(ratio: Array) -> float:

@@ -22,7 +22,7 @@ from delta_calibration.identification import (
 )
 from delta_calibration.region import Region
 from delta_calibration.theta import entries
-from delta_calibration.uncertainty import uncertainty_of
+from delta_calibration.uncertainty import HeldOut, model_error_of
 
 Array = NDArray[np.float64]
 
@@ -65,14 +65,12 @@ def extended(model: Model, seed: int) -> Identification:
         effort=Effort(DIAGNOSIS),
         missed_before=missed_before,
         missed=missed,
-        uncertainty=uncertainty_of(
+        model_error=model_error_of(
             chain,
             model.theta,
             covariance,
-            model.cell.noise.repeatability,
-            at,
-            missed,
-            model.problem.whiten[: len(poses), :3, :3],
+            HeldOut(at, missed, model.problem.whiten[: len(poses), :3, :3], parts_of(poses, seed)),
+            model.misfit,
         ),
     )
 

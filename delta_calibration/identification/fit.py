@@ -27,7 +27,7 @@ from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, require_poses
 from delta_calibration.threads import one_thread
-from delta_calibration.uncertainty import Uncertainty, uncertainty_of
+from delta_calibration.uncertainty import HeldOut, ModelError, Uncertainty, model_error_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -88,7 +88,7 @@ class Identification:
     # count
     missed_before: Array
     missed: Array
-    uncertainty: Uncertainty  # of positions
+    model_error: ModelError
     # RMS of the turn that is left [rad], about three axes; None: turns took no part
     turn_missed: float | None = None
 
@@ -101,6 +101,11 @@ class Identification:
     def std(self) -> Array:
         """Standard errors, (P,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """What makes positions uncertain."""
+        return Uncertainty(self.covariance, self.noise.repeatability, self.model_error)
 
     @property
     def frame(self) -> Frame:
@@ -194,14 +199,12 @@ def identify(
         effort=Effort(method.name, fit.evaluations, method.settings),
         missed_before=only(missed_before, counted),
         missed=only(missed, counted),
-        uncertainty=uncertainty_of(
+        model_error=model_error_of(
             chain,
             theta,
             covariance,
-            noise.repeatability,
-            at,
-            only(missed, counted),
-            full.problem.whiten[:, :3, :3],
+            HeldOut(at, only(missed, counted), full.problem.whiten[:, :3, :3], folds),
+            chi_square,
         ),
         turn_missed=_turn_missed(full),
     )

@@ -113,7 +113,7 @@ def budget_of(examined: Examined, about: About) -> Budget:
             *_of_certificates(examined, about),
             *_of_machine(examined, identified.parts(at), identified.machine.parts(at)),
         ),
-        identified.uncertainty.widen,
+        identified.uncertainty.model.widen,
     )
 
 
@@ -156,6 +156,7 @@ def _of_machine(examined: Examined, seen: Parts, own: Parts) -> tuple[Contributi
     repeats = ("A", "repeated poses") if examined.noise.measured else ("B", "robot file")
     return (
         Contribution("joints come to rest", *repeats, own.repeatability, own.repeatability),
+        Contribution("play, side unknown", "A", "poses held out", None, own.play),
         Contribution("frame of the tracker", "A", "fit", seen.frame, own.frame),
         Contribution("dimensions as identified", "A", "fit", None, own.dimensions),
         Contribution("error of the model", "A", "poses held out", None, own.model),

@@ -59,10 +59,10 @@ def _sentence(certificate: Certificate) -> str:
         return f"Corrected positions miss their targets by {left} mm RMS; no tolerance was given."
     allowed = f"a tolerance of {MM * tolerance:g} mm"
     points = certificate.points or ()
-    passed = points.count(Decision.PASS)
+    passed, failed = (points.count(d) for d in (Decision.PASS, Decision.FAIL))
     said = {
         Decision.PASS: f"Passes {allowed} at all {len(points)} points.",
-        Decision.FAIL: f"Fails {allowed} at {points.count(Decision.FAIL)} of {len(points)} points.",
+        Decision.FAIL: f"Fails {allowed} at {failed} of {len(points)} points.",
         Decision.NOT_DECIDED: f"Not decided for {allowed}: {passed} of {len(points)} points pass.",
     }
     return said[decision]

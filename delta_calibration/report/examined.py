@@ -68,7 +68,7 @@ class Examined:
         return model.position(model.forward(self.poses.command, model.parameters.nominal))
 
     def conditions(self, joint: Array) -> Conditions:
-        """Joints (n, m) at rest, with the payload and warmth that the session had in the middle."""
+        """Joints (n, m) at rest, with the session's median payload and temperatures."""
         n, poses = len(joint), self.poses
         payload = float(np.median(np.nan_to_num(poses.payload)))
         warm = np.median(poses.temperature, axis=0) if poses.temperature_parts else np.zeros(0)
@@ -94,19 +94,32 @@ class Examined:
         way = places - self._frame.inverse().translation
         return np.asarray(way / np.linalg.norm(way, axis=1, keepdims=True))
 
-    def radius_at(self, places: Array, stated: Array | float = 0.0) -> Array:
-        """Uncertainty (95 %) of corrected positions at places of the region, (k,) [m].
+    def joints_at(self, places: Array) -> Array:
+        """Joints that the drawing takes for tool points (k, 3) [m] of the region, (k, m).
 
-        The platform is turned there as at the nearest measured pose. NaN where it does not reach,
-        beyond the joints that were measured, and outside the region.
+        The platform is turned there as at the nearest measured pose. NaN out of reach, outside the
+        region, and beyond the joints that were measured.
         """
         turns = tool_frames(self.robot, self.poses.command)[1]
         near = np.argmin(cdist(places, self.target), axis=1)
         joint = joints_toward(self.robot, places, turns[near])
-        rows = np.flatnonzero(self._inside(joint))
-        radius = np.full(len(places), np.nan)
+        joint[~self._inside(joint)] = np.nan
+        return joint
+
+    def radius_at(self, places: Array, stated: Array | None = None) -> Array:
+        """Within how far of tool points (k, 3) of the region corrected ones lie with 95 %, (k,).
+
+        Args:
+            places: [m] in the base.
+            stated: covariance of what is uncertain beside, (k, 3, 3) [m^2].
+
+        Returns:
+            [m]; NaN where `joints_at` is.
+        """
+        joint, radius = self.joints_at(places), np.full(len(places), np.nan)
+        rows = np.flatnonzero(np.isfinite(joint).all(axis=1))
         if rows.size:
-            more = stated if isinstance(stated, float) else stated[rows]
+            more = 0.0 if stated is None else stated[rows]
             radius[rows] = self.identified.radius(self.conditions(joint[rows]), more)
         return radius
 
