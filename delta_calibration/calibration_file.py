@@ -162,9 +162,8 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
         rows = [[float(number) for number in row.split()] for row in told["covariance_lower"]]
     except ValueError as error:
         raise ConfigError(f"{path}: uncertainty: covariance_lower: {error}") from error
-    if [len(row) for row in rows] != list(range(1, size + 1)) or not np.isfinite(
-        sum(rows, [])
-    ).all():
+    whole = [len(row) for row in rows] == list(range(1, size + 1))
+    if not (whole and all(np.isfinite(row).all() for row in rows)):
         raise ConfigError(
             f"{path}: uncertainty: covariance_lower: the lower triangle of {size} rows of finite "
             "numbers is expected"

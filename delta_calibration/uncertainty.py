@@ -12,9 +12,9 @@ covariance at a place is
 
 M is measured: what poses that a fit had not seen were missed by, less what noise and C explain of
 it. Most models miss more towards the edge of the region than in its middle: the size of M goes as
-1 - b + b r^2, with r the distance from the middle of the poses in units of their spread and b, 0 to
-1, as the poses show it. Errors of a model are not always normal: `widen` is by how much the 95 % of
-those poses reach beyond what V and the tracker's noise say, and is 1 where they do not.
+1 - b + b r^2, with r the distance from the middle of the poses in units of their spread and b, 0
+to 1, as the poses show it. Errors of a model are not always normal: `widen` is by how much the
+95 % of those poses reach beyond what V and the tracker's noise say, and is 1 where they do not.
 
 All in the axes of the base. Between dimensions and the tracker's frame there are strong
 correlations (the base may be moved as a whole): the frame is told as what is left of it with the

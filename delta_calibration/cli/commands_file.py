@@ -5,8 +5,8 @@ x_mm, y_mm, ...     the target as it came
 nominal_JOINT       joints that the drawing takes for it
 JOINT               joints to command: corrected, or nominal where there is no correction
 status              corrected, blended, or why it is not (`outside_region`, ...)
-u95_mm              within how much of the target the tool comes with 95 %; nothing where the command
-is nominal: how far off an uncorrected machine is, nobody says
+u95_mm              within how much of the target the tool comes with 95 %; nothing where the
+command is nominal: how far off an uncorrected machine is, nobody says
 error_mm, error_mrad    what is left by the identified model
 """
 
@@ -62,9 +62,9 @@ class Commands:
     def u95(self) -> Array:
         """Expanded uncertainty of where the tool comes to, (n,) [m]; NaN where not corrected.
 
-        By what the fit leaves open there, how the joints come to rest and what the model leaves at
-        places that it has not seen (`uncertainty.py`); and all that a correction blended out leaves
-        by the model.
+        By what the fit leaves open there, how the joints come to rest and what the model leaves
+        at places that it has not seen (`uncertainty.py`); and all that a correction blended out
+        leaves by the model.
         """
         u95 = np.full(len(self.rows), np.nan)
         if self.found is not None:

@@ -1,7 +1,7 @@
 """The certificate of a calibration: what was found, how sure that is, whether it passes.
 
-For the engineer who signs it and the quality manager who reads it; what statisticians ask for is in
-the appendix.
+For the engineer who signs it and the quality manager who reads it; what statisticians ask for is
+in the appendix.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.errors import DataError
 from delta_calibration.report.about import NOT_STATED, About
 from delta_calibration.report.budget import Budget, budget_of, certified
 from delta_calibration.report.decision import Decision, decided, of_all
@@ -75,8 +76,18 @@ class Certificate:
 
     @cached_property
     def certified(self) -> Array:
-        """Uncertainty (95 %) of corrected positions at `places`, (k,) [m]; NaN out of reach."""
-        return certified(self.examined, self.about, self.places)
+        """Uncertainty (95 %) of corrected positions at `places`, (k,) [m]; NaN out of reach.
+
+        Raises:
+            DataError: no place lies in the calibrated region.
+        """
+        found = certified(self.examined, self.about, self.places)
+        if not np.isfinite(found).any():
+            raise DataError(
+                f"{self.examined.poses.source}: no measured place lies in the calibrated region: "
+                "a calibration of another part of the workspace?"
+            )
+        return found
 
     @property
     def points(self) -> tuple[Decision, ...] | None:

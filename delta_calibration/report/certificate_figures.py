@@ -155,13 +155,12 @@ def certified_figure(certificate: Certificate) -> Figure:
 def _scale(low: float, high: float) -> Scale:
     """From a round value below to one above, in four round steps."""
     step = _round_down(max(high - low, 0.05 * high) / 2)
-    while True:
-        begin = np.floor(low / step) * step
-        if begin + 4 * step >= high:
-            return Scale(
-                "within, 95 % [mm]", *(float(f"{v:.6g}") for v in (begin, begin + 4 * step))
-            )
+    begin = np.floor(low / step) * step
+    while begin + 4 * step < high:
         step *= 2
+        begin = np.floor(low / step) * step
+    ends = (float(f"{value:.6g}") for value in (begin, begin + 4 * step))
+    return Scale("within, 95 % [mm]", next(ends), next(ends))
 
 
 def _map(certificate: Certificate, i: int, j: int) -> tuple[Array, Array, Array]:

@@ -59,13 +59,14 @@ class Examined:
     def tools(self, platform: Array) -> Array:
         """Tool points of platforms at places (k, 3) [m], turned as at the nearest pose."""
         near = np.argmin(cdist(platform, self._platform), axis=1)
-        return platform + (self.target - self._platform)[near]
+        return np.asarray(platform + (self.target - self._platform)[near])
 
     @cached_property
     def _platform(self) -> Array:
         """Of the poses by the drawing, (n, 3) [m]; the region is made of these."""
         model = self.robot.commanded
-        return model.position(model.forward(self.poses.command, model.parameters.nominal))
+        x = model.forward(self.poses.command, model.parameters.nominal)
+        return np.asarray(model.position(x))
 
     def conditions(self, joint: Array) -> Conditions:
         """Joints (n, m) at rest, with the session's median payload and temperatures."""
@@ -83,7 +84,7 @@ class Examined:
     @property
     def measured(self) -> Array:
         """Where the tracker saw the poses, (n, 3) [m] in the base."""
-        return self._frame.inverse().apply(self.poses.point)
+        return np.asarray(self._frame.inverse().apply(self.poses.point))
 
     @property
     def _frame(self) -> Frame:
@@ -129,7 +130,7 @@ class Examined:
         margin = _BESIDE * (high - low)
         model = self.robot.commanded
         with np.errstate(invalid="ignore"):
-            within = ((joint >= low - margin) & (joint <= high + margin)).all(axis=1)
+            within = np.asarray(((joint >= low - margin) & (joint <= high + margin)).all(axis=1))
             rows = np.flatnonzero(within)
             x = model.forward(joint[rows], model.parameters.nominal)
             within[rows] = self.region.outside(model.position(x)) <= _ON_FACE

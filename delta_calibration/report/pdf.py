@@ -6,6 +6,7 @@ Set in DejaVu Sans, which comes with matplotlib and has all letters that are use
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +44,18 @@ def write_pdf(path: Path, report: Report) -> None:
 
 
 def pdf_of(report: Report) -> bytes:
-    """A report as PDF."""
+    """A report as PDF.
+
+    Raises:
+        InputError: fpdf2 or matplotlib is not installed, or the font lacks a letter.
+    """
     pdf = _new(report)
+    _require_letters(pdf, report)
     _head(pdf, report)
     for number, section in enumerate(report.sections, start=1):
         _section(pdf, number, section)
-    _signatures(pdf, report.signatures or ("Checked by", "Date"))
+    if not report.signatures:
+        _signatures(pdf, ("Checked by", "Date"))
     return bytes(pdf.output())
 
 
@@ -78,6 +85,30 @@ def _new(report: Report) -> Any:
     return pdf
 
 
+def _require_letters(pdf: Any, report: Report) -> None:
+    """Refuse letters that would come out as empty boxes on what is signed."""
+    known = pdf.fonts[_FONT.lower()].cmap
+    for text in _texts(report):
+        lacking = sorted({letter for letter in text if ord(letter) not in known} - {"\n"})
+        if lacking:
+            raise InputError(
+                f"a PDF's font has no letters {' '.join(lacking)} (of {text!r}); write HTML and "
+                "print it"
+            )
+
+
+def _texts(report: Report) -> Iterator[str]:
+    yield from (report.title, report.subtitle, report.sentence)
+    for statement in report.statements:
+        yield statement.answer
+    for section in report.sections:
+        yield from section.text
+    for table in report.tables():
+        yield table.caption
+        for row in table.rows:
+            yield from row
+
+
 def _write(
     pdf: Any, text: str, size: float = _BODY, bold: bool = False, soft: bool = False
 ) -> None:
@@ -97,6 +128,8 @@ def _head(pdf: Any, report: Report) -> None:
         _key_figures(pdf, report.key_figures)
     for statement in report.statements:
         _statement(pdf, statement)
+    if report.signatures:
+        _signatures(pdf, report.signatures)
 
 
 def _key_figures(pdf: Any, keys: tuple[KeyFigure, ...]) -> None:
@@ -198,7 +231,7 @@ def _rows(pdf: Any, table: Table) -> None:
     pdf.set_draw_color(*_LINE)
     widths = _widths(pdf, table, headed)
     with pdf.table(
-        borders_layout="HORIZONTAL_LINES" if not headed else "MINIMAL",
+        borders_layout="HORIZONTAL_LINES",
         width=sum(widths),
         col_widths=widths,
         text_align=tuple("LEFT" if k in table.words else "RIGHT" for k in range(columns)),
@@ -231,7 +264,7 @@ def _widths(pdf: Any, table: Table, headed: bool) -> list[float]:
 
 def _signatures(pdf: Any, who: tuple[str, ...]) -> None:
     _keep(pdf, 34.0)
-    pdf.ln(22)
+    pdf.ln(18)
     width, y = pdf.epw / len(who), pdf.get_y()
     pdf.set_draw_color(*_INK)
     pdf.set_font(_FONT, "", _SMALL)
