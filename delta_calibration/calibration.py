@@ -33,6 +33,7 @@ class Calibration:
     # [m] error left: RMS 3-D distance at places that the fit had not seen; NaN where nobody says
     held_out: float = np.nan
     uncertainty: Uncertainty | None = None  # None: the file does not say
+    measured: str = ""  # `Poses.digest` of what it was made from; empty: the file does not say
 
     @property
     def identified(self) -> Identified | None:

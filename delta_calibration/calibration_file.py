@@ -46,6 +46,7 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
         content_hash(_content(found, robot, poses)),
         found.full.held_out,
         found.uncertainty,
+        poses.digest,
     )
 
 
@@ -149,6 +150,7 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         source=data["provenance"]["session"],
         seal=data[_SEAL],
         uncertainty=_uncertainty(path, data, len(theta)),
+        measured=data["provenance"].get("measured_sha256", ""),
     )
 
 
@@ -346,6 +348,7 @@ def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
         "seed": found.seed,
         "poses": len(poses),
         "readings": poses.readings,
+        "measured_sha256": poses.digest,
         "rejected": poses.rejected.counts(),
         "notes": list(poses.notes),
     }

@@ -133,8 +133,7 @@ def command(
     if calibration is None:
         examined = examined_fit(identify(poses, robot, seed=seed), poses, robot)
     else:
-        same = Path(calibration.source).name == source.session
-        examined = examined_by(calibration, poses, robot, same)
+        examined = examined_by(calibration, poses, robot)
     certificate = Certificate(examined, stated, source)
     _write(certificate, outs)
     _require_passed(certificate, session)

@@ -164,14 +164,13 @@ def examined_fit(found: Identification, poses: Poses, robot: Robot) -> Examined:
     )
 
 
-def examined_by(calibration: Calibration, poses: Poses, robot: Robot, same: bool) -> Examined:
+def examined_by(calibration: Calibration, poses: Poses, robot: Robot) -> Examined:
     """By a calibration made before, the tracker's frame fitted to these poses alone.
 
     Args:
         calibration: with what makes its positions uncertain.
         poses: what was measured.
         robot: drawing, tracker.
-        same: whether the calibration was made from this very session.
 
     Raises:
         DataError: a calibration that does not tell its uncertainties, or poses out of its reach.
@@ -203,5 +202,5 @@ def examined_by(calibration: Calibration, poses: Poses, robot: Robot, same: bool
         before,
         after,
         np.ones(len(poses), dtype=bool),
-        seen=same,
+        seen=calibration.measured == poses.digest,
     )
