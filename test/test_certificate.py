@@ -202,7 +202,7 @@ def test_a_calibration_of_before_is_refused(
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ("machine: {seriel: 17}", "machine: unknown key seriel; allowed: maker, model, serial"),
+        ("machine: {serials: 17}", "machine: unknown key serials; allowed: maker, model, serial"),
         ("tolerance_mm: -1", "tolerance_mm: -1 is not allowed; more than 0 is expected"),
         ("ambient: {temperature_c: warm}", "ambient.temperature_c: 'warm' is not allowed"),
         ("tolerance_mm: .nan", "tolerance_mm"),

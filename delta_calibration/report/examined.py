@@ -72,7 +72,7 @@ class Examined:
         """Joints (n, m) at rest, with the session's median payload and temperatures."""
         n, poses = len(joint), self.poses
         payload = float(np.median(np.nan_to_num(poses.payload)))
-        warm = np.median(poses.temperature, axis=0) if poses.temperature_parts else np.zeros(0)
+        warm = np.nanmedian(poses.temperature, axis=0) if poses.temperature_parts else np.zeros(0)
         return replace(
             at_rest(joint),
             payload=np.full(n, payload),
