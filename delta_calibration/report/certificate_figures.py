@@ -27,6 +27,7 @@ from delta_calibration.wording import figures
 Array = NDArray[np.float64]
 
 _BINS = 24
+_FAR = 20.0  # times the smallest error that the largest is, from where an axis is logarithmic
 _NODES = 41  # along a side of a map
 _FLAT = 0.01  # [m] of extent from which a plane is shown
 _LONG = 0.09  # of the plane's width, that the usual largest error is drawn
@@ -35,10 +36,12 @@ _AXES = "xyz"
 
 
 def histogram_figure(certificate: Certificate) -> Figure:
-    """How often which error, before and after, on one logarithmic axis."""
+    """How often which error, before and after; on a logarithmic axis where they differ much."""
     before, after = MM * certificate.error_before, MM * certificate.error_after
     both = np.concatenate([before, after])
-    ends = np.geomspace(max(both.min(), 1e-3 * both.max()) * 0.8, both.max() * 1.2, _BINS + 1)
+    low, high = max(0.8 * both.min(), 1e-3 * both.max()), 1.1 * both.max()
+    log = bool(high > _FAR * low)
+    ends = np.geomspace(low, high, _BINS + 1) if log else np.linspace(0.0, high, _BINS + 1)
     marks: list[Line | Rule] = [
         _steps(name, ends, values, colour, dash)
         for name, values, colour, dash in (
@@ -49,7 +52,7 @@ def histogram_figure(certificate: Certificate) -> Figure:
     tolerance = certificate.about.tolerance
     if tolerance is not None:
         marks.append(Rule("tolerance", MM * tolerance, GREY, upright=True))
-    axis = Axis("3-D error [mm]", log=True, low=float(ends[0]), high=float(ends[-1]))
+    axis = Axis("3-D error [mm]", log=log, low=float(ends[0]), high=float(ends[-1]))
     return Figure(
         "error_histogram",
         "How large the errors are",
