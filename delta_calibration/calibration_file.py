@@ -159,22 +159,22 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
     if "uncertainty" not in data:
         return None
     told = data["uncertainty"]
-    covariance = np.zeros((size, size))
+    factor = np.zeros((size, size))
     try:
-        rows = [[float(number) for number in row.split()] for row in told["covariance_lower"]]
+        rows = [[float(number) for number in row.split()] for row in told["factor_lower"]]
     except ValueError as error:
-        raise ConfigError(f"{path}: uncertainty: covariance_lower: {error}") from error
+        raise ConfigError(f"{path}: uncertainty: factor_lower: {error}") from error
     whole = [len(row) for row in rows] == list(range(1, size + 1))
     if not (whole and all(np.isfinite(row).all() for row in rows)):
         raise ConfigError(
-            f"{path}: uncertainty: covariance_lower: the lower triangle of {size} rows of finite "
+            f"{path}: uncertainty: factor_lower: the lower triangle of {size} rows of finite "
             "numbers is expected"
         )
     for k, row in enumerate(rows):
-        covariance[k, : k + 1] = covariance[: k + 1, k] = row
+        factor[k, : k + 1] = row
     model = told["model"]
     return Uncertainty(
-        covariance,
+        factor @ factor.T,
         float(data["noise"]["repeatability_urad"]) * 1e-6,
         ModelError(
             1e-12 * np.array(model["covariance_um2"], dtype=float),
@@ -188,12 +188,17 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
 
 
 def _uncertainty_told(found: Identification) -> dict[str, Any]:
-    """Numbers of a row in one text: a document of so many entries would be slow to read."""
-    told, model = found.uncertainty, found.model_error
+    """The covariance by its factor L, C = L L^T, which bears rounding to eight figures.
+
+    Numbers of a row in one text: a document of so many entries would be slow to read.
+    """
+    model = found.model_error
+    value, way = np.linalg.eigh(found.covariance)
+    factor = np.linalg.qr((way * np.sqrt(np.maximum(value, 0.0))).T, mode="r").T
     return {
-        "covariance_lower": [
-            " ".join(f"{value:.12g}" for value in row[: k + 1])
-            for k, row in enumerate(told.covariance.tolist())
+        "factor_lower": [
+            " ".join(f"{entry:.8g}" for entry in row[: k + 1])
+            for k, row in enumerate(factor.tolist())
         ],
         "model": {
             "covariance_um2": (1e12 * model.covariance).tolist(),

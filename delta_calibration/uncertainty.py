@@ -40,7 +40,7 @@ Index = NDArray[np.int64]
 COVERED = 0.95
 _FEWEST = 20  # poses from which a quantile of 95 % is told
 _THIN = 1e-4  # of the largest extent squared: poses thinner than this lie in a plane
-_LEAST = 0.02  # of the noise that a part held out keeps, however much of the fit it carries
+_LEAST = 0.02  # of what is known along an axis that a part leaves, however much of it it carries
 _SURE = 3.0  # standard errors from which play is one
 
 
@@ -237,28 +237,18 @@ def _unfitted(by_theta: Array, covariance: Array, noise: Array, part: Index) -> 
     """Covariance (n, 3, 3) of what fits without a pose's own part predict of it.
 
     A pose at the edge of what was measured carries much of the fit: without it the prediction
-    there is far less sure than with it, C' = C + C J^T (N - J C J^T)^-1 J C.
+    there is far less sure than with it, C' = (C^-1 - G)^-1 with G = J^T N^-1 J of the part.
     """
+    value, way = np.linalg.eigh((covariance + covariance.T) / 2)
+    seen = by_theta @ (way * np.sqrt(np.maximum(value, 0.0)))  # (n, 3, P) of unit unknowns
     found = np.zeros((len(by_theta), 3, 3))
     for number in np.unique(part):
         own = np.flatnonzero(part == number)
-        jacobian = by_theta[own].reshape(3 * len(own), -1)
-        seen = jacobian @ covariance @ jacobian.T
-        left = _blocks(noise[own]) - seen
-        value, way = np.linalg.eigh((left + left.T) / 2)
-        value = np.maximum(value, _LEAST * value.max())
-        wider = seen + seen @ (way / value) @ way.T @ seen
-        each = wider.reshape(len(own), 3, len(own), 3)
-        found[own] = each[np.arange(len(own)), :, np.arange(len(own)), :]
+        carried = np.einsum("nij,nik,nkl->jl", seen[own], np.linalg.inv(noise[own]), seen[own])
+        share, axes = np.linalg.eigh(carried)  # of what is known along each axis, 0 to 1
+        wider = (seen[own] @ axes) / np.sqrt(np.maximum(1 - share, _LEAST))
+        found[own] = wider @ _turned_round(wider)
     return found
-
-
-def _blocks(each: Array) -> Array:
-    """A matrix (3 n, 3 n) with blocks (n, 3, 3) on its diagonal."""
-    n = len(each)
-    whole = np.zeros((n, 3, n, 3))
-    whole[np.arange(n), :, np.arange(n), :] = each
-    return whole.reshape(3 * n, 3 * n)
 
 
 def _play(sided: Array, error: Array, known: Array) -> Array:

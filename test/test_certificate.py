@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ pytest.importorskip("pypdf", reason="needs the extra [test]")
 
 import pypdf
 
-from delta_calibration.calibration_file import load_calibration
+from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.documents import (
     check_document,
@@ -26,10 +27,15 @@ from delta_calibration.documents import (
     write_document,
 )
 from delta_calibration.errors import ConfigError, InputError
+from delta_calibration.identification import identify
+from delta_calibration.plans import make_plan
 from delta_calibration.report import read_about
 from delta_calibration.report.certificate_figures import planes_of
 from delta_calibration.report.decision import Decision, decided, of_all
 from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.uncertainty import Identified
 from delta_calibration.wording import places_for, rounded
 from headless import browser, chromium
 
@@ -183,7 +189,7 @@ def test_a_calibration_keeps_its_uncertainty(cell: Path) -> None:
     expanded = [d["U"] for d in told["dimensions"]]
     pairs = [(u, 2 * s) for u, s in zip(expanded, std, strict=True) if u is not None]
     assert len(pairs) > 5
-    np.testing.assert_allclose(*zip(*pairs, strict=True), rtol=1e-9)
+    np.testing.assert_allclose(*zip(*pairs, strict=True), rtol=1e-6)
 
 
 def test_a_calibration_of_before_is_refused(
@@ -270,3 +276,40 @@ def test_planes_are_those_that_the_machine_works_in() -> None:
 def test_an_option_alone_is_checked() -> None:
     with pytest.raises((ConfigError, InputError), match="options of the certificate: operator"):
         read_about(None, {"operator": ""})
+
+
+def test_positions_are_as_uncertain_from_the_file(cell: Path) -> None:
+    """Eight figures of the factor are enough where the covariance spans ten powers of ten."""
+    robot = load_robot("linear_delta")
+    plan = make_plan("identify", robot, count=20, seed=1)
+    session = simulate_session(draw_machine(robot, 1), plan, 1)
+    poses = collect(session, robot.joints.names, robot.commanded.joint_size)
+    found = identify(poses, robot)
+    save_calibration(cell / "linear.yaml", found, robot, poses)
+    read = load_calibration(cell / "linear.yaml", robot).identified
+    made = Identified(found.chain, found.theta, found.uncertainty)
+    at = poses.conditions
+    assert read is not None
+    np.testing.assert_allclose(read.radius(at), made.radius(at), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: rows[:-1], "the lower triangle of"),
+        (lambda rows: [*rows[:-1], rows[-1] + " 1"], "the lower triangle of"),
+        (lambda rows: ["nan", *rows[1:]], "finite numbers"),
+        (lambda rows: ["much", *rows[1:]], "could not convert string to float: 'much'"),
+    ],
+)
+def test_an_uncertainty_that_is_not_whole_is_refused(
+    cell: Path, change: Callable[[list[str]], list[str]], said: str
+) -> None:
+    data = parse_yaml((cell / "calibration.yaml").read_text(), "calibration")
+    told = data["uncertainty"]
+    told["factor_lower"] = change(told["factor_lower"])
+    bare = {key: value for key, value in data.items() if key != "sha256"}
+    write_document(cell / "cut.yaml", {**bare, "sha256": content_hash(bare)})
+    with pytest.raises(ConfigError, match=said) as refused:
+        load_calibration(cell / "cut.yaml", load_robot("srbd"))
+    assert "uncertainty: factor_lower" in str(refused.value)
