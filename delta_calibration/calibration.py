@@ -12,6 +12,7 @@ from delta_calibration.effects import Effect, Stage
 from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
+from delta_calibration.uncertainty import Identified, Uncertainty
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,15 @@ class Calibration:
     seal: str  # hash of the file's content
     # [m] error left: RMS 3-D distance at places that the fit had not seen; NaN where nobody says
     held_out: float = np.nan
+    uncertainty: Uncertainty | None = None  # None: the file does not say
+    measured: str = ""  # `Poses.digest` of what it was made from; empty: the file does not say
+
+    @property
+    def identified(self) -> Identified | None:
+        """What uncertainties of positions come from; None where the file does not say."""
+        if self.uncertainty is None:
+            return None
+        return Identified(self.chain, self.theta, self.uncertainty)
 
     @property
     def geometry(self) -> Array:

@@ -20,6 +20,7 @@ from delta_calibration.identification import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses
+from delta_calibration.uncertainty import ModelError, Uncertainty
 
 if TYPE_CHECKING:  # a fit does not wait for it
     from delta_calibration.diagnosis import Diagnosis
@@ -44,6 +45,8 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
         poses.source,
         content_hash(_content(found, robot, poses)),
         found.full.held_out,
+        found.uncertainty,
+        poses.digest,
     )
 
 
@@ -147,7 +150,66 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         held_out=float(data["residuals"]["full"]["error_left_rms_mm"]) * 1e-3,
         source=data["provenance"]["session"],
         seal=data[_SEAL],
+        uncertainty=_uncertainty(path, data, len(theta)),
+        measured=data["provenance"].get("measured_sha256", ""),
     )
+
+
+def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty | None:
+    """What makes positions uncertain; None of a file that was written before it was told."""
+    if "uncertainty" not in data:
+        return None
+    told = data["uncertainty"]
+    factor = np.zeros((size, size))
+    try:
+        rows = [[float(number) for number in row.split()] for row in told["factor_lower"]]
+    except ValueError as error:
+        raise ConfigError(f"{path}: uncertainty: factor_lower: {error}") from error
+    whole = [len(row) for row in rows] == list(range(1, size + 1))
+    if not (whole and all(np.isfinite(row).all() for row in rows)):
+        raise ConfigError(
+            f"{path}: uncertainty: factor_lower: the lower triangle of {size} rows of finite "
+            "numbers is expected"
+        )
+    for k, row in enumerate(rows):
+        factor[k, : k + 1] = row
+    model = told["model"]
+    return Uncertainty(
+        factor @ factor.T,
+        float(data["noise"]["repeatability_urad"]) * 1e-6,
+        ModelError(
+            1e-12 * np.array(model["covariance_um2"], dtype=float),
+            np.array(model["middle_m"], dtype=float),
+            np.array(model["shape_per_m2"], dtype=float),
+            float(model["share"]),
+            float(model["widen"]),
+            np.array(model["play"], dtype=float),
+        ),
+    )
+
+
+def _uncertainty_told(found: Identification) -> dict[str, Any]:
+    """The covariance by its factor L, C = L L^T, which bears rounding to eight figures.
+
+    Numbers of a row in one text: a document of so many entries would be slow to read.
+    """
+    model = found.model_error
+    value, way = np.linalg.eigh(found.covariance)
+    factor = np.linalg.qr((way * np.sqrt(np.maximum(value, 0.0))).T, mode="r").T
+    return {
+        "factor_lower": [
+            " ".join(f"{entry:.8g}" for entry in row[: k + 1])
+            for k, row in enumerate(factor.tolist())
+        ],
+        "model": {
+            "covariance_um2": (1e12 * model.covariance).tolist(),
+            "middle_m": model.middle.tolist(),
+            "shape_per_m2": model.shape.tolist(),
+            "share": model.share,
+            "widen": model.widen,
+            "play": [] if model.play is None else model.play.tolist(),
+        },
+    }
 
 
 def _require_possible(path: Path, chain: Chain, geometry: Array) -> None:
@@ -273,6 +335,7 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
             "joints_lower_rad": lower.tolist(),
             "joints_upper_rad": upper.tolist(),
         },
+        "uncertainty": _uncertainty_told(found),
     }
     return {**content, "effects": _effects(found)} if found.chain.effects else content
 
@@ -291,6 +354,7 @@ def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
         "seed": found.seed,
         "poses": len(poses),
         "readings": poses.readings,
+        "measured_sha256": poses.digest,
         "rejected": poses.rejected.counts(),
         "notes": list(poses.notes),
     }

@@ -32,7 +32,7 @@ from delta_calibration.texts import read_text
 Document = Mapping[str, Any]
 Schema = Mapping[str, Any]
 
-_LONGEST = 200_000  # bytes: seconds of reading; a calibration of 60 parameters has 10 000
+_LONGEST = 400_000  # bytes: seconds of reading; a calibration of 100 parameters has 80 000
 _DEEPEST = 40  # levels; no document of the package has more than 6
 _MOST_ENTRIES = 50_000  # that a document of this length can have without aliases
 

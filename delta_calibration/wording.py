@@ -63,6 +63,22 @@ def plain(text: str) -> str:
     return text.translate(_ASCII).replace("±", "+-")
 
 
+def places_for(uncertainty: float) -> int:
+    """Decimals that a value of this uncertainty carries: to two figures of that."""
+    if not 0.0 < uncertainty < float("inf"):
+        return 3
+    first = floor(log10(float(f"{uncertainty:.1e}")))  # 0.0996 is 0.10
+    return max(0, 1 - first)
+
+
+def rounded(value: float, uncertainty: float, sign: bool = False) -> str:
+    """A value to the figures that its uncertainty leaves it, with a true minus sign."""
+    text = f"{value:{'+' if sign else ''},.{places_for(uncertainty)}f}"
+    if not any(digit in text for digit in "123456789"):
+        text = text.lstrip("+-")
+    return text.replace(",", _THIN).replace("-", _MINUS)
+
+
 def chance(p: float | None) -> str:
     """A p value."""
     if p is None:

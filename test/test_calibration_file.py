@@ -118,7 +118,7 @@ def test_comments_order_and_spelling_may_change(written):
     seal = load_calibration(written, ROBOT).seal
     text = written.read_text(encoding="utf-8")
     sections = re.split(r"\n(?=\w)", text.strip())
-    assert len(sections) == 10
+    assert len(sections) == 11
     turned = "# moved\n" + "\n".join(reversed(sections))
     turned = turned.replace("nominal: 0.32,", "nominal: 32e-2,")
     assert turned.count("32e-2") == 3

@@ -39,6 +39,7 @@ LAYERS = [
     "wording",
     "chain",
     "region",
+    "uncertainty",
     "identification",
     "doctor",
     "calibration",

@@ -5,7 +5,7 @@ x_mm, y_mm, ...     the target as it came
 nominal_JOINT       joints that the drawing takes for it
 JOINT               joints to command: corrected, or nominal where there is no correction
 status              corrected, blended, or why it is not (`outside_region`, ...)
-u95_mm              expanded uncertainty (95 %) of where the tool comes to; nothing where the
+u95_mm              within how much of the target the tool comes with 95 %; nothing where the
 command is nominal: how far off an uncorrected machine is, nobody says
 error_mm, error_mrad    what is left by the identified model
 """
@@ -28,9 +28,6 @@ from delta_calibration.tables import Row
 Array = NDArray[np.float64]
 
 BLENDED, UNREACHED = "blended", Verdict.OUT_OF_REACH.name.lower()
-# Of the length of a vector of three alike normal numbers: its 95 % quantile over its RMS
-# (chi with three degrees of freedom, 2.795 / sqrt 3).
-_COVERS = 1.614
 _FACTORS = {"rad": 1.0, "deg": 180.0 / np.pi, "mm": 1e3}
 _BARE = "rad"  # the unit that is not said behind a joint's name
 
@@ -43,7 +40,7 @@ class Commands:
     nominal: Array  # (n, m) [rad or m] NaN out of reach
     found: Compensated | None  # of the targets in reach; None where none is
     reached: NDArray[np.intp]  # (k,) which these are
-    held_out: float  # [m] RMS error left of the calibration
+    radius: Array  # (k,) [m] 95 % of corrected positions of those
 
     @property
     def status(self) -> list[str]:
@@ -65,12 +62,13 @@ class Commands:
     def u95(self) -> Array:
         """Expanded uncertainty of where the tool comes to, (n,) [m]; NaN where not corrected.
 
-        By the error left on places that the fit has not seen, which counts the tracker's noise and
-        how the joints come to rest; and all that a correction blended out leaves by the model.
+        By what the fit leaves open there, how the joints come to rest and what the model leaves
+        at places that it has not seen (`uncertainty.py`); and all that a correction blended out
+        leaves by the model.
         """
         u95 = np.full(len(self.rows), np.nan)
         if self.found is not None:
-            u95[self.reached] = _COVERS * self.held_out + self.found.model_error
+            u95[self.reached] = self.radius + self.found.model_error
         u95[self.uncorrected] = np.nan
         return u95
 

@@ -49,6 +49,9 @@ _NAMED = 10  # points told one by one
 REFUSE, NOMINAL, BLEND = "refuse", "nominal", "blend"
 OUTSIDE = (BLEND, NOMINAL, REFUSE)
 _BATCH = 64  # commands searched side by side
+# Of the length of a vector of three alike normal numbers: its 95 % quantile over its RMS
+# (chi with three degrees of freedom, 2.795 / sqrt 3).
+_COVERS = 1.614
 
 
 @click.command("compensate", short_help="joint commands that put the tool where it is meant to be")
@@ -140,7 +143,8 @@ def command(
     in _mm. status is `corrected`, `blended` (in the margin beyond the calibrated region, the robot
     file's limits.region_margin_mm) or why there is no correction; such a row has its nominal
     joints, none out of reach, is listed on stderr, and the exit code is 1. u95_mm: within how much
-    of the target the tool comes with 95 %, by the error left on places that the fit had not seen.
+    of the target the tool comes with 95 %, by what the fit leaves open there, how the joints come
+    to rest and what the model leaves at places that it had not seen.
     error_mm and, where the joints turn the platform, error_mrad: how far the tool stays from the
     target *by the identified model*; not what a tracker would measure.
     """
@@ -166,7 +170,8 @@ def command(
         found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
         if outside == REFUSE:
             _refuse_uncorrected(found, targets, calibration.region)
-    commands = Commands(rows, nominal, found, reached, calibration.held_out)
+    radius = np.zeros(0) if found is None else _radius(calibration, found, payload, warm)
+    commands = Commands(rows, nominal, found, reached, radius)
     write_commands(out, robot.joints, shown, commands)
     if found is not None:
         tell_of_blended(found, targets, out, reached)
@@ -174,6 +179,22 @@ def command(
         click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
     _tell_of_uncorrected(commands, targets, calibration.region)
+
+
+def _radius(
+    calibration: Calibration, found: Compensated, payload: float | None, warm: dict[str, float]
+) -> Array:
+    """Within how far of their targets corrected commands bring the tool with 95 %, (k,) [m]."""
+    identified = calibration.identified
+    if identified is None:
+        click.echo(
+            "u95_mm by the error left alone, the same everywhere: the calibration was written by "
+            "an older version; fit again",
+            err=True,
+        )
+        return np.full(len(found.joint), _COVERS * calibration.held_out)
+    at = _conditions(found.joint, payload, warm, calibration.robot.commanded.joint_size)
+    return identified.radius(at)
 
 
 def _summary(commands: Commands, compensator: JointCompensator) -> str:

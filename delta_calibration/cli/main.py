@@ -22,6 +22,7 @@ VERBS = (
     "fit",
     "diagnose",
     "report",
+    "certificate",
     "compare",
     "compensate",
     "export",

@@ -32,6 +32,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
     "Judge and sign": {
         "iso9283": "session --robot srbd --json iso.json",
         "report": "session --robot srbd --out report.html",
+        "certificate": "session --robot srbd --about about.yaml --out certificate.pdf",
         "compare": "january.json june.json --out drift.html",
     },
     "Protect": {

@@ -22,6 +22,7 @@ from delta_calibration.identification import (
 )
 from delta_calibration.region import Region
 from delta_calibration.theta import entries
+from delta_calibration.uncertainty import HeldOut, model_error_of
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,8 @@ def extended(model: Model, seed: int) -> Identification:
     drawing = base.join(geometry, base.offset, frame)
     jacobian = base.jacobian(at, drawing)
     nominal = base.mechanism.forward(poses.joint, geometry)
+    drawn, beside = as_known(before), model.beside
+    missed_before, missed = (_held_out(e, model, seed) for e in (drawn, beside))
     return Identification(
         chain=chain,
         theta=model.theta,
@@ -51,8 +54,8 @@ def extended(model: Model, seed: int) -> Identification:
         correlations=strong_correlations(
             covariance[base.layout.base, base.layout.base], base.parameters.names
         ),
-        frame_only=_residuals(as_known(before), model, seed),
-        full=_residuals(model.beside, model, seed),
+        frame_only=_residuals(drawn, missed_before, model),
+        full=_residuals(beside, missed, model),
         frame_only_theta=without_effects(before.theta, model.layout),
         weight=model.cell.weight,
         chi_square=model.misfit,
@@ -60,6 +63,15 @@ def extended(model: Model, seed: int) -> Identification:
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
         effort=Effort(DIAGNOSIS),
+        missed_before=missed_before,
+        missed=missed,
+        model_error=model_error_of(
+            chain,
+            model.theta,
+            covariance,
+            HeldOut(at, missed, model.problem.whiten[: len(poses), :3, :3], parts_of(poses, seed)),
+            model.misfit,
+        ),
     )
 
 
@@ -85,19 +97,29 @@ def covariance_of(model: Model) -> Array:
     return np.asarray(whole @ spread @ whole.T * max(1.0, model.misfit))
 
 
-def _residuals(evidence: Evidence, model: Model, seed: int) -> Residuals:
-    """The same figures as of a fit, of the same poses in the same parts; readings in motion help.
+def _held_out(evidence: Evidence, model: Model, seed: int) -> Array:
+    """Measured less predicted by a fit to the other parts, (n, 3) [m]; readings in motion help.
 
-    Linear about the fit, as all of a diagnosis is.
+    Linear about the fit, as all of a diagnosis is. NaN rows of poses that do not count.
     """
     part = parts_of(model.survey.poses, seed)
-    rows, misfit = np.flatnonzero(evidence.believed[: evidence.poses]), evidence.misfit
-    fitted = evidence.missed(evidence.best(misfit))[rows]
-    missed = np.zeros_like(fitted)
+    rows, misfit = _counted(evidence), evidence.misfit
+    missed = np.full((evidence.poses, 3), np.nan)
     for number in np.unique(part[rows]):
-        own = part[rows] == number
+        own = rows[part[rows] == number]
         others = np.setdiff1d(np.arange(len(evidence)), np.flatnonzero(part == number))
         best = evidence.take(others).best(misfit)
-        missed[own] = evidence.take(rows[own]).missed(best)
+        missed[own] = evidence.take(own).missed(best)
+    return missed
+
+
+def _counted(evidence: Evidence) -> NDArray[np.intp]:
+    return np.flatnonzero(evidence.believed[: evidence.poses])
+
+
+def _residuals(evidence: Evidence, missed: Array, model: Model) -> Residuals:
+    """The same figures as of a fit, of the same poses in the same parts."""
+    rows = _counted(evidence)
+    fitted = evidence.missed(evidence.best(evidence.misfit))[rows]
     whiten = model.problem.whiten[rows, :3, :3]
-    return residuals_of(np.linalg.norm(fitted, axis=1), missed, whiten)
+    return residuals_of(np.linalg.norm(fitted, axis=1), missed[rows], whiten)

@@ -27,6 +27,7 @@ from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Poses, require_poses
 from delta_calibration.threads import one_thread
+from delta_calibration.uncertainty import HeldOut, ModelError, Uncertainty, model_error_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -83,6 +84,11 @@ class Identification:
     region_joints: tuple[Array, Array]  # lowest and highest joint angles measured, (m,) [rad]
     seed: int
     effort: Effort
+    # held out, (n, 3) [m] measured less predicted in the tracker's frame; NaN of poses that do not
+    # count
+    missed_before: Array
+    missed: Array
+    model_error: ModelError
     # RMS of the turn that is left [rad], about three axes; None: turns took no part
     turn_missed: float | None = None
 
@@ -95,6 +101,11 @@ class Identification:
     def std(self) -> Array:
         """Standard errors, (P,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """What makes positions uncertain."""
+        return Uncertainty(self.covariance, self.noise.repeatability, self.model_error)
 
     @property
     def frame(self) -> Frame:
@@ -167,15 +178,18 @@ def identify(
     about = replace(problem, basis=np.eye(layout.size)).linearized(drawing)
     observability = observe(about.slope, scale, problem.names)
     nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
+    missed_before = _held_out(before, folds, _LEAST_SQUARES, rng, watch)
+    missed = _held_out(full, folds, method, rng, watch)
+    theta, at = full.theta[layout.chain], poses.conditions
     return Identification(
         chain=chain,
-        theta=full.theta[layout.chain],
+        theta=theta,
         covariance=covariance,
         noise=noise,
         observability=observability,
         correlations=strong_correlations(covariance, chain.parameters.names),
-        frame_only=_residuals(before, folds, counted, _LEAST_SQUARES, rng, watch),
-        full=_residuals(full, folds, counted, method, rng, watch),
+        frame_only=_residuals(before, missed_before, counted),
+        full=_residuals(full, missed, counted),
         frame_only_theta=before.theta[layout.chain],
         weight=full.weight,
         chi_square=chi_square,
@@ -183,6 +197,15 @@ def identify(
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
         effort=Effort(method.name, fit.evaluations, method.settings),
+        missed_before=only(missed_before, counted),
+        missed=only(missed, counted),
+        model_error=model_error_of(
+            chain,
+            theta,
+            covariance,
+            HeldOut(at, only(missed, counted), full.problem.whiten[:, :3, :3], folds),
+            chi_square,
+        ),
         turn_missed=_turn_missed(full),
     )
 
@@ -279,14 +302,14 @@ def parts_of(poses: Poses, seed: int) -> Index:
     return np.asarray(part[np.searchsorted(places, poses.place)])
 
 
-def _residuals(
+def _held_out(
     solution: Solution,
     folds: Index,
-    counted: NDArray[np.bool_],
     method: Method,
     rng: np.random.Generator,
     watch: Watch,
-) -> Residuals:
+) -> Array:
+    """Measured less predicted by a fit to the other parts, (n, 3) [m]."""
     problem = solution.problem
     missed = np.zeros_like(problem.y)
     for part in np.unique(folds):
@@ -296,7 +319,16 @@ def _residuals(
         machine = problem.chain.see(at, fitted.theta, asked="nothing")
         problem.chain.mechanism.require_reach(machine.x, at.joint, "held-out command")
         missed[held] = problem.y[held] - machine.reading
-    whiten = problem.whiten[counted, :3, :3]  # Cholesky's: of the position alone
+    return missed
+
+
+def only(values: Array, counted: NDArray[np.bool_]) -> Array:
+    """Rows (n, k) of the poses that count, NaN of the others."""
+    return np.where(counted[:, None], values, np.nan)
+
+
+def _residuals(solution: Solution, missed: Array, counted: NDArray[np.bool_]) -> Residuals:
+    whiten = solution.problem.whiten[counted, :3, :3]  # Cholesky's: of the position alone
     return residuals_of(distances(solution)[counted], missed[counted], whiten)
 
 

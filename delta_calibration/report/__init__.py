@@ -5,16 +5,22 @@ description of arrays with units (`drawing.py`). One description is drawn three 
 page (`browser.py`), as a picture (`picture.py`), and as numbers (`numbers.py`).
 """
 
+from delta_calibration.report.about import About, read_about
+from delta_calibration.report.certificate import Certificate
+from delta_calibration.report.certificate_page import page_of_certificate
+from delta_calibration.report.decision import Decision
 from delta_calibration.report.document import Report, Section, Table
 from delta_calibration.report.drift import (
     CalibrationRecord,
     drift_of_calibrations,
     read_calibration,
 )
+from delta_calibration.report.examined import Examined, examined_by, examined_fit
 from delta_calibration.report.glossary import GLOSSARY
 from delta_calibration.report.missing import require_libraries
 from delta_calibration.report.numbers import write_numbers
 from delta_calibration.report.page import build_page, page_of, write_page
+from delta_calibration.report.pdf import write_pdf
 from delta_calibration.report.picture import write_figures
 from delta_calibration.report.provenance import Provenance, hash_of, session_provenance
 from delta_calibration.report.session_report import report_of
@@ -23,7 +29,11 @@ from delta_calibration.report.verdicts import drift_of_verdicts
 
 __all__ = [
     "GLOSSARY",
+    "About",
     "CalibrationRecord",
+    "Certificate",
+    "Decision",
+    "Examined",
     "Provenance",
     "Report",
     "Section",
@@ -32,8 +42,12 @@ __all__ = [
     "build_page",
     "drift_of_calibrations",
     "drift_of_verdicts",
+    "examined_by",
+    "examined_fit",
     "hash_of",
     "page_of",
+    "page_of_certificate",
+    "read_about",
     "read_calibration",
     "read_verdict",
     "report_of",
@@ -42,4 +56,5 @@ __all__ = [
     "write_figures",
     "write_numbers",
     "write_page",
+    "write_pdf",
 ]

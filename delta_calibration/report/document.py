@@ -71,6 +71,7 @@ class Report:
     key_figures: tuple[KeyFigure, ...]
     sections: tuple[Section, ...]
     data: Mapping[str, Any] = field(default_factory=dict)
+    signatures: tuple[str, ...] = ()  # who signs; none: the usual lines, on paper
 
     def figures(self) -> Iterator[Figure]:
         """Every figure, in order."""

@@ -35,11 +35,12 @@ Style = dict[str, Any]
 
 DPI = 150
 _FEW = 24  # names that an axis has room for
+_NARROW = 100.0  # ends of a logarithmic axis this near have numbers at 2 and 5 as well
 _WIDE, _TALL = 4.6, 3.5  # [inch] of a panel
 _ALONE = 7.5  # [inch] width of a panel that fills the page
 _SYMBOLS = {"circle": "o", "diamond": "D", "square": "s", "triangle": "^", "cross": "x"}
 _DASHES = {"solid": "-", "dash": "--", "dot": ":"}
-_STYLE = {
+STYLE = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -62,7 +63,7 @@ def write_figures(report: Report, folder: Path) -> tuple[Path, ...]:
     paths = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with pyplot.rc_context(_STYLE):
+        with pyplot.rc_context(STYLE):
             for figure in report.figures():
                 path = folder / f"{figure.name}.png"
                 canvas = draw(figure)
@@ -122,6 +123,9 @@ def _axis(axes: Axes, which: str, axis: Axis) -> None:
         own = axes.xaxis if which == "x" else axes.yaxis
         own.set_major_formatter(lambda value, _: f"{value:g}")
         own.set_minor_formatter(lambda value, _: "")
+        if axis.low is not None and axis.high is not None and axis.high < _NARROW * axis.low:
+            locator = required("matplotlib.ticker", "figures as PNG").LogLocator
+            own.set_major_locator(locator(subs=(1.0, 2.0, 5.0)))
     if axis.names:
         ticks = axes.set_yticks if which == "y" else axes.set_xticks
         step = max(1, len(axis.names) // _FEW)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -81,6 +82,11 @@ class Poses:
             reading=self.point,
             reading_velocity=np.zeros_like(self.point),
         )
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what was measured, to 1 nm, whatever the session is called."""
+        return hashlib.sha256(np.round(1e9 * self.point).astype("<i8").tobytes()).hexdigest()
 
     def take(self, rows: NDArray[np.intp]) -> Poses:
         """Some of the poses; what is said of the session as a whole stays."""

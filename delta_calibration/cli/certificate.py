@@ -1,0 +1,182 @@
+"""`delta-cal certificate`: what is signed and handed on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.check import warn_of_mistakes
+from delta_calibration.cli.fit import describe_poses
+from delta_calibration.cli.options import (
+    SESSION,
+    require_folder,
+    robot_option,
+    seed_option,
+    topics_option,
+    write_json,
+)
+from delta_calibration.cli.quantity import Quantity
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.identification import identify
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.report import (
+    Certificate,
+    Decision,
+    examined_by,
+    examined_fit,
+    page_of_certificate,
+    read_about,
+    require_libraries,
+    session_provenance,
+    write_page,
+    write_pdf,
+)
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+
+PATH = click.Path(path_type=Path)
+_KINDS = (".html", ".pdf", ".json")
+
+
+@click.command("certificate", short_help="a certificate of a calibration, to sign (HTML, PDF)")
+@SESSION
+@robot_option
+@click.option(
+    "--out",
+    "outs",
+    type=PATH,
+    multiple=True,
+    required=True,
+    help="File to write, by its ending: .html, .pdf or .json. As often as needed; the JSON is "
+    "written beside the others in any case.",
+)
+@click.option(
+    "--calibration",
+    "calibration_file",
+    type=PATH,
+    default=None,
+    help="Calibration to certify by this session; fitted to the session where not given.",
+)
+@click.option(
+    "--about",
+    type=PATH,
+    default=None,
+    help="YAML file of what is not in the session: machine, instrument, operator, ambient, "
+    "tolerance (docs/certificate.md).",
+)
+@click.option(
+    "--tolerance",
+    "tolerance_mm",
+    type=Quantity(0, 1000, above=True),
+    default=None,
+    metavar="MM",
+    help="Largest 3-D error allowed; decided by ISO 14253-1.",
+)
+@click.option("--number", default=None, help="Number of the certificate.")
+@click.option("--machine", default=None, help="Model of the machine.")
+@click.option("--serial", default=None, help="Serial number of the machine.")
+@click.option("--instrument", default=None, help="Model of the tracker.")
+@click.option("--instrument-serial", default=None, help="Serial number of the tracker.")
+@click.option("--instrument-certificate", default=None, help="Certificate of the tracker.")
+@click.option("--operator", default=None, help="Who measured.")
+@click.option(
+    "--ambient",
+    type=Quantity(-40, 80),
+    default=None,
+    metavar="DEGREES",
+    help="Ambient temperature [deg C].",
+)
+@seed_option
+@topics_option
+def command(
+    session: Path,
+    robot_file: str,
+    outs: tuple[Path, ...],
+    calibration_file: Path | None,
+    about: Path | None,
+    seed: int,
+    topics: tuple[str, ...],
+    **given: Any,
+) -> None:
+    """Certify a calibration by the still moments of SESSION.
+
+    What is in it: machine, instrument and conditions as given by --about or options (what is not
+    given stands as "not stated"); dimensions with deviation and U (k = 2), and those that the
+    session does not identify; every measured point with its error before and after, U and the
+    decision; how near a corrected position comes anywhere in the region (95 %); the uncertainty
+    budget by GUM; lines to sign; statistics and provenance as an appendix.
+
+    Decided by ISO 14253-1: a point passes where error + U <= tolerance, fails where error - U >
+    tolerance, else nothing is decided. Without --calibration every point is judged by a fit that
+    has not seen it. With one the tracker's frame is fitted to SESSION; where the calibration was
+    made from this very session nothing can pass by it.
+
+    Exit code 1 where a tolerance is given and not met everywhere; the certificate is written.
+    """
+    for out in outs:
+        require_folder(out)
+        if out.suffix not in _KINDS:
+            raise InputError(f"--out {out}: the ending says what is written: {', '.join(_KINDS)}")
+    if any(out.suffix == ".html" for out in outs):
+        require_libraries()
+    stated = read_about(about, _by_path(given))
+    robot = load_robot(robot_file)
+    recorded = read_session(session, Topics.from_options(topics))
+    warn_of_mistakes(recorded, robot, robot_file, False, True)
+    poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
+    calibration = None if calibration_file is None else load_calibration(calibration_file, robot)
+    source = session_provenance(session, poses, robot, seed, recorded.metadata, calibration)
+    click.echo(describe_poses(poses))
+    if calibration is None:
+        examined = examined_fit(identify(poses, robot, seed=seed), poses, robot)
+    else:
+        examined = examined_by(calibration, poses, robot)
+    certificate = Certificate(examined, stated, source)
+    _write(certificate, outs)
+    _require_passed(certificate, session)
+
+
+_OPTIONS = {
+    "tolerance_mm": "tolerance_mm",
+    "number": "number",
+    "machine": "machine.model",
+    "serial": "machine.serial",
+    "instrument": "instrument.model",
+    "instrument_serial": "instrument.serial",
+    "instrument_certificate": "instrument.certificate",
+    "operator": "operator",
+    "ambient": "ambient.temperature_c",
+}
+
+
+def _by_path(given: dict[str, Any]) -> dict[str, Any]:
+    return {_OPTIONS[name]: value for name, value in given.items()}
+
+
+def _write(certificate: Certificate, outs: tuple[Path, ...]) -> None:
+    """All files, and say so."""
+    page = page_of_certificate(certificate)
+    click.echo(page.sentence)
+    beside = {out.with_suffix(".json") for out in outs}
+    for path in sorted({*outs, *beside}):
+        if path.suffix == ".html":
+            write_page(path, page)
+        elif path.suffix == ".pdf":
+            write_pdf(path, page)
+        else:
+            write_json(path, certificate.as_dict())
+        click.echo(f"written: {path}")
+
+
+def _require_passed(certificate: Certificate, session: Path) -> None:
+    """Fail where a tolerance is not met.
+
+    Raises:
+        DataError: it fails, or nothing is decided.
+    """
+    decision = certificate.decision
+    if decision not in (None, Decision.PASS):
+        raise DataError(f"{session}: {page_of_certificate(certificate).sentence}")

@@ -1,0 +1,109 @@
+"""What a certificate says of machine, instrument and conditions, and is not in the session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from delta_calibration.documents import check_document, load_schema, read_document
+
+NOT_STATED = "not stated"
+STATED = (
+    "tracker along the beam, its certificate",
+    "tracker across the beam, its certificate",
+    "reflector",
+    "temperature",
+)
+_UM = 1e-6
+
+
+@dataclass(frozen=True)
+class About:
+    """As it was given; what was not is `not stated` on the page.
+
+    Standard uncertainties are those of the instrument's and the thermometer's certificates. They
+    are the same in all readings and not made smaller by many of them.
+    """
+
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    def text(self, *keys: str) -> str:
+        """An entry as it is shown."""
+        value = self._value(*keys)
+        return NOT_STATED if value is None else str(value)
+
+    def number(self, *keys: str) -> float | None:
+        """An entry that is a number; None where it was not given."""
+        value = self._value(*keys)
+        return None if value is None else float(value)
+
+    def _value(self, *keys: str) -> Any:
+        value: Any = self.given
+        for key in keys:
+            value = value.get(key) if isinstance(value, Mapping) else None
+        return value
+
+    @property
+    def tolerance(self) -> float | None:
+        """Of the 3-D error [m]."""
+        given = self.number("tolerance_mm")
+        return None if given is None else 1e-3 * given
+
+    @property
+    def tracker(self) -> tuple[float, float]:
+        """Standard uncertainty of its readings that all share, along and across the beam [m]."""
+        along, across = (self.number("instrument", f"u_{way}_um") for way in ("along", "across"))
+        return _UM * (along or 0.0), _UM * (across or 0.0)
+
+    @property
+    def reflector(self) -> float:
+        """Standard uncertainty of the reflector's centre about each axis [m]."""
+        return _UM * (self.number("instrument", "u_reflector_um") or 0.0)
+
+    @property
+    def growth(self) -> float:
+        """Standard uncertainty of lengths by the temperature [m/m]."""
+        coefficient = self.number("machine", "expansion_um_per_m_k")
+        kelvin = self.number("ambient", "u_temperature_k")
+        return _UM * (coefficient or 0.0) * (kelvin or 0.0)
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """Contributions to the budget that nothing was stated of, and that are not in it."""
+        asked = (
+            (("instrument", "u_along_um"),),
+            (("instrument", "u_across_um"),),
+            (("instrument", "u_reflector_um"),),
+            (("ambient", "u_temperature_k"), ("machine", "expansion_um_per_m_k")),
+        )
+        return tuple(
+            name
+            for name, entries in zip(STATED, asked, strict=True)
+            if any(self.number(*keys) is None for keys in entries)
+        )
+
+
+def read_about(path: Path | None, options: Mapping[str, Any]) -> About:
+    """What a file says, and options that stand above it.
+
+    Args:
+        path: a YAML file; None where there is none.
+        options: by path, as in {"machine.serial": "17"}; None where not given.
+
+    Raises:
+        ConfigError: not there, or an entry unknown or out of range; names file, entry and value.
+    """
+    schema = load_schema("about")
+    data = {} if path is None else read_document(path, lambda _: schema)
+    for name, value in options.items():
+        if value is not None:
+            data = _with(data, name.split("."), value)
+    check_document(data, schema, "options of the certificate" if path is None else str(path))
+    return About(data)
+
+
+def _with(data: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
+    first, *rest = keys
+    return {**data, first: _with(data.get(first, {}), rest, value) if rest else value}

@@ -1,0 +1,167 @@
+"""Uncertainty budget by GUM: of a measured position, and of one that was corrected.
+
+Contributions are covariances about the three axes of the base, (n, 3, 3) [m^2] at n poses. They
+are independent of each other by construction (see `uncertainty.py` for frame and dimensions), so
+that they add up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.report.about import NOT_STATED, STATED, About
+from delta_calibration.report.examined import Examined
+from delta_calibration.uncertainty import Parts, radius95
+
+Array = NDArray[np.float64]
+
+COVERAGE = 2.0  # k
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One source of uncertainty."""
+
+    name: str
+    kind: str  # A: by statistics of this session, B: as stated elsewhere (GUM 4.2, 4.3)
+    origin: str
+    measured: Array | None  # (n, 3, 3) of a measured position; None: no part of it
+    corrected: Array | None  # (n, 3, 3) of a corrected one
+
+
+@dataclass(frozen=True)
+class Budget:
+    """All contributions."""
+
+    parts: tuple[Contribution, ...]
+    widen: float  # of a corrected position, by errors that are not normal
+
+    @property
+    def measured(self) -> Array:
+        """Covariance of measured positions, (n, 3, 3)."""
+        return _sum([part.measured for part in self.parts])
+
+    @property
+    def corrected(self) -> Array:
+        """Covariance of corrected positions, (n, 3, 3), `widen` not in it."""
+        return _sum([part.corrected for part in self.parts])
+
+    @property
+    def of_points(self) -> Array:
+        """Expanded uncertainty of the 3-D error of each measured point, (n,) [m], 95 %."""
+        return radius95(self.measured)
+
+
+def _sum(parts: list[Array | None]) -> Array:
+    there = [part for part in parts if part is not None]
+    return np.asarray(np.sum(there, axis=0))
+
+
+def standard(covariance: Array) -> Array:
+    """Standard uncertainty about each axis, (3,) [m]: root of the mean variance of all poses."""
+    return np.asarray(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0)))
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What instrument and thermometer are stated to be uncertain by, (n, 3, 3) [m^2] each."""
+
+    along: Array
+    across: Array
+    reflector: Array
+    temperature: Array
+
+    @property
+    def whole(self) -> Array:
+        """All of it."""
+        return self.along + self.across + self.reflector + self.temperature
+
+
+def stated_at(examined: Examined, about: About, places: Array) -> Stated:
+    """At places in the base, (n, 3) [m].
+
+    A length grows with temperature from the middle of the measured poses, where the tracker's
+    frame was fitted.
+    """
+    outer = _outer(examined.beam(places))
+    along, across = about.tracker
+    return Stated(
+        along**2 * outer,
+        across**2 * (np.eye(3) - outer),
+        np.tile(about.reflector**2 * np.eye(3), (len(places), 1, 1)),
+        about.growth**2 * _outer(places - examined.place),
+    )
+
+
+def certified(examined: Examined, about: About, places: Array) -> Array:
+    """Within how far of it a tool that is sent to a place comes with 95 %, (n,) [m].
+
+    NaN outside the region that was measured.
+    """
+    return examined.radius_at(places, stated_at(examined, about, places).whole)
+
+
+def budget_of(examined: Examined, about: About) -> Budget:
+    """The budget at the measured poses."""
+    at, identified = examined.poses.conditions, examined.identified
+    return Budget(
+        (
+            *_of_readings(examined),
+            *_of_certificates(examined, about),
+            *_of_machine(examined, identified.parts(at), identified.machine.parts(at)),
+        ),
+        identified.uncertainty.model.widen,
+    )
+
+
+def _of_readings(examined: Examined) -> tuple[Contribution, ...]:
+    """The tracker's noise, as far as averaging leaves it."""
+    poses, noise = examined.poses, examined.noise
+    along, across = examined.robot.tracker.sigmas(np.linalg.norm(poses.point, axis=1))
+    outer = _outer(examined.beam(examined.measured))
+    ways = (
+        ("along", noise.radial_scale * along, outer),
+        ("across", noise.transverse_scale * across, np.eye(3) - outer),
+    )
+    kind, origin = ("A", "scatter at rest") if noise.measured else ("B", "robot file")
+    return tuple(
+        Contribution(
+            f"tracker's noise {way} the beam",
+            kind,
+            origin,
+            (sigma**2 / poses.count)[:, None, None] * shape,
+            None,
+        )
+        for way, sigma, shape in ways
+    )
+
+
+def _of_certificates(examined: Examined, about: About) -> tuple[Contribution, ...]:
+    stated = stated_at(examined, about, examined.target)
+    silent = set(about.silent)
+    return tuple(
+        Contribution(name, "B", NOT_STATED if name in silent else "stated", value, value)
+        for name, value in zip(
+            STATED,
+            (stated.along, stated.across, stated.reflector, stated.temperature),
+            strict=True,
+        )
+    )
+
+
+def _of_machine(examined: Examined, seen: Parts, own: Parts) -> tuple[Contribution, ...]:
+    repeats = ("A", "repeated poses") if examined.noise.measured else ("B", "robot file")
+    return (
+        Contribution("joints come to rest", *repeats, own.repeatability, own.repeatability),
+        Contribution("play, side unknown", "A", "poses held out", None, own.play),
+        Contribution("frame of the tracker", "A", "fit", seen.frame, own.frame),
+        Contribution("dimensions as identified", "A", "fit", None, own.dimensions),
+        Contribution("error of the model", "A", "poses held out", None, own.model),
+    )
+
+
+def _outer(ways: Array) -> Array:
+    return np.asarray(ways[:, :, None] * ways[:, None, :])

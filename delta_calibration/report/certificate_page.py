@@ -1,0 +1,185 @@
+"""A certificate as sections of sentences, tables and figures, for HTML and PDF alike."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.report.about import NOT_STATED, About
+from delta_calibration.report.certificate import IDENTIFIED, MM, Certificate
+from delta_calibration.report.certificate_figures import certified_figure
+from delta_calibration.report.certificate_sections import (
+    budget_section,
+    conditions_section,
+    dimensions_section,
+    points_section,
+)
+from delta_calibration.report.decision import Decision
+from delta_calibration.report.document import KeyFigure, Report, Section, Statement
+from delta_calibration.report.parts import correlation_table, indices_table, unset_table
+from delta_calibration.wording import NO_VALUE, capital, figures, moment, rounded
+
+Array = NDArray[np.float64]
+
+UM = 1e6
+
+
+def page_of_certificate(certificate: Certificate) -> Report:
+    """All of it, in the order in which it is read."""
+    examined, source = certificate.examined, certificate.provenance
+    robot = examined.robot
+    sections = (
+        conditions_section(certificate),
+        dimensions_section(certificate),
+        points_section(certificate),
+        _certified(certificate),
+        budget_section(certificate),
+        _appendix(certificate),
+    )
+    number = f" {certificate.number}" if certificate.number else ""
+    return Report(
+        title=f"Calibration certificate{number}: {robot.name}",
+        subtitle=f"{source.session}, recorded {moment(source.start_ns)}; "
+        f"{len(examined.poses)} poses at rest",
+        sentence=_sentence(certificate),
+        statements=_statements(certificate),
+        key_figures=_key_figures(certificate),
+        sections=tuple(section.renamed(robot.named) for section in sections),
+        data={"certificate": certificate.as_dict()},
+        signatures=("Calibrated by", "Approved by", "Place and date"),
+    )
+
+
+def _sentence(certificate: Certificate) -> str:
+    left = _rms(certificate.error_after)
+    tolerance, decision = certificate.about.tolerance, certificate.decision
+    if tolerance is None or decision is None:
+        return f"Corrected positions miss their targets by {left} mm RMS; no tolerance was given."
+    allowed = f"a tolerance of {MM * tolerance:g} mm"
+    points = certificate.points or ()
+    passed, failed = (points.count(d) for d in (Decision.PASS, Decision.FAIL))
+    said = {
+        Decision.PASS: f"Passes {allowed} at all {len(points)} points.",
+        Decision.FAIL: f"Fails {allowed} at {failed} of {len(points)} points.",
+        Decision.NOT_DECIDED: f"Not decided for {allowed}: {passed} of {len(points)} points pass.",
+    }
+    return said[decision]
+
+
+def _rms(error: Array) -> str:
+    return figures(MM * float(np.sqrt(np.mean(error**2))), 2)
+
+
+def _statements(certificate: Certificate) -> tuple[Statement, ...]:
+    about, examined = certificate.about, certificate.examined
+    instrument = _joined(
+        about,
+        ("instrument", "model"),
+        ("serial", ("instrument", "serial")),
+        ("certificate", ("instrument", "certificate")),
+        ("valid until", ("instrument", "valid_until")),
+    )
+    machine = _joined(
+        about, ("machine", "maker"), ("", ("machine", "model")), ("serial", ("machine", "serial"))
+    )
+    how = (
+        "The calibration was made from this very session: the errors are not independent of it, "
+        "and nothing passes by them."
+        if examined.seen
+        else "Every point is judged by a fit that has not seen it."
+        if examined.fit is not None
+        else f"Calibration {certificate.provenance.calibration}, made before; the tracker's frame "
+        "is fitted to this session."
+    )
+    aside = int(np.count_nonzero(~examined.believed))
+    more = f" {aside} points are gross errors by the fit and not judged." if aside else ""
+    return (
+        Statement("Machine", machine),
+        Statement("Instrument", instrument),
+        Statement("Operator", about.text("operator")),
+        Statement("Tolerance", _tolerance(about)),
+        Statement("Errors", how + more),
+        *(Statement("Warning", capital(f"{text}.")) for text in examined.doubts),
+    )
+
+
+def _tolerance(about: About) -> str:
+    if about.tolerance is None:
+        return NOT_STATED
+    return (
+        f"{MM * about.tolerance:g} mm, 3-D. Decided by ISO 14253-1: a point passes where error + "
+        "U is at most the tolerance, fails where error − U is above it; between the two nothing "
+        "is decided."
+    )
+
+
+def _joined(about: About, first: tuple[str, ...], *rest: tuple[str, tuple[str, ...]]) -> str:
+    parts = [about.text(*first)]
+    parts += [f"{word} {about.text(*keys)}".strip() for word, keys in rest]
+    stated = [part for part in parts if NOT_STATED not in part]
+    missing = [word for word, keys in rest if word and about.text(*keys) == NOT_STATED]
+    if not stated:
+        return NOT_STATED
+    return ", ".join(stated) + (f" ({', '.join(missing)} {NOT_STATED})" if missing else "")
+
+
+def _key_figures(certificate: Certificate) -> tuple[KeyFigure, ...]:
+    before, after = certificate.error_before, certificate.error_after
+    largest = float(np.nanmax(certificate.certified))
+    typical = float(np.nanmedian(certificate.certified))
+    u = float(np.median(certificate.budget.of_points))
+    decision = certificate.decision
+    return (
+        KeyFigure(
+            "error before",
+            rounded(MM * float(before.max()), MM * u),
+            "mm",
+            f"largest of {len(before)} points; RMS {_rms(before)} mm",
+        ),
+        KeyFigure(
+            "error after",
+            rounded(MM * float(after.max()), MM * u),
+            "mm",
+            f"largest; RMS {_rms(after)} mm; U of a point {figures(MM * u, 2)} mm",
+        ),
+        KeyFigure(
+            "certified, 95 %",
+            figures(MM * largest, 2),
+            "mm",
+            f"largest in the region, median {figures(MM * typical, 2)} mm: so near a corrected "
+            "position comes",
+        ),
+        KeyFigure(
+            "decision",
+            NO_VALUE if decision is None else decision.value,
+            "",
+            "no tolerance given" if decision is None else "by ISO 14253-1, U counted",
+        ),
+    )
+
+
+def _certified(certificate: Certificate) -> Section:
+    largest = MM * float(np.nanmax(certificate.certified))
+    text = (
+        f"With 95 % a corrected position comes within {figures(largest, 2)} mm of its target "
+        "anywhere in the measured region, at payloads and temperatures like those of the session. "
+        "Counted are the fit, how the joints come to rest, what the model leaves at places that "
+        "it has not seen, and what was stated of instrument and temperature.",
+    )
+    return Section("certified", "Certified positions", text, (), (certified_figure(certificate),))
+
+
+def _appendix(certificate: Certificate) -> Section:
+    found = certificate.examined.fit
+    tables = [certificate.provenance.table()]
+    text: tuple[str, ...] = ()
+    if found is not None:
+        text = (
+            f"Chi square per degree of freedom {found.chi_square:.2f}; noise of a pose "
+            f"{figures(UM * found.noise.floor, 2)} µm RMS in 3-D; poses held out are missed by "
+            f"{found.full.held_out_whitened:.2f} times the noise. A dimension counts as "
+            f"identified where the data leave less than {100 * IDENTIFIED:.0f} % of its "
+            "tolerance.",
+        )
+        tables = [indices_table(found), correlation_table(found), unset_table(found), *tables]
+    return Section("appendix", "Appendix: statistics and provenance", text, tuple(tables))

@@ -1,0 +1,206 @@
+"""A session's poses held against a machine as identified: what a certificate is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.errors import DataError
+from delta_calibration.geometry import Frame, align
+from delta_calibration.identification import (
+    Identification,
+    chain_of,
+    doubts,
+    prepare,
+    registered,
+)
+from delta_calibration.identification.noise import Noise
+from delta_calibration.plans import joints_toward, tool_frames
+from delta_calibration.region import Region
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Conditions, Poses, at_rest
+from delta_calibration.uncertainty import Identified
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_BESIDE = 1e-2  # of the range of each joint: errors of the machine move it by so much
+_ON_FACE = 1e-6  # [m] a place this near to a face of the region is on it
+
+
+@dataclass(frozen=True)
+class Examined:
+    """Measured poses beside what the drawing and the identified machine say of them."""
+
+    robot: Robot
+    poses: Poses
+    identified: Identified
+    noise: Noise
+    region: Region
+    joint_range: tuple[Array, Array]  # lowest and highest measured, (m,) [rad or m]
+    target: Array  # (n, 3) [m] tool points that were commanded, by the drawing, in the base
+    before: Array  # (n, 3) [m] measured less commanded, in the base; drawing in its best place
+    after: Array  # (n, 3) [m] what would have been left had the commands been corrected
+    believed: Mask  # (n,) whether the fit counts a pose
+    seen: bool  # whether the identified machine was fitted to these very poses
+    doubts: tuple[str, ...] = ()
+    fit: Identification | None = None  # None: the machine was identified elsewhere
+
+    @property
+    def place(self) -> Array:
+        """Middle of the poses, (3,) [m] in the base."""
+        return np.asarray(self.target.mean(axis=0))
+
+    def tools(self, platform: Array) -> Array:
+        """Tool points of platforms at places (k, 3) [m], turned as at the nearest pose."""
+        near = np.argmin(cdist(platform, self._platform), axis=1)
+        return np.asarray(platform + (self.target - self._platform)[near])
+
+    @cached_property
+    def _platform(self) -> Array:
+        """Of the poses by the drawing, (n, 3) [m]; the region is made of these."""
+        model = self.robot.commanded
+        x = model.forward(self.poses.command, model.parameters.nominal)
+        return np.asarray(model.position(x))
+
+    def conditions(self, joint: Array) -> Conditions:
+        """Joints (n, m) at rest, with the session's median payload and temperatures."""
+        n, poses = len(joint), self.poses
+        payload = float(np.median(np.nan_to_num(poses.payload)))
+        warm = np.nanmedian(poses.temperature, axis=0) if poses.temperature_parts else np.zeros(0)
+        return replace(
+            at_rest(joint),
+            payload=np.full(n, payload),
+            payload_centre=np.zeros((n, 3)),
+            temperature_parts=poses.temperature_parts,
+            temperature=np.tile(warm, (n, 1)),
+        )
+
+    @property
+    def measured(self) -> Array:
+        """Where the tracker saw the poses, (n, 3) [m] in the base."""
+        return np.asarray(self._frame.inverse().apply(self.poses.point))
+
+    @property
+    def _frame(self) -> Frame:
+        return self.identified.chain.split(self.identified.theta)[2]
+
+    def beam(self, places: Array) -> Array:
+        """Unit vectors from the tracker to places (n, 3) in the base, (n, 3)."""
+        way = places - self._frame.inverse().translation
+        return np.asarray(way / np.linalg.norm(way, axis=1, keepdims=True))
+
+    def joints_at(self, places: Array) -> Array:
+        """Joints that the drawing takes for tool points (k, 3) [m] of the region, (k, m).
+
+        The platform is turned there as at the nearest measured pose. NaN out of reach, outside the
+        region, and beyond the joints that were measured.
+        """
+        turns = tool_frames(self.robot, self.poses.command)[1]
+        near = np.argmin(cdist(places, self.target), axis=1)
+        joint = joints_toward(self.robot, places, turns[near])
+        joint[~self._inside(joint)] = np.nan
+        return joint
+
+    def radius_at(self, places: Array, stated: Array | None = None) -> Array:
+        """Within how far of tool points (k, 3) of the region corrected ones lie with 95 %, (k,).
+
+        Args:
+            places: [m] in the base.
+            stated: covariance of what is uncertain beside, (k, 3, 3) [m^2].
+
+        Returns:
+            [m]; NaN where `joints_at` is.
+        """
+        joint, radius = self.joints_at(places), np.full(len(places), np.nan)
+        rows = np.flatnonzero(np.isfinite(joint).all(axis=1))
+        if rows.size:
+            more = 0.0 if stated is None else stated[rows]
+            radius[rows] = self.identified.radius(self.conditions(joint[rows]), more)
+        return radius
+
+    def _inside(self, joint: Array) -> Mask:
+        """Whether joints (k, m) and where they take the platform are among what was measured."""
+        low, high = self.joint_range
+        margin = _BESIDE * (high - low)
+        model = self.robot.commanded
+        with np.errstate(invalid="ignore"):
+            within = np.asarray(((joint >= low - margin) & (joint <= high + margin)).all(axis=1))
+            rows = np.flatnonzero(within)
+            x = model.forward(joint[rows], model.parameters.nominal)
+            within[rows] = self.region.outside(model.position(x)) <= _ON_FACE
+        return within
+
+
+def examined_fit(found: Identification, poses: Poses, robot: Robot) -> Examined:
+    """By a fit to these poses: errors are those of poses that were held out of it."""
+    at, counted = poses.conditions, found.weight > 0
+    turned = found.frame.rotation
+    whole = poses.point - found.chain.predict(at, found.theta)
+    after = np.where(counted[:, None], found.missed, whole) @ turned
+    drawn = found.chain.split(found.frame_only_theta)[2].rotation
+    bare = chain_of(robot, found.chain.mechanism.name)
+    loose = poses.point - bare.predict(at, found.frame_only_theta[bare.layout.base])
+    before = np.where(counted[:, None], found.missed_before, loose) @ drawn
+    return Examined(
+        robot,
+        poses,
+        Identified(found.chain, found.theta, found.uncertainty),
+        found.noise,
+        found.region,
+        found.region_joints,
+        tool_frames(robot, poses.command)[0],
+        before,
+        after,
+        counted,
+        seen=False,
+        doubts=doubts(found),
+        fit=found,
+    )
+
+
+def examined_by(calibration: Calibration, poses: Poses, robot: Robot) -> Examined:
+    """By a calibration made before, the tracker's frame fitted to these poses alone.
+
+    Args:
+        calibration: with what makes its positions uncertain.
+        poses: what was measured.
+        robot: drawing, tracker.
+
+    Raises:
+        DataError: a calibration that does not tell its uncertainties, or poses out of its reach.
+    """
+    identified = calibration.identified
+    if identified is None:
+        raise DataError(
+            f"the calibration of session {calibration.source!r} does not tell the uncertainty of "
+            "its positions: it was written by an older version; fit again"
+        )
+    chain, at = calibration.chain, poses.conditions
+    _, noise, problem = prepare(poses, robot, chain_of(robot, chain.mechanism.name))
+    start = registered(problem)
+    drawn = problem.chain.split(start.theta)[2].rotation
+    before = (problem.y - problem.chain.predict(at, start.theta)) @ drawn
+    inside = calibration.frame.inverse().apply(chain.predict(at, calibration.theta))
+    if not np.isfinite(inside).all():
+        raise DataError(f"{poses.source}: poses out of reach of the calibrated machine")
+    frame = align(inside, poses.point)
+    after = frame.inverse().apply(poses.point) - inside
+    return Examined(
+        robot,
+        poses,
+        identified,
+        noise,
+        calibration.region,
+        (calibration.joints_lower, calibration.joints_upper),
+        tool_frames(robot, poses.command)[0],
+        before,
+        after,
+        np.ones(len(poses), dtype=bool),
+        seen=calibration.measured == poses.digest,
+    )

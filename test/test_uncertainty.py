@@ -1,0 +1,197 @@
+"""Uncertainty of positions: against GTC, by Monte Carlo (GUM S1), and against the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+pytest.importorskip("jinja2", reason="needs the extra [report]")
+pytest.importorskip("GTC", reason="needs the extra [test]")
+
+import GTC
+
+from certified_coverage import coverage
+from delta_calibration.identification import identify
+from delta_calibration.plans import make_plan
+from delta_calibration.report import About, Examined, examined_fit
+from delta_calibration.report.budget import budget_of, certified, standard
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import collect
+from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.uncertainty import Uncertainty, _divided, radius95
+
+ALPHA, KELVIN = 11.5e-6, 0.5
+ABOUT = About(
+    {
+        "machine": {"expansion_um_per_m_k": 1e6 * ALPHA},
+        "instrument": {"u_along_um": 1.0, "u_across_um": 3.0, "u_reflector_um": 1.5},
+        "ambient": {"u_temperature_k": KELVIN},
+    }
+)
+ROW = 7
+
+
+@cache
+def examined(name: str = "srbd") -> Examined:
+    """A machine as drawn at random, measured and fitted."""
+    robot = load_robot(name)
+    plan = make_plan("identify", robot, count=24, seed=5)
+    session = simulate_session(draw_machine(robot, 5), plan, 5)
+    poses = collect(session, robot.joints.names, robot.commanded.joint_size)
+    return examined_fit(identify(poses, robot, seed=5), poses, robot)
+
+
+def drawn(covariance: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Normal vectors of a covariance that may be singular, (n, k)."""
+    value, way = np.linalg.eigh(covariance)
+    return (rng.standard_normal((n, len(value))) * np.sqrt(np.maximum(value, 0.0))) @ way.T
+
+
+def turned_back(w: list, v: list) -> list:
+    """R(w)^T v by Rodrigues' formula, of GTC's uncertain numbers."""
+    angle = GTC.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    k = [each / angle for each in w]
+    cross = [k[1] * v[2] - k[2] * v[1], k[2] * v[0] - k[0] * v[2], k[0] * v[1] - k[1] * v[0]]
+    along = k[0] * v[0] + k[1] * v[1] + k[2] * v[2]
+    c, s = GTC.cos(angle), GTC.sin(angle)
+    return [v[i] * c - cross[i] * s + k[i] * along * (1 - c) for i in range(3)]
+
+
+def test_budget_of_a_measured_point_is_that_of_gtc() -> None:
+    """The tracker measures range and two angles; GTC carries all inputs to the base."""
+    found = examined()
+    poses, noise, own = found.poses, found.noise, found.identified
+    point, count = poses.point[ROW], float(poses.count[ROW])
+    distance = float(np.linalg.norm(point))
+    along, across = (float(s[0]) for s in found.robot.tracker.sigmas(np.array([distance])))
+    u_range = np.hypot(noise.radial_scale * along / np.sqrt(count), 1e-6)
+    u_angle = np.hypot(noise.transverse_scale * across / np.sqrt(count), 3e-6) / distance
+    azimuth = float(np.arctan2(point[1], point[0]))
+    height = float(np.arcsin(point[2] / distance))
+    d = GTC.ureal(distance, u_range)
+    e = GTC.ureal(height, u_angle)
+    a = GTC.ureal(azimuth, u_angle / np.cos(height))
+    y = [d * GTC.cos(e) * GTC.cos(a), d * GTC.cos(e) * GTC.sin(a), d * GTC.sin(e)]
+
+    rest, _ = _divided(own.uncertainty.covariance, own.chain)
+    vector = own.theta[own.chain.layout.frame]
+    sigma = np.sqrt(np.diag(rest))
+    frame = GTC.multiple_ureal(vector.tolist(), sigma.tolist(), float("inf"))
+    for i in range(6):
+        for j in range(i):
+            GTC.set_correlation(float(rest[i, j] / (sigma[i] * sigma[j])), frame[i], frame[j])
+    place = turned_back(frame[:3], [y[i] - frame[3 + i] for i in range(3)])
+
+    seen = own.chain.see(poses.conditions, own.theta)
+    turned = own.chain.split(own.theta)[2].rotation
+    by_joints = turned.T @ seen.by_joints[ROW]
+    rests = [GTC.ureal(0.0, noise.repeatability) for _ in range(by_joints.shape[1])]
+    warm = GTC.ureal(0.0, KELVIN)
+    middle, target = found.place, found.target[ROW]
+    whole = [
+        place[i]
+        + GTC.ureal(0.0, 1.5e-6)
+        + ALPHA * warm * float(target[i] - middle[i])
+        + sum(float(by_joints[i, m]) * rests[m] for m in range(len(rests)))
+        for i in range(3)
+    ]
+    by_gtc = [GTC.variance(each) for each in whole]
+    np.testing.assert_allclose(np.diag(budget_of(found, ABOUT).measured[ROW]), by_gtc, rtol=2e-3)
+
+
+@pytest.mark.parametrize(("name", "scale"), [("srbd", 0.1), ("scara", 1.0)])
+def test_what_a_fit_leaves_open_by_monte_carlo(name: str, scale: float) -> None:
+    """GUM S1: machines drawn from the covariance, predicted by the whole model, not linearized.
+
+    Of a Delta's rods and its reflector the data know products, which machines drawn far from
+    the fit do not keep: of these a tenth of the spread is drawn.
+    """
+    found, rng, n = examined(name), np.random.default_rng(1), 1500
+    own, at = found.identified, found.poses.conditions.take(slice(0, 3))
+    size = at.joint.shape[1]
+    theta = own.theta + scale * drawn(own.uncertainty.covariance, n, rng)
+    rest = scale * own.uncertainty.repeatability * rng.standard_normal((n, 1, size))
+    reached = [
+        own.chain.predict(replace(at, joint=at.joint + e), one)
+        for one, e in zip(theta, rest, strict=True)
+    ]
+    parts = own.parts(at)
+    expected = np.sqrt(np.trace(parts.fit + parts.repeatability, axis1=1, axis2=2))
+    spread = np.sqrt(np.sum(np.var(reached, axis=0), axis=-1)) / scale
+    np.testing.assert_allclose(spread, expected, rtol=0.06)
+
+
+def test_radius_by_monte_carlo() -> None:
+    """Along a line and for alike axes it is exact, between them within 2 %."""
+    rng = np.random.default_rng(2)
+    for sigma in ([1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [1.0, 0.5, 0.2], [1.0, 1.0, 0.1]):
+        r = np.linalg.norm(rng.standard_normal((400_000, 3)) * sigma, axis=1)
+        found = radius95(np.diag(np.square(sigma))[None])[0]
+        assert found == pytest.approx(np.quantile(r, 0.95), rel=0.02), sigma
+    alike = radius95(np.eye(3)[None])[0]
+    assert alike == pytest.approx(np.sqrt(chi2.ppf(0.95, 3)), rel=1e-12)
+    assert radius95(np.zeros((1, 3, 3)))[0] == 0.0
+    assert np.isnan(radius95(np.full((1, 3, 3), np.nan))[0])
+
+
+def test_frame_and_dimensions_add_up_to_the_fit() -> None:
+    """Neither is negative, and their sum is J C J^T."""
+    own, at = examined().identified, examined().poses.conditions
+    parts = own.parts(at)
+    turned = own.chain.split(own.theta)[2].rotation
+    jacobian = turned.T @ own.chain.jacobian(at, own.theta)
+    whole = jacobian @ own.uncertainty.covariance @ np.swapaxes(jacobian, 1, 2)
+    np.testing.assert_allclose(parts.fit, whole, atol=1e-3 * np.abs(whole).max())
+    for part in (parts.frame, parts.dimensions, parts.model, parts.play):
+        assert np.linalg.eigvalsh(part).min() > -1e-16
+    assert (standard(parts.frame) > 0.1e-6).all()
+
+
+def test_nothing_is_certified_outside_the_region() -> None:
+    found = examined()
+    places = found.place + np.array([[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 0.0, -0.4]])
+    radius = certified(found, ABOUT, places)
+    assert np.isfinite(radius[0])
+    assert np.isnan(radius[1:]).all()
+    bare = certified(found, About(), places)
+    assert radius[0] > bare[0]
+
+
+@pytest.mark.parametrize(
+    ("robot", "cause", "least", "most"),
+    [
+        ("srbd", "none", 0.93, 0.995),
+        ("srbd", "encoder_eccentricity", 0.90, 0.995),
+        ("scara", "transmission_error", 0.90, 0.995),
+        ("linear_delta", "none", 0.90, 0.995),
+        ("srbd", "backlash", 0.95, 1.0),  # either side: two values, that lie near each other
+    ],
+)
+def test_true_errors_lie_within_what_is_certified(
+    robot: str, cause: str, least: float, most: float
+) -> None:
+    """At places that were not measured, with a hidden cause that the model does not have."""
+    share = np.mean([coverage(robot, cause, seed).covered for seed in range(5)])
+    assert least <= share <= most
+
+
+def test_a_hidden_cause_widens_what_is_certified() -> None:
+    clean, hidden = (coverage("srbd", cause, 2) for cause in ("none", "backlash"))
+    assert hidden.radius > 4 * clean.radius
+
+
+def test_uncertainty_follows_its_covariance() -> None:
+    """Four times the variance of everything is twice the radius."""
+    own, at = examined().identified, examined().poses.conditions
+    told = own.uncertainty
+    model = replace(told.model, covariance=4 * told.model.covariance)
+    if told.model.play is not None:
+        model = replace(model, play=2 * told.model.play)
+    wide = Uncertainty(4 * told.covariance, 2 * told.repeatability, model)
+    np.testing.assert_allclose(
+        replace(own, uncertainty=wide).radius(at), 2 * own.radius(at), rtol=1e-9
+    )
