@@ -47,6 +47,7 @@ LAYERS = [
     "iso9283",
     "plans",
     "accuracy",
+    "circle_test",
     "compensation",
     "calibration_file",
     "export",

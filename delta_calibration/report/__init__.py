@@ -5,6 +5,7 @@ description of arrays with units (`drawing.py`). One description is drawn three 
 page (`browser.py`), as a picture (`picture.py`), and as numbers (`numbers.py`).
 """
 
+from delta_calibration.report.circles import circle_report
 from delta_calibration.report.document import Report, Section, Table
 from delta_calibration.report.drift import (
     CalibrationRecord,
@@ -30,6 +31,7 @@ __all__ = [
     "Table",
     "VerdictFile",
     "build_page",
+    "circle_report",
     "drift_of_calibrations",
     "drift_of_verdicts",
     "hash_of",

@@ -1,0 +1,29 @@
+"""The circle test: how round circles are, why not, and what to do first."""
+
+from delta_calibration.circle_test.circles import Circle, find_circles, pairs
+from delta_calibration.circle_test.shares import (
+    DIMENSIONS,
+    FOLLOWING,
+    NOISE,
+    NOT_EXPLAINED,
+    CircleTest,
+    Measured,
+    PartError,
+    Share,
+    circle_test,
+)
+
+__all__ = [
+    "DIMENSIONS",
+    "FOLLOWING",
+    "NOISE",
+    "NOT_EXPLAINED",
+    "Circle",
+    "CircleTest",
+    "Measured",
+    "PartError",
+    "Share",
+    "circle_test",
+    "find_circles",
+    "pairs",
+]
