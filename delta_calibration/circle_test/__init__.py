@@ -11,6 +11,7 @@ from delta_calibration.circle_test.shares import (
     PartError,
     Share,
     circle_test,
+    measured_circles,
 )
 
 __all__ = [
@@ -25,5 +26,6 @@ __all__ = [
     "Share",
     "circle_test",
     "find_circles",
+    "measured_circles",
     "pairs",
 ]

@@ -180,7 +180,8 @@ def _circle(time: Array, tool: Array, rows: Index) -> Circle | None:
 def _plane(points: Array) -> tuple[Array, float]:
     """Axes (2, 3) of the plane through points (n, 3), and how far they are off it [m].
 
-    Of a plane of two axes of the base they are nearly these; the normal's largest part is positive.
+    Of a plane of two axes of the base they are nearly these; the largest part of the normal is
+    positive.
     """
     normal = np.linalg.svd(points, full_matrices=False)[2][2]
     k = int(np.argmax(np.abs(normal)))

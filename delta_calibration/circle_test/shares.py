@@ -12,7 +12,7 @@ that all shares add up to the whole deviation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -140,26 +140,42 @@ def circle_test(session: Session, robot: Robot, diagnosis: Diagnosis) -> CircleT
     Raises:
         DataError: no circle among the paths of the session.
     """
-    model = diagnosis.model
+    found = measured_circles(session, robot, diagnosis.model, diagnosis.verdict.findings)
+    return CircleTest(diagnosis, found)
+
+
+def measured_circles(
+    session: Session, robot: Robot, model: Model, findings: Sequence[Finding] = ()
+) -> tuple[Measured, ...]:
+    """The circles of a session, in the order of time.
+
+    Args:
+        session: what was recorded.
+        robot: drawing and noise.
+        model: fitted to the session.
+        findings: causes in it that are to have shares of their own.
+
+    Raises:
+        DataError: no circle among the paths of the session.
+    """
     survey = model.survey
     at, paths = survey.paths.conditions, survey.paths
     command = _commanded(session, robot, survey.poses.start_ns, at)
-    tool = tool_points(robot, command)
     good = np.flatnonzero(model.evidence.believed[len(survey.poses) :])
-    found = find_circles(at.time[good], tool[good], paths.path[good])
+    found = find_circles(at.time[good], tool_points(robot, command)[good], paths.path[good])
     if not found:
         raise DataError(
             f"{session.source}: no circle among {len(np.unique(paths.path))} paths in motion: "
             "one turn of 340 degrees or more at a constant feed is needed, as the plan circles has"
         )
     circles = tuple(replace(c, rows=good[c.rows]) for c in found)
-    parts = _Parts(model, robot, diagnosis.verdict.findings, command)
+    parts = _Parts(model, robot, findings, command)
     measured = [_measured(circle, parts) for circle in circles]
     for i, k in pairs(circles):
         height = circular_hysteresis(circles[i], measured[i].off, circles[k], measured[k].off)
         measured[i] = replace(measured[i], hysteresis=height)
         measured[k] = replace(measured[k], hysteresis=height)
-    return CircleTest(diagnosis, tuple(measured))
+    return tuple(measured)
 
 
 class _Parts:

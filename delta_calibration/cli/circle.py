@@ -121,7 +121,7 @@ def described(test: CircleTest, named: Callable[[str], str] = str) -> str:
             "",
             table(("mean circular deviation", "[um]", "[%]"), [*shares, whole]),
             "",
-            named(advice(test)),
+            named(f"to do first: {advice(test)}"),
         ]
     )
 

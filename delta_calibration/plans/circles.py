@@ -20,9 +20,9 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-STOPS = 36  # on all circles together, each from both sides
+STOPS = 36  # on all circles together
 _ROUNDS = 3  # circles that are driven at least, in both senses at both feeds
-_AGAIN = 3  # every so many-th stop is visited once more, from both sides
+_AGAIN = 3  # every so many-th stop is visited once more
 _TURNS_S = (18.0, 6.0)  # [s] of a turn at the two feeds
 _RUN = np.radians(30.0)  # before and after the turn: to come up to the feed, and down
 _STEP = np.radians(0.45)  # between points of the command path
@@ -32,8 +32,13 @@ _LEAST = 0.1  # of the widest radius, that a circle is worth measuring at
 _SENSES = {"anticlockwise": 1.0, "clockwise": -1.0}
 
 
-def circle_test(
-    robot: Robot, count: int | None, dwell: float, radius: float, payload: float
+def circles(
+    robot: Robot,
+    count: int | None,
+    dwell: float,
+    sides: tuple[float, ...],
+    radius: float,
+    payload: float,
 ) -> Plan:
     """The plan `circles`.
 
@@ -41,6 +46,7 @@ def circle_test(
         robot: decides which planes and radii are reached.
         count: of stops on each circle; as many as make 36 where not given.
         dwell: at each stop [s].
+        sides: from which each stop is come to, +1 or -1.
         radius: largest one, where the robot file states no workspace [m].
         payload: on the platform [kg].
 
@@ -72,10 +78,10 @@ def circle_test(
     joint = points.nominal_joints(robot, places, payload=payload)
     if robot.workspace is not None:  # not all of a point is a choice of every mechanism
         places = points.tool_points(robot, joint)
-    sides = np.tile([1.0, -1.0], len(places))
-    places, joint = np.repeat(places, 2, axis=0), np.repeat(joint, 2, axis=0)
+    direction = np.tile(sides, len(places))
+    places, joint = (np.repeat(each, len(sides), axis=0) for each in (places, joint))
     mass = np.full(len(places), payload)
-    return Plan("circles", places, joint, sides, mass, dwell, tuple(paths))
+    return Plan("circles", places, joint, direction, mass, dwell, tuple(paths))
 
 
 def _room(robot: Robot, radius: float) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import points, workspace
-from delta_calibration.plans.circles import circle_test
+from delta_calibration.plans.circles import circles
 from delta_calibration.plans.motion import MotionPath, Plan
 from delta_calibration.plans.plan_file import read_plan
 from delta_calibration.robot import Robot
@@ -66,7 +66,7 @@ def make_plan(
         if name_or_csv == "rich":
             return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
         if name_or_csv == "circles":
-            return circle_test(robot, count, dwell, radius, payload)
+            return circles(robot, count, dwell, sides, radius, payload)
         if name_or_csv not in _POINTS:
             raise InputError(
                 f"no plan {name_or_csv!r}; there are: {', '.join(PLANS)}, or a CSV file"

@@ -42,7 +42,7 @@ _SMALL = 0.5e-6  # [m] that is nothing on a part
 _LOBES = {2: "oval", 3: "three-lobed", 4: "four-lobed"}
 _OTHER = {
     DIMENSIONS: (
-        "dimensions",
+        "dimensions of the parts",
         "the parts' deviations within what is usual",
         "compensate: calibrate the machine (delta-cal fit) and correct its commands",
     ),
@@ -110,12 +110,12 @@ def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Rep
 def advice(test: CircleTest) -> str:
     """What to do first, and how round the circles are then."""
     if test.first is None:
-        return "To do first: nothing that is known makes these circles rounder."
+        return "Nothing that is known makes these circles rounder."
     cause, location = test.first
-    told = f"To do first: {called(cause, location)}, {_to_do(test, cause, location)}"
+    now, then = _um(test.deviation), _um(test.without(cause, location))
     return (
-        f"{told}. The mean circular deviation is {_um(test.deviation)} µm now and "
-        f"{_um(test.without(cause, location))} µm then, nothing else done."
+        f"{capital(called(cause, location))}: {_to_do(test, cause, location)}. The mean circular "
+        f"deviation is {now} µm now and {then} µm then, nothing else done."
     )
 
 
@@ -153,7 +153,7 @@ def _to_do(test: CircleTest, cause: str, location: str | None) -> str:
         return NO_VALUE
     action = finding.action
     how = f": {action.how}" if action.how else ""
-    return f"{action.do} ({spoken(action.part)}){how}; to confirm: {action.confirm}"
+    return f"{action.do} the {spoken(action.part)}{how}. To confirm: {action.confirm}"
 
 
 def _circles(test: CircleTest) -> Table:
@@ -306,7 +306,7 @@ def _senses(circles: list[Measured]) -> list[str]:
 
 def _panel(title: str, m: Measured, by: float, lines: list[Line]) -> Panel:
     plane = m.circle.plane
-    first, second = plane if len(plane) == 2 else ("u", "v")
+    first, second = (plane[0], plane[1]) if len(plane) == 2 else ("u", "v")
     edge = 1e3 * m.circle.radius * (1 + 1.2 * _HIGH)
     return Panel(
         f"{title}, deviations × {by:,.0f}",
