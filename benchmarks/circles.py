@@ -36,7 +36,7 @@ from delta_calibration.diagnosis import calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.effects import catalogue, effect_named
-from delta_calibration.errors import CalibrationError
+from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session, Survey, survey
@@ -68,6 +68,20 @@ def hidden_in(robot: Robot, rng: np.random.Generator) -> dict[str, dict[str, str
     return {effect.cause: options} if rng.random() > 0.25 else {}
 
 
+def possible(
+    robot: Robot, seed: int, hidden: dict[str, dict[str, str]]
+) -> dict[str, dict[str, str]]:
+    """The same half as large, as often as no machine could have it otherwise."""
+    while True:
+        try:
+            draw_machine(robot, seed, hidden=hidden)
+        except InputError:
+            for options in hidden.values():
+                options["strength"] = f"{float(options['strength']) / 2:.4f}"
+        else:
+            return hidden
+
+
 def signal(start: Model, machine: Machine, options: dict[str, str]) -> float:
     """Lambda of the hidden cause beside the geometry."""
     (hidden,) = machine.chain.effects
@@ -90,7 +104,7 @@ def one(name: str, seed: int) -> dict[str, Any]:
     """What became of a machine."""
     rng = np.random.default_rng(seed)
     robot = load_robot(name)
-    hidden = hidden_in(robot, rng)
+    hidden = possible(robot, seed, hidden_in(robot, rng))
     machine = draw_machine(robot, seed, hidden=hidden)
     session, seen = drive(machine, seed)
     begin = time.perf_counter()

@@ -76,7 +76,7 @@ def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Rep
             "causes",
             "Causes and what to do",
             (advice(test),),
-            (_causes(test),),
+            (_causes(test), _orders(test)),
             tuple(_cause_plots(test)),
         ),
         Section("untold", "What this session cannot tell", tuple(untold) or ("Nothing asked.",)),
@@ -189,20 +189,41 @@ def _causes(test: CircleTest) -> Table:
         "Shares of the mean circular deviation",
         (
             "cause",
-            "value",
             "share [µm]",
             "share [%]",
             "G without it [µm]",
-            "on a round part",
-            "what to do",
+            "value",
         ),
         tuple(_cause(test, share) for share in test.shares),
         caption=(
             f"The shares add up to {_um(test.deviation)} µm. Each is the mean, over all orders in "
             "which causes can be taken out of the model, of what the circles lose with it."
         ),
-        words=(0, 1, 5, 6),
+        words=(0, 4),
     )
+
+
+def _orders(test: CircleTest) -> Table:
+    return Table(
+        "orders",
+        "What each cause does to a part, and what to do",
+        ("cause", "on a round part", "what to do"),
+        tuple(
+            (
+                capital(called(share.cause, share.location)),
+                _on_a_part(test, (share.cause, share.location)),
+                capital(_to_do(test, share.cause, share.location)),
+            )
+            for share in test.shares
+        ),
+        words=(0, 1, 2),
+    )
+
+
+def _on_a_part(test: CircleTest, key: Key) -> str:
+    if key not in test.circles[0].without:
+        return NO_VALUE
+    return capital(on_a_part(test.part_error(*key)))
 
 
 def _cause(test: CircleTest, share: Share) -> tuple[str, ...]:
@@ -210,12 +231,10 @@ def _cause(test: CircleTest, share: Share) -> tuple[str, ...]:
     known = key in test.circles[0].without
     return (
         _label(test, share),
-        _value(test, share),
         _um(share.size),
         f"{100 * share.size / test.deviation:.0f}",
         _um(test.without(*key)) if known else NO_VALUE,
-        on_a_part(test.part_error(*key)) if known else NO_VALUE,
-        capital(_to_do(test, *key)),
+        _value(test, share),
     )
 
 
