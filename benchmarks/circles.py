@@ -113,17 +113,15 @@ def one(name: str, seed: int) -> dict[str, Any]:
         "robot": name,
         "seed": seed,
         "hidden": hidden,
-        "findings": [
-            [f.cause, f.location, list(f.equivalents)] for f in test.diagnosis.verdict.findings
-        ],
-        "unknown": test.diagnosis.verdict.unknown_structure.found,
+        "findings": [[f.cause, f.location, list(f.equivalents)] for f in test.verdict.findings],
+        "unknown": test.verdict.unknown_structure.found,
         "deviation_um": 1e6 * test.deviation,
         "off": max(_off(test)),
         "seconds": time.perf_counter() - begin,
     }
     for cause, options in hidden.items():
         told["lambda"] = signal(calibrated(seen, robot), machine, options)
-        for finding in test.diagnosis.verdict.findings:
+        for finding in test.verdict.findings:
             key = finding.cause, finding.location
             if finding.cause == cause and key in test.circles[0].without:
                 repaired = draw_machine(robot, seed)

@@ -130,7 +130,7 @@ def test_deviation_and_hysteresis_are_those_of_the_standard() -> None:
 
 
 def test_the_cause_is_named_and_shares_add_up(found: CircleTest) -> None:
-    (finding,) = found.diagnosis.verdict.findings
+    (finding,) = found.verdict.findings
     assert (finding.cause, finding.location) == ("backlash", "joint_2")
     assert {(m.circle.plane, m.circle.sense) for m in found.circles} == {
         ("xy", "clockwise"),

@@ -1,5 +1,6 @@
 """The circle test: how round circles are, why not, and what to do first."""
 
+from delta_calibration.circle_test.ballbar import Ballbar, diagnose_ballbar, read_ballbar
 from delta_calibration.circle_test.circles import Circle, find_circles, pairs
 from delta_calibration.circle_test.shares import (
     DIMENSIONS,
@@ -10,6 +11,7 @@ from delta_calibration.circle_test.shares import (
     Measured,
     PartError,
     Share,
+    ballbar_test,
     circle_test,
     measured_circles,
 )
@@ -19,13 +21,17 @@ __all__ = [
     "FOLLOWING",
     "NOISE",
     "NOT_EXPLAINED",
+    "Ballbar",
     "Circle",
     "CircleTest",
     "Measured",
     "PartError",
     "Share",
+    "ballbar_test",
     "circle_test",
+    "diagnose_ballbar",
     "find_circles",
     "measured_circles",
     "pairs",
+    "read_ballbar",
 ]

@@ -12,6 +12,7 @@ that all shares add up to the whole deviation.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,6 +22,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.circle_test.ballbar import Ballbar
 from delta_calibration.circle_test.circles import (
     Circle,
     circular_deviation,
@@ -28,7 +30,8 @@ from delta_calibration.circle_test.circles import (
     find_circles,
     pairs,
 )
-from delta_calibration.diagnosis import Diagnosis, Finding, Model
+from delta_calibration.diagnosis import Diagnosis, Finding, Judgement, Model, Verdict
+from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.errors import DataError
 from delta_calibration.plans import tool_points
 from delta_calibration.robot import Robot
@@ -87,7 +90,7 @@ class PartError:
 class CircleTest:
     """The circles of a session with what is wrong by them."""
 
-    diagnosis: Diagnosis
+    verdict: Verdict
     circles: tuple[Measured, ...]
 
     @property
@@ -130,7 +133,7 @@ class CircleTest:
 
     def finding(self, cause: str, location: str | None) -> Finding | None:
         """What the verdict says of a cause; none of dimensions within their tolerances."""
-        every = self.diagnosis.verdict.findings
+        every = self.verdict.findings
         return next((f for f in every if (f.cause, f.location) == (cause, location)), None)
 
 
@@ -140,8 +143,16 @@ def circle_test(session: Session, robot: Robot, diagnosis: Diagnosis) -> CircleT
     Raises:
         DataError: no circle among the paths of the session.
     """
-    found = measured_circles(session, robot, diagnosis.model, diagnosis.verdict.findings)
-    return CircleTest(diagnosis, found)
+    verdict = diagnosis.verdict
+    found = measured_circles(session, robot, diagnosis.model, verdict.findings)
+    return CircleTest(verdict, found)
+
+
+def ballbar_test(ballbar: Ballbar, robot: Robot, judgement: Judgement) -> CircleTest:
+    """The circles of a ballbar whose lengths were judged by `diagnose_ballbar`."""
+    model, findings = judgement.model, judgement.verdict.findings
+    parts = _Lengths(model, robot, findings, ballbar)
+    return CircleTest(judgement.verdict, _all_measured(ballbar.circles, parts))
 
 
 def measured_circles(
@@ -169,7 +180,10 @@ def measured_circles(
             "one turn of 340 degrees or more at a constant feed is needed, as the plan circles has"
         )
     circles = tuple(replace(c, rows=good[c.rows]) for c in found)
-    parts = _Parts(model, robot, findings, command)
+    return _all_measured(circles, _Readings(model, robot, findings, command))
+
+
+def _all_measured(circles: tuple[Circle, ...], parts: _Parts) -> tuple[Measured, ...]:
     measured = [_measured(circle, parts) for circle in circles]
     for i, k in pairs(circles):
         height = circular_hysteresis(circles[i], measured[i].off, circles[k], measured[k].off)
@@ -178,26 +192,42 @@ def measured_circles(
     return tuple(measured)
 
 
-class _Parts:
+class _Parts(ABC):
     """The parts that the way of the reflector is the sum of, predicted cause by cause."""
 
+    following: bool  # whether the drives' following errors are a part
+    begin: int  # of the readings' rows in the evidence
+    repeatability: float  # [rad or m] of the joints
+
     def __init__(
-        self, model: Model, robot: Robot, findings: Sequence[Finding], command: Array
+        self,
+        model: Fitted,
+        findings: Sequence[Finding],
+        at: Conditions,
+        command: Array,
+        offset: Array | None = None,
     ) -> None:
-        paths = model.survey.paths
-        self.model = model
-        self.chain, self.theta = model.extended.chain, model.theta
+        """Of samples at joints as read, and as commanded; `offset` (3,) where theta has none."""
+        self.model, self.at = model, at
+        self.chain, self.theta = model.extended.chain, model.theta.copy()
+        if offset is not None:
+            self.theta[self.chain.layout.offset] = offset
         self.frame = self.chain.split(self.theta)[2]
-        self.following = _follows(command, paths.conditions.joint, paths.count, robot)
-        joint = paths.conditions.joint if self.following else command
-        self.at = replace(paths.conditions, joint=joint)
         self.rows = _rows_of(model, findings)
-        commanded = self._seen(frozenset(), replace(paths.conditions, joint=command))
-        drawn = self._seen(frozenset())
-        self.follow = self._in_base(drawn - commanded)
-        self.drawn = drawn
-        self.left = self._in_base(paths.conditions.reading - self._seen(frozenset(self.rows)))
+        self.drawn = self._seen(frozenset())
+        commanded = self._seen(frozenset(), replace(at, joint=command))
+        self.follow = self._in_base(self.drawn - commanded)
+        self.full = self._seen(frozenset(self.rows))
+        self.left = self._in_base(self.unseen())
         self._kept: dict[frozenset[Key], Array] = {}
+
+    @abstractmethod
+    def unseen(self) -> Array:
+        """What was measured less what the extended model predicts, (n, 3) [m]."""
+
+    @abstractmethod
+    def root(self, rows: Index) -> Array:
+        """Root of the covariance of some readings, (k, 3, d) [m]."""
 
     def causes(self, keys: frozenset[Key]) -> Array:
         """What these causes move the reflector by, (n, 3) [m] in the base."""
@@ -207,13 +237,13 @@ class _Parts:
 
     def noise(self, circle: Circle) -> float:
         """Variance of the radii that noise and rest errors make [m^2]."""
-        evidence, cell = self.model.evidence, self.model.cell
-        rows = circle.rows + evidence.poses
-        root = self.frame.rotation.T @ np.linalg.inv(evidence.whiten[rows])
+        root = self.frame.rotation.T @ self.root(circle.rows)
         reading = np.sum(_outward(circle, root) ** 2, axis=1)
-        slope = root @ evidence.by_joints[rows] * cell.noise.repeatability
+        by_joints = self.model.evidence.by_joints[circle.rows + self.begin]
+        slope = root @ by_joints * self.repeatability
         resting = _outward(circle, slope)
-        shift = np.column_stack([np.cos(circle.angle), np.sin(circle.angle), np.ones(len(rows))])
+        turn = circle.angle
+        shift = np.column_stack([np.cos(turn), np.sin(turn), np.ones(len(turn))])
         resting = resting - shift @ np.linalg.lstsq(shift, resting, rcond=None)[0]
         return float(reading.mean() + np.sum(resting**2, axis=1).mean())
 
@@ -231,6 +261,51 @@ class _Parts:
 
     def _in_base(self, way: Array) -> Array:
         return np.asarray(way @ self.frame.rotation)
+
+
+class _Readings(_Parts):
+    """Those of a tracker's readings in motion."""
+
+    def __init__(
+        self, model: Model, robot: Robot, findings: Sequence[Finding], command: Array
+    ) -> None:
+        paths = model.survey.paths
+        at = paths.conditions
+        self.following = _follows(command, at.joint, paths.count, robot)
+        self.begin = len(model.survey.poses)
+        self.repeatability = model.cell.noise.repeatability
+        joint = at.joint if self.following else command
+        super().__init__(model, findings, replace(at, joint=joint), command)
+
+    def unseen(self) -> Array:
+        """Point by point."""
+        return np.asarray(self.at.reading - self.full)
+
+    def root(self, rows: Index) -> Array:
+        """Of points, (k, 3, 3)."""
+        return np.asarray(np.linalg.inv(self.model.evidence.whiten[rows + self.begin]))
+
+
+class _Lengths(_Parts):
+    """Those of a ballbar's lengths; across the bar nothing is known and nothing is missed."""
+
+    def __init__(
+        self, model: Fitted, robot: Robot, findings: Sequence[Finding], ballbar: Ballbar
+    ) -> None:
+        self.following, self.begin = False, 0
+        self.repeatability = robot.joints.repeatability
+        self.radius = ballbar.radius
+        super().__init__(model, findings, ballbar.at, ballbar.at.joint, robot.tool_offset)
+
+    def unseen(self) -> Array:
+        """Along the bar."""
+        length = np.linalg.norm(self.full, axis=1, keepdims=True)
+        return np.asarray((self.radius[:, None] - length) * self.full / length)
+
+    def root(self, rows: Index) -> Array:
+        """Of lengths, (k, 3, 1)."""
+        along = self.full[rows] / np.linalg.norm(self.full[rows], axis=1, keepdims=True)
+        return np.asarray(along[:, :, None] / self.model.evidence.whiten[rows])
 
 
 def _measured(circle: Circle, parts: _Parts) -> Measured:
@@ -300,7 +375,7 @@ def _subsets(keys: frozenset[Key]) -> list[frozenset[Key]]:
     ]
 
 
-def _rows_of(model: Model, findings: Sequence[Finding]) -> dict[Key, Index]:
+def _rows_of(model: Fitted, findings: Sequence[Finding]) -> dict[Key, Index]:
     """Entries of theta that each cause sets, and those of all other dimensions.
 
     A finding that the extended model was refused sets nothing: what it does is not explained.
@@ -317,7 +392,7 @@ def _rows_of(model: Model, findings: Sequence[Finding]) -> dict[Key, Index]:
     return found | ({(DIMENSIONS, None): other} if other.size else {})
 
 
-def _rows_of_one(model: Model, finding: Finding) -> Index:
+def _rows_of_one(model: Fitted, finding: Finding) -> Index:
     for member, own in zip(model.members, model.layout.each, strict=True):
         if (member.cause, member.location) == (finding.cause, finding.location):
             rows = np.array(member.rows, dtype=np.int64)

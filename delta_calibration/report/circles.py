@@ -66,7 +66,7 @@ _OTHER = {
 
 def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Report:
     """Everything that a circle test has to say, as a report."""
-    verdict = test.diagnosis.verdict
+    verdict = test.verdict
     worst = max(test.circles, key=lambda m: m.deviation)
     senses = [m.hysteresis for m in test.circles if m.hysteresis is not None]
     untold = [f"{between(e)}: {e.because}; {e.next}." for e in verdict.cannot_tell]
