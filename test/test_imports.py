@@ -49,6 +49,7 @@ LAYERS = [
     "plans",
     "drafting",
     "accuracy",
+    "circle_test",
     "compensation",
     "calibration_file",
     "export",

@@ -11,7 +11,16 @@ import pytest
 
 from delta_calibration.cli.main import run
 from delta_calibration.errors import InputError, ReachError
-from delta_calibration.plans import Plan, make_plan, nominal_joints, read_targets, tool_frames
+from delta_calibration.plans import (
+    Plan,
+    legs,
+    make_plan,
+    nominal_joints,
+    read_targets,
+    require_limits,
+    tool_frames,
+    tool_points,
+)
 from delta_calibration.plans.optimal import candidates, optimal_plan
 from delta_calibration.plans.parting import part
 from delta_calibration.robot import Robot, known_robots, load_robot
@@ -54,6 +63,39 @@ def test_the_poses_to_identify_by_are_possible(name: str) -> None:
     best = optimal_plan(robot, 10, seed=2)
     require_possible(robot, best.plan)
     assert best.log_det > best.random_log_det + 5
+
+
+@pytest.mark.parametrize("name", known_robots())
+def test_a_circle_test_is_possible_within_ten_minutes(name: str) -> None:
+    """Each circle whole, in both senses at two feeds, one radius in each plane."""
+    robot = load_robot(name)
+    plan = make_plan("circles", robot)
+    require_possible(robot, plan)
+    assert sum(leg.time[-1] for leg in legs(plan, robot, 20.0)) < 600.0
+    planes = {"scara": ["xy"], "five_axis": ["yz"]}.get(name, ["xy", "xz", "yz"])
+    assert sorted({path.name.split("_")[1] for path in plan.paths}) == planes
+    for path in plan.paths:
+        require_limits(robot, path.joint, path.name)
+        point = tool_points(robot, path.joint)
+        axes = ["xyz".index(axis) for axis in path.name.split("_")[1]]
+        out = (point - (point.min(axis=0) + point.max(axis=0)) / 2)[:, axes]
+        assert np.ptp(np.linalg.norm(out, axis=1)) < 1e-5
+        turn = np.ptp(np.unwrap(np.arctan2(*out.T)))
+        assert np.degrees(turn) == pytest.approx(420.0, abs=1.0)
+    names = [path.name for path in plan.paths]
+    for plane in planes:
+        for feed in ("18_s", "6_s"):
+            assert f"circle_{plane}_clockwise_{feed}" in names
+            assert f"circle_{plane}_anticlockwise_{feed}" in names
+
+
+def test_a_circle_test_that_cannot_be_driven_is_refused() -> None:
+    robot = load_robot("srbd")
+    narrow = replace(robot, joints=replace(robot.joints, upper=robot.joints.lower + 0.1))
+    with pytest.raises(
+        InputError, match="plan circles: no circle of 45 mm or more about 0, 0, -761"
+    ):
+        make_plan("circles", narrow)
 
 
 @pytest.mark.parametrize("name", known_robots())

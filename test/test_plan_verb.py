@@ -37,7 +37,7 @@ def run_plan(tmp_path, *arguments, name="poses.csv"):
 # Files
 
 
-@pytest.mark.parametrize("name", ["line", "disc", "iso9283", "identify", "rich"])
+@pytest.mark.parametrize("name", ["line", "disc", "iso9283", "identify", "circles", "rich"])
 def test_a_named_plan_is_read_back_as_it_was(tmp_path, name):
     code, plan = run_plan(tmp_path, "--name", name, "--count", "4", "--seed", "2")
     assert code == 0

@@ -13,7 +13,7 @@ from delta_calibration.robot import load_robot
 from six_rods import SixRods
 
 ROBOT = load_robot("srbd")
-NAMES = ("line", "disc", "iso9283", "identify", "rich")
+NAMES = ("line", "disc", "iso9283", "identify", "circles", "rich")
 RATE = 50.0
 
 

@@ -304,7 +304,7 @@ def test_wrong_use_is_one_line_and_2(launch: Launch) -> None:
     assert len(node.output.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("name", ["line", "disc", "identify", "iso9283", "rich"])
+@pytest.mark.parametrize("name", ["line", "disc", "identify", "iso9283", "circles", "rich"])
 def test_a_motion_has_no_jumps_and_visits_every_stop(name: str) -> None:
     plan = make_plan(name, ROBOT, count=3, dwell=0.2)
     motion = Motion.of(plan, ROBOT, RATE, HERE)

@@ -21,6 +21,7 @@ VERBS = (
     "check",
     "fit",
     "diagnose",
+    "circle",
     "report",
     "certificate",
     "compare",

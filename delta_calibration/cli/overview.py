@@ -24,6 +24,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
     "Find out": {
         "fit": "session --robot srbd --out calibration.yaml",
         "diagnose": "session --robot srbd --json verdict.json --out extended.yaml",
+        "circle": "session --robot srbd --json circles.json --report circles.html",
     },
     "Put right": {
         "compensate": "--robot srbd --calibration extended.yaml points.csv --out joints.csv",

@@ -43,8 +43,8 @@ _STOPS = 20  # of --separate, where --count is not given
     "--name",
     default=None,
     metavar="NAME",
-    help="A plan by name: line, disc, iso9283, identify, rich; the nodes and `simulate` have the "
-    "same. `identify` spreads its places over the workspace, --identify chooses them.",
+    help="A plan by name: line, disc, iso9283, identify, circles, rich; the nodes and `simulate` "
+    "have the same. `identify` spreads its places over the workspace, --identify chooses them.",
 )
 @click.option(
     "--identify", is_flag=True, help="The D-optimal poses to fit the geometry, from both sides."

@@ -96,7 +96,7 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
     default="rich",
     show_default=True,
     metavar="NAME|CSV",
-    help="line, disc, iso9283, identify, rich, or a CSV of tool points (x_mm, y_mm, z_mm).",
+    help="line, disc, iso9283, identify, circles, rich, or a CSV of x_mm, y_mm, z_mm.",
 )
 @click.option(
     "--count", type=click.IntRange(min=1), default=None, help="Of points; cycles for iso9283."

@@ -151,5 +151,5 @@ def _outlier(
         information=own,
         log_p=min(0.0, log_p),
         log_bayes=(alone - unlikely) / 2,
-        share=float(b[row] ** 2 / information[row, row] / max(explained, 1e-300)),
+        share=float(b[row] ** 2 / max(information[row, row], 1e-300) / max(explained, 1e-300)),
     )

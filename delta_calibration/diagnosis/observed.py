@@ -71,9 +71,12 @@ class Observed(Fitted):
             further: what else could be measured, in words, with made-up values.
 
         Raises:
-            InputError: no observation, or no frame where one matters.
+            InputError: no observation, no frame where one matters, or one taken in motion beside
+                others.
             DataError: samples out of reach, or no rest.
         """
+        if len(measured) > 1 and any(m.path is not None for m in measured):
+            raise InputError("observations: one taken in motion is not allowed beside others")
         more = tuple((words, tuple(parts)) for words, parts in further)
         for m in (*measured, *(part for _, parts in more for part in parts)):
             sets = len(m.observation.joints())
@@ -180,7 +183,11 @@ class Observed(Fitted):
                 f"{', '.join(f'{v:.4f}' for v in at.joint[bad[0]])} are out of reach"
             )
         whiten = measured.whiten / self.factor
-        rest = Rest.of(np.full(len(at), AT_REST), at, whiten @ about.by_joints)
+        resting = measured.path is None
+        path = measured.path if measured.path is not None else np.full(len(at), AT_REST)
+        spread = 1.0 if resting else measured.repeatability
+        size = problem.chain.mechanism.joint_size
+        rest = Rest.of(path, at, whiten @ about.by_joints * spread, size)
         return evidence_about(problem, self.theta, at, about, whiten, rest)
 
 

@@ -74,13 +74,13 @@ class Rest:
     @cached_property
     def _blocks(self) -> tuple[tuple[slice, Array, Array], ...]:
         """Of each episode where its coordinates are, B (3 n, r), and S (r, r): s(x) = S B^T x."""
-        blocks = []
+        blocks, d = [], self.own.shape[1]
         for begin, end in _runs(self.episode):
             if self.path[begin] != AT_REST:
                 columns = self._columns(slice(begin, end))
                 values, axes = np.linalg.eigh(columns.T @ columns)
                 weak = 1 / np.sqrt(1 + np.clip(values, 0.0, None))
-                blocks.append((slice(3 * begin, 3 * end), columns, weak[:, None] * axes.T))
+                blocks.append((slice(d * begin, d * end), columns, weak[:, None] * axes.T))
         return tuple(blocks)
 
     def _columns(self, rows: slice) -> Array:
@@ -90,7 +90,7 @@ class Rest:
         for within, level in pairwise([path, self.row[rows], self.episode[rows]]):
             several = [run for run in _runs(level) if len(_runs(within[slice(*run)])) > 1]
             columns.append(_apart(several, own))
-        return np.concatenate(columns, axis=-1).reshape(3 * len(own), -1)
+        return np.concatenate(columns, axis=-1).reshape(own.shape[0] * own.shape[1], -1)
 
     def seen(self, x: Array) -> Array:
         """s(x) of columns (3 n, k), (r, k)."""
@@ -130,8 +130,8 @@ def _runs(number: Index) -> list[tuple[int, int]]:
 
 def _apart(runs: list[tuple[int, int]], columns: Array) -> Array:
     """Columns (n, 3, m), others for each run, (n, 3, runs m)."""
-    n, _, size = columns.shape
-    result = np.zeros((n, 3, size * len(runs)))
+    n, d, size = columns.shape
+    result = np.zeros((n, d, size * len(runs)))
     for k, (begin, end) in enumerate(runs):
         result[begin:end, :, k * size : (k + 1) * size] = columns[begin:end]
     return result

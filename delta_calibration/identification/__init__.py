@@ -48,6 +48,7 @@ from delta_calibration.identification.observations import (
     Observation,
     PointMeasured,
     PoseMeasured,
+    RadiusMeasured,
 )
 from delta_calibration.identification.pose_residual import (
     LinearResidual,
@@ -111,6 +112,7 @@ __all__ = [
     "Problem",
     "Pso",
     "Qpso",
+    "RadiusMeasured",
     "Redundancy",
     "Residuals",
     "Settled",

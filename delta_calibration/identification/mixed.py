@@ -37,6 +37,7 @@ _RESTLESS = 1e-3  # decrease of chi square ahead, at the end, of a search that f
 _NONE = 1e-8  # singular values under this share of the largest are none
 _PART = 1e-6  # of an unknown in a combination that does not show
 _SPARE = 1e-6  # degrees of freedom under which nothing is left to judge the noise by
+_PIVOT = 5e-3  # [m] that a ballbar's ball is expected to be off where it is meant to be
 FRAME_NAMES = frame_names("device")
 
 
@@ -128,7 +129,12 @@ def problem_of(measured: Sequence[Measured], mechanism: Mechanism, frame: Frame 
     chain = bare_chain(mechanism)
     layout, (basis, known) = chain.layout, scales(chain)
     start = chain.join(mechanism.parameters.nominal, chain.offset, frame or Frame.identity())
-    free = layout.mask(layout.geometry, *([layout.frame] if devices else []))
+    turns = any(m.observation.turns for m in measured)
+    placed = [layout.frame if turns else layout.place] if devices else []
+    free = layout.mask(layout.geometry, *placed)
+    if devices and not turns:  # across the plane of a circle its middle does not show
+        basis[layout.place, layout.place] = _PIVOT * np.eye(3)
+        known[layout.place] = True
     return Problem(chain, tuple(measured), start, basis, known, free)
 
 

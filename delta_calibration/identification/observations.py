@@ -85,6 +85,11 @@ class Observation(ABC):
         return ""
 
     @property
+    def turns(self) -> bool:
+        """Whether it matters, too, how that is turned."""
+        return True
+
+    @property
     @abstractmethod
     def sigma(self) -> Array:
         """Standard deviation of each of the d numbers, (d,) [m, rad, px]."""
@@ -129,6 +134,10 @@ class Measured:
     at: Conditions  # (n) joints are the observation's
     timed: bool = True  # whether the times are a clock's, or stand for an order
     given: Array | None = None  # (n, d, d) whitening, where it is not the observation's own
+    # (n,) number of the motion that each was taken in, where none was at rest, and the standard
+    # deviation of where the joints came to rest before it [rad or m]: an error that a motion keeps
+    path: NDArray[np.int64] | None = None
+    repeatability: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse conditions of other samples.
@@ -151,7 +160,9 @@ class Measured:
     def take(self, rows: NDArray[Any]) -> Measured:
         """Some of them."""
         given = None if self.given is None else self.given[rows]
-        return Measured(self.observation.take(rows), self.at.take(rows), self.timed, given)
+        path = None if self.path is None else self.path[rows]
+        at, observation = self.at.take(rows), self.observation.take(rows)
+        return Measured(observation, at, self.timed, given, path, self.repeatability)
 
 
 @dataclass(frozen=True)
@@ -268,6 +279,52 @@ class HeightAtContact(Observation):
         missed = np.asarray(self.height - seen.reading[:, 2])[:, None]
         slope = _mounted(seen.jacobian[:, 2:], theta)
         return Linear(seen.x, missed, slope, seen.by_joints[:, 2:], at.at)
+
+
+@dataclass(frozen=True)
+class RadiusMeasured(Observation):
+    """How long a telescoping ballbar is, between a ball on the platform and one on the table.
+
+    Where the ball on the table stands is not known: it is the origin of the device's frame, whose
+    turn does not show.
+    """
+
+    kind: ClassVar[str] = "radius"
+    each: ClassVar[tuple[str, ...]] = ("joint", "radius")
+
+    joint: Array
+    radius: Array  # (n,) [m]
+    offset: Array  # (3,) [m] of the ball in the platform
+    noise: float  # [m]
+
+    def __post_init__(self) -> None:
+        """Refuse arrays that do not fit together."""
+        require_shapes(self, radius=(len(self.joint),), offset=(3,))
+
+    @property
+    def device(self) -> str:
+        """A ballbar."""
+        return "ballbar"
+
+    @property
+    def turns(self) -> bool:
+        """A length is the same from everywhere."""
+        return False
+
+    @property
+    def sigma(self) -> Array:
+        """(1,) [m]."""
+        return np.array([self.noise])
+
+    def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
+        """(n, 1) [m]."""
+        seen = point_seen(at, theta, self.offset, None, guess)
+        length = np.linalg.norm(seen.reading, axis=1)
+        along = (seen.reading / length[:, None])[:, None, :]
+        slope = _mounted(along @ seen.jacobian, theta)
+        slope[..., _layout(at.chain, theta).turn] = 0.0
+        missed = np.asarray(self.radius - length)[:, None]
+        return Linear(seen.x, missed, slope, along @ seen.by_joints, at.at)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from delta_calibration.plans.points import (
     joints_toward,
     nominal_joints,
     require_borne,
+    require_limits,
     tool_frames,
     tool_points,
 )
@@ -55,6 +56,7 @@ __all__ = [
     "read_plan",
     "read_targets",
     "require_borne",
+    "require_limits",
     "tool_frames",
     "tool_points",
     "write_plan",

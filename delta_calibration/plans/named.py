@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import points, workspace
+from delta_calibration.plans.circles import circles
 from delta_calibration.plans.motion import MotionPath, Plan
 from delta_calibration.plans.plan_file import read_plan
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-PLANS = ("line", "disc", "iso9283", "identify", "rich")
+PLANS = ("line", "disc", "iso9283", "identify", "circles", "rich")
 _FINE = 801  # points of a path: on the circle the straight lines between stay within 1 um
 _PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
 
@@ -37,9 +38,11 @@ def make_plan(
     Args:
         name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
             `iso9283` (points P1 to P5 of the cube), `identify` (spread over the workspace), `rich`
-            (all that a diagnosis wants), or the path of a CSV file.
+            (all that a diagnosis wants), `circles` (the circle test of ten minutes), or the path
+            of a CSV file.
         robot: decides what can be reached.
-        count: of different points; each plan has its own usual number. Cycles, for `iso9283`.
+        count: of different points; each plan has its own usual number. Cycles, for `iso9283`;
+            stops on each circle, for `circles`.
         dwell: at each stop [s].
         both_sides: each point from both sides, one after the other; a file may say otherwise.
         radius: of the disc and of the part of the workspace that is covered [m].
@@ -62,9 +65,11 @@ def make_plan(
             return read_plan(Path(name_or_csv), robot, dwell, sides, payload)
         if name_or_csv == "rich":
             return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
+        if name_or_csv == "circles":
+            return circles(robot, count, dwell, sides, radius, payload)
         if name_or_csv not in _POINTS:
             raise InputError(
-                f"no plan {name_or_csv!r}; there are: {', '.join(_POINTS)}, rich, or a CSV file"
+                f"no plan {name_or_csv!r}; there are: {', '.join(PLANS)}, or a CSV file"
             )
         rng = np.random.default_rng(seed)
         targets, turns = _places(name_or_csv, robot, count, radius, rng)

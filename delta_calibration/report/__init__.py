@@ -8,6 +8,7 @@ page (`browser.py`), as a picture (`picture.py`), and as numbers (`numbers.py`).
 from delta_calibration.report.about import About, read_about
 from delta_calibration.report.certificate import Certificate
 from delta_calibration.report.certificate_page import page_of_certificate
+from delta_calibration.report.circles import circle_report
 from delta_calibration.report.decision import Decision
 from delta_calibration.report.document import Report, Section, Table
 from delta_calibration.report.drift import (
@@ -40,6 +41,7 @@ __all__ = [
     "Table",
     "VerdictFile",
     "build_page",
+    "circle_report",
     "drift_of_calibrations",
     "drift_of_verdicts",
     "examined_by",

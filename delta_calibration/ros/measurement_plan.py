@@ -54,7 +54,7 @@ SPECS = (
     Spec(
         "plan",
         "line",
-        "line, disc, iso9283, identify, rich, or a CSV file with columns x_mm, y_mm, z_mm",
+        "line, disc, iso9283, identify, circles, rich, or a CSV of x_mm, y_mm, z_mm",
         read_only=True,
         path=True,
         names=PLANS,
