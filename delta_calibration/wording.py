@@ -76,7 +76,7 @@ def rounded(value: float, uncertainty: float, sign: bool = False) -> str:
     text = f"{value:{'+' if sign else ''},.{places_for(uncertainty)}f}"
     if not any(digit in text for digit in "123456789"):
         text = text.lstrip("+-")
-    return text.replace(",", _THIN).replace("-", _MINUS)
+    return text.replace(",", _THIN).replace("-", MINUS)
 
 
 def chance(p: float | None) -> str:

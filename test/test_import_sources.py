@@ -70,7 +70,7 @@ COMMAS = {"delimiter": ";", "table": {"decimal": ",", "thousands": "."}}
 def test_an_instruments_own_export(cell, plain, tmp_path, capsys, encoding) -> None:
     """A preamble with umlauts, in whatever encoding; decimal commas, thousands parted."""
     _, _, poses = cell
-    preamble = ["Messprotokoll;Prüfer: Jörg Müller;Gerät 12", "", "Temperatur 21,5 °C"]
+    preamble = ["Messprotokoll;Prüfer: Jörg Müller;Gerät 12", "", "Ölstand 21,5 °C"]
     path = write(tmp_path / "export.csv", [*preamble, *german(poses)], encoding)
     found, said = bring(path, mapping_of(**COMMAS), capsys)
     np.testing.assert_allclose(found.tracker.position, plain.tracker.position, atol=1e-14)
