@@ -194,7 +194,8 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
     """
     model = found.model_error
     value, way = np.linalg.eigh(found.covariance)
-    factor = np.linalg.qr((way * np.sqrt(np.maximum(value, 0.0))).T, mode="r").T
+    root = (way * np.sqrt(np.maximum(value, 0.0))).T
+    factor = np.asarray(np.linalg.qr(root, mode="r")).T
     return {
         "factor_lower": [
             " ".join(f"{entry:.8g}" for entry in row[: k + 1])

@@ -58,6 +58,8 @@ def _sentence(certificate: Certificate) -> str:
     allowed = f"a tolerance of {MM * tolerance:g} mm"
     points = certificate.points or ()
     passed, failed = (points.count(d) for d in (Decision.PASS, Decision.FAIL))
+    if certificate.examined.seen and decision is not Decision.FAIL:
+        return f"Not decided for {allowed}: the calibration was made from this very session."
     said = {
         Decision.PASS: f"Passes {allowed} at all {len(points)} points.",
         Decision.FAIL: f"Fails {allowed} at {failed} of {len(points)} points.",
