@@ -173,6 +173,12 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
     for k, row in enumerate(rows):
         factor[k, : k + 1] = row
     model = told["model"]
+    joints = len(data["region"]["joints_lower_rad"])
+    if len(model["play"]) != joints:
+        raise ConfigError(
+            f"{path}: uncertainty: model.play: {len(model['play'])} values found, {joints} are "
+            "expected"
+        )
     return Uncertainty(
         factor @ factor.T,
         float(data["noise"]["repeatability_urad"]) * 1e-6,
@@ -207,7 +213,7 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
             "shape_per_m2": model.shape.tolist(),
             "share": model.share,
             "widen": model.widen,
-            "play": [] if model.play is None else model.play.tolist(),
+            "play": model.play.tolist(),
         },
     }
 

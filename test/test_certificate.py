@@ -318,6 +318,15 @@ def test_an_uncertainty_that_is_not_whole_is_refused(
     assert "uncertainty: factor_lower" in str(refused.value)
 
 
+def test_play_of_other_joints_is_refused(cell: Path) -> None:
+    data = parse_yaml((cell / "calibration.yaml").read_text(), "calibration")
+    data["uncertainty"]["model"]["play"] = [1e-5]
+    bare = {key: value for key, value in data.items() if key != "sha256"}
+    write_document(cell / "play.yaml", {**bare, "sha256": content_hash(bare)})
+    with pytest.raises(ConfigError, match=r"model\.play: 1 values found, 3 are expected"):
+        load_calibration(cell / "play.yaml", load_robot("srbd"))
+
+
 def test_nothing_is_certified_by_a_session_with_a_mistake(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

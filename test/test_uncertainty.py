@@ -188,9 +188,7 @@ def test_uncertainty_follows_its_covariance() -> None:
     """Four times the variance of everything is twice the radius."""
     own, at = examined().identified, examined().poses.conditions
     told = own.uncertainty
-    model = replace(told.model, covariance=4 * told.model.covariance)
-    if told.model.play is not None:
-        model = replace(model, play=2 * told.model.play)
+    model = replace(told.model, covariance=4 * told.model.covariance, play=2 * told.model.play)
     wide = Uncertainty(4 * told.covariance, 2 * told.repeatability, model)
     np.testing.assert_allclose(
         replace(own, uncertainty=wide).radius(at), 2 * own.radius(at), rtol=1e-9
