@@ -174,6 +174,12 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
     for k, row in enumerate(rows):
         factor[k, : k + 1] = row
     model = told["model"]
+    joints = len(data["region"]["joints_lower_rad"])
+    if len(model["play"]) != joints:
+        raise ConfigError(
+            f"{path}: uncertainty: model.play: {len(model['play'])} values found, {joints} are "
+            "expected"
+        )
     return Uncertainty(
         factor @ factor.T,
         float(data["noise"]["repeatability_urad"]) * 1e-6,
@@ -197,6 +203,8 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
     value, way = np.linalg.eigh(found.covariance)
     upper = np.asarray(np.linalg.qr((way * np.sqrt(np.maximum(value, 0.0))).T, mode="r"))
     factor = upper.T
+    root = (way * np.sqrt(np.maximum(value, 0.0))).T
+    factor = np.asarray(np.linalg.qr(root, mode="r")).T
     return {
         "factor_lower": [
             " ".join(f"{entry:.8g}" for entry in row[: k + 1])
@@ -208,7 +216,7 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
             "shape_per_m2": model.shape.tolist(),
             "share": model.share,
             "widen": model.widen,
-            "play": [] if model.play is None else model.play.tolist(),
+            "play": model.play.tolist(),
         },
     }
 

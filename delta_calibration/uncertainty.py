@@ -51,9 +51,9 @@ class ModelError:
     covariance: Array  # (3, 3) [m^2] M, mean of the poses
     middle: Array  # (3,) [m] of the poses
     shape: Array  # (3, 3) [1/m^2] r^2 = d^T shape d, 1 in the mean of the poses
-    share: float = 0.0  # b, 0 to 1, of it that grows with r^2
-    widen: float = 1.0  # at least 1
-    play: Array | None = None  # (m,) [rad or m] each joint is off, by the side it comes from
+    share: float  # b, 0 to 1, of it that grows with r^2
+    widen: float  # at least 1
+    play: Array  # (m,) [rad or m] each joint is off, by the side it comes from
 
     def at(self, places: Array) -> Array:
         """M at places (n, 3) [m], (n, 3, 3)."""
@@ -129,8 +129,7 @@ class Identified:
         jacobian, by_joints = turned.T @ seen.jacobian, turned.T @ seen.by_joints
         rest, following = _divided(self.uncertainty.covariance, self.chain)
         frame = jacobian[..., self.chain.layout.frame]
-        play = self.uncertainty.model.play
-        played = by_joints * (np.zeros(by_joints.shape[-1]) if play is None else play)
+        played = by_joints * self.uncertainty.model.play
         return Parts(
             frame=frame @ rest @ _turned_round(frame),
             dimensions=jacobian @ following @ _turned_round(jacobian),
@@ -228,9 +227,9 @@ def model_error_of(
     play = _play(sided, error, known)
     error = error - sided @ play
     places = chain.mechanism.position(seen.x)
-    found = _grown(places, error, known)
+    found = _grown(places, error, known, np.abs(play))
     ratio = np.linalg.norm(error, axis=1) / radius95(known + found.at(places))
-    return replace(found, widen=max(1.0, _reached(ratio)), play=np.abs(play))
+    return replace(found, widen=max(1.0, _reached(ratio)))
 
 
 def _unfitted(by_theta: Array, covariance: Array, noise: Array, part: Index) -> Array:
@@ -267,7 +266,7 @@ def _play(sided: Array, error: Array, known: Array) -> Array:
     return np.where(np.abs(value) > _SURE * sigma, value, 0.0)
 
 
-def _grown(places: Array, error: Array, known: Array) -> ModelError:
+def _grown(places: Array, error: Array, known: Array, play: Array) -> ModelError:
     """M and how it grows from the middle, of errors (n, 3) of which `known` (n, 3, 3) is noise."""
     covariance = _definite(error.T @ error / len(error) - known.mean(axis=0))
     middle = places.mean(axis=0)
@@ -277,11 +276,11 @@ def _grown(places: Array, error: Array, known: Array) -> ModelError:
     shape /= max(np.linalg.matrix_rank(shape), 1)
     size = float(np.trace(covariance))
     if size <= 0.0:
-        return ModelError(covariance, middle, shape)
+        return ModelError(covariance, middle, shape, 0.0, 1.0, play)
     beyond = np.einsum("ni,ij,nj->n", way, shape, way) - 1
     left = (np.sum(error**2, axis=1) - np.trace(known, axis1=1, axis2=2)) / size - 1
     share = float(beyond @ left / max(beyond @ beyond, np.finfo(float).tiny))
-    return ModelError(covariance, middle, shape, min(max(share, 0.0), 1.0))
+    return ModelError(covariance, middle, shape, min(max(share, 0.0), 1.0), 1.0, play)
 
 
 def _reached(ratio: Array) -> float:

@@ -29,6 +29,7 @@ from delta_calibration.documents import (
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
+from delta_calibration.recording import write_session
 from delta_calibration.report import read_about
 from delta_calibration.report.certificate_figures import planes_of
 from delta_calibration.report.decision import Decision, decided, of_all
@@ -38,6 +39,7 @@ from delta_calibration.simulation import draw_machine, simulate_session
 from delta_calibration.uncertainty import Identified
 from delta_calibration.wording import places_for, rounded
 from headless import browser, chromium
+from mistakes import KINDS, clean_case
 
 ABOUT = """\
 number: K-14
@@ -166,10 +168,11 @@ def test_a_tolerance_that_is_not_met(
 
 @pytest.mark.parametrize("session", ["session", "renamed"])
 def test_nothing_passes_by_the_session_a_calibration_was_made_from(
-    cell: Path, session: str
+    cell: Path, session: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = ("--calibration", str(cell / "calibration.yaml"))
     assert run(certify(cell, "about.yaml", "same.json", session=session, more=given)) == 1
+    assert "made from this very session" in capsys.readouterr().err
     told = content(cell / "same.json")
     assert told["errors_held_out"] is False
     assert told["decision"] == "not decided"
@@ -313,3 +316,26 @@ def test_an_uncertainty_that_is_not_whole_is_refused(
     with pytest.raises(ConfigError, match=said) as refused:
         load_calibration(cell / "cut.yaml", load_robot("srbd"))
     assert "uncertainty: factor_lower" in str(refused.value)
+
+
+def test_play_of_other_joints_is_refused(cell: Path) -> None:
+    data = parse_yaml((cell / "calibration.yaml").read_text(), "calibration")
+    data["uncertainty"]["model"]["play"] = [1e-5]
+    bare = {key: value for key, value in data.items() if key != "sha256"}
+    write_document(cell / "play.yaml", {**bare, "sha256": content_hash(bare)})
+    with pytest.raises(ConfigError, match=r"model\.play: 1 values found, 3 are expected"):
+        load_calibration(cell / "play.yaml", load_robot("srbd"))
+
+
+def test_nothing_is_certified_by_a_session_with_a_mistake(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = KINDS["tracker_unit"](clean_case("linear_delta", 1), 0)
+    assert made is not None
+    write_session(tmp_path / "wrong", made.session)
+    order = ["certificate", str(tmp_path / "wrong"), "--robot", "linear_delta"]
+    assert run([*order, "--out", str(tmp_path / "c.json")]) == 1
+    said = capsys.readouterr()
+    assert "nothing is certified by a session with a mistake" in said.err
+    assert "warning:" in said.out
+    assert not (tmp_path / "c.json").exists()

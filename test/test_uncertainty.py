@@ -17,7 +17,15 @@ import GTC
 from certified_coverage import coverage
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
-from delta_calibration.report import About, Examined, examined_fit
+from delta_calibration.report import (
+    About,
+    Certificate,
+    Decision,
+    Examined,
+    Provenance,
+    examined_fit,
+    page_of_certificate,
+)
 from delta_calibration.report.budget import budget_of, certified, standard
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import collect
@@ -188,10 +196,26 @@ def test_uncertainty_follows_its_covariance() -> None:
     """Four times the variance of everything is twice the radius."""
     own, at = examined().identified, examined().poses.conditions
     told = own.uncertainty
-    model = replace(told.model, covariance=4 * told.model.covariance)
-    if told.model.play is not None:
-        model = replace(model, play=2 * told.model.play)
+    model = replace(told.model, covariance=4 * told.model.covariance, play=2 * told.model.play)
     wide = Uncertainty(4 * told.covariance, 2 * told.repeatability, model)
     np.testing.assert_allclose(
         replace(own, uncertainty=wide).radius(at), 2 * own.radius(at), rtol=1e-9
     )
+
+
+def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
+    """It is listed and not judged: nobody can pass by leaving out what does not fit."""
+    source = Provenance("session", "0" * 64, 0, "srbd", "srbd.yaml", "0" * 64, 0)
+    wide = About({"tolerance_mm": 10.0})
+    whole = Certificate(examined(), wide, source)
+    assert whole.decision is Decision.PASS
+    believed = whole.examined.believed.copy()
+    believed[3] = False
+    less = Certificate(replace(whole.examined, believed=believed), wide, source)
+    assert less.decision is Decision.NOT_DECIDED
+    assert less.points is not None
+    assert less.points[3] is Decision.NOT_DECIDED
+    page = page_of_certificate(less)
+    assert "1 of 48 poses is a gross error by the fit and not judged" in page.statements[4].answer
+    points = next(table for table in page.tables() if table.name == "points")
+    assert [row[-1] for row in points.rows].count("set aside") == 1

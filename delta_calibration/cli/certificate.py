@@ -19,7 +19,7 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.cli.quantity import Quantity
-from delta_calibration.errors import DataError, InputError
+from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.identification import identify
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
@@ -34,8 +34,8 @@ from delta_calibration.report import (
     write_page,
     write_pdf,
 )
-from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import Session, collect
 
 PATH = click.Path(path_type=Path)
 _KINDS = (".html", ".pdf", ".json")
@@ -125,7 +125,7 @@ def command(
     stated = read_about(about, _by_path(given))
     robot = load_robot(robot_file)
     recorded = read_session(session, Topics.from_options(topics))
-    warn_of_mistakes(recorded, robot, robot_file, False, True)
+    _require_sound(recorded, robot, robot_file)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     calibration = None if calibration_file is None else load_calibration(calibration_file, robot)
     source = session_provenance(session, poses, robot, seed, recorded.metadata, calibration)
@@ -137,6 +137,21 @@ def command(
     certificate = Certificate(examined, stated, source)
     _write(certificate, outs)
     _require_passed(certificate, session)
+
+
+def _require_sound(recorded: Session, robot: Robot, robot_file: str) -> None:
+    """Refuse to certify by a session that was recorded with a mistake.
+
+    Raises:
+        MistakeError: there is one.
+    """
+    try:
+        warn_of_mistakes(recorded, robot, robot_file, force=False, out=True)
+    except MistakeError as error:
+        raise MistakeError(
+            f"{recorded.source}: nothing is certified by a session with a mistake: "
+            "`delta-cal check` says more and mends it (--fix)"
+        ) from error
 
 
 _OPTIONS = {

@@ -141,14 +141,12 @@ def _of_readings(examined: Examined) -> tuple[Contribution, ...]:
 
 def _of_certificates(examined: Examined, about: About) -> tuple[Contribution, ...]:
     stated = stated_at(examined, about, examined.target)
-    silent = set(about.silent)
+    own = (stated.along, stated.across, stated.reflector, stated.temperature)
     return tuple(
-        Contribution(name, "B", NOT_STATED if name in silent else "stated", value, value)
-        for name, value in zip(
-            STATED,
-            (stated.along, stated.across, stated.reflector, stated.temperature),
-            strict=True,
-        )
+        Contribution(name, "B", NOT_STATED, None, None)
+        if name in about.silent
+        else Contribution(name, "B", "stated", value, value)
+        for name, value in zip(STATED, own, strict=True)
     )
 
 

@@ -58,6 +58,8 @@ def _sentence(certificate: Certificate) -> str:
     allowed = f"a tolerance of {MM * tolerance:g} mm"
     points = certificate.points or ()
     passed, failed = (points.count(d) for d in (Decision.PASS, Decision.FAIL))
+    if certificate.examined.seen and decision is not Decision.FAIL:
+        return f"Not decided for {allowed}: the calibration was made from this very session."
     said = {
         Decision.PASS: f"Passes {allowed} at all {len(points)} points.",
         Decision.FAIL: f"Fails {allowed} at {failed} of {len(points)} points.",
@@ -92,7 +94,7 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         "is fitted to this session."
     )
     aside = int(np.count_nonzero(~examined.believed))
-    more = f" {aside} points are gross errors by the fit and not judged." if aside else ""
+    more = f" {_set_aside(aside, len(examined.poses))}" if aside else ""
     return (
         Statement("Machine", machine),
         Statement("Instrument", instrument),
@@ -101,6 +103,11 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         Statement("Errors", how + more),
         *(Statement("Warning", capital(f"{text}.")) for text in examined.doubts),
     )
+
+
+def _set_aside(aside: int, poses: int) -> str:
+    what = "is a gross error" if aside == 1 else "are gross errors"
+    return f"{aside} of {poses} poses {what} by the fit and not judged."
 
 
 def _tolerance(about: About) -> str:

@@ -96,7 +96,7 @@ def _dimension(d: Dimension) -> tuple[str, ...]:
         rounded(factor * d.nominal, u),
         rounded(factor * d.value, u),
         rounded(factor * (d.value - d.nominal), u, sign=True),
-        figures(u, 2),
+        rounded(u, u),
         unit,
     )
 
