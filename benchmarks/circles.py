@@ -8,7 +8,8 @@ hidden at one place, of a size between 0.1 and 3 of what is typical. It is measu
 
     right       of those with lambda >= 80 beside the geometry: the cause is named, or among what
                 the session cannot tell it from; and, apart, whether it is the first of these
-    alarms      machines without a cause in which one beyond the geometry is named
+    alarms      machines without a cause in which one beyond the geometry is named; and, apart,
+                those in which structure is reported that no cause explains (unknown)
     shares      how far the shares are from the whole deviation, at most
     foretold    the mean circular deviation after a repair, against that of the same machine in
                 the simulator without the cause (of causes that are named as they are hidden); and
@@ -143,7 +144,7 @@ def _off(test: CircleTest) -> list[float]:
 
 def judged(told: list[dict[str, Any]]) -> None:
     """Print the table."""
-    head = ("robot", "machines", "lambda >= 80", "right", "first", "clean", "alarms")
+    head = ("robot", "machines", "lambda >= 80", "right", "first", "clean", "alarms", "unknown")
     print("".join(f"{h:>13}" for h in head))
     rows = defaultdict(list)
     for each in told:
@@ -155,7 +156,9 @@ def judged(told: list[dict[str, Any]]) -> None:
         clean = [e for e in every if not e["hidden"]]
         alarms = [e for e in clean if any(f[0] not in _OF_PARTS for f in e["findings"])]
         counts = len(every), len(sure), sum(map(right, sure)), sum(map(first, sure))
-        print(f"{name:>13}" + "".join(f"{n:>13}" for n in (*counts, len(clean), len(alarms))))
+        unknown = sum(e["unknown"] for e in clean)
+        numbers = *counts, len(clean), len(alarms), unknown
+        print(f"{name:>13}" + "".join(f"{n:>13}" for n in numbers))
     print(f"shares are off the whole by at most {max(e['off'] for e in told):.1e}")
     matter = [e for e in told if "repair" in e and _changed(e) >= _MATTERS]
     for key, of, what in (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from delta_calibration.identification import Machine, Measured, RadiusMeasured
 from delta_calibration.plans import make_plan, tool_points
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import Session, at_rest
+from delta_calibration.simulation import Machine as SimulatedMachine
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("scara")
@@ -38,7 +40,10 @@ MISSED = np.array([2e-4, -1e-4, 5e-5])  # [m] of the pivot where it was meant to
 
 def driven(causes: dict, scatter: float = 1.0, seed: int = SEED) -> tuple[Session, np.ndarray]:
     """A circle test, and the distances of the ball from a pivot on the table."""
-    machine = draw_machine(ROBOT, SEED, scatter, causes)
+    return driven_by(draw_machine(ROBOT, SEED, scatter, causes), seed)
+
+
+def driven_by(machine: SimulatedMachine, seed: int) -> tuple[Session, np.ndarray]:
     plan = make_plan("circles", ROBOT)
     session = simulate_session(machine, plan, seed)
     way = tool_points(ROBOT, plan.paths[0].joint)
@@ -173,3 +178,14 @@ def test_what_is_wrong_in_a_table_is_named(lines: list[str], tmp_path: Path) -> 
     refused(off, "radius_mm: '500' is not allowed; the command goes round at 200.0 mm")
     with pytest.raises(InputError, match="cannot be read"):
         read_ballbar(tmp_path / "none.csv", ROBOT)
+
+
+def test_where_joints_came_to_rest_is_no_error_of_the_machine(tmp_path: Path) -> None:
+    """An error that a motion keeps is many times what a good ballbar's length scatters by."""
+    tracker = replace(ROBOT.tracker, radial=3e-7, transverse=3e-7, transverse_per_metre=0.0)
+    machine = draw_machine(replace(ROBOT, tracker=tracker), SEED)
+    path = written(tmp_path / "quiet.csv", lines_of(*driven_by(machine, SEED)))
+    ballbar = read_ballbar(path, ROBOT)
+    verdict = diagnose_ballbar(ballbar, ROBOT, 5e-7, 0).verdict
+    assert not [f for f in verdict.findings if f.kind != "geometry"]
+    assert not verdict.unknown_structure.found

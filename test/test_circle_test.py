@@ -23,7 +23,8 @@ from delta_calibration.circle_test import (
 )
 from delta_calibration.circle_test.circles import circular_deviation, circular_hysteresis
 from delta_calibration.cli.main import run
-from delta_calibration.diagnosis import calibrated, diagnose
+from delta_calibration.diagnosis import Model, calibrated, diagnose
+from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.errors import DataError
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
@@ -46,6 +47,18 @@ def session_of(causes: dict, scatter: float = 1.0, seed: int = SEED) -> Session:
 
 def diagnosed(session: Session) -> CircleTest:
     return circle_test(session, ROBOT, diagnose(survey(session, ROBOT.joints.names), ROBOT))
+
+
+def session_row(session: Session, row: int) -> int:
+    """The tracker's reading nearest in time to one on a path."""
+    seen = survey(session, ROBOT.joints.names)
+    assert session.tracker is not None
+    time = (session.tracker.stamp_ns - seen.poses.start_ns) * 1e-9
+    return int(np.argmin(np.abs(time - seen.paths.conditions.time[row])))
+
+
+def tracked(model: Model) -> np.ndarray:
+    return model.extended.chain.predict(model.survey.paths.conditions, model.theta)
 
 
 def mean_deviation(session: Session) -> float:
@@ -170,6 +183,24 @@ def test_what_a_cause_does_to_a_part(found: CircleTest) -> None:
     assert "between the two senses" in on_a_part(play)
 
 
+def test_every_reading_counts_but_outliers(session: Session, found: CircleTest) -> None:
+    """Those just after a joint has turned belong to the circle; a disturbed beam does not."""
+    for m in found.circles:
+        assert len(m.radial) >= (355 if m.circle.feed < 0.1 else 118)
+    assert session.tracker is not None
+    position = session.tracker.position.copy()
+    row = int(found.circles[0].circle.rows[100])
+    at = session_row(session, row)
+    position[at] += 0.005
+    spoiled = replace(session, tracker=replace(session.tracker, position=position))
+    seen = survey(spoiled, ROBOT.joints.names)
+    model = calibrated(seen, ROBOT)
+    off = np.linalg.norm(seen.paths.conditions.reading - tracked(model), axis=1)
+    assert off.max() > 0.003  # it is in the survey
+    again = diagnosed(spoiled)
+    assert again.circles[0].deviation == pytest.approx(found.circles[0].deviation, rel=0.02)
+
+
 def test_drives_that_do_not_follow_have_a_share(session: Session) -> None:
     """The machine is where the encoders say; the command was elsewhere."""
     assert session.command is not None
@@ -183,6 +214,15 @@ def test_drives_that_do_not_follow_have_a_share(session: Session) -> None:
     assert by[FOLLOWING] > 20e-6
     assert found.without(FOLLOWING, None) < found.deviation
     assert sum(by.values()) == pytest.approx(found.deviation, rel=1e-6)
+
+
+def test_dimensions_that_circles_do_not_show_have_no_share_in_the_geometry() -> None:
+    """Of a machine as drawn; none is taken for the outlier, and nothing is divided by zero."""
+    machine = draw_machine(ROBOT, SEED, 0.0)
+    session = simulate_session(machine, make_plan("circles", ROBOT), SEED)
+    outlier = scatter_of(calibrated(survey(session, ROBOT.joints.names), ROBOT).beside).outlier
+    assert outlier is not None
+    assert 0.0 <= outlier.share <= 1.0
 
 
 def test_a_session_without_circles_is_refused() -> None:

@@ -13,7 +13,7 @@ All are of the readings as they are, with the tracker's noise; nothing is smooth
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,6 +66,10 @@ class Circle:
         if self.normal[k] >= _SQUARE:
             return ("yz", "zx", "xy")[k]
         return "normal " + " ".join(f"{v:.2f}" for v in self.normal)
+
+    def take(self, kept: NDArray[np.bool_]) -> Circle:
+        """Some of its readings."""
+        return replace(self, rows=self.rows[kept], angle=self.angle[kept])
 
     def radial(self, off: Array) -> Array:
         """Radius less the nominal one about the least squares centre, (n,) [m].

@@ -49,6 +49,7 @@ NOISE = "measurement_noise"
 _FOLLOW: Key = (FOLLOWING, None)
 _LEFT: Key = ("left", None)  # what is not explained, and noise
 _LOBES = 12  # a turn, at most, that an undulation is looked for with
+_SPIKE = 6.0  # times what is usually left, from which a reading is an outlier
 _SEEN = 2.0  # times the encoders' variance, from which following errors are told from noise
 
 
@@ -172,18 +173,18 @@ def measured_circles(
     survey = model.survey
     at, paths = survey.paths.conditions, survey.paths
     command = _commanded(session, robot, survey.poses.start_ns, at)
-    good = np.flatnonzero(model.evidence.believed[len(survey.poses) :])
-    found = find_circles(at.time[good], tool_points(robot, command)[good], paths.path[good])
-    if not found:
+    circles = find_circles(at.time, tool_points(robot, command), paths.path)
+    if not circles:
         raise DataError(
             f"{session.source}: no circle among {len(np.unique(paths.path))} paths in motion: "
             "one turn of 340 degrees or more at a constant feed is needed, as the plan circles has"
         )
-    circles = tuple(replace(c, rows=good[c.rows]) for c in found)
     return _all_measured(circles, _Readings(model, robot, findings, command))
 
 
 def _all_measured(circles: tuple[Circle, ...], parts: _Parts) -> tuple[Measured, ...]:
+    kept = parts.kept
+    circles = tuple(circle.take(kept[circle.rows]) for circle in circles)
     measured = [_measured(circle, parts) for circle in circles]
     for i, k in pairs(circles):
         height = circular_hysteresis(circles[i], measured[i].off, circles[k], measured[k].off)
@@ -229,6 +230,21 @@ class _Parts(ABC):
     def root(self, rows: Index) -> Array:
         """Root of the covariance of some readings, (k, 3, d) [m]."""
 
+    @property
+    def _believed(self) -> NDArray[np.bool_]:
+        """Readings whose noise the evidence knows, (n,)."""
+        return self.model.evidence.believed[self.begin :]
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Readings that are no outliers, (n,).
+
+        Those just after a joint's turn are left out of a fit; the circle has them.
+        """
+        off = np.linalg.norm(self.left, axis=1)
+        usual = float(np.median(off[self._believed]))
+        return np.asarray(self._believed | (off <= _SPIKE * usual))
+
     def causes(self, keys: frozenset[Key]) -> Array:
         """What these causes move the reflector by, (n, 3) [m] in the base."""
         if keys not in self._kept:
@@ -237,6 +253,7 @@ class _Parts(ABC):
 
     def noise(self, circle: Circle) -> float:
         """Variance of the radii that noise and rest errors make [m^2]."""
+        circle = circle.take(self._believed[circle.rows])
         root = self.frame.rotation.T @ self.root(circle.rows)
         reading = np.sum(_outward(circle, root) ** 2, axis=1)
         by_joints = self.model.evidence.by_joints[circle.rows + self.begin]

@@ -145,11 +145,12 @@ def _outlier(
     ratio = alone - unlikely + price
     explained = float(np.sum(along**2 / (values + 1.0)))
     log_p = float(chi2.logsf(max(ratio, 0.0), 1)) + float(np.log(len(candidates)))
+    seen = float(information[row, row])
     return Outlier(
         candidate=candidates[row],
         value=left / (own + PRECISION),
         information=own,
         log_p=min(0.0, log_p),
         log_bayes=(alone - unlikely) / 2,
-        share=float(b[row] ** 2 / max(information[row, row], 1e-300) / max(explained, 1e-300)),
+        share=float(b[row] ** 2 / seen / max(explained, 1e-300)) if seen > 0 else 0.0,
     )
