@@ -13,6 +13,7 @@ from delta_calibration.cell.ramp import Stage
 
 Array = NDArray[np.float64]
 
+
 @dataclass(frozen=True)
 class Output:
     """What was sent to the drives."""
@@ -63,7 +64,7 @@ class Echo:
         known = self._sent[row] if row >= 0 else None
         return None if known is None else Output(self.kept.joint[row].copy(), *known)
 
-    def sent_by_kernel(self, stage: Stage) -> None:
-        """The compiled way has remembered an output itself; what it does not keep is this."""
+    def kept_already(self, stage: Stage) -> None:
+        """Of the last output, which compiled code has put into `kept`: what is not kept there."""
         if self.kept is not None:
-            self._sent[(int(self.kept.count[0]) - 1) % KEPT] = stage, False
+            self._sent[(int(self.kept.told[0]) - 1) % KEPT] = stage, False

@@ -24,7 +24,7 @@ class Outputs(NamedTuple):
     first: Array  # (KEPT,) [rad] angle of the first joint
     joint: Array  # (KEPT, m) [rad]
     odd: NDArray[np.bool_]  # (KEPT,) no command as any other, without its mark as well
-    count: Index  # (1,) of all that were sent
+    told: Index  # (1,) of all that were sent
 
 
 def outputs(joints: int) -> Outputs:
@@ -40,12 +40,12 @@ def outputs(joints: int) -> Outputs:
 @compiled(borrows=True)
 def remember(own: Outputs, joint: Array, odd: bool) -> int:
     """Take an output (m,) [rad]; the row it is in."""
-    row = own.count[0] % KEPT
+    row = int(own.told[0] % KEPT)
     own.first[row] = joint[0]
     for j in range(len(joint)):
         own.joint[row, j] = joint[j]
     own.odd[row] = odd
-    own.count[0] += 1
+    own.told[0] += 1
     return row
 
 
@@ -69,7 +69,7 @@ def row_of(own: Outputs, q: Array, marked: bool) -> int:
 @compiled(borrows=True)
 def _age(own: Outputs, row: int) -> int:
     """How many outputs came after that of a row."""
-    return int((own.count[0] - 1 - row) % KEPT)
+    return int((own.told[0] - 1 - row) % KEPT)
 
 
 @compiled(alone=True)

@@ -19,6 +19,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.errors import InputError
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
@@ -91,6 +93,7 @@ class Bytes:
     """
 
     def __init__(self, names: Sequence[str], frame_id: str = "") -> None:
+        self._names = tuple(names)
         made = bytearray(_HEAD + bytes(8) + _string(frame_id))
         _pad(made, 4)
         made += struct.pack("<I", len(names))
@@ -108,7 +111,13 @@ class Bytes:
         self._end = self.template[self.position + 8 * len(names) :]
 
     def message(self, position: Array, stamp: tuple[int, int]) -> bytes:
-        """A message with positions (m,) and a stamp of seconds and nanoseconds."""
+        """A message with positions (m,) and a stamp of seconds and nanoseconds.
+
+        Raises:
+            InputError: as many positions as names are needed, all of them finite.
+        """
+        if position.shape != (len(self._names),) or not np.isfinite(position).all():
+            raise InputError(f"JointState: {position} for {list(self._names)} is not to be sent")
         numbers = position.astype("<f8", copy=False).tobytes()
         written = _STAMPS[LITTLE].pack(*stamp)
         return b"".join((_HEAD, written, self._between, numbers, self._end))
@@ -141,9 +150,7 @@ class _Walk:
             raise _NotPlainError
         self._changing[end:] = True
         size = len(self._message)
-        return Layout(
-            size, self._little, frame_id, names, position, positions, self._changing
-        )
+        return Layout(size, self._little, frame_id, names, position, positions, self._changing)
 
     def _step(self, count: int) -> int:
         """Go on by so many bytes; where they begin."""

@@ -34,7 +34,7 @@ class Motion(NamedTuple):
     turn: Array  # (m,) [rad] where the stroke began; NaN before the first turn
     stamp: Index  # (KEPT,) [ns]
     angle: Array  # (KEPT, m) [rad]
-    count: Index  # (3,) see BEGUN
+    told: Index  # (3,) see BEGUN
     powers: Array  # (KEPT, 2) scratch
 
 
@@ -52,34 +52,42 @@ def motion(joints: int, turned: float) -> Motion:
     )
 
 
+def apart(own: Motion) -> Motion:
+    """The strokes as they are, to be moved on without a trace in the original; no speeds yet."""
+    other = motion(len(own.turn), own.turned)
+    other.farthest[:], other.direction[:], other.turn[:] = own.farthest, own.direction, own.turn
+    other.told[BEGUN] = own.told[BEGUN]
+    return other
+
+
 @compiled(borrows=True)
 def moved(own: Motion, q: Array, stamp_ns: int) -> None:
     """Take notice of a command (m,) [rad]; one that is not newer than the last begins anew."""
     for i in range(len(q)):
         _stroke(own, i, q[i])
-    own.count[BEGUN] = 1
-    count = own.count
-    if count[NUMBER] > 0:
-        last = own.stamp[(count[FIRST] + count[NUMBER] - 1) % KEPT]
+    own.told[BEGUN] = 1
+    told = own.told
+    if told[NUMBER] > 0:
+        last = own.stamp[(told[FIRST] + told[NUMBER] - 1) % KEPT]
         if not 0.0 < (stamp_ns - last) * 1e-9 <= _PAUSE:
-            count[NUMBER] = 0
-    if count[NUMBER] == KEPT:
-        count[FIRST] = (count[FIRST] + 1) % KEPT
-        count[NUMBER] -= 1
-    row = (count[FIRST] + count[NUMBER]) % KEPT
+            told[NUMBER] = 0
+    if told[NUMBER] == KEPT:
+        told[FIRST] = (told[FIRST] + 1) % KEPT
+        told[NUMBER] -= 1
+    row = (told[FIRST] + told[NUMBER]) % KEPT
     own.stamp[row] = stamp_ns
     for i in range(len(q)):
         own.angle[row, i] = q[i]
-    count[NUMBER] += 1
-    while count[NUMBER] > _FEWEST and (stamp_ns - own.stamp[count[FIRST]]) * 1e-9 > _WINDOW:
-        count[FIRST] = (count[FIRST] + 1) % KEPT
-        count[NUMBER] -= 1
+    told[NUMBER] += 1
+    while told[NUMBER] > _FEWEST and (stamp_ns - own.stamp[told[FIRST]]) * 1e-9 > _WINDOW:
+        told[FIRST] = (told[FIRST] + 1) % KEPT
+        told[NUMBER] -= 1
 
 
 @compiled(borrows=True)
 def _stroke(own: Motion, i: int, angle: float) -> None:
     """Joint i has come to an angle [rad]; see `samples.motion.Stroke`."""
-    if own.count[BEGUN] == 0:
+    if own.told[BEGUN] == 0:
         own.farthest[i], own.direction[i], own.turn[i] = angle, 0.0, np.nan
         return
     gone = angle - own.farthest[i]
@@ -99,7 +107,7 @@ def _stroke(own: Motion, i: int, angle: float) -> None:
 def travelled(own: Motion, q: Array, direction: Array, travel: Array) -> None:
     """Direction of every joint, and its way since the last turn [rad], infinite before, (m,)."""
     for i in range(len(q)):
-        begun = own.count[BEGUN] != 0
+        begun = own.told[BEGUN] != 0
         direction[i] = own.direction[i] if begun else 0.0
         known = begun and np.isfinite(own.turn[i])
         travel[i] = abs(q[i] - own.turn[i]) if known else np.inf
@@ -111,7 +119,7 @@ def speeds(own: Motion, velocity: Array, acceleration: Array) -> None:
 
     Least squares by polynomials that are orthogonal at the stamps: well conditioned at any rate.
     """
-    first, number = own.count[FIRST], own.count[NUMBER]
+    first, number = own.told[FIRST], own.told[NUMBER]
     for j in range(len(velocity)):
         velocity[j] = acceleration[j] = 0.0
     if number < 2:

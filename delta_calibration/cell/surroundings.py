@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.cell import motion_kernel
-from delta_calibration.cell.motion_kernel import Motion, motion
+from delta_calibration.cell.motion_kernel import motion
 from delta_calibration.samples import Conditions, at_rest
 from delta_calibration.samples.motion import TURNED
 
@@ -83,9 +83,7 @@ class Surroundings:
     def ahead(self) -> Surroundings:
         """The same, to be moved on without a trace here: for what is commanded in advance."""
         other = copy(self)
-        parts = (part.copy() if isinstance(part, np.ndarray) else part for part in self.motion)
-        other.motion = Motion(*parts)
-        other.motion.count[motion_kernel.NUMBER] = 0
+        other.motion = motion_kernel.apart(self.motion)
         return other
 
     def at(self, q: Array, now_s: float) -> Conditions:
