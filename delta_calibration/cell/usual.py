@@ -7,7 +7,7 @@ out as it would there, to the last bit. See usual_kernel.py.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import is_
 from typing import Any
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.cell.command_path import CommandPath, Sent
 from delta_calibration.cell.joint_bytes import Bytes, Layout
-from delta_calibration.cell.surroundings import Known, Surroundings
+from delta_calibration.cell.surroundings import Surroundings
 from delta_calibration.compensation import JointCompensator, SingleWay
 from delta_calibration.effects.signals import (
     ACCELERATION,
@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 MARK = "compensated"  # header.frame_id of a command that has been compensated
 _LAYOUTS = 4  # senders of different messages at a time
+_SEEN, _CORRECTED = 1, 2  # of what usual_kernel.follow says
 _MOTION = (JOINT, RATE, ACCELERATION, DIRECTION)
 
 
@@ -40,6 +41,8 @@ _MOTION = (JOINT, RATE, ACCELERATION, DIRECTION)
 class _Ready:
     """What the compiled call takes, and the arrays that it leaves its answer in."""
 
+    basis: tuple[object, ...]  # compensator, what is known, outputs, motion: what it is made of
+    follow: Callable[..., int]  # the compiled call
     own: Any  # usual_kernel.Usual
     q: Array  # (m,) [rad]
     answer: Array  # (2, m) [rad]
@@ -64,8 +67,7 @@ class UsualWay:
         self._marked = Bytes(self._names, MARK)
         self._wires: dict[int, Any] = {}  # by the size of their messages
         self._ready: dict[int, _Ready] = {}  # the same
-        self._basis: tuple[object, ...] = ()  # what it was made of
-        self._way: SingleWay | None = None
+        self._lacking: tuple[object, ...] = ()  # what it cannot be made of
         self._last: tuple[_Ready, float, bool] | None = None
         self.seen = False
 
@@ -93,7 +95,7 @@ class UsualWay:
         ready = self._prepared(len(message), now_s)
         if ready is None:
             return None
-        became = _kernel().follow(
+        became = ready.follow(
             ready.own,
             message,
             path.last_stamp,
@@ -103,10 +105,10 @@ class UsualWay:
             path.at_once_s,
             ramp.applied,
         )
-        if became < _kernel().CORRECTED:
-            self.seen = became == _kernel().SEEN
+        if became < _CORRECTED:
+            self.seen = became == _SEEN
             return None
-        self._last = ready, now_s, became == _kernel().BLENDED
+        self._last = ready, now_s, became > _CORRECTED
         return ready.out.tobytes()
 
     def went(self) -> tuple[Array, int, Sent]:
@@ -130,31 +132,36 @@ class UsualWay:
 
     def _prepared(self, size: int, now_s: float) -> _Ready | None:
         """What the compiled call takes for messages of a size; None where it cannot be asked."""
-        compensator, kept = self._path.compensator, self._path.echo.kept
+        path, around, ready = self._path, self._around, self._ready.get(size)
+        compensator, kept, motion = path.compensator, path.echo.kept, around.motion
+        known = around.known(now_s)
+        if ready is not None:
+            basis = ready.basis
+            same = compensator is basis[0] and kept is basis[2] and motion is basis[3]
+            if same and (basis[1] is None or known is basis[1]):
+                return ready
         if size not in self._wires or kept is None:
             return None
         if not isinstance(compensator, JointCompensator):
             return None
-        known = self._around.known(now_s) if compensator.needs_conditions else None
-        basis = compensator, known, kept, self._around.motion
-        if not all(map(is_, basis, self._basis)) or not self._basis:
-            self._basis = basis
-            self._ready.clear()
-            self._way = self._found(compensator, known, now_s)
-        if self._way is None:
+        by_conditions = compensator.needs_conditions
+        basis = compensator, known if by_conditions else None, kept, motion
+        if len(self._lacking) == 4 and all(map(is_, basis, self._lacking)):
             return None
-        if size not in self._ready:
-            self._ready[size] = self._made(self._wires[size], self._way, kept, known is not None)
-        return self._ready[size]
+        way = self._found(compensator, by_conditions, now_s)
+        self._lacking = basis if way is None else ()
+        if way is not None:
+            self._ready[size] = self._made(self._wires[size], way, basis)
+        return self._ready[size] if way is not None else None
 
     def _found(
-        self, compensator: JointCompensator, known: Known | None, now_s: float
+        self, compensator: JointCompensator, by_conditions: bool, now_s: float
     ) -> SingleWay | None:
         nowhere = compensator.robot.model().home
-        at = None if known is None else self._around.at(nowhere, now_s)
+        at = self._around.at(nowhere, now_s) if by_conditions else None
         return compensator.single_way(at)
 
-    def _made(self, wire: Any, way: SingleWay, kept: Any, by_conditions: bool) -> _Ready:
+    def _made(self, wire: Any, way: SingleWay, basis: tuple[Any, ...]) -> _Ready:
         places, m = way.places, len(self._names)
         where, q, answer = places.slices, np.zeros(m), np.zeros((2, m))
         stamp = np.zeros(2, np.int64)
@@ -162,9 +169,9 @@ class UsualWay:
         own = _kernel().Usual(
             wire,
             way.held,
-            self._around.motion,
-            kept,
-            by_conditions,
+            basis[3],
+            basis[2],
+            basis[1] is not None,
             way.signals,
             way.signals.copy(),
             np.array([places.begin(name) for name in _MOTION]),
@@ -178,7 +185,7 @@ class UsualWay:
             out,
             self._marked.position,
         )
-        return _Ready(own, q, answer, stamp, out)
+        return _Ready(basis, _kernel().follow, own, q, answer, stamp, out)
 
 
 def wire_of(layout: Layout, message: bytes, names: Sequence[str]) -> Any:

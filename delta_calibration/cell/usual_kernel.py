@@ -24,6 +24,7 @@ from delta_calibration.cell.wire_kernel import (
 )
 from delta_calibration.compensation.command_kernel import PASSED, SHARE, Single, commanded
 from delta_calibration.model.jit import compiled, record
+from delta_calibration.model.kernels import copy_into
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -59,8 +60,8 @@ class Usual(NamedTuple):
     out_at: int  # where its positions begin
 
 
-@compiled(alone=True)
-def follow(
+@compiled(borrows=True)
+def _follow(
     own: Usual,
     message: bytes,
     last_ns: int,
@@ -70,18 +71,7 @@ def follow(
     at_once_s: float,
     applied: Array,
 ) -> int:
-    """Correct a usual command, and leave in `own` what is sent, and what is to be told of it.
-
-    Args:
-        own: see `Usual`.
-        message: the command.
-        last_ns: stamp of the command before.
-        now_s: steady time.
-        last_s: steady time of the output before.
-        fastest: change of a correction at most [rad/s].
-        at_once_s: time [s] of it that one output makes up for.
-        applied: the correction in the output before, (m,) [rad].
-    """
+    """See `follow`."""
     q, m = own.q, len(own.q)
     if not same(own.wire, message) or not positions(own.wire, message, q):
         return UNSEEN
@@ -91,8 +81,8 @@ def follow(
     if stamp_ns < last_ns or row_of(own.outputs, q, False) >= 0:
         return SEEN
     signals, dq, joint = own.signals, own.answer[DQ], own.answer[JOINT]
-    signals[:] = own.known
-    signals[own.at[COMMAND] : own.at[COMMAND] + m] = q
+    copy_into(signals, own.known)
+    copy_into(signals[own.at[COMMAND] : own.at[COMMAND] + m], q)
     if own.by_conditions:
         rate, acceleration = own.at[RATE], own.at[ACCELERATION]
         speeds(own.motion, signals[rate : rate + m], signals[acceleration : acceleration + m])
@@ -126,3 +116,29 @@ def follow(
     remember(own.outputs, joint, odd)
     write_all(own.stamp[0], own.stamp[1], joint, own.out, own.out_at)
     return BLENDED if 0.0 < own.told[SHARE] < 1.0 else CORRECTED
+
+
+@compiled(alone=True)
+def follow(
+    own: Usual,
+    message: bytes,
+    last_ns: int,
+    now_s: float,
+    last_s: float,
+    fastest: float,
+    at_once_s: float,
+    applied: Array,
+) -> int:
+    """Correct a usual command, and leave in `own` what is sent, and what is to be told of it.
+
+    Args:
+        own: see `Usual`.
+        message: the command.
+        last_ns: stamp of the command before.
+        now_s: steady time.
+        last_s: steady time of the output before.
+        fastest: change of a correction at most [rad/s].
+        at_once_s: time [s] of it that one output makes up for.
+        applied: the correction in the output before, (m,) [rad].
+    """
+    return _follow(own, message, last_ns, now_s, last_s, fastest, at_once_s, applied)

@@ -235,8 +235,8 @@ class CalibrationNode(SafeLifecycleNode):
 
     def _on_command(self, desk: Desk, message: bytes) -> None:
         """Send a command; of those that waited while the process stood still, only the last."""
-        stamp_ns = nanoseconds(self._commands.stamp(message))
-        due = desk.backlog.take(message, stamp_ns, time.monotonic())
+        stamp, now_s = self._commands.stamp(message), time.monotonic()
+        due = desk.backlog.take((message, stamp), nanoseconds(stamp), now_s)
         if desk.backlog.waiting is not None:
             self._release.reset()
         for each in due:
@@ -249,15 +249,14 @@ class CalibrationNode(SafeLifecycleNode):
             for each in self._desk.backlog.release():
                 self._receive("joint_command", self._follow_command, each)
 
-    def _follow_command(self, desk: Desk, message: bytes) -> None:
+    def _follow_command(self, desk: Desk, given: tuple[bytes, Stamp]) -> None:
         """Send what a command comes to; all that can wait is done after that."""
-        now_s = time.monotonic()
+        (message, stamp), now_s = given, time.monotonic()
         if desk.backlog.interrupted:
             desk.path.interrupt()
             desk.watch.trouble("backlog", desk.backlog.trouble(), now_s)
             self._warn(f"joint_command: {desk.backlog.trouble()}")
             desk.backlog.interrupted = False
-        stamp = self._commands.stamp(message)
         age_s = self._age_s(desk, nanoseconds(stamp))
         out = desk.follow(message, now_s, age_s)
         if out is None:

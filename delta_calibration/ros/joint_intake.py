@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from delta_calibration.cell.joint_bytes import Layout, stamp_of
+from delta_calibration.cell.joint_bytes import Bytes, Layout, stamp_of
 from delta_calibration.cell.usual import wire_of
 from delta_calibration.errors import InputError
 from delta_calibration.ros.conversions import NANOSECONDS, JointReader
@@ -39,6 +39,8 @@ class Joints:
 class JointIntake:
     """Reads the JointState messages of one topic.
 
+    The delay of the first message is taken at once.
+
     Args:
         names: (m,) the robot's joints, in its order.
     """
@@ -46,6 +48,10 @@ class JointIntake:
     def __init__(self, names: Sequence[str]) -> None:
         self._reader = JointReader(names)
         self._known: dict[int, tuple[Any, str]] = {}  # by size: what reads them, frame
+        example = Bytes(names).message(np.zeros(len(names)), (0, 0))
+        for _ in range(2):  # by rclpy, and by the layout that is known then
+            self.read(example)
+        self._known.clear()
 
     def read(self, message: bytes) -> Joints:
         """Positions, stamp and frame of a message.
