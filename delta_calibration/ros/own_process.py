@@ -108,7 +108,11 @@ def _threads() -> Iterator[int]:
 
 def _capable(capability: int) -> bool:
     """Whether this process has a capability of Linux."""
-    for line in _STATUS.read_text(encoding="ascii").splitlines():
+    try:
+        lines = _STATUS.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return False
+    for line in lines:
         if line.startswith("CapEff:"):
             return bool(int(line.split()[1], 16) >> capability & 1)
     return False
