@@ -52,15 +52,21 @@ def swapped(message: bytes) -> bytes:
     def turn(size: int) -> int:
         nonlocal at
         at += (4 - at) % size
+        assert at + size <= len(data)
         value = int.from_bytes(data[at : at + size], "little")
         data[at : at + size] = value.to_bytes(size, "big")
         at += size
         return value
 
+    def words() -> None:
+        nonlocal at
+        length = turn(4)  # before `at` is looked at: turning moves it
+        at += length
+
     turn(4), turn(4)
-    at += turn(4)
+    words()
     for _ in range(turn(4)):
-        at += turn(4)
+        words()
     for _ in range(3):
         for _ in range(turn(4)):
             turn(8)
@@ -125,10 +131,12 @@ def test_other_bytes_are_no_layout_and_no_error(noise: bytes, cut: int, kind: by
 def test_compiled_code_reads_the_robots_order_and_knows_another_layout(
     order: tuple[int, ...], big: bool, velocity: tuple[float, ...]
 ) -> None:
-    def made(frame: str = "", last: str = "joint_3", stamp: tuple[int, int] = (-3, 7)) -> bytes:
+    def made(
+        frame: str = "", last: str = "joint_3", stamp: tuple[int, int] = (-3, 7), turn: bool = big
+    ) -> bytes:
         names = [*NAMES[:2], last]
         message = typed([names[k] for k in order], Q[list(order)], velocity, (), frame, stamp)
-        return (swapped if big else bytes)(serialize_message(message))
+        return (swapped if turn else bytes)(serialize_message(message))
 
     first = made()
     wire = wire_of(Layout.of(first), first, NAMES)
@@ -137,7 +145,8 @@ def test_compiled_code_reads_the_robots_order_and_knows_another_layout(
         q[:] = 0.0
         assert wire_kernel.read(wire, data, q)
         np.testing.assert_array_equal(q, Q)
-    for data in (made(last="joint_4"), made("x"), first[:-1], first + b"\0", swapped(first)[:9]):
+    others = made(last="joint_4"), made("x"), first[:-1], first + b"\0", made(turn=not big)
+    for data in (*others, first[:9]):
         assert not wire_kernel.read(wire, data, q)
 
 
