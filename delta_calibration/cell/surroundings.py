@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 from delta_calibration.cell import motion_kernel
 from delta_calibration.cell.motion_kernel import motion
+from delta_calibration.errors import InputError
 from delta_calibration.samples import Conditions, at_rest
 from delta_calibration.samples.motion import TURNED
 
 Array = NDArray[np.float64]
 
 TEMPERATURE_TIMEOUT_S = 300.0  # [s]
+MOST_PARTS = 100  # that have a temperature: any peer can name one
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,15 @@ class Surroundings:
         self._carried, self._known = (mass, centre, now_s), None
 
     def is_warm(self, part: str, celsius: float, now_s: float) -> None:
-        """Temperature of a part, heard now."""
+        """Temperature of a part, heard now.
+
+        Raises:
+            InputError: another one than as many as are kept.
+        """
+        if part not in self._warm and len(self._warm) >= MOST_PARTS:
+            raise InputError(
+                f"temperature of {part!r}: {MOST_PARTS} other parts have one; no more are kept"
+            )
         self._warm[part], self._known = (celsius, now_s), None
 
     def moved(self, q: Array, stamp_ns: int) -> None:

@@ -44,6 +44,7 @@ from delta_calibration.ros.progress import Doing, Progress
 from delta_calibration.ros.qos import CONTROLLER, INPUTS, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import run
 from delta_calibration.ros.trajectories import Trajectories
+from delta_calibration.texts import bounded
 
 Array = NDArray[np.float64]
 
@@ -419,7 +420,7 @@ class CalibrationNode(SafeLifecycleNode):
     # --- what is told
 
     def _warn(self, text: str) -> None:
-        self.get_logger().warn(text, throttle_duration_sec=WARN_EVERY_S)
+        self.get_logger().warn(bounded(text), throttle_duration_sec=WARN_EVERY_S)
 
     def _on_change(self, _names: tuple[str, ...]) -> None:
         if self._desk is not None:
