@@ -6,12 +6,14 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from delta_calibration.effects import effect_named
 from delta_calibration.identification import Identification, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.processes import child_environment, remove_dead_shared_memory
@@ -29,6 +31,22 @@ def identified(robot: Robot, seed: int = 1) -> tuple[Identification, Poses]:
     session = simulate_session(draw_machine(robot, seed), plan, seed)
     poses = collect(session, robot.joints.names)
     return identify(poses, robot), poses
+
+
+def with_effects(
+    found: Identification, robot: Robot, effects: Mapping[str, tuple[Mapping[str, object], float]]
+) -> Identification:
+    """The fit with these effects: settings of each by its cause, and the value it has."""
+    mechanism = found.chain.mechanism
+    made = [effect_named(cause, robot, mechanism, shape) for cause, (shape, _) in effects.items()]
+    pairs = zip(made, effects.values(), strict=True)
+    values = [np.full(len(effect.parameters), value) for effect, (_, value) in pairs]
+    theta = np.concatenate([found.theta, *values])
+    n = len(found.theta)
+    covariance = np.diag(np.full(len(theta), 1e-12))
+    covariance[:n, :n] = found.covariance
+    chain = found.chain.with_effects(tuple(made))
+    return replace(found, chain=chain, theta=theta, covariance=covariance)
 
 
 class Processes:

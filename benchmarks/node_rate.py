@@ -1,12 +1,13 @@
-"""The calibration node at 1 kHz, three processes, beside a node that only passes messages on.
+"""The calibration node at 1 kHz, three processes, beside nodes that only pass messages on.
 
-    python benchmarks/node_rate.py [--seconds 60] [--round 5]
+    python benchmarks/node_rate.py [--seconds 60] [--round 2] [--priority 0]
 
 A commander publishes joint commands, a node sends them on, a listener takes the time from the one
-to the other by the machine's steady clock. In turns of `--round` seconds the commands go straight
-to the listener, through a pass-through node of the same skeleton (executor, joint order, message
-filled), and through the calibration node with compensation on; so all three see the same
-machine. Then the rate is raised until messages are lost.
+to the other by the machine's steady clock; both go before other programs where the system lets
+them. In turns of `--round` seconds the commands go through a node that copies each message
+into one of its own (executor, joint order, message filled), one that sends on the bytes as they
+came, and the calibration node, compensating by geometry alone, with play of the drives, and with
+three effects; so all see the same machine. Then the rate is raised until messages are lost.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import sys
 import tempfile
 import time
 from array import array
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +31,29 @@ import numpy as np
 
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.robot import load_robot
-from node_processes import Processes, given, identified, motion, processes
+from node_processes import Processes, given, identified, motion, processes, with_effects
 
-WAYS = ("direct", "pass-through", "compensating")
-IN = {"direct": "/direct/out", "pass-through": "/passing/in", "compensating": "/cell/in"}
-OUT = {"direct": "/direct/out", "pass-through": "/passing/out", "compensating": "/cell/out"}
+COPYING, RAW = "copying", "raw"
+PLAY: tuple[Mapping[str, object], float] = ({}, 4e-4)  # [rad]
+EFFECTS: dict[str, dict[str, tuple[Mapping[str, object], float]]] = {
+    "geometry": {},
+    "play": {"backlash": PLAY},
+    "three effects": {
+        "backlash": PLAY,
+        "joint_compliance": ({}, 4e-5),  # [rad/(N m)]
+        "thermal_growth_arm": ({"sensor": "arm"}, 23e-6),  # [1/K]
+    },
+}
+WAYS = (COPYING, RAW, *EFFECTS)
+SPACE = {way: "/" + way.replace(" ", "_") for way in WAYS}
 RATES = (1000, 1500, 2000, 2500, 3000, 4000, 5000)
 RATE_S = 2.0  # [s] at each of the rates
 SILENCE_S = 3.0  # [s] after which a listener has heard all
 SETTLE_S = 2.0  # [s] for processes to find one another
+BEGIN_S = 0.1  # [s] of a turn that is not counted: after a pause a node is not in its stride
 KEPT_UP = 0.98  # of the rate, that the commander itself has to manage
 NODE = "delta_calibration.ros.calibration_node"
+BEFORE = 40  # priority of commander and listener
 
 
 def run_node(build: Any, name: str) -> int:
@@ -51,10 +65,12 @@ def run_node(build: Any, name: str) -> int:
 
 def command(plan: str, out: str) -> int:
     """Publish by a plan `way:seconds:rate,...`; write when each message was, by way and block."""
-    from sensor_msgs.msg import JointState
+    from geometry_msgs.msg import InertiaStamped
+    from sensor_msgs.msg import JointState, Temperature
 
     from delta_calibration.ros.conversions import ns_to_stamp
-    from delta_calibration.ros.qos import STREAM_OUT
+    from delta_calibration.ros.own_process import take_priority
+    from delta_calibration.ros.qos import PAYLOAD, STREAM_OUT
     from delta_calibration.ros.runtime import BaseNode
 
     robot = load_robot("srbd")
@@ -63,9 +79,31 @@ def command(plan: str, out: str) -> int:
     class Commander(BaseNode):
         def __init__(self) -> None:
             super().__init__("commander")
-            self.way = {w: self.create_publisher(JointState, t, STREAM_OUT) for w, t in IN.items()}
+            self.way = {
+                way: self.create_publisher(JointState, f"{space}/joint_command", STREAM_OUT)
+                for way, space in SPACE.items()
+            }
+            self.around = {
+                way: (
+                    self.create_publisher(Temperature, f"{space}/cell/temperature", STREAM_OUT),
+                    self.create_publisher(InertiaStamped, f"{space}/cell/payload", PAYLOAD),
+                )
+                for way, space in SPACE.items()
+                if way in EFFECTS
+            }
+
+        def tell(self) -> None:
+            """The conditions that effects go by."""
+            arm, held = Temperature(temperature=24.0), InertiaStamped()
+            arm.header.frame_id, held.inertia.m = "arm", 1.0
+            for temperature, payload in self.around.values():
+                temperature.publish(arm)
+                payload.publish(held)
 
         def start(self) -> None:
+            time.sleep(SETTLE_S)
+            take_priority(BEFORE)
+            self.tell()
             time.sleep(SETTLE_S)
             sent = []
             for block, entry in enumerate(plan.split(",")):
@@ -97,6 +135,7 @@ def listen(out: str) -> int:
     from sensor_msgs.msg import JointState
 
     from delta_calibration.ros.conversions import stamp_to_ns
+    from delta_calibration.ros.own_process import take_priority
     from delta_calibration.ros.qos import COMMAND
     from delta_calibration.ros.runtime import BaseNode
 
@@ -104,9 +143,11 @@ def listen(out: str) -> int:
         def __init__(self) -> None:
             super().__init__("listener")
             self.heard: list[tuple[int, int]] = []
-            for topic in OUT.values():
+            for space in SPACE.values():
+                topic = f"{space}/joint_command_compensated"
                 self.create_subscription(JointState, topic, self.take, COMMAND)
             self.create_timer(0.5, self.look)
+            take_priority(BEFORE)
 
         def take(self, message: JointState) -> None:
             now = time.monotonic_ns()
@@ -121,11 +162,12 @@ def listen(out: str) -> int:
     return run_node(Listener, "listener")
 
 
-def pass_on() -> int:
-    """Take a command, put it into the robot's order, send it on."""
+def pass_on(way: str, priority: str) -> int:
+    """Send a command on: copied into the robot's order, or its bytes as they came."""
     from sensor_msgs.msg import JointState
 
     from delta_calibration.ros.conversions import JointReader, JointWriter
+    from delta_calibration.ros.own_process import take_priority
     from delta_calibration.ros.qos import COMMAND, STREAM_OUT
     from delta_calibration.ros.runtime import BaseNode
 
@@ -133,16 +175,21 @@ def pass_on() -> int:
 
     class PassThrough(BaseNode):
         def __init__(self) -> None:
-            super().__init__("pass_through")
+            super().__init__(f"pass_{way}")
             self.reader, self.writer = JointReader(names), JointWriter(names)
-            self.out = self.create_publisher(JointState, OUT["pass-through"], STREAM_OUT)
-            self.create_subscription(JointState, IN["pass-through"], self.take, COMMAND)
+            into, out = f"{SPACE[way]}/joint_command", f"{SPACE[way]}/joint_command_compensated"
+            self.out = self.create_publisher(JointState, out, STREAM_OUT)
+            raw = way == RAW
+            take = self.out.publish if raw else self.take
+            self.create_subscription(JointState, into, take, COMMAND, raw=raw)
+            if int(priority):
+                take_priority(int(priority))
 
         def take(self, message: JointState) -> None:
             q = self.reader.positions(message)
             self.out.publish(self.writer.message(q, message.header.stamp))
 
-    return run_node(PassThrough, "pass_through")
+    return run_node(PassThrough, f"pass_{way}")
 
 
 def measured(cell: Processes, plan: list[tuple[str, float, float]], name: str) -> list[np.ndarray]:
@@ -159,7 +206,7 @@ def measured(cell: Processes, plan: list[tuple[str, float, float]], name: str) -
     came = dict(zip(heard[:, 0].tolist(), heard[:, 1].tolist(), strict=True))
     blocks = []
     for block, (_, _, rate) in enumerate(plan):
-        stamps = sent[sent[:, 0] == block, 1]
+        stamps = sent[sent[:, 0] == block, 1][int(BEGIN_S * rate) :]
         took = np.array([(came.get(s, np.inf) - s) * 1e-6 for s in stamps.tolist()])
         span = (stamps[-1] - stamps[0]) * 1e-9
         if len(stamps) < KEPT_UP * rate * span:  # the commander is what is too slow
@@ -174,34 +221,35 @@ def latencies(cell: Processes, seconds: float, turn: float) -> None:
     plan = [(way, turn, 1000.0) for _ in range(turns) for way in WAYS]
     blocks = measured(cell, plan, "latency")
     took = {way: np.concatenate(blocks[k :: len(WAYS)]) for k, way in enumerate(WAYS)}
-    head = "1 kHz, messages, lost, median [ms], p99 [ms], times pass-through: median, p99"
-    columns = [*head.split(", "), "what it adds: median", "p99"]
+    columns = ["1 kHz", "messages", "lost", "p50 [ms]", "p99 [ms]", "times copying: p50", "p99"]
+    columns += ["of turns, the middle: p50", "p99"]
     print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
-    figures = {}
-    for way, all_ in took.items():
+    figures = {way: percentiles(all_) for way, all_ in took.items()}
+    base = [percentiles(block) for block in blocks[:: len(WAYS)]]
+    for k, (way, all_) in enumerate(took.items()):
         known = all_[~np.isnan(all_)]
-        figures[way] = np.percentile(known[np.isfinite(known)], [50, 99])
-    for way, all_ in took.items():
-        known = all_[~np.isnan(all_)]
-        base, direct = figures["pass-through"], figures["direct"]
-        ratio, added = figures[way] / base, (figures[way] - direct) / (base - direct)
-        print(
-            f"| {way} | {len(known)} | {np.isinf(known).sum()} | {figures[way][0]:.3f} "
-            f"| {figures[way][1]:.3f} | {ratio[0]:.2f} | {ratio[1]:.2f} "
-            f"| {added[0]:.2f} | {added[1]:.2f} |"
-        )
+        ratio = figures[way] / figures[COPYING]
+        each = [percentiles(block) for block in blocks[k :: len(WAYS)]]
+        middle = np.median(np.array(each) / np.array(base), axis=0)
+        numbers = [*figures[way].round(3), *ratio.round(2), *middle.round(2)]
+        cells = [way, len(known), np.isinf(known).sum(), *numbers]
+        print(f"| {' | '.join(map(str, cells))} |")
+
+
+def percentiles(took: np.ndarray) -> np.ndarray:
+    """Median and p99 [ms] of the messages that came."""
+    return np.percentile(took[np.isfinite(took)], [50, 99])
 
 
 def rates(cell: Processes) -> None:
     """The highest rate of the list, up to which nothing was lost."""
     print()
-    ways = WAYS[1:]
-    plan = [(way, RATE_S, float(rate)) for rate in RATES for way in ways]
+    plan = [(way, RATE_S, float(rate)) for rate in RATES for way in WAYS]
     blocks = measured(cell, plan, "rate")
-    for k, way in enumerate(ways):
+    for k, way in enumerate(WAYS):
         free = 0  # [1/s]
         why = "and more were not tried"
-        for rate, block in zip(RATES, blocks[k :: len(ways)], strict=True):
+        for rate, block in zip(RATES, blocks[k :: len(WAYS)], strict=True):
             if np.isinf(block).any():
                 why = f"{np.isinf(block).sum()} lost at {rate}"
                 break
@@ -212,21 +260,22 @@ def rates(cell: Processes) -> None:
         print(f"{way}: nothing lost up to {free} messages a second; {why}.")
 
 
-def bench(seconds: float, turn: float) -> int:
+def bench(seconds: float, turn: float, priority: int) -> int:
     """Start the nodes, measure, print."""
     robot = load_robot("srbd")
     with tempfile.TemporaryDirectory() as folder, processes(Path(folder)) as cell:
-        calibration = Path(folder) / "calibration.yaml"
         found, poses = identified(robot)
-        save_calibration(calibration, found, robot, poses)
-        node = [
-            *given(autostart=True, calibration=calibration, ramp_s=0.0),
-            *("-r", f"joint_command:={IN['compensating']}"),
-            *("-r", f"joint_command_compensated:={OUT['compensating']}"),
-        ]
-        cell.start("calibration_node", NODE, node)
-        cell.start("pass_through", "node_rate", ["pass_on"])
-        cell.call("/calibration_node/enable", "true")
+        for way, effects in EFFECTS.items():
+            calibration = Path(folder) / f"{way}.yaml"
+            save_calibration(calibration, with_effects(found, robot, effects), robot, poses)
+            node = given(
+                autostart=True, calibration=calibration, ramp_s=0.0, realtime_priority=priority
+            )
+            cell.start(f"node_{way}", NODE, [*node, "-r", f"__ns:={SPACE[way]}"])
+        for way in (COPYING, RAW):
+            cell.start(f"pass_{way}", "node_rate", ["pass_on", way, str(priority)])
+        for way in EFFECTS:
+            cell.call(f"{SPACE[way]}/calibration_node/enable", "true")
         latencies(cell, seconds, turn)
         rates(cell)
     print(f"Load averages: {', '.join(f'{load:.1f}' for load in os.getloadavg())}")
@@ -240,9 +289,12 @@ def main() -> int:
         return roles[sys.argv[1]](*sys.argv[2:])
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=60.0, help="of each way, at 1 kHz")
-    parser.add_argument("--round", type=float, default=5.0, help="seconds before ways change")
+    parser.add_argument("--round", type=float, default=2.0, help="seconds before ways change")
+    parser.add_argument(
+        "--priority", type=int, default=0, help="real-time priority of all nodes alike; 0 for none"
+    )
     arguments = parser.parse_args()
-    return bench(arguments.seconds, arguments.round)
+    return bench(arguments.seconds, arguments.round, arguments.priority)
 
 
 if __name__ == "__main__":

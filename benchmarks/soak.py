@@ -36,16 +36,16 @@ import numpy as np
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cell import command_path as path
 from delta_calibration.compensation import Verdict
-from delta_calibration.effects import effect_named
-from delta_calibration.identification import Identification
-from delta_calibration.robot import Robot, load_robot
-from node_processes import Processes, identified, processes
+from delta_calibration.robot import load_robot
+from node_processes import Processes, identified, processes, with_effects
 from soak_cell import Cell
 from soak_faults import Faults
 from soak_outputs import Outputs
 
 RATE = 0.05  # [rad/s] fastest change of a correction
 SLOPE = 1.0  # [MB/min] that memory may grow by at most
+# a play and an arm that grows: a correction that steps, and wants a sensor
+EFFECTS = {"backlash": ({}, 4e-4), "thermal_growth_arm": ({"sensor": "arm"}, 23e-6)}
 FIRST = 10.0  # [MB] that a first round takes: what is used for the first time stays
 BROKEN = "broken.yaml"
 GUARDS = (
@@ -68,25 +68,6 @@ GUARDS = (
 )
 
 
-def with_effects(found: Identification, robot: Robot) -> Identification:
-    """The fit with a play and an arm that grows: a correction that steps, and wants a sensor."""
-    mechanism = found.chain.mechanism
-    effects = (
-        effect_named("backlash", robot, mechanism, {}),
-        effect_named("thermal_growth_arm", robot, mechanism, {"sensor": "arm"}),
-    )
-    values = np.concatenate([np.full(3, 4e-4), np.full(len(effects[1].parameters), 23e-6)])
-    n = len(found.theta)
-    covariance = np.diag(np.full(n + len(values), 1e-12))
-    covariance[:n, :n] = found.covariance
-    return replace(
-        found,
-        chain=found.chain.with_effects(effects),
-        theta=np.concatenate([found.theta, values]),
-        covariance=covariance,
-    )
-
-
 def files(folder: Path) -> tuple[Path, dict[str, Path]]:
     """A robot whose region's far end counts as singular, and its calibrations."""
     robot = load_robot("srbd")
@@ -100,7 +81,7 @@ def files(folder: Path) -> tuple[Path, dict[str, Path]]:
     robot = load_robot(file)
     calibrations = {name: folder / f"{name}.yaml" for name in ("plain", "extended", "useless")}
     save_calibration(calibrations["plain"], found, robot, poses)
-    save_calibration(calibrations["extended"], with_effects(found, robot), robot, poses)
+    save_calibration(calibrations["extended"], with_effects(found, robot, EFFECTS), robot, poses)
     wrong = found.theta.copy()
     wrong[found.parameters.row("joint_zero_1")] += 0.03  # beyond what may be corrected
     save_calibration(calibrations["useless"], replace(found, theta=wrong), robot, poses)

@@ -49,6 +49,11 @@ def listed(names: Sequence[str], most: int = 12, longest: int = 40) -> str:
     return f"[{', '.join([*shown, *more])}]"
 
 
+def bounded(text: str, most: int = 1000) -> str:
+    """A sentence with words of others in it, cut where it is longer than anybody reads."""
+    return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
+
+
 def number_of(text: str) -> float:
     """A finite plain decimal number; NaN of all else.
 

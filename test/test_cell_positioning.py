@@ -147,6 +147,17 @@ def test_outcomes_are_written_whole(tmp_path: Path) -> None:
     assert row["ended"] == Stop.BOUND.value
     with pytest.raises(InputError, match="cannot be written"):
         write_outcomes(tmp_path / "none" / "out.csv", NAMES, [outcome])
+    write_outcomes(tmp_path / "out.csv", NAMES, [outcome, outcome])
+    assert len((tmp_path / "out.csv").read_text().splitlines()) == 3
+
+
+@pytest.mark.parametrize("there", ["", "PermitRootLogin no\n", "x_mm,y_mm,z_mm\n1,2,3\n"])
+def test_a_file_of_another_is_not_written_over(tmp_path: Path, there: str) -> None:
+    file = tmp_path / "out.csv"
+    file.write_text(there)
+    with pytest.raises(InputError, match="not written over"):
+        write_outcomes(file, NAMES, [])
+    assert file.read_text() == there
 
 
 # --- standing

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from delta_calibration.cell.surroundings import Surroundings
+from delta_calibration.cell.surroundings import MOST_PARTS, Surroundings
+from delta_calibration.errors import InputError
 from delta_calibration.samples import motion_of
 
 MS = 1_000_000
@@ -115,3 +116,13 @@ def test_a_stream_far_in_the_past_or_of_odd_periods_gives_its_speed() -> None:
         around.moved(np.array([0.5 * (t - 1.7e9)]), round(t * 1e9))
     at = around.at(np.zeros(1), 0.0)
     np.testing.assert_allclose(at.velocity, 0.5, rtol=1e-4)
+
+
+def test_no_peer_fills_memory_with_names_of_parts() -> None:
+    around = Surroundings(1)
+    for k in range(MOST_PARTS):
+        around.is_warm(f"part {k}", 20.0, 0.0)
+    with pytest.raises(InputError, match="no more are kept"):
+        around.is_warm("another", 20.0, 0.0)
+    around.is_warm("part 7", 25.0, 1.0)
+    assert len(around.known(1.0).parts) == MOST_PARTS

@@ -21,6 +21,7 @@ from delta_calibration.ros.conversions import (
     tracker_point,
     tracker_pose,
 )
+from delta_calibration.ros.diagnostics import status
 
 pytestmark = pytest.mark.ros
 NAMES = ("joint_1", "joint_2", "joint_3")
@@ -136,6 +137,20 @@ def test_a_temperature_needs_a_part() -> None:
     sent.temperature = float("nan")
     with pytest.raises(InputError, match="'arm' = nan"):
         temperature(sent)
+
+
+def test_a_part_has_a_name_and_no_story() -> None:
+    sent = Temperature(temperature=21.5)
+    sent.header.frame_id = "x" * 3000
+    with pytest.raises(InputError, match="3000 characters") as caught:
+        temperature(sent)
+    assert len(str(caught.value)) < 300
+
+
+def test_diagnostics_are_bounded_whatever_is_told() -> None:
+    told = status(b"\0", "node", "y" * 3000, {"k" * 3000: "v" * 3000})
+    (pair,) = told.values
+    assert all(len(text) < 1100 for text in (told.message, pair.key, pair.value))
 
 
 def test_a_payload_has_a_mass_that_is_not_negative() -> None:

@@ -86,6 +86,8 @@ class CommandPath:
         compensator: None before there is a calibration.
         counts: what was done, and how often.
         trouble: what was wrong with the last command, in words.
+        echo: the last outputs.
+        last_stamp: of the last command [ns]; None before the first.
 
     Args:
         on_failure: `pass_through` or `hold`.
@@ -117,7 +119,7 @@ class CommandPath:
     ) -> None:
         self.ramp, self._unit = Ramp(ramp_s, rate), unit
         self.set_options(on_failure, ramp_s, rate, timeout_s, beyond_limits)
-        self._speed, self._limits, self._at_once_s = speed, limits, at_once_s
+        self._speed, self._limits, self.at_once_s = speed, limits, at_once_s
         self.counts: Counter[str] = Counter()
         self.trouble: str | None = None
         self.compensator: Corrects | None = None
@@ -141,8 +143,8 @@ class CommandPath:
         self._begins = True  # whether nothing was sent since
         self._interrupted = False  # whether time was lost since the last output
         self._anothers = False  # whether the last output was corrected by another, and not here
-        self._echo = Echo()
-        self._last_stamp: int | None = None
+        self.echo = Echo()
+        self.last_stamp: int | None = None
 
     def shadow(self) -> CommandPath:
         """The same path at this moment, for work on another thread; nothing is counted yet."""
@@ -210,6 +212,10 @@ class CommandPath:
         """The next command comes after lost time: no jump to it, as fast as the joints may."""
         self._interrupted = self._held is not None
 
+    def in_time(self, age_s: float) -> bool:
+        """Whether a command of this age [s] may be sent, as far as that goes."""
+        return self.timeout_s == 0.0 or abs(age_s) <= self.timeout_s
+
     def takes(self, q: Array, age_s: float) -> bool:
         """Whether a command (m,) [rad] of this age [s] may be sent at all."""
         return not self._against(q, age_s)
@@ -251,7 +257,7 @@ class CommandPath:
         if self._begins and self._astray and self._start(now_s) is None:
             self.count(WAITING)
             return None
-        again, self._anothers = self._echo.of(q, already), False
+        again, self._anothers = self.echo.of(q, already), False
         if already or again is not None:
             self.count(ALREADY if already else ECHO)
             return self._unchanged(q, again, now_s)
@@ -274,6 +280,34 @@ class CommandPath:
         faded = verdict is Verdict.OUTSIDE_REGION and found.share is not None
         source = self.compensator if faded else None
         return self._ramped(q, np.zeros_like(q), source, now_s)
+
+    @property
+    def steady(self) -> bool:
+        """Whether nothing is to be done for the next command but to correct it."""
+        back = self._begins or self._holding or self._interrupted or self._back is not None
+        return self.enabled and not back and self.ramp.is_over(self.compensator)
+
+    def went(
+        self, dq: Array, joint: Array, stamp_ns: int, now_s: float, blended: bool = False
+    ) -> Sent:
+        """Take notice of what a shorter way has sent while `steady`: a command, corrected.
+
+        Args:
+            dq: its correction, (m,) [rad].
+            joint: what was sent, (m,) [rad]; `echo.kept` has it already.
+            stamp_ns: of the command.
+            now_s: steady time.
+            blended: whether only a part of the correction was applied.
+        """
+        self.trouble, self._anothers = None, False
+        self.last_stamp = stamp_ns
+        self.counts[Verdict.CORRECTED.value] += 1
+        if blended:
+            self.counts[BLENDED] += 1
+        self.ramp.stands(dq, now_s)
+        self.echo.kept_already(self.ramp.stage)
+        self._held = Sent(joint, True)
+        return self._held
 
     def refuse(self, why: str) -> Sent | None:
         """What to send in the place of a command that could not be understood."""
@@ -320,16 +354,16 @@ class CommandPath:
         """Why a command (m,) [rad] of this age [s] is not sent at all; empty where it may be."""
         if not _finite(q):
             return Verdict.NOT_FINITE.value
-        if self.timeout_s == 0.0 or abs(age_s) <= self.timeout_s:
+        if self.in_time(age_s):
             return ""
         if isfinite(age_s):
             return STALE if age_s > 0.0 else AHEAD
         return AGELESS
 
     def _watch_time(self, stamp_ns: int) -> None:
-        if self._last_stamp is not None and stamp_ns < self._last_stamp:
+        if self.last_stamp is not None and stamp_ns < self.last_stamp:
             self.count(BACKWARD)
-        self._last_stamp = stamp_ns
+        self.last_stamp = stamp_ns
 
     def count(self, trouble: str) -> None:
         """Something was wrong with the last command."""
@@ -345,7 +379,7 @@ class CommandPath:
 
     def _ramped(self, q: Array, goal: Array, source: object, now_s: float) -> Sent:
         before = self.ramp.limited
-        dq = self.ramp.toward(goal, source, now_s, self._at_once_s)
+        dq = self.ramp.toward(goal, source, now_s, self.at_once_s)
         if self.ramp.limited > before:
             self.counts[LIMITED] += 1
         inside = self.within(q, q + dq)
@@ -381,7 +415,7 @@ class CommandPath:
         if stood is not None:
             self._back = WayBack.over(stood - joint, now_s, seconds, self._speed)
         if self._back is not None:
-            self._back = self._back.by(now_s, self._at_once_s)
+            self._back = self._back.by(now_s, self.at_once_s)
             left = self._back.left
             joint = joint + left
             inside = self.within(q, joint)
@@ -389,7 +423,7 @@ class CommandPath:
             self._back = self._back if left.any() else None
         astray = self._back is not None
         if compensated or astray:
-            self._echo.sent(Output(joint, self.ramp.stage, astray))
+            self.echo.sent(Output(joint, self.ramp.stage, astray))
         self._held, self._holding = Sent(joint, compensated), False
         return self._held
 

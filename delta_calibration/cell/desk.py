@@ -24,6 +24,7 @@ from delta_calibration.cell.health import Health, Level, Watch
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.cell.trajectory import Sent as TrajectorySent
+from delta_calibration.cell.usual import UsualWay, warm_up
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
 from delta_calibration.errors import (
     ContentError,
@@ -99,6 +100,7 @@ class Desk:
             settings.payload_timeout_s,
             self.robot.commanded.joint_size,
         )
+        self.usual = UsualWay(self.robot.joints.names, self.path, self.around)
         self._by_conditions, self._way = False, settings.method
         self.watch = Watch()
         self.backlog: Backlog[Any] = Backlog()
@@ -119,23 +121,41 @@ class Desk:
         """Fastest change of a correction [rad/s or m/s]; by default as of a Delta's platform."""
         return RATE * self.robot.commanded.joint_size if asked == 0.0 else asked
 
+    def follow(self, message: bytes, now_s: float, age_s: float = 0.0) -> bytes | None:
+        """What goes to the drives for a usual command; None for one that `send` is to be asked.
+
+        Both are serialized messages. Where something is returned, `usual.went` has to be called.
+        """
+        if self.trajectories.under_way or not self.path.in_time(age_s):
+            self.usual.seen = False
+            return None
+        return self.usual.take(message, now_s)
+
     def send(
-        self, q: Array, stamp_ns: int, now_s: float, already: bool, age_s: float = 0.0
+        self,
+        q: Array,
+        stamp_ns: int,
+        now_s: float,
+        already: bool,
+        age_s: float = 0.0,
+        seen: bool = False,
     ) -> Sent | None:
-        """What goes to the drives for a command (m,) [rad]; see `CommandPath.send`."""
+        """What goes to the drives for a command (m,) [rad]; see `CommandPath.send`.
+
+        Where its motion has been `seen` already, no notice is taken of it again.
+        """
         self.trajectories.settle(now_s)
         at = None
-        if self._by_conditions and self.path.takes(q, age_s):
-            self.around.moved(q, stamp_ns)
-            at = self.around.at(q, now_s)
+        if self.path.takes(q, age_s):
+            if not seen:  # while nothing is compensated, too: play remembers
+                self.around.moved(q, stamp_ns)
+            at = self.around.at(q, now_s) if self._by_conditions else None
         return self.path.send(q, stamp_ns, now_s, already, at, age_s)
 
-    def keep(self, q: Array, stamp_ns: int, already: bool, age_s: float = 0.0) -> None:
+    def keep(self, q: Array, stamp_ns: int, already: bool) -> None:
         """Record a command, as given to `send`; what can wait until the drives have theirs."""
         if not already:
             self.capture.add_command(stamp_ns, q)
-        if not self._by_conditions and self.path.takes(q, age_s):
-            self.around.moved(q, stamp_ns)  # while nothing is compensated, too: play remembers
 
     def begin_all(
         self, points: Callable[[], tuple[Points, bool]], now_s: float
@@ -152,11 +172,13 @@ class Desk:
     def is_warm(self, part: str, stamp_ns: int, celsius: float, now_s: float) -> None:
         """Temperature of a part [deg C]."""
         self.around.is_warm(part, celsius, now_s)
+        self.usual.prepare(now_s)
         self.capture.add_temperature(part, stamp_ns, celsius)
 
     def carries(self, stamp_ns: int, mass: float, centre: Array, now_s: float) -> None:
         """What is on the platform from now on: mass [kg], centre of mass (3,) [m]."""
         self.around.carries(mass, centre, now_s)
+        self.usual.prepare(now_s)
         self.capture.add_payload(stamp_ns, mass, centre)
 
     def reset(self) -> None:
@@ -371,6 +393,7 @@ class Desk:
         compensator = JointCompensator(calibration, method, seed, table=table, follow=self._follow)
         # The first use is slow (imports, buffers), and so not left to the first command.
         compensator.compensate(self.robot.model().home[None])
+        warm_up(compensator)
         return compensator
 
     def _load(self, calibration: Calibration, compensator: JointCompensator) -> None:

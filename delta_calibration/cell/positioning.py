@@ -19,6 +19,7 @@ from delta_calibration.cell.camera_frame import CameraFrame
 from delta_calibration.compensation.grid_search import GridResult, GridSearch, Stop, averaged
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.files import read_bounded
 from delta_calibration.geometry import Frame, align
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans import make_plan, nominal_joints, tool_points
@@ -283,6 +284,26 @@ def frame_joints(robot: Robot, count: int) -> Array:
     return np.asarray(rim[number * len(rim) // count])
 
 
+def require_outcomes(path: Path, names: Sequence[str]) -> None:
+    """Refuse a file to be written over that is there and has no outcomes of these joints in it.
+
+    Raises:
+        InputError: it is something else, or cannot be read.
+    """
+    if not path.exists() and not path.is_symlink():
+        return
+    first = read_bounded(path).split(b"\n", 1)[0].strip()
+    if first != ",".join(_head(names)).encode():
+        raise InputError(f"{path}: is there, and no table of these joints: not written over")
+
+
+def _head(names: Sequence[str]) -> list[str]:
+    """Columns of a table of outcomes."""
+    head = ["x_mm", "y_mm", "z_mm", *names]
+    head += [f"correction_{name}" for name in names] + [f"std_{name}" for name in names]
+    return [*head, "moves", "before_mm", "after_mm", "ended"]
+
+
 def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
     """Write corrected commands and what they came to, whole or not at all.
 
@@ -290,16 +311,14 @@ def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]
     in them and its standard uncertainty [rad]; stops; errors by the tracker; why it ended.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: the file cannot be written, or is there and something else.
     """
-    head = ["x_mm", "y_mm", "z_mm", *names]
-    head += [f"correction_{name}" for name in names] + [f"std_{name}" for name in names]
-    head += ["moves", "before_mm", "after_mm", "ended"]
+    require_outcomes(path, names)
     beside = path.with_name(f".{path.name}.part")
     try:
         with beside.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow(head)
+            writer.writerow(_head(names))
             for o in outcomes:
                 angles = [f"{v:.9f}" for v in (*o.joint, *o.dq, *o.std)]
                 errors = [f"{o.before * 1e3:.4f}", f"{o.after * 1e3:.4f}"]

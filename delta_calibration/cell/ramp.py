@@ -54,6 +54,15 @@ class Ramp:
         """Begin anew from the correction that the drives still have, however long ago it was."""
         self.source, self._last_s = self, -np.inf
 
+    def is_over(self, source: object) -> bool:
+        """Whether the correction of this source has come in whole by now."""
+        return source is self.source and self._last_s >= self._since_s + self._length
+
+    @property
+    def last_s(self) -> float:
+        """Steady time of the last output [s]; minus infinity before the first."""
+        return self._last_s
+
     @property
     def stage(self) -> Stage:
         """How far the correction has come that was applied last."""

@@ -7,23 +7,33 @@ a second, by their stamps. Where stamps do not rise, and across a pause, there i
 
 from __future__ import annotations
 
-from collections import deque
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.samples import Conditions, Stroke, at_rest
+from delta_calibration.cell import motion_kernel
+from delta_calibration.cell.motion_kernel import motion
+from delta_calibration.errors import InputError
+from delta_calibration.samples import Conditions, at_rest
 from delta_calibration.samples.motion import TURNED
 
 Array = NDArray[np.float64]
 
 TEMPERATURE_TIMEOUT_S = 300.0  # [s]
-_WINDOW = 0.1  # [s] over which speeds are taken
-_PAUSE = 0.25  # [s] after which the joints are taken to stand
-_FEWEST = 3  # commands for an acceleration
-_KEPT = 200
+MOST_PARTS = 100  # that have a temperature: any peer can name one
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known beside the motion; NaN where it is not."""
+
+    payload: float  # [kg]
+    payload_centre: Array  # (3,) [m] in the platform's frame
+    parts: tuple[str, ...]
+    temperature: Array  # (parts,) [deg C]
+    until_s: float  # steady time after which some of it is too old
 
 
 class Surroundings:
@@ -52,79 +62,73 @@ class Surroundings:
 
     def reset(self) -> None:
         """Forget how the joints moved, as after a pause of unknown length."""
-        self._strokes: list[Stroke] = []
-        self._past: deque[tuple[int, Array]] = deque(maxlen=_KEPT)
+        self.motion = motion(self._joints, self._turned)
 
     def set_timeouts(self, temperature_s: float, payload_s: float) -> None:
         """Change how long what was heard is believed [s]."""
         self._temperature_timeout_s = temperature_s
         self._payload_timeout_s = payload_s if payload_s > 0 else np.inf
+        self._known: Known | None = None
 
     def carries(self, mass: float, centre: Array, now_s: float) -> None:
         """Payload [kg] and its centre (3,) [m] in the platform's frame, heard now."""
-        self._carried = mass, centre, now_s
+        self._carried, self._known = (mass, centre, now_s), None
 
     def is_warm(self, part: str, celsius: float, now_s: float) -> None:
-        """Temperature of a part, heard now."""
-        self._warm[part] = celsius, now_s
+        """Temperature of a part, heard now.
+
+        Raises:
+            InputError: another one than as many as are kept.
+        """
+        if part not in self._warm and len(self._warm) >= MOST_PARTS:
+            raise InputError(
+                f"temperature of {part!r}: {MOST_PARTS} other parts have one; no more are kept"
+            )
+        self._warm[part], self._known = (celsius, now_s), None
 
     def moved(self, q: Array, stamp_ns: int) -> None:
         """Take notice of a command (m,) [rad]; one that is not newer than the last begins anew."""
-        strokes = self._strokes or self._standing(q)
-        pairs = zip(strokes, q.tolist(), strict=True)
-        self._strokes = [stroke.moved(angle) for stroke, angle in pairs]
-        if self._past and not 0 < (stamp_ns - self._past[-1][0]) * 1e-9 <= _PAUSE:
-            self._past.clear()
-        self._past.append((stamp_ns, q.copy()))
-        while len(self._past) > _FEWEST and (stamp_ns - self._past[0][0]) * 1e-9 > _WINDOW:
-            self._past.popleft()
+        motion_kernel.notice(self.motion, q, stamp_ns)
 
     def ahead(self) -> Surroundings:
         """The same, to be moved on without a trace here: for what is commanded in advance."""
         other = copy(self)
-        other._past = deque(maxlen=_KEPT)
+        other.motion = motion_kernel.apart(self.motion)
         return other
 
     def at(self, q: Array, now_s: float) -> Conditions:
         """The conditions of the command (m,) [rad] that was noticed last, as one sample."""
-        velocity, acceleration = self._speeds()
-        strokes = self._strokes or self._standing(q)
-        parts = tuple(sorted(self._warm))
-        mass, centre = self._payload(now_s)
+        state, known = np.empty((4, len(q))), self.known(now_s)
+        motion_kernel.state(self.motion, q, state)
+        velocity, acceleration, direction, travel = state[:, None]
         return replace(
             at_rest(q[None]),
-            velocity=velocity[None],
-            acceleration=acceleration[None],
-            direction=np.array([[stroke.direction for stroke in strokes]]),
-            travel=np.array([[s.travel(a) for s, a in zip(strokes, q.tolist(), strict=True)]]),
-            payload=np.array([mass]),
-            payload_centre=centre[None],
-            temperature_parts=parts,
-            temperature=np.array([[self._temperature(part, now_s) for part in parts]]),
+            velocity=velocity,
+            acceleration=acceleration,
+            direction=direction,
+            travel=travel,
+            payload=np.array([known.payload]),
+            payload_centre=known.payload_centre[None],
+            temperature_parts=known.parts,
+            temperature=known.temperature[None],
         )
 
-    def _standing(self, q: Array) -> list[Stroke]:
-        """Strokes of joints (m,) [rad] that have not moved yet."""
-        return [Stroke(angle, least=self._turned) for angle in q.tolist()]
+    def known(self, now_s: float) -> Known:
+        """What is known at a steady time beside the motion: the same object while it holds."""
+        if self._known is None or now_s > self._known.until_s:
+            self._known = self._known_at(now_s)
+        return self._known
 
-    def _payload(self, now_s: float) -> tuple[float, Array]:
-        if self._carried is None or now_s - self._carried[2] > self._payload_timeout_s:
-            return np.nan, np.full(3, np.nan)
-        return self._carried[:2]
-
-    def _temperature(self, part: str, now_s: float) -> float:
-        celsius, heard = self._warm[part]
-        return celsius if now_s - heard <= self._temperature_timeout_s else np.nan
-
-    def _speeds(self) -> tuple[Array, Array]:
-        """Speed and acceleration at the last command, each (m,); none where it repeats one."""
-        still = np.zeros(self._joints)
-        if len(self._past) < 2 or np.array_equal(self._past[-1][1], self._past[-2][1]):
-            return still, still
-        time = np.array([stamp - self._past[-1][0] for stamp, _ in self._past]) * 1e-9
-        angle = np.array([q for _, q in self._past]) - self._past[-1][1]
-        # About the last command, and in units of the whole time: well conditioned at any rate.
-        span, order = -time[0], min(2, len(time) - 1)
-        powers = np.vander(time / span, order + 1, increasing=True)
-        terms = np.linalg.lstsq(powers, angle, rcond=None)[0]
-        return terms[1] / span, 2 * terms[2] / span**2 if order == 2 else still
+    def _known_at(self, now_s: float) -> Known:
+        parts, until = tuple(sorted(self._warm)), [np.inf]
+        temperature = np.full(len(parts), np.nan)
+        for k, part in enumerate(parts):
+            celsius, heard = self._warm[part]
+            if now_s <= heard + self._temperature_timeout_s:
+                temperature[k] = celsius
+                until.append(heard + self._temperature_timeout_s)
+        mass, centre = np.nan, np.full(3, np.nan)
+        if self._carried and now_s <= self._carried[2] + self._payload_timeout_s:
+            mass, centre = self._carried[:2]
+            until.append(self._carried[2] + self._payload_timeout_s)
+        return Known(mass, centre, parts, temperature, min(until))

@@ -72,6 +72,11 @@ class TrajectoryPath:
         """Forget the trajectory that was sent."""
         self._plan: tuple[Array, Array] | None = None  # times [s], corrections [rad]
 
+    @property
+    def under_way(self) -> bool:
+        """Whether a controller follows a trajectory that was sent."""
+        return self._plan is not None
+
     def settle(self, now_s: float) -> None:
         """Bring the path's correction to what the trajectory under way has by now."""
         if self._plan is None:

@@ -4,7 +4,7 @@ from delta_calibration.compensation.aim import Aim
 from delta_calibration.compensation.answer import Compensated, Verdict
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
-from delta_calibration.compensation.compensator import JointCompensator
+from delta_calibration.compensation.compensator import JointCompensator, SingleWay
 from delta_calibration.compensation.machine import (
     METHODS,
     SOLVERS,
@@ -36,6 +36,7 @@ __all__ = [
     "Machine",
     "Newton",
     "NewtonSettings",
+    "SingleWay",
     "Swarm",
     "Table",
     "TableSettings",

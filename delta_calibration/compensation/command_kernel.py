@@ -22,7 +22,7 @@ from delta_calibration.compensation.backward_kernel import (
     stands,
 )
 from delta_calibration.model.jit import compiled, record
-from delta_calibration.model.kernels import FULL, K, M, T, moved, place
+from delta_calibration.model.kernels import FULL, K, M, T, copy_into, moved, place
 from delta_calibration.model.loads import bear, point_at
 
 Array = NDArray[np.float64]
@@ -33,6 +33,8 @@ Index = NDArray[np.int64]
 )
 FOUND, JUDGED, VERIFIED = range(3)  # what is asked for
 SHARE, LEFT, TURN, COUNT = range(4)  # numbers that are told of a command
+_SWEEPS = 60
+_SQUARE, _MUCH = 1e-15, 1e-9  # cosine of an angle that is a right one; that needs another sweep
 
 
 @record
@@ -134,7 +136,57 @@ def _unseen(guards: Guards, q: Array) -> float:
     return guards.typical * most
 
 
-@compiled()
+@compiled(borrows=True)
+def _turned(values: Array, i: int, j: int, flat: bool) -> bool:
+    """Turn two rows (columns where it is not flat) square to each other; whether it was much."""
+    length = values.shape[1] if flat else values.shape[0]
+    own, other, cross = 0.0, 0.0, 0.0
+    for e in range(length):
+        u = values[i, e] if flat else values[e, i]
+        v = values[j, e] if flat else values[e, j]
+        own, other, cross = own + u * u, other + v * v, cross + u * v
+    scale = np.sqrt(own * other)
+    if not abs(cross) > _SQUARE * scale:
+        return False
+    zeta = (other - own) / (2.0 * cross)
+    tangent = (1.0 if zeta >= 0.0 else -1.0) / (abs(zeta) + np.sqrt(1.0 + zeta * zeta))
+    c = 1.0 / np.sqrt(1.0 + tangent * tangent)
+    s = c * tangent
+    for e in range(length):
+        if flat:
+            u, v = values[i, e], values[j, e]
+            values[i, e], values[j, e] = c * u - s * v, s * u + c * v
+        else:
+            u, v = values[e, i], values[e, j]
+            values[e, i], values[e, j] = c * u - s * v, s * u + c * v
+    return bool(abs(cross) > _MUCH * scale)  # a sweep squares what is left
+
+
+@compiled(borrows=True)
+def gains_of(values: Array) -> tuple[float, float]:
+    """Largest and smallest singular value of a matrix, which is used up: Jacobi, one side.
+
+    LAPACK's takes longer, most of all where its code has not been used for a millisecond.
+    """
+    flat = values.shape[0] <= values.shape[1]
+    count = min(values.shape[0], values.shape[1])
+    for _ in range(_SWEEPS):
+        turned = False
+        for i in range(count):
+            for j in range(i + 1, count):
+                turned = _turned(values, i, j, flat) or turned
+        if not turned:
+            break
+    most, least = 0.0, np.inf
+    for i in range(count):
+        square = 0.0
+        for e in range(values.shape[1] if flat else values.shape[0]):
+            square += (values[i, e] if flat else values[e, i]) ** 2
+        most, least = max(most, np.sqrt(square)), min(least, np.sqrt(square))
+    return most, least
+
+
+@compiled(borrows=True)
 def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
     """Whether the drawing's machine, as it stands, is far enough from a singularity."""
     own = room.drawn
@@ -143,8 +195,8 @@ def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
     for row in range(room.by_q.shape[0]):
         if not _finite(room.by_q[row]):
             return False
-    gains = np.linalg.svd(room.by_q)[1]
-    most, least = max(gains[0], guards.typical), min(gains[-1], guards.typical)
+    most, least = gains_of(room.by_q)
+    most, least = max(most, guards.typical), min(least, guards.typical)
     return bool(most <= guards.condition * least and least > 0.0)
 
 
@@ -175,7 +227,7 @@ def _borne(
     return True
 
 
-@compiled()
+@compiled(borrows=True)
 def judged(
     drawn: Machine,
     guards: Guards,
@@ -199,7 +251,7 @@ def judged(
     begin(room.drawn)
     good = stands(drawn, q, room.signals, room.drawn)
     if good:
-        target[:] = room.drawn.place
+        copy_into(target, room.drawn.place)
         point_at(drawn.body.bearing, room.drawn.x, room.origin, room.centre)
         first = drawn.body.bearing.point_at[2]
         beyond = _outside(guards, room.centre[first : first + 3]) - guards.on_face
@@ -270,7 +322,7 @@ def finished(
     return PASSED
 
 
-@compiled()
+@compiled(borrows=True)
 def commanded(
     drawn: Machine,
     machine: Machine,

@@ -30,7 +30,7 @@ from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import Stamp, Table, Tabulated
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
 from delta_calibration.effects.base import SENSOR
-from delta_calibration.effects.signals import JOINT, Signals
+from delta_calibration.effects.signals import JOINT, Places, Signals
 from delta_calibration.errors import InputError
 from delta_calibration.model.chain_constants import OF_PULLS
 from delta_calibration.samples import Conditions, at_rest
@@ -74,6 +74,15 @@ class SingleCommand(NamedTuple):
     guards: Any  # of command_kernel.py, as are the next two
     search: Any
     room: Any  # scratch
+
+
+class SingleWay(NamedTuple):
+    """What compiled code that corrects single commands itself goes by, see `single_way`."""
+
+    held: Any  # command_kernel.Single
+    places: Places  # where its signals stand
+    signals: Array  # (S,) under the conditions that were asked for
+    aimed: int  # numbers of a target
 
 
 class JointCompensator:
@@ -161,6 +170,22 @@ class JointCompensator:
         search = Newton(own, self._newton).numbers
         return SingleCommand(self._drawn, own, self._guards, search, room)
 
+    def single_way(self, at: Conditions | None = None) -> SingleWay | None:
+        """What single commands under such conditions (one sample) are corrected by.
+
+        The answer holds for other commands and another motion, where the rest stays as it is.
+        None where something is missing, or where corrections are found by other means.
+        """
+        if self.by != "newton":
+            return None
+        at = at_rest(self._nominal.home[None]) if at is None else at
+        by_pose = any(effect.asks_pose for effect in self._effects)
+        if not self._known(at) and (by_pose or self.missing(at)):
+            return None
+        single = self._singles(at.temperature_parts)
+        own = single.own
+        return SingleWay(single.held, own.places, own.signals(at).rows[0], own.aim.size)
+
     def warm_up(self) -> None:
         """Take the first command's delay now: compensate one at home and forget it."""
         self.compensate(self._nominal.home[None])
@@ -195,9 +220,11 @@ class JointCompensator:
         if q.ndim != 2 or q.shape[1] != joints:
             raise InputError(f"commands have shape {q.shape}; it has to be (n, {joints})")
         q = np.ascontiguousarray(q, dtype=np.float64)
-        if len(q) == 1 and at is not None and self.by == "newton" and self._known(at):
-            return self._single(q, at)
         known = np.where(np.isfinite(q), q, 0.0)
+        if len(q) == 1 and self.by == "newton" and (at is not None or not self._effects):
+            alone = at_rest(known) if at is None else at
+            if self._known(alone):
+                return self._single(q, alone)
         at = at_rest(known) if at is None else replace(at, joint=known)
         missing, usable = self.missing(at), np.ones(len(q), dtype=np.bool_)
         if missing:

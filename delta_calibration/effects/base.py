@@ -71,6 +71,7 @@ class Effect(ABC):
     kind: ClassVar[str]  # drive, structure or measurement, as reported
     stage: ClassVar[Stage]
     needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
+    asks_pose: ClassVar[bool] = False  # whether what is `missing` depends on the pose as well
     limits: ClassVar[Limits] = {}  # of settings that are numbers
     # those of them in the joints' unit: limits are a Delta's, and wider where its joints need it
     of_joints: ClassVar[tuple[str, ...]] = ()

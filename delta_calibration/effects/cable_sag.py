@@ -37,6 +37,7 @@ class CableSag(CableEffect):
     )
     kind: ClassVar[str] = "structure"
     needs: ClassVar[tuple[str, ...]] = ("payload",)
+    asks_pose: ClassVar[bool] = True
 
     @property
     def parameters(self) -> ParameterSet:

@@ -10,7 +10,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from numpy.typing import NDArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -23,25 +25,31 @@ from delta_calibration.cell.command_path import Sent
 from delta_calibration.cell.desk import Desk
 from delta_calibration.cell.fitting import DIAGNOSIS_STEPS, FIT_STEPS, Fitted, diagnosed, fit
 from delta_calibration.cell.health import Health, Level
+from delta_calibration.cell.joint_bytes import Bytes
 from delta_calibration.cell.task import Task
+from delta_calibration.cell.usual import MARK
 from delta_calibration.description import frame_prefix
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
 from delta_calibration.ros.controllers import Controllers
-from delta_calibration.ros.conversions import JointReader, JointWriter, stamp_to_ns
 from delta_calibration.ros.diagnostics import Diagnostics, status
 from delta_calibration.ros.jobs import Finish, Jobs, Work
+from delta_calibration.ros.joint_intake import JointIntake, Stamp, nanoseconds
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
 from delta_calibration.ros.markers import Markers
+from delta_calibration.ros.own_process import OwnProcess
 from delta_calibration.ros.parameters import ParameterTable, warn_of_unknown
 from delta_calibration.ros.progress import Doing, Progress
 from delta_calibration.ros.qos import CONTROLLER, INPUTS, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import run
 from delta_calibration.ros.trajectories import Trajectories
+from delta_calibration.texts import bounded
+
+Array = NDArray[np.float64]
 
 NAME = "calibration_node"
-MARK = "compensated"  # header.frame_id of a command that has been compensated
+RAW = ("joint_command", "joint_states")  # taken as they come over the wire
 EARLY = ("joint_states", "cell/temperature", "cell/payload")  # heard before the node is active
 WARN_EVERY_S = 5.0  # [s]
 SWITCH_S = 5e-4  # [s] within which a fit or a file being read gives way to a command
@@ -54,10 +62,16 @@ WAYS = (("fit", fit, FIT_STEPS), ("diagnose", diagnosed, DIAGNOSIS_STEPS))
 
 
 class CalibrationNode(SafeLifecycleNode):
-    """Wires topics and services to a `Desk`; the command path runs on while a fit does."""
+    """Wires topics and services to a `Desk`; the command path runs on while a fit does.
 
-    def __init__(self, **kwargs: Any) -> None:
+    Args:
+        alone: whether the process is the node's own, to be made fit for commands at 1 kHz.
+        kwargs: of a node.
+    """
+
+    def __init__(self, alone: bool = False, **kwargs: Any) -> None:
         super().__init__(NAME, **kwargs)
+        self._process = OwnProcess(alone)
         self._settings = ParameterTable(self, SPECS, self._on_change)
         warn_of_unknown(self)
         self._desk: Desk | None = None
@@ -128,8 +142,8 @@ class CalibrationNode(SafeLifecycleNode):
             trajectories,
         )
         self._streams = not trajectory_input
-        self._command_reader, self._states_reader = JointReader(names), JointReader(names)
-        self._command_writer, self._states_writer = JointWriter(names), JointWriter(names)
+        self._commands, self._states = JointIntake(names), JointIntake(names)
+        self._written = {mark: Bytes(names, mark) for mark in ("", MARK)}
         self._desk = desk
         self._diagnostics.hardware = desk.robot.name
         self._listen()
@@ -156,7 +170,12 @@ class CalibrationNode(SafeLifecycleNode):
             receive = partial(self._receive, topic.name, take[topic.name])
             events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, topic.name))
             subscription = self.create_subscription(
-                topic.message, topic.name, receive, topic.reader, event_callbacks=events
+                topic.message,
+                topic.name,
+                receive,
+                topic.reader,
+                event_callbacks=events,
+                raw=topic.name in RAW,
             )
             self._listening.append(subscription)
         name = self._settings.text("trajectory_input")
@@ -172,6 +191,7 @@ class CalibrationNode(SafeLifecycleNode):
             self._desk.reset()
             if self._settings.flag("enabled"):
                 self._desk.enable(True)
+        self._process.hold(self._settings.integer("realtime_priority"))
         self._active = True
 
     def deactivate(self) -> None:
@@ -179,6 +199,7 @@ class CalibrationNode(SafeLifecycleNode):
         self._active = False
         if self._trajectories.drop():
             self.get_logger().warn("deactivated: a trajectory that was worked on is not sent")
+        self._process.release()
         if self._desk is not None and self._desk.capture.running:
             self.get_logger().warn(f"deactivated: {self._desk.stop_capture()}")
 
@@ -186,6 +207,7 @@ class CalibrationNode(SafeLifecycleNode):
         """Let go of everything; a fit that runs is not waited for."""
         self._active = False
         self._trajectories.drop()
+        self._process.release()
         while self._listening:
             self.destroy_subscription(self._listening.pop())
         if self._controllers is not None:
@@ -212,10 +234,10 @@ class CalibrationNode(SafeLifecycleNode):
         if self._desk is not None and self._active:
             self._desk.watch.lose(topic, int(event.total_count_change), time.monotonic())
 
-    def _on_command(self, desk: Desk, message: JointState) -> None:
+    def _on_command(self, desk: Desk, message: bytes) -> None:
         """Send a command; of those that waited while the process stood still, only the last."""
-        stamp_ns = stamp_to_ns(message.header.stamp)
-        due = desk.backlog.take(message, stamp_ns, time.monotonic())
+        stamp, now_s = self._commands.stamp(message), time.monotonic()
+        due = desk.backlog.take((message, stamp), nanoseconds(stamp), now_s)
         if desk.backlog.waiting is not None:
             self._release.reset()
         for each in due:
@@ -228,32 +250,52 @@ class CalibrationNode(SafeLifecycleNode):
             for each in self._desk.backlog.release():
                 self._receive("joint_command", self._follow_command, each)
 
-    def _follow_command(self, desk: Desk, message: JointState) -> None:
-        now_s, stamp_ns = time.monotonic(), stamp_to_ns(message.header.stamp)
+    def _follow_command(self, desk: Desk, given: tuple[bytes, Stamp]) -> None:
+        """Send what a command comes to; all that can wait is done after that."""
+        (message, stamp), now_s = given, time.monotonic()
         if desk.backlog.interrupted:
             desk.path.interrupt()
             desk.watch.trouble("backlog", desk.backlog.trouble(), now_s)
             self._warn(f"joint_command: {desk.backlog.trouble()}")
             desk.backlog.interrupted = False
+        age_s = self._age_s(desk, nanoseconds(stamp))
+        out = desk.follow(message, now_s, age_s)
+        if out is None:
+            self._weigh(desk, message, stamp, age_s, now_s)
+            return
+        self._out.publish(out)
+        q, stamp_ns, sent = desk.usual.went()
+        if self._controllers is not None:
+            self._controllers.send(sent.joint, MARK, self._streams)
+        self._sent(desk, q, stamp_ns, False, now_s)
+
+    def _weigh(self, desk: Desk, message: bytes, stamp: Stamp, age_s: float, now_s: float) -> None:
+        """Send what becomes of a command that wants more than to be corrected."""
         try:
-            q = self._command_reader.positions(message)
+            given = self._commands.read(message)
         except CalibrationError as error:
-            self._send(message, desk.path.refuse(str(error)))
+            self._send(stamp, desk.path.refuse(str(error)))
             raise
-        already = message.header.frame_id == MARK
-        age_s = self._age_s(desk, stamp_ns)
-        self._send(message, desk.send(q, stamp_ns, now_s, already, age_s))
-        desk.keep(q, stamp_ns, already, age_s)
-        self._markers.trail.see(q, desk.path)
-        desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
+        if given.layout is not None:
+            desk.usual.learn(given.layout, message)
+        q, stamp_ns, already = given.position, nanoseconds(stamp), given.frame_id == MARK
+        sent = desk.send(q, stamp_ns, now_s, already, age_s, desk.usual.seen)
+        self._send(stamp, sent)
+        self._sent(desk, q, stamp_ns, already, now_s)
         if desk.path.trouble is not None:
             desk.watch.trouble("joint_command", desk.path.trouble, now_s)
             self._warn(f"joint_command: {desk.path.trouble}")
 
-    def _send(self, message: JointState, sent: Sent | None) -> None:
+    def _sent(self, desk: Desk, q: Array, stamp_ns: int, already: bool, now_s: float) -> None:
+        """Keep what is to be kept of a command that has been followed."""
+        desk.keep(q, stamp_ns, already)
+        self._markers.trail.see(q, desk.path)
+        desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
+
+    def _send(self, stamp: Stamp, sent: Sent | None) -> None:
         if sent is not None:
             mark = MARK if sent.compensated else ""
-            self._out.publish(self._command_writer.message(sent.joint, message.header.stamp, mark))
+            self._out.publish(self._written[mark].message(sent.joint, stamp))
             if self._controllers is not None:
                 self._controllers.send(sent.joint, mark, self._streams)
 
@@ -280,16 +322,16 @@ class CalibrationNode(SafeLifecycleNode):
         desk.watch.refuse(name, why, time.monotonic())
         self._warn(f"{name}: refused: {why}")
 
-    def _on_states(self, desk: Desk, message: JointState) -> None:
-        q = self._states_reader.positions(message)
-        now_s = time.monotonic()
+    def _on_states(self, desk: Desk, message: bytes) -> None:
+        given = self._states.read(message)
+        q, now_s = given.position, time.monotonic()
         desk.watch.heard("joint_states", now_s)
         desk.path.stand(q, now_s)
         if not self._active:
             return
-        desk.capture.add_states(stamp_to_ns(message.header.stamp), q)
         nominal = desk.nominal(q, now_s)
-        self._nominal.publish(self._states_writer.message(nominal, message.header.stamp))
+        self._nominal.publish(self._written[""].message(nominal, given.stamp))
+        desk.capture.add_states(nanoseconds(given.stamp), q)
 
     def _on_pose(self, desk: Desk, message: Any) -> None:
         reflector = desk.robot.tracker.measures == "position"
@@ -378,7 +420,7 @@ class CalibrationNode(SafeLifecycleNode):
     # --- what is told
 
     def _warn(self, text: str) -> None:
-        self.get_logger().warn(text, throttle_duration_sec=WARN_EVERY_S)
+        self.get_logger().warn(bounded(text), throttle_duration_sec=WARN_EVERY_S)
 
     def _on_change(self, _names: tuple[str, ...]) -> None:
         if self._desk is not None:
@@ -391,6 +433,7 @@ class CalibrationNode(SafeLifecycleNode):
             self._desk.around.set_timeouts(*timeouts)
 
     def _report(self) -> tuple[bytes, str, Mapping[str, object]]:
+        self._process.tidy()
         health = self._health()
         level, name = LEVELS[health.level], self.get_fully_qualified_name()
         if self._told != (level, health.message):
@@ -430,8 +473,11 @@ class CalibrationNode(SafeLifecycleNode):
         if self._desk is None:
             return Health(Level.WARN, f"{self.state}: nothing is sent", {})
         self._look_for_others(self._desk)
-        timeout_s = self._settings.number("tracker_timeout_s")
-        health = self._desk.health(time.monotonic(), timeout_s)
+        now_s, timeout_s = time.monotonic(), self._settings.number("tracker_timeout_s")
+        if self._process.refused:
+            self._desk.watch.trouble("realtime_priority", self._process.refused, now_s)
+        health = self._desk.health(now_s, timeout_s)
+        health = replace(health, values={**health.values, **self._process.values})
         if not self._active:
             return replace(health, message=f"{self.state}: nothing is sent")
         return health
@@ -440,8 +486,7 @@ class CalibrationNode(SafeLifecycleNode):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is stopped; returns the exit code."""
     sys.setswitchinterval(SWITCH_S)
-    build: Callable[[], CalibrationNode] = CalibrationNode
-    return run(build, NAME, arguments)
+    return run(partial(CalibrationNode, alone=True), NAME, arguments)
 
 
 if __name__ == "__main__":

@@ -84,6 +84,13 @@ SPECS = (
         "factor by which ~/markers draws errors longer than they are",
         range=(0.0, 1e5),
     ),
+    Spec(
+        "realtime_priority",
+        0,
+        "priority (SCHED_FIFO) of the node's threads while it is active, 0 for none; refused to "
+        "users without rtprio, which diagnostics say; from activate on",
+        range=(0, 99),
+    ),
     Spec("output", "", "calibration file that ~/save writes", path=True),
     Spec(
         "enabled",

@@ -19,6 +19,7 @@ from delta_calibration.texts import listed
 
 Array = NDArray[np.float64]
 NANOSECONDS = 1_000_000_000
+LONGEST_PART = 100  # characters of the name of a part that has a temperature
 UNIT_TOLERANCE = 1e-3  # on the length of a quaternion: single-precision trackers stay well inside
 
 
@@ -184,9 +185,14 @@ def temperature(message: Temperature) -> tuple[str, int, float]:
     """Part the sensor is fixed to, stamp [ns], and temperature [deg C].
 
     Raises:
-        InputError: no `frame_id` to name the part, or not finite.
+        InputError: no `frame_id` to name the part, one that is no name, or not finite.
     """
     part = str(message.header.frame_id)
+    if len(part) > LONGEST_PART:
+        raise InputError(
+            f"Temperature.header.frame_id: {listed([part])[1:-1]} has {len(part)} characters; the "
+            f"name of a part has at most {LONGEST_PART}"
+        )
     if not part:
         raise InputError("Temperature.header.frame_id: is empty; it names the part, such as 'arm'")
     value = _finite(

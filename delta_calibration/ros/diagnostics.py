@@ -10,6 +10,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from delta_calibration.ros.qos import DIAGNOSTICS
+from delta_calibration.texts import bounded
 
 PERIOD_S = 1.0
 
@@ -21,8 +22,13 @@ def status(
     values: Mapping[str, object] | None = None,
     hardware: str = "",
 ) -> DiagnosticStatus:
-    """One status; `level` is one of DiagnosticStatus.OK, WARN, ERROR, STALE."""
-    pairs = [KeyValue(key=key, value=str(value)) for key, value in (values or {}).items()]
+    """One status; `level` is one of DiagnosticStatus.OK, WARN, ERROR, STALE.
+
+    Texts are cut at a length: names that peers give may be in them.
+    """
+    given = (values or {}).items()
+    pairs = [KeyValue(key=bounded(key), value=bounded(str(value))) for key, value in given]
+    message = bounded(message)
     return DiagnosticStatus(
         level=level, name=name, message=message, values=pairs, hardware_id=hardware
     )

@@ -26,7 +26,12 @@ from sensor_msgs.msg import JointState
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.cell.positioning import Outcome, Positioning, write_outcomes
+from delta_calibration.cell.positioning import (
+    Outcome,
+    Positioning,
+    require_outcomes,
+    write_outcomes,
+)
 from delta_calibration.cell.standing import Standing
 from delta_calibration.compensation.grid_search import Stop
 from delta_calibration.compensation.joint_lattice import GridSettings
@@ -159,6 +164,7 @@ class GridPositioner(BaseNode):
         s, joints, size = self._settings, self._robot.joints, self._robot.commanded.joint_size
         if not s.text("points"):
             raise InputError("parameter points: needed, a CSV file with columns x_mm, y_mm, z_mm")
+        require_outcomes(Path(s.named("output")), joints.names)  # before anything moves
         m = len(joints.names)
         lattice = GridSettings(
             unit=np.full(m, self._unit),
