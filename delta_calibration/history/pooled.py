@@ -1,0 +1,172 @@
+"""Sessions of one machine as linear evidence about the same parameters.
+
+About the geometry that all sessions have together each session k says
+
+    r_k = X_k x_k + A_k z_k + noise
+
+with x_k the machine at that time (dimensions and effects), z_k what belongs to the session alone:
+the tracker's frame, the reflector's place on the platform, and what was found to act on readings
+or by the session's own clock. With z_k integrated out nothing but information and its vector is
+left of a session (`evidence.py`), which is all that a comparison over months needs:
+
+    H_k = X_k^T V_k^-1 X_k,    b_k = X_k^T V_k^-1 r_k
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.diagnose import calibrated
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.model import Model
+from delta_calibration.effects import Effect, Stage, catalogue
+from delta_calibration.effects.base import SPREAD
+from delta_calibration.errors import DataError
+from delta_calibration.history.steps import Kept, Part
+from delta_calibration.robot import Robot
+from delta_calibration.samples import Survey
+from delta_calibration.theta import entries
+from delta_calibration.threads import one_thread
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 2  # of the geometry about which all sessions are linear
+
+
+@dataclass(frozen=True)
+class Dated:
+    """A session of a machine."""
+
+    name: str  # its id in the history
+    began: datetime
+    survey: Survey
+    effects: tuple[Effect, ...] = ()  # that its own diagnosis found
+
+
+@one_thread()
+def pooled(
+    sessions: Sequence[Dated], robot: Robot, model: str | None = None
+) -> tuple[tuple[Kept, ...], tuple[Part, ...]]:
+    """What may change of the machine, and what each session says of it.
+
+    Args:
+        sessions: in the order of time.
+        robot: drawing, tolerances, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+
+    Raises:
+        DataError: a session has too few poses, is of another robot, or there are fewer than two.
+    """
+    if len(sessions) < 2:
+        raise DataError(f"{len(sessions)} session in the history; changes need 2 or more")
+    models = [calibrated(each.survey, robot, model) for each in sessions]
+    machine, visit = _effects(sessions, models, robot)
+    kept = _kept(models[0], machine)
+    for _ in range(_ROUNDS):
+        parts = [
+            _part(each.name, fitted, machine, visit)
+            for each, fitted in zip(sessions, models, strict=True)
+        ]
+        models = [_about(fitted, _together(kept, parts)) for fitted in models]
+    return kept, tuple(_believed(part, kept) for part in parts)
+
+
+def _effects(
+    sessions: Sequence[Dated], models: Sequence[Model], robot: Robot
+) -> tuple[list[Effect], list[Effect]]:
+    """Effects of the machine, and those of single sessions that a diagnosis found.
+
+    An effect that was found keeps the shape of the first session that found it.
+    """
+    every = {e.cause: e for e in catalogue(robot, models[0].bare.mechanism)}
+    found = {e.cause: e for each in reversed(sessions) for e in each.effects}
+    visit = [e for e in found.values() if _of_a_visit(e)]
+    known = {cause: found.get(cause, effect) for cause, effect in every.items()}
+    machine = [
+        effect
+        for effect in known.values()
+        if not _of_a_visit(effect) and not any(effect.missing(m.evidence.at) for m in models)
+    ]
+    return machine, visit
+
+
+def _of_a_visit(effect: Effect) -> bool:
+    """Whether it is the tracker's or ends with the session: never a change of the machine."""
+    return effect.stage is Stage.MEASUREMENT or effect.bound_to_session
+
+
+def _kept(model: Model, effects: Sequence[Effect]) -> tuple[Kept, ...]:
+    dimensions = [
+        Kept(p.name, p.cause, p.location, p.unit, p.nominal, p.prior, 1.0, (p.name,))
+        for p in model.bare.mechanism.parameters
+    ]
+    return (
+        *dimensions,
+        *(
+            # sine and cosine of one joint are one thing
+            Kept(p.name, e.cause, p.location, p.unit, 0.0, p.prior, SPREAD, (e.cause, p.location))
+            for e in effects
+            for p in e.parameters
+        ),
+    )
+
+
+def _part(
+    name: str, model: Model, machine: Sequence[Effect], visit: Sequence[Effect]
+) -> tuple[str, Evidence, Array]:
+    """A session's evidence with nothing but its own as nuisance, and the machine's columns."""
+    evidence = model.evidence
+    columns = np.concatenate(
+        [evidence.geometry, *(evidence.columns(effect) for effect in machine)], axis=1
+    )
+    layout = evidence.chain.layout
+    own = slice(layout.offset.start, layout.place.stop)
+    alone = replace(
+        evidence,
+        nuisance=np.ascontiguousarray(evidence.nuisance[..., own]),
+        precision=evidence.precision[own],
+    )
+    for effect in visit:
+        extra = evidence.columns(effect)
+        alone = alone.beside(extra, np.full(extra.shape[1], SPREAD**-2.0))
+    return name, alone, columns
+
+
+def _together(kept: Sequence[Kept], parts: Sequence[tuple[str, Evidence, Array]]) -> Array:
+    """The machine that all sessions have together if nothing changed, (q,)."""
+    normal = np.diag([k.spread**-2.0 for k in kept])
+    right = np.zeros(len(kept))
+    for _, evidence, columns in parts:
+        normal = normal + evidence.information(columns)
+        right = right + columns.T @ evidence.weigh(evidence.column)[:, 0]
+    return np.asarray(np.linalg.solve(normal, right))
+
+
+def _about(model: Model, x: Array) -> Model:
+    """The session's fit moved to the geometry of all, its frame and reflector as they fit then."""
+    problem, layout = model.problem, model.problem.layout
+    own = entries(layout.geometry)
+    z = model.evidence.best(model.misfit, own, x[: len(own)])
+    theta = problem.theta0.copy()
+    theta[layout.base] += problem.basis[layout.base, layout.base] @ z
+    moved = model.at(theta)
+    assert isinstance(moved, Model)
+    return moved
+
+
+def _believed(part: tuple[str, Evidence, Array], kept: Sequence[Kept]) -> Part:
+    """The session's information, less where even its own fit misses more than noise explains."""
+    name, evidence, columns = part
+    weighed = evidence.weigh(evidence.column)[:, 0]
+    information, right = evidence.information(columns), columns.T @ weighed
+    normal = information + np.diag([k.spread**-2.0 for k in kept])
+    x = np.linalg.solve(normal, right)
+    used = float(np.trace(np.linalg.solve(normal, information)))
+    square = float(evidence.column[:, 0] @ weighed - 2 * right @ x + x @ information @ x)
+    misfit = max(1.0, square / max(evidence.degrees - used, 1.0))
+    return Part(name, information / misfit, right / misfit, misfit)
