@@ -201,8 +201,6 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
     """
     model = found.model_error
     value, way = np.linalg.eigh(found.covariance)
-    upper = np.asarray(np.linalg.qr((way * np.sqrt(np.maximum(value, 0.0))).T, mode="r"))
-    factor = upper.T
     root = (way * np.sqrt(np.maximum(value, 0.0))).T
     factor = np.asarray(np.linalg.qr(root, mode="r")).T
     return {

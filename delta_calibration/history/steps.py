@@ -228,9 +228,7 @@ class Steps:
         own, g = self._alone(step, beside, factor, cho_solve(factor, right))
         return float(g @ np.linalg.pinv(own, hermitian=True) @ g)
 
-    def values(
-        self, steps: Sequence[Step], only: NDArray[np.bool_]
-    ) -> tuple[Array, Array]:
+    def values(self, steps: Sequence[Step], only: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Most likely x_0 and steps, one behind the other, and their covariance.
 
         Args:
