@@ -35,7 +35,16 @@ NODES = {
 }
 CONFIG = ROOT / "config" / "srbd.yaml"
 # Python packages for which rosdep has no key: pip brings them
-WITHOUT_ROSDEP_KEY = {"mcap", "rosbags", "lz4", "threadpoolctl", "zstandard", "numba"}
+WITHOUT_ROSDEP_KEY = {
+    "charset-normalizer",
+    "lz4",
+    "mcap",
+    "numba",
+    "openpyxl",
+    "rosbags",
+    "threadpoolctl",
+    "zstandard",
+}
 
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:
