@@ -674,3 +674,5 @@ def test_after_installing_nothing_is_left_to_compile(tmp_path):
     assert "data saved" not in simulated + fitted
     assert machine_code(fitted)
     assert machine_code(simulated + fitted) <= machine_code(warmed)
+    # what a cell's first command needs
+    assert any("usual_kernel.follow" in file for file in machine_code(warmed))

@@ -7,6 +7,7 @@ from time import monotonic
 import click
 
 from delta_calibration.calibration_file import from_identification
+from delta_calibration.cell.usual import warm_up
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.identification import identify
 from delta_calibration.laws import every_law, prepare
@@ -36,7 +37,9 @@ def _use(name: str) -> None:
     seen = survey(session, robot.joints.names, robot.commanded.joint_size)
     made = from_identification(identify(seen.poses, robot), robot, seen.poses)
     disc = make_plan("disc", robot, count=4, both_sides=False)
-    JointCompensator(made).compensate(disc.joint)
+    compensator = JointCompensator(made)
+    compensator.compensate(disc.joint)
+    warm_up(compensator)
 
 
 if __name__ == "__main__":
