@@ -23,6 +23,7 @@ VERBS = (
     "diagnose",
     "report",
     "compare",
+    "history",
     "compensate",
     "export",
     "iso9283",

@@ -32,6 +32,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
         "iso9283": "session --robot srbd --json iso.json",
         "report": "session --robot srbd --out report.html",
         "compare": "january.json june.json --out drift.html",
+        "history": "changes --machine press_3",
     },
     "Protect": {
         "sros2": "--policy --out policy.xml",

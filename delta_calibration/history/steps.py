@@ -30,8 +30,10 @@ Array = NDArray[np.float64]
 _CHANGES = 0.05  # probability of a change in a gap before anything was measured
 _SURE = 0.99  # that there was one, for it to be told
 _SIZES = 5.0 * np.logspace(-3, 0, 7)  # s, in typical sizes
+_STEP = 5.0  # standard deviation of a step that is in the model, in typical sizes
 _MOST = 8  # steps that are looked for
 _NOTHING = 1e-6  # information that tells nothing
+_KNOWN = 10.0  # times as likely is a change of what the machine is known to have
 _LIKE = 0.02  # probability from which on a rival is told
 
 
@@ -84,6 +86,7 @@ class Steps:
 
     kept: tuple[Kept, ...]
     parts: tuple[Part, ...]
+    known: frozenset[str] = frozenset()  # causes that a diagnosis found in the machine
 
     @cached_property
     def _behind(self) -> Array:
@@ -117,7 +120,8 @@ class Steps:
         places = len(set(names))
         gaps = len(self.parts) - 1
         share = np.array([names.count(name) / gaps for name in names])
-        return np.log(_CHANGES / places / share)
+        known = np.array([what in self.known for what, _ in names])
+        return np.log(_CHANGES / places / share) + np.where(known, np.log(_KNOWN), 0.0)
 
     def key(self, step: Step) -> tuple[str, str | None, int]:
         """What is told of a step: cause, place, gap."""
@@ -198,7 +202,7 @@ class Steps:
                 for rows, i in blocks
             ]
         )
-        stepped = [SPREAD_OF_STEP] * sum(len(s.rows) for s in steps)
+        stepped = [_STEP] * sum(len(s.rows) for s in steps)
         right = np.concatenate([self._right[i][list(rows)] for rows, i in blocks])
         return normal + np.diag(np.concatenate([spread, stepped]) ** -2.0), right
 
@@ -240,6 +244,3 @@ class Steps:
         normal, right = self._normal(steps, only)
         covariance = np.linalg.inv(normal)
         return covariance @ right, covariance
-
-
-SPREAD_OF_STEP = 5.0  # standard deviation of a step that is in the model, in typical sizes
