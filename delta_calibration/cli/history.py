@@ -120,9 +120,7 @@ def list_(machine: str | None, url: str) -> None:
             click.echo(table(("machine", "robot", "sessions"), rows))
             return
         entries = store.sessions(machine)
-    lines = [
-        (e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(_held_out(e)), _found(e)) for e in entries
-    ]
+    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(_held_out(e)), _found(e)) for e in entries]
     click.echo(table(("session", "began", "held-out error [mm]", "found"), lines))
 
 
@@ -157,7 +155,12 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
 @_MACHINE
 @_STORE
 @click.option(
-    "--json", "json_file", default=None, is_flag=False, flag_value="-", metavar="[FILE]",
+    "--json",
+    "json_file",
+    default=None,
+    is_flag=False,
+    flag_value="-",
+    metavar="[FILE]",
     help="As JSON, to a file or, where none is named, to the standard output alone.",
 )
 def changes(machine: str, url: str, json_file: str | None) -> None:

@@ -121,9 +121,7 @@ def _history(
     geometry = np.array([k.spread == 1.0 for k in steps.kept])
     only = geometry | np.array([k.what in causes for k in steps.kept])
     value, covariance = steps.values(changed, only)
-    told = tuple(
-        _change(steps, each, changed, value, covariance, named) for each in found
-    )
+    told = tuple(_change(steps, each, changed, value, covariance, named) for each in found)
     none, _ = steps.values((), np.ones(len(only), dtype=bool))
     full, _ = steps.values(changed, np.ones(len(only), dtype=bool))
     return History(names, told, _costs(steps, (), none), _costs(steps, changed, full))
@@ -177,9 +175,7 @@ def _change(
     )
 
 
-def _size(
-    rows: Array, value: Array, covariance: Array, nominal: Array
-) -> tuple[float, float]:
+def _size(rows: Array, value: Array, covariance: Array, nominal: Array) -> tuple[float, float]:
     """A number with its standard deviation, of several the length of their vector."""
     vector = nominal + rows @ value
     spread = rows @ covariance @ rows.T

@@ -32,6 +32,9 @@ _SURE = 0.99  # that there was one, for it to be told
 _SIZES = 5.0 * np.logspace(-3, 0, 7)  # s, in typical sizes
 _STEP = 5.0  # standard deviation of a step that is in the model, in typical sizes
 _MOST = 8  # steps that are looked for
+# Share of the strongest step's lambda from which on another is told: about a fit all is taken for
+# linear, and what a step leaves of that looks like weaker ones.
+_LINEAR = 1e-3
 _NOTHING = 1e-6  # information that tells nothing
 _KNOWN = 10.0  # times as likely is a change of what the machine is known to have
 _LIKE = 0.02  # probability from which on a rival is told
@@ -137,7 +140,9 @@ class Steps:
                 break
             steps = self._again([*steps, best])
         found = [self._judged(step, [s for s in steps if s is not step]) for step in steps]
-        return tuple(sorted(found, key=lambda each: each.step.gap))
+        strongest = max((each.signal for each in found), default=0.0)
+        told = [each for each in found if each.signal > _LINEAR * strongest]
+        return tuple(sorted(told, key=lambda each: each.step.gap))
 
     def _again(self, steps: list[Step]) -> list[Step]:
         """Each step sought anew beside the others; gone where they explain it."""
@@ -226,15 +231,19 @@ class Steps:
         each = along / (values + _SIZES**-2.0) - np.log1p(values * _SIZES**2)
         return float(logsumexp(each.sum(axis=0) / 2) - np.log(len(_SIZES)))
 
+    def told(self, step: Step, beside: Sequence[Step]) -> Array:
+        """S, information on a step beside steps that are known, (r, r)."""
+        normal, right = self._normal(beside)
+        factor = cho_factor(normal)
+        return self._alone(step, beside, factor, cho_solve(factor, right))[0]
+
     def _signal(self, step: Step, beside: Sequence[Step]) -> float:
         normal, right = self._normal(beside)
         factor = cho_factor(normal)
         own, g = self._alone(step, beside, factor, cho_solve(factor, right))
         return float(g @ np.linalg.pinv(own, hermitian=True) @ g)
 
-    def values(
-        self, steps: Sequence[Step], only: NDArray[np.bool_]
-    ) -> tuple[Array, Array]:
+    def values(self, steps: Sequence[Step], only: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Most likely x_0 and steps, one behind the other, and their covariance.
 
         Args:

@@ -16,7 +16,9 @@ Stream = TypeVar("Stream")
 _DAY_NS = 86_400_000_000_000
 
 
-def visited(machine: Machine, robot: Robot, seed: int, visit: int, scatter: float = 1.0) -> Machine:
+def visited(
+    machine: Machine, robot: Robot, seed: int, visit: int, scatter: float = 1.0
+) -> Machine:
     """The machine before a tracker that stands elsewhere, its reflector mounted anew.
 
     Args:
