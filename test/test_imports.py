@@ -56,6 +56,7 @@ LAYERS = [
     "simulation",
     "trial",
     "recording",
+    "history",
     "cell",
     "report",
     "notebook",
@@ -66,6 +67,7 @@ LAYERS = [
 ONLY_IN = {
     "ros": re.compile(r"rclpy|\w+_msgs|\w+_interfaces|std_srvs|(rosidl|ament|tf2)_\w+|launch"),
     "report": re.compile(r"matplotlib|plotly|seaborn|bokeh|altair|pyvista"),
+    "history": re.compile(r"sqlalchemy"),
     "cli": re.compile(r"click|argparse|optparse|getopt|typer|rich"),
 }
 

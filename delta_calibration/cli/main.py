@@ -25,6 +25,7 @@ VERBS = (
     "report",
     "certificate",
     "compare",
+    "history",
     "compensate",
     "export",
     "iso9283",

@@ -35,6 +35,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
         "report": "session --robot srbd --out report.html",
         "certificate": "session --robot srbd --about about.yaml --out certificate.pdf",
         "compare": "january.json june.json --out drift.html",
+        "history": "changes --machine press_3",
     },
     "Protect": {
         "sros2": "--policy --out policy.xml",

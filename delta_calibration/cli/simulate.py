@@ -15,10 +15,12 @@ from delta_calibration.recording import write_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import collect
 from delta_calibration.simulation import (
+    days_later,
     draw_machine,
     effect_options,
     hideable_causes,
     simulate_session,
+    visited,
 )
 
 _RICH_PERIOD = 38.0  # [s] from stop to stop: two hours for the usual number of stops
@@ -111,6 +113,14 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
 @click.option("--rate", type=Quantity(1, 1000), default=20.0, show_default=True, help="[1/s]")
 @seed_option
 @click.option(
+    "--visit",
+    type=click.IntRange(0, 100_000),
+    default=0,
+    show_default=True,
+    help="Day on which the same machine is measured, with the tracker and the reflector set up "
+    "anew and other noise.",
+)
+@click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the session to write."
 )
 def command(
@@ -121,6 +131,7 @@ def command(
     scatter: float,
     rate: float,
     seed: int,
+    visit: int,
     out: Path,
 ) -> None:
     """Drive a simulated machine through a plan and record the session.
@@ -138,6 +149,7 @@ def command(
     robot = load_robot(robot_file)
     hidden = [effect_options(text) for text in effects if text != "none"]
     machine = draw_machine(robot, seed, scatter, hidden)
+    machine = visited(machine, robot, seed, visit, scatter)
     measured = make_plan(plan, robot, count=count, seed=seed)
     rich = plan == "rich"
     total = len(measured) + 2 * len(measured.paths)
@@ -146,13 +158,16 @@ def command(
         return progress(legs, total, "stop")
 
     period = _RICH_PERIOD if rich else 0.0
-    session = simulate_session(machine, measured, seed, rate, period, str(out), follow, rich)
+    noise = seed + 1_000_003 * visit
+    session = simulate_session(machine, measured, noise, rate, period, str(out), follow, rich)
+    session = days_later(session, visit)
     provenance = {
         "made_by": f"delta-cal simulate {__version__}",
         "robot": robot.name,
         "robot_sha256": robot.hash,
         "plan": measured.name,
         "seed": str(seed),
+        "visit": str(visit),
         "scatter": str(scatter),
         "effects": " ".join(effects) or "none",
     }

@@ -4,7 +4,7 @@
 """
 
 from delta_calibration.history.changes import Change, History, find_changes
-from delta_calibration.history.pooled import Dated, pooled
+from delta_calibration.history.pooled import Dated
 from delta_calibration.history.steps import Part, Step, Steps
 
-__all__ = ["Change", "Dated", "History", "Part", "Step", "Steps", "find_changes", "pooled"]
+__all__ = ["Change", "Dated", "History", "Part", "Step", "Steps", "find_changes"]

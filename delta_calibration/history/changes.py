@@ -58,7 +58,9 @@ class Change:
         """For people."""
         factor, unit = _FOR_PEOPLE.get(self.unit, (1.0, self.unit))
         where = f" of {spoken(self.location)}" if self.location else ""
-        went = "grew" if abs(self.to) > abs(self.from_) else "fell"
+        went = "went"
+        if min(self.from_, self.to) >= 0:
+            went = "grew" if self.to > self.from_ else "fell"
         said = (
             f"between {self.after} and {self.before} the {spoken(self.what)}{where} "
             f"({self.parameter}) {went} from {factor * self.from_:.4g} +- "
@@ -104,9 +106,9 @@ def find_changes(
     """
     ordered = sorted(sessions, key=lambda each: each.began)
     kept, parts = pooled(ordered, robot, model)
-    steps = Steps(kept, parts)
-    found = steps.search()
     causes = {effect.cause for each in ordered for effect in each.effects}
+    steps = Steps(kept, parts, frozenset(causes))
+    found = steps.search()
     return _history(steps, found, causes, named)
 
 

@@ -1,6 +1,6 @@
 """Sessions of one machine as linear evidence about the same parameters.
 
-About the geometry that all sessions have together each session k says
+About its own fit each session k says
 
     r_k = X_k x_k + A_k z_k + noise
 
@@ -30,12 +30,9 @@ from delta_calibration.errors import DataError
 from delta_calibration.history.steps import Kept, Part
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Survey
-from delta_calibration.theta import entries
 from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
-
-_ROUNDS = 2  # of the geometry about which all sessions are linear
 
 
 @dataclass(frozen=True)
@@ -67,13 +64,11 @@ def pooled(
     models = [calibrated(each.survey, robot, model) for each in sessions]
     machine, visit = _effects(sessions, models, robot)
     kept = _kept(models[0], machine)
-    for _ in range(_ROUNDS):
-        parts = [
-            _part(each.name, fitted, machine, visit)
-            for each, fitted in zip(sessions, models, strict=True)
-        ]
-        models = [_about(fitted, _together(kept, parts)) for fitted in models]
-    return kept, tuple(_believed(part, kept) for part in parts)
+    parts = [
+        _believed(each.name, *_alone(fitted, machine, visit), kept)
+        for each, fitted in zip(sessions, models, strict=True)
+    ]
+    return kept, tuple(parts)
 
 
 def _effects(
@@ -116,9 +111,9 @@ def _kept(model: Model, effects: Sequence[Effect]) -> tuple[Kept, ...]:
     )
 
 
-def _part(
-    name: str, model: Model, machine: Sequence[Effect], visit: Sequence[Effect]
-) -> tuple[str, Evidence, Array]:
+def _alone(
+    model: Model, machine: Sequence[Effect], visit: Sequence[Effect]
+) -> tuple[Evidence, Array]:
     """A session's evidence with nothing but its own as nuisance, and the machine's columns."""
     evidence = model.evidence
     columns = np.concatenate(
@@ -134,34 +129,11 @@ def _part(
     for effect in visit:
         extra = evidence.columns(effect)
         alone = alone.beside(extra, np.full(extra.shape[1], SPREAD**-2.0))
-    return name, alone, columns
+    return alone, columns
 
 
-def _together(kept: Sequence[Kept], parts: Sequence[tuple[str, Evidence, Array]]) -> Array:
-    """The machine that all sessions have together if nothing changed, (q,)."""
-    normal = np.diag([k.spread**-2.0 for k in kept])
-    right = np.zeros(len(kept))
-    for _, evidence, columns in parts:
-        normal = normal + evidence.information(columns)
-        right = right + columns.T @ evidence.weigh(evidence.column)[:, 0]
-    return np.asarray(np.linalg.solve(normal, right))
-
-
-def _about(model: Model, x: Array) -> Model:
-    """The session's fit moved to the geometry of all, its frame and reflector as they fit then."""
-    problem, layout = model.problem, model.problem.layout
-    own = entries(layout.geometry)
-    z = model.evidence.best(model.misfit, own, x[: len(own)])
-    theta = problem.theta0.copy()
-    theta[layout.base] += problem.basis[layout.base, layout.base] @ z
-    moved = model.at(theta)
-    assert isinstance(moved, Model)
-    return moved
-
-
-def _believed(part: tuple[str, Evidence, Array], kept: Sequence[Kept]) -> Part:
+def _believed(name: str, evidence: Evidence, columns: Array, kept: Sequence[Kept]) -> Part:
     """The session's information, less where even its own fit misses more than noise explains."""
-    name, evidence, columns = part
     weighed = evidence.weigh(evidence.column)[:, 0]
     information, right = evidence.information(columns), columns.T @ weighed
     normal = information + np.diag([k.spread**-2.0 for k in kept])

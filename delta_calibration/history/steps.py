@@ -30,8 +30,13 @@ Array = NDArray[np.float64]
 _CHANGES = 0.05  # probability of a change in a gap before anything was measured
 _SURE = 0.99  # that there was one, for it to be told
 _SIZES = 5.0 * np.logspace(-3, 0, 7)  # s, in typical sizes
+_STEP = 5.0  # standard deviation of a step that is in the model, in typical sizes
 _MOST = 8  # steps that are looked for
+# Share of the strongest step's lambda from which on another is told: about a fit all is taken for
+# linear, and what a step leaves of that looks like weaker ones.
+_LINEAR = 1e-3
 _NOTHING = 1e-6  # information that tells nothing
+_KNOWN = 10.0  # times as likely is a change of what the machine is known to have
 _LIKE = 0.02  # probability from which on a rival is told
 
 
@@ -84,6 +89,7 @@ class Steps:
 
     kept: tuple[Kept, ...]
     parts: tuple[Part, ...]
+    known: frozenset[str] = frozenset()  # causes that a diagnosis found in the machine
 
     @cached_property
     def _behind(self) -> Array:
@@ -117,7 +123,8 @@ class Steps:
         places = len(set(names))
         gaps = len(self.parts) - 1
         share = np.array([names.count(name) / gaps for name in names])
-        return np.log(_CHANGES / places / share)
+        known = np.array([what in self.known for what, _ in names])
+        return np.log(_CHANGES / places / share) + np.where(known, np.log(_KNOWN), 0.0)
 
     def key(self, step: Step) -> tuple[str, str | None, int]:
         """What is told of a step: cause, place, gap."""
@@ -133,7 +140,9 @@ class Steps:
                 break
             steps = self._again([*steps, best])
         found = [self._judged(step, [s for s in steps if s is not step]) for step in steps]
-        return tuple(sorted(found, key=lambda each: each.step.gap))
+        strongest = max((each.signal for each in found), default=0.0)
+        told = [each for each in found if each.signal > _LINEAR * strongest]
+        return tuple(sorted(told, key=lambda each: each.step.gap))
 
     def _again(self, steps: list[Step]) -> list[Step]:
         """Each step sought anew beside the others; gone where they explain it."""
@@ -198,7 +207,7 @@ class Steps:
                 for rows, i in blocks
             ]
         )
-        stepped = [SPREAD_OF_STEP] * sum(len(s.rows) for s in steps)
+        stepped = [_STEP] * sum(len(s.rows) for s in steps)
         right = np.concatenate([self._right[i][list(rows)] for rows, i in blocks])
         return normal + np.diag(np.concatenate([spread, stepped]) ** -2.0), right
 
@@ -222,6 +231,12 @@ class Steps:
         each = along / (values + _SIZES**-2.0) - np.log1p(values * _SIZES**2)
         return float(logsumexp(each.sum(axis=0) / 2) - np.log(len(_SIZES)))
 
+    def told(self, step: Step, beside: Sequence[Step]) -> Array:
+        """S, information on a step beside steps that are known, (r, r)."""
+        normal, right = self._normal(beside)
+        factor = cho_factor(normal)
+        return self._alone(step, beside, factor, cho_solve(factor, right))[0]
+
     def _signal(self, step: Step, beside: Sequence[Step]) -> float:
         normal, right = self._normal(beside)
         factor = cho_factor(normal)
@@ -238,6 +253,3 @@ class Steps:
         normal, right = self._normal(steps, only)
         covariance = np.linalg.inv(normal)
         return covariance @ right, covariance
-
-
-SPREAD_OF_STEP = 5.0  # standard deviation of a step that is in the model, in typical sizes

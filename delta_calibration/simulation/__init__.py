@@ -13,6 +13,7 @@ from delta_calibration.simulation.hidden import hideable_causes
 from delta_calibration.simulation.machine import Machine, draw_machine, standing
 from delta_calibration.simulation.options import effect_options
 from delta_calibration.simulation.session import simulate_session
+from delta_calibration.simulation.visit import days_later, visited
 
 __all__ = [
     "AMBIENT",
@@ -22,10 +23,12 @@ __all__ = [
     "Climate",
     "Following",
     "Machine",
+    "days_later",
     "draw_machine",
     "effect_options",
     "hideable_causes",
     "other_elbow",
     "simulate_session",
     "standing",
+    "visited",
 ]

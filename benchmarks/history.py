@@ -1,0 +1,150 @@
+"""Hidden histories: how often what changed, and when, is told right, and how often falsely.
+
+Each history is a simulated machine of its own, measured on twelve days with the tracker and the
+reflector set up anew; none, one or two numbers of it step in gaps drawn by lot. Nothing of the
+search is told what was hidden. A change counts where its signal is strong enough: lambda is the
+decrease of chi square that the true step would bring, by the information of these sessions.
+
+    python benchmarks/history.py [--histories 20] [--seed 0] [--plan identify] [--count 30]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta, timezone
+
+import numpy as np
+
+from delta_calibration.history import Dated, Step, Steps, find_changes
+from delta_calibration.history.pooled import pooled
+from delta_calibration.plans import make_plan
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import survey
+from delta_calibration.simulation import draw_machine, simulate_session, visited
+
+STRONG = 80.0  # lambda
+SESSIONS = 12
+BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)
+# what may step, and its typical size
+KINDS = {
+    "backlash": 1.5e-4,
+    "joint_zero_offset": 2e-4,
+    "arm_length": 5e-5,
+    "forearm_length": 5e-5,
+    "joint_compliance": 1.5e-5,
+}
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A change of the machine."""
+
+    what: str
+    location: str
+    gap: int
+    size: float
+
+
+def drawn(rng: np.random.Generator) -> tuple[Hidden, ...]:
+    """None, one or two changes of different causes."""
+    count = int(rng.integers(3))
+    what = rng.choice(list(KINDS), count, replace=False)
+    return tuple(
+        Hidden(
+            str(name),
+            f"joint_{rng.integers(1, 4)}",
+            int(rng.integers(SESSIONS - 1)),
+            float(KINDS[str(name)] * rng.uniform(0.3, 2.0)),
+        )
+        for name in what
+    )
+
+
+def sessions_of(
+    robot: Robot, seed: int, changes: Sequence[Hidden], plan: str, count: int | None
+) -> list[Dated]:
+    """The days of one machine."""
+    poses = make_plan(plan, robot, count=count, seed=seed)
+    sessions = []
+    for day in range(SESSIONS):
+        causes = [
+            (c.what, {"location": c.location, "value": str(c.size)})
+            for c in changes
+            if day > c.gap
+        ]
+        machine = visited(draw_machine(robot, seed, 1.0, causes), robot, seed, day + 1)
+        recorded = simulate_session(machine, poses, seed + 1_000_003 * (day + 1))
+        seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+        sessions.append(Dated(f"day_{day}", BEGAN + timedelta(days=day), seen))
+    return sessions
+
+
+def signals(steps: Steps, changes: Sequence[Hidden]) -> list[float]:
+    """lambda of each true change beside the others, by the information of the sessions."""
+    own = [_step(steps, change) for change in changes]
+    found = []
+    for number, (step, change) in enumerate(zip(own, changes, strict=True)):
+        rest = [other for i, other in enumerate(own) if i != number]
+        size = change.size / steps.kept[step.rows[0]].scale
+        found.append(size**2 * float(steps.told(step, rest)[0, 0]))
+    return found
+
+
+def _step(steps: Steps, change: Hidden) -> Step:
+    return next(
+        s for s in steps.candidates if steps.key(s) == (change.what, change.location, change.gap)
+    )
+
+
+def main() -> None:
+    """Draw histories, search them, print the rates."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--histories", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--plan", default="identify")
+    parser.add_argument("--count", type=int, default=None)
+    parser.add_argument("--robot", default="srbd")
+    given = parser.parse_args()
+    robot = load_robot(given.robot)
+    strong = named = false = right_gap = sessions = weak = inside = 0
+    for number in range(given.histories):
+        seed = 1000 * given.seed + number
+        changes = drawn(np.random.default_rng([seed, 18]))
+        dated = sessions_of(robot, seed, changes, given.plan, given.count)
+        found = find_changes(dated, robot)
+        told = {(c.what, c.location, int(c.after[4:])): c for c in found.changes}
+        true = {(c.what, c.location, c.gap): c for c in changes}
+        lambdas = signals(Steps(*pooled(dated, robot)), changes) if changes else []
+        for (key, change), value in zip(true.items(), lambdas, strict=True):
+            weak += value < STRONG
+            if value < STRONG:
+                continue
+            strong += 1
+            named += key in told
+            right_gap += key[2] in {gap for *_, gap in told}
+            if key in told:
+                off = abs(told[key].to - told[key].from_ - change.size)
+                inside += off < 1.96 * told[key].std
+        gaps = {c.gap for c in changes}
+        false += sum(gap not in gaps for *_, gap in told)
+        sessions += SESSIONS
+        print(
+            f"{seed}: hidden "
+            + (", ".join(f"{k} lambda {v:.0f}" for k, v in zip(true, lambdas, strict=True)) or "-")
+            + " | told "
+            + (", ".join(f"{k} {c.confidence:.2f}" for k, c in told.items()) or "-"),
+            flush=True,
+        )
+    print(f"{given.histories} histories, {sessions} sessions, plan {given.plan}")
+    print(f"changes of lambda >= {STRONG:g}: {strong}; weaker ones: {weak}")
+    if strong:
+        print(f"cause, place and gap right: {named} of {strong} ({100 * named / strong:.0f} %)")
+        print(f"gap right, whatever the name: {right_gap} of {strong}")
+        print(f"true size inside the 95 % interval: {inside} of {named}")
+    print(f"false changes (in a gap where nothing changed): {false} in {sessions} sessions")
+
+
+if __name__ == "__main__":
+    main()

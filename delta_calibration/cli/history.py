@@ -1,0 +1,295 @@
+"""`delta-cal history`: sessions of a machine kept together, and what changed between them."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
+from delta_calibration.cli.check import warn_of_mistakes
+from delta_calibration.cli.diagnose import diagnosed
+from delta_calibration.cli.options import (
+    SESSION,
+    progress,
+    require_folder,
+    robot_option,
+    seed_option,
+    table,
+    topics_option,
+    write_text,
+)
+from delta_calibration.documents import load_schema, read_document
+from delta_calibration.errors import InputError
+from delta_calibration.history import Dated, History, find_changes
+from delta_calibration.identification import identify
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.report import require_libraries, write_page
+from delta_calibration.report.history import page_of_history
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import Survey, survey
+from delta_calibration.wording import mm
+
+if TYPE_CHECKING:  # other verbs do not wait for a database's library
+    from delta_calibration.history.store import Entry, Store
+
+_FILE = click.Path(path_type=Path)
+_STORE = click.option(
+    "--store",
+    "url",
+    default="history.sqlite",
+    show_default=True,
+    metavar="FILE|URL",
+    help="The history: a file of SQLite, or a database as SQLAlchemy names it.",
+)
+_MACHINE = click.option("--machine", required=True, metavar="NAME", help="Which machine.")
+
+
+@click.group("history", short_help="keep sessions of a machine, and tell what changed and when")
+def command() -> None:
+    """Keep the sessions of a machine together, and tell what changed between them.
+
+    Needs SQLAlchemy: pip install 'delta_calibration[history]'.
+    """
+
+
+@command.command("add")
+@SESSION
+@robot_option
+@_MACHINE
+@_STORE
+@click.option("--id", "name", default=None, help="Of the session.  [default: its folder's name]")
+@click.option(
+    "--quick", is_flag=True, help="Fit the geometry only; no causes are looked for, no verdict."
+)
+@seed_option
+@topics_option
+def add(
+    session: Path,
+    robot_file: str,
+    machine: str,
+    url: str,
+    name: str | None,
+    quick: bool,
+    seed: int,
+    topics: tuple[str, ...],
+) -> None:
+    """Diagnose SESSION and add it to the history of a machine, with calibration and verdict.
+
+    The bag stays where it is: the history knows its path and its hash.
+    """
+    from delta_calibration.history.store import folder_hash
+
+    robot = load_robot(robot_file)
+    if not session.is_dir():
+        raise InputError(f"{session}: no folder of a session")
+    path, name = session.resolve(), name or session.resolve().name
+    given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
+    with _opened(url, make=True) as store:
+        digest = folder_hash(path)
+        if store.require_new(machine, robot.hash, digest, path, name):
+            store.moved(machine, digest, path)
+            click.echo(f"{machine}: a session that was elsewhere is now at {path}")
+            return
+        recorded = read_session(session, Topics.from_options(topics))
+        warn_of_mistakes(recorded, robot, robot_file, False, True)
+        seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+        entry = _entry(machine, name, path, digest, topics, seen, robot, seed, quick)
+        store.add(entry, given, robot.hash)
+        known = store.sessions(machine)
+    click.echo(
+        f"added to {url}: {machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M} "
+        f"({len(known)} in all); {_found(entry)}"
+    )
+
+
+@command.command("list")
+@click.option("--machine", default=None, metavar="NAME", help="Which machine; all if not given.")
+@_STORE
+def list_(machine: str | None, url: str) -> None:
+    """List machines, or the sessions of one."""
+    with _opened(url) as store:
+        if machine is None:
+            rows = [(name, robot, str(len(store.sessions(name)))) for name, robot in _all(store)]
+            click.echo(table(("machine", "robot", "sessions"), rows))
+            return
+        entries = store.sessions(machine)
+    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(_held_out(e)), _found(e)) for e in entries]
+    click.echo(table(("session", "began", "held-out error [mm]", "found"), lines))
+
+
+@command.command("show")
+@click.argument("name", metavar="ID")
+@_MACHINE
+@_STORE
+@click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
+def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
+    """Show one session: where it is, what was found, whether the bag is still the same."""
+    with _opened(url) as store:
+        entries = {entry.id: entry for entry in store.sessions(machine)}
+    if name not in entries:
+        raise InputError(
+            f"{url}: machine {machine!r} has no session {name!r}; it has: {', '.join(entries)}"
+        )
+    entry = entries[name]
+    click.echo(
+        f"{machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M}\n"
+        f"path: {entry.path}\nsha256: {entry.sha256}\nadded: {entry.added:%Y-%m-%d %H:%M}\n"
+        f"held-out error: {mm(_held_out(entry))} mm; {_found(entry)}"
+    )
+    if verdict_file is not None:
+        if entry.verdict is None:
+            raise InputError(f"session {name!r} was added with --quick: it has no verdict")
+        write_text(verdict_file, json.dumps(entry.verdict, indent=2, allow_nan=False) + "\n")
+        click.echo(f"written: {verdict_file}")
+    entry.require_unchanged()
+
+
+@command.command("changes")
+@_MACHINE
+@_STORE
+@click.option(
+    "--json",
+    "json_file",
+    default=None,
+    is_flag=False,
+    flag_value="-",
+    metavar="[FILE]",
+    help="As JSON, to a file or, where none is named, to the standard output alone.",
+)
+def changes(machine: str, url: str, json_file: str | None) -> None:
+    """Tell what changed of the machine, between which sessions, and from what to what.
+
+    All its sessions are fitted together; where the tracker stood and how the reflector was mounted
+    is each session's own, and never a change.
+    """
+    if json_file not in (None, "-"):
+        require_folder(Path(str(json_file)))
+    found = _changes(machine, url)
+    text = json.dumps([c.as_dict() for c in found.changes], indent=2, allow_nan=False) + "\n"
+    if json_file == "-":
+        click.echo(text, nl=False)
+        return
+    click.echo("\n".join(found.sentences()))
+    if json_file is not None:
+        write_text(Path(json_file), text)
+        click.echo(f"written: {json_file}")
+
+
+@command.command("report")
+@_MACHINE
+@_STORE
+@click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
+def report(machine: str, url: str, out: Path) -> None:
+    """Write the change log of a machine as one HTML page."""
+    require_folder(out)
+    require_libraries()
+    with _opened(url) as store:
+        errors = [(e.id, e.began, _held_out(e)) for e in store.sessions(machine)]
+    found = _changes(machine, url)
+    write_page(out, page_of_history(machine, found, errors))
+    click.echo("\n".join((*found.sentences(), f"written: {out}")))
+
+
+def _opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
+    try:
+        from delta_calibration.history.store import open_store
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "sqlalchemy":
+            raise
+        raise InputError(
+            "a history needs SQLAlchemy: pip install 'delta_calibration[history]'"
+        ) from error
+    return open_store(url, make)
+
+
+def _all(store: Store) -> Iterable[tuple[str, str]]:
+    return store.machines()
+
+
+def _entry(
+    machine: str,
+    name: str,
+    path: Path,
+    digest: str,
+    topics: tuple[str, ...],
+    seen: Survey,
+    robot: Robot,
+    seed: int,
+    quick: bool,
+) -> Entry:
+    """The session with what a fit or a diagnosis makes of it."""
+    from delta_calibration.history.store import Entry
+
+    verdict = None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "calibration.yaml"
+        if quick:
+            save_calibration(file, identify(seen.poses, robot, seed=seed), robot, seen.poses)
+        else:
+            found = diagnosed(seen, robot, None, seed, None)
+            save_extended(file, found, robot, seen.poses)
+            verdict = found.verdict.as_dict()
+        calibration = read_document(file, lambda _: load_schema("calibration"))
+    return Entry(
+        machine=machine,
+        id=name,
+        path=path,
+        sha256=digest,
+        began=datetime.fromtimestamp(seen.poses.start_ns * 1e-9, timezone.utc),
+        added=datetime.now(timezone.utc),
+        topics=topics,
+        calibration=json.loads(json.dumps(calibration, default=str)),
+        verdict=verdict,
+    )
+
+
+def _found(entry: Entry) -> str:
+    if entry.verdict is None:
+        return "no causes looked for"
+    named = [
+        f["cause"] + (f" at {f['location']}" if f["location"] else "")
+        for f in entry.verdict["findings"]
+    ]
+    return f"found: {', '.join(named) or 'nothing beyond geometry'}"
+
+
+def _held_out(entry: Entry) -> float:
+    """Error left of the model of a session [mm]."""
+    if entry.verdict is not None:
+        return float(entry.verdict["extended"]["held_out_rms_mm"])
+    return float(entry.calibration["residuals"]["full"]["error_left_rms_mm"])
+
+
+def _changes(machine: str, url: str) -> History:
+    """What changed, from the bags of the history."""
+    with _opened(url) as store:
+        entries = store.sessions(machine)
+        given, digest = store.robot_of(machine)
+    robot = load_robot(given)
+    if robot.hash != digest:
+        raise InputError(
+            f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
+            f"that file now has hash {robot.hash[:12]}: put the old one back, or begin another "
+            "history"
+        )
+    dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
+    return find_changes(dated, robot, named=robot.named)
+
+
+def _dated(entry: Entry, robot: Robot) -> Dated:
+    """The session of an entry, read again, with the effects that its calibration has."""
+    entry.require_unchanged()
+    recorded = read_session(entry.path, Topics.from_options(entry.topics))
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "calibration.json"
+        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
+        calibration = load_calibration(file, robot)
+    return Dated(entry.id, entry.began, seen, calibration.chain.effects)

@@ -1,0 +1,304 @@
+"""The store of a history: machines and their sessions, with what a diagnosis made of each.
+
+A session is a folder by its path and the SHA-256 of what is in it; calibration and verdict are
+kept as the JSON text of their files. A store has a version; an older one is brought up by
+`UPGRADES`, step by step in one transaction, and a newer one is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    Column,
+    Connection,
+    Engine,
+    ForeignKey,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    create_engine,
+    event,
+    insert,
+    inspect,
+    select,
+    update,
+)
+from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+
+from delta_calibration.errors import InputError
+
+VERSION = 1
+UPGRADES: Mapping[int, Callable[[Connection], None]] = {}  # from a version to the next one
+_CHUNK = 1 << 20
+_NAME = 255
+
+_METADATA = MetaData()
+_VERSION = Table("delta_cal_history", _METADATA, Column("version", Integer, nullable=False))
+_MACHINES = Table(
+    "machines",
+    _METADATA,
+    Column("name", String(_NAME), primary_key=True),
+    Column("robot", String, nullable=False),  # file or name, as it was given
+    Column("robot_sha256", String(64), nullable=False),
+)
+_SESSIONS = Table(
+    "sessions",
+    _METADATA,
+    Column("machine", ForeignKey("machines.name"), primary_key=True),
+    Column("id", String(_NAME), primary_key=True),
+    Column("path", String, nullable=False),
+    Column("sha256", String(64), nullable=False),
+    Column("began", String(40), nullable=False),  # ISO 8601, UTC
+    Column("added", String(40), nullable=False),
+    Column("topics", JSON, nullable=False),  # of another name, as STREAM=TOPIC
+    Column("calibration", JSON, nullable=False),
+    Column("verdict", JSON, nullable=True),
+)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A session in the history of a machine."""
+
+    machine: str
+    id: str
+    path: Path
+    sha256: str
+    began: datetime
+    added: datetime
+    topics: tuple[str, ...]
+    calibration: dict[str, Any]
+    verdict: dict[str, Any] | None
+
+    def require_unchanged(self) -> None:
+        """Refuse a session that is not where it was, or not what it was.
+
+        Raises:
+            InputError: says which, and what mends it.
+        """
+        if not self.path.is_dir():
+            raise InputError(
+                f"session {self.id!r} of machine {self.machine!r} is not at {self.path} any more; "
+                "add it again from where it is now (`delta-cal history add`)"
+            )
+        if folder_hash(self.path) != self.sha256:
+            raise InputError(
+                f"session {self.id!r} of machine {self.machine!r}: {self.path} was changed since "
+                "it was added; put the original back, or add it under another --id"
+            )
+
+
+class Store:
+    """A database of machines and sessions."""
+
+    def __init__(self, engine: Engine, name: str) -> None:
+        """Take a database that is of the present version; see `open_store`."""
+        self._engine, self._name = engine, name
+
+    def robot_of(self, machine: str) -> tuple[str, str]:
+        """Robot file or name of a machine, and its hash.
+
+        Raises:
+            InputError: no such machine.
+        """
+        with _told(self._name), self._engine.connect() as connection:
+            rows = {row.name: row for row in connection.execute(select(_MACHINES))}
+        if machine not in rows:
+            known = ", ".join(sorted(rows)) or "none"
+            raise InputError(f"{self._name}: no machine {machine!r}; there are: {known}")
+        return rows[machine].robot, rows[machine].robot_sha256
+
+    def machines(self) -> tuple[tuple[str, str], ...]:
+        """Name and robot of every machine."""
+        with _told(self._name), self._engine.connect() as connection:
+            rows = connection.execute(select(_MACHINES).order_by(_MACHINES.c.name))
+            return tuple((row.name, row.robot) for row in rows)
+
+    def sessions(self, machine: str) -> tuple[Entry, ...]:
+        """Sessions of a machine, the earliest first.
+
+        Raises:
+            InputError: no such machine.
+        """
+        self.robot_of(machine)
+        query = select(_SESSIONS).where(_SESSIONS.c.machine == machine)
+        with _told(self._name), self._engine.connect() as connection:
+            rows = connection.execute(query.order_by(_SESSIONS.c.began, _SESSIONS.c.id))
+            return tuple(_entry(row._mapping) for row in rows)
+
+    def require_new(self, machine: str, robot: str, sha256: str, path: Path, name: str) -> bool:
+        """Refuse what cannot be added; whether it is a session whose folder was moved here.
+
+        Args:
+            machine: its name.
+            robot: hash of the robot's file.
+            sha256: of the session.
+            path: of the session.
+            name: its id.
+
+        Raises:
+            InputError: another robot's file, the same session twice, or an id that is taken.
+        """
+        if machine not in dict(self.machines()):
+            return False
+        known, made_for = self.robot_of(machine)
+        if made_for != robot:
+            raise InputError(
+                f"{self._name}: machine {machine!r} is of robot {known!r} with hash "
+                f"{made_for[:12]}; the file given has hash {robot[:12]}: another robot, or its "
+                "file was changed; use that file, or another --machine"
+            )
+        for entry in self.sessions(machine):
+            if entry.sha256 == sha256:
+                if entry.path.is_dir():
+                    raise InputError(
+                        f"{path}: is in the history of {machine!r} already, as session "
+                        f"{entry.id!r}, added on {entry.added:%Y-%m-%d}"
+                    )
+                return True
+            if entry.id == name:
+                raise InputError(
+                    f"{path}: the history of {machine!r} has another session {name!r}; "
+                    "give this one a name of its own: --id"
+                )
+        return False
+
+    def moved(self, machine: str, sha256: str, path: Path) -> None:
+        """Note where a session is now."""
+        here = (_SESSIONS.c.machine == machine) & (_SESSIONS.c.sha256 == sha256)
+        with _told(self._name), self._engine.begin() as connection:
+            connection.execute(update(_SESSIONS).where(here).values(path=str(path)))
+
+    def add(self, entry: Entry, robot: str, robot_sha256: str) -> None:
+        """Add a session, and its machine where it is the first."""
+        new = entry.machine not in dict(self.machines())
+        with _told(self._name), self._engine.begin() as connection:
+            if new:
+                connection.execute(
+                    insert(_MACHINES).values(
+                        name=entry.machine, robot=robot, robot_sha256=robot_sha256
+                    )
+                )
+            connection.execute(
+                insert(_SESSIONS).values(
+                    machine=entry.machine,
+                    id=entry.id,
+                    path=str(entry.path),
+                    sha256=entry.sha256,
+                    began=entry.began.isoformat(),
+                    added=entry.added.isoformat(),
+                    topics=list(entry.topics),
+                    calibration=entry.calibration,
+                    verdict=entry.verdict,
+                )
+            )
+
+
+@contextmanager
+def open_store(url: str, make: bool = False) -> Iterator[Store]:
+    """Open a store: the file of an SQLite database, or a URL as SQLAlchemy takes it.
+
+    Args:
+        url: where it is.
+        make: whether to make one where none is; else that is an error.
+
+    Raises:
+        InputError: cannot be opened, is no history, or is of a newer version.
+    """
+    file = None if "://" in url else Path(url)
+    if file is not None and not make and not file.is_file():
+        raise InputError(f"{url}: no history there; `delta-cal history add` makes one")
+    if file is not None and not file.absolute().parent.is_dir():
+        raise InputError(f"{url}: the folder {file.parent} does not exist")
+    try:
+        engine = create_engine(url if file is None else f"sqlite:///{file}")
+    except (ArgumentError, ImportError) as error:
+        raise InputError(f"--store {url}: cannot be opened: {_line(error)}") from error
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _foreign_keys)
+    try:
+        with _told(url), engine.begin() as connection:
+            _bring_up(connection, url, make)
+        yield Store(engine, url)
+    finally:
+        engine.dispose()
+
+
+def _foreign_keys(connection: Any, _: Any) -> None:
+    connection.execute("PRAGMA foreign_keys = ON")
+
+
+def _bring_up(connection: Connection, url: str, make: bool) -> None:
+    """A store of the present version in an empty database, or of an older one."""
+    tables = inspect(connection).get_table_names()
+    if _VERSION.name not in tables:
+        if tables or not make:
+            raise InputError(f"{url}: a database, but no history of delta-cal")
+        _METADATA.create_all(connection)
+        connection.execute(insert(_VERSION).values(version=VERSION))
+        return
+    version = connection.execute(select(_VERSION.c.version)).scalar_one()
+    if version > VERSION:
+        raise InputError(
+            f"{url}: a history of version {version}, and this program knows {VERSION}: "
+            "made by a newer delta-cal; use that one"
+        )
+    for step in range(version, VERSION):
+        UPGRADES[step](connection)
+        connection.execute(update(_VERSION).values(version=step + 1))
+
+
+def folder_hash(folder: Path) -> str:
+    """SHA-256 of the names and contents of all files in a folder.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    whole = hashlib.sha256()
+    try:
+        for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+            own = hashlib.sha256()
+            with path.open("rb") as file:
+                while chunk := file.read(_CHUNK):
+                    own.update(chunk)
+            whole.update(f"{path.relative_to(folder).as_posix()}\n{own.hexdigest()}\n".encode())
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read: {error.strerror or error}") from error
+    return whole.hexdigest()
+
+
+def _entry(row: Mapping[str, Any]) -> Entry:
+    return Entry(
+        machine=row["machine"],
+        id=row["id"],
+        path=Path(row["path"]),
+        sha256=row["sha256"],
+        began=datetime.fromisoformat(row["began"]),
+        added=datetime.fromisoformat(row["added"]),
+        topics=tuple(row["topics"]),
+        calibration=row["calibration"],
+        verdict=row["verdict"],
+    )
+
+
+@contextmanager
+def _told(url: str) -> Iterator[None]:
+    """Errors of the database as ours."""
+    try:
+        yield
+    except (SQLAlchemyError, json.JSONDecodeError) as error:
+        raise InputError(f"{url}: {_line(error)}") from error
+
+
+def _line(error: Exception) -> str:
+    return str(getattr(error, "orig", None) or error).splitlines()[0][:200]

@@ -1,0 +1,116 @@
+"""The change log of a machine as a page: what changed when, and the sessions one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+
+import numpy as np
+
+from delta_calibration.history import Change, History
+from delta_calibration.report.document import Report, Section, Statement, Table
+from delta_calibration.report.drawing import (
+    BEFORE,
+    EXTENDED,
+    Axis,
+    Figure,
+    Panel,
+    course,
+)
+from delta_calibration.wording import figures, mm, spoken
+
+_TOO_SMALL = 1.0  # chi square that a logarithmic axis begins with
+
+
+def page_of_history(
+    machine: str, found: History, errors: Sequence[tuple[str, datetime, float]]
+) -> Report:
+    """The page of one machine.
+
+    Args:
+        machine: its name.
+        found: its sessions and what changed between them.
+        errors: id, begin and held-out error [mm] of each session by its own fit, in order of time.
+    """
+    count, began = len(found.changes), [when for _, when, _ in errors]
+    return Report(
+        title=f"Change log of {machine}",
+        subtitle=f"{len(errors)} sessions, {began[0]:%Y-%m-%d} to {began[-1]:%Y-%m-%d}",
+        sentence=f"{count or 'No'} change{'' if count == 1 else 's'} of the machine found.",
+        statements=(
+            Statement("What changed", " ".join(f"{_upper(s)}." for s in found.sentences())),
+            Statement(
+                "How it is told",
+                "All sessions are fitted together. Where the tracker stood and how the reflector "
+                "was mounted is each session's own, and never a change of the machine.",
+            ),
+        ),
+        key_figures=(),
+        sections=(
+            Section("changes", "What changed, and when", tables=(_log(found),)),
+            Section("sessions", "Sessions", tables=(_sessions(errors),), figures=(_fit(found),)),
+        ),
+        data={"machine": machine, "changes": [change.as_dict() for change in found.changes]},
+    )
+
+
+def _upper(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
+
+
+def _log(found: History) -> Table:
+    return Table(
+        "changes",
+        "Change log",
+        ("between", "what", "where", "from", "to", "change ± std", "unit", "sure", "or"),
+        tuple(_row(change) for change in found.changes),
+        "Sure: probability of cause, place and gap together; or: what else it may have been.",
+        words=(0, 1, 2, 6, 8),
+    )
+
+
+def _row(change: Change) -> tuple[str, ...]:
+    return (
+        f"{change.after} and {change.before}",
+        spoken(change.what),
+        spoken(change.location or ""),
+        figures(change.from_, 5),
+        figures(change.to, 5),
+        f"{figures(change.to - change.from_, 4)} ± {figures(change.std, 2)}",
+        change.unit,
+        f"{100 * change.confidence:.0f} %",
+        ", ".join(change.rivals),
+    )
+
+
+def _sessions(errors: Sequence[tuple[str, datetime, float]]) -> Table:
+    rows = tuple((name, f"{when:%Y-%m-%d %H:%M}", mm(error)) for name, when, error in errors)
+    head = ("session", "began", "held-out error [mm]")
+    return Table("sessions", "Each by its own fit", head, rows, words=(0, 1))
+
+
+def _fit(found: History) -> Figure:
+    place = np.arange(len(found.sessions), dtype=float)
+    panel = Panel(
+        "",
+        Axis.side_by_side("session", found.sessions),
+        Axis("chi square above the session's own fit", log=True),
+        (
+            *course(
+                "one machine, unchanged", place, _shown(found.before), BEFORE, "dash", "diamond"
+            ),
+            *course("with the changes", place, _shown(found.after), EXTENDED, "solid", "circle"),
+        ),
+        tall=1.2,
+    )
+    return Figure(
+        "misfit",
+        "How well one machine explains each session",
+        "Where nothing is left unexplained, both lie near the number of what the data determine.",
+        (panel,),
+        columns=1,
+    )
+
+
+def _shown(value: np.ndarray) -> np.ndarray:
+    return np.maximum(value, _TOO_SMALL)

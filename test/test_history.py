@@ -1,0 +1,212 @@
+"""The history of a machine: what changed between sessions, and the store that keeps them."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.cli.main import run
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.history import Dated, History, find_changes
+from delta_calibration.plans import make_plan
+from delta_calibration.recording import write_session
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import Session, survey
+from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
+
+pytest.importorskip("sqlalchemy")
+
+from delta_calibration.history import store as history_store
+from delta_calibration.history.store import open_store
+
+BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)
+SEED = 3
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("srbd")
+
+
+def measured(robot: Robot, day: int, causes: dict[str, dict[str, str]]) -> Session:
+    """A day of the same machine, tracker and reflector set up anew."""
+    machine = visited(draw_machine(robot, SEED, 1.0, causes), robot, SEED, day + 1)
+    plan = make_plan("identify", robot, count=30, seed=1)
+    return days_later(simulate_session(machine, plan, 100 + day), day)
+
+
+def changes_of(robot: Robot, each: list[dict[str, dict[str, str]]]) -> History:
+    days = [
+        Dated(
+            f"day_{day}",
+            BEGAN + timedelta(days=day),
+            survey(
+                measured(robot, day, causes),
+                robot.joints.names,
+                robot.commanded.joint_size,
+            ),
+        )
+        for day, causes in enumerate(each)
+    ]
+    return find_changes(days[::-1], robot)  # they are put in order
+
+
+def test_a_tracker_set_up_anew_is_no_change(robot: Robot) -> None:
+    found = changes_of(robot, [{}] * 5)
+    assert found.changes == ()
+    assert found.sentences()[0].startswith("nothing changed from day_0 to day_4")
+
+
+def test_a_dimension_that_changed_is_told_with_its_gap_and_size(robot: Robot) -> None:
+    longer = {"arm_length": {"location": "joint_3", "value": "1e-4"}}
+    found = changes_of(robot, [{}, {}, longer, longer, longer])
+    (change,) = found.changes
+    assert (change.what, change.location) == ("arm_length", "joint_3")
+    assert (change.after, change.before) == ("day_1", "day_2")
+    assert abs(change.to - change.from_ - 1e-4) < 4 * change.std < 4e-5
+    assert change.confidence > 0.9
+    assert found.before.sum() > 2 * found.after.sum()
+
+
+def test_two_changes_are_told_apart(robot: Robot) -> None:
+    first = {"joint_zero_offset": {"location": "joint_1", "value": "3e-4"}}
+    both = {**first, "joint_compliance": {"location": "joint_2", "value": "3e-5"}}
+    found = changes_of(robot, [{}, first, first, both, both, both])
+    assert [(c.what, c.location, c.after) for c in found.changes] == [
+        ("joint_zero_offset", "joint_1", "day_0"),
+        ("joint_compliance", "joint_2", "day_2"),
+    ]
+
+
+def test_one_session_has_no_changes(robot: Robot) -> None:
+    with pytest.raises(DataError, match="1 session in the history; changes need 2"):
+        changes_of(robot, [{}])
+
+
+@pytest.fixture(scope="module")
+def folder(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four days, a gap of a rod's length after the second, and their store."""
+    folder = tmp_path_factory.mktemp("history")
+    for day in range(4):
+        causes = {"arm_length": {"location": "joint_2", "value": "1e-4"}} if day > 1 else {}
+        write_session(folder / f"day_{day}", measured(robot, day, causes), {})
+        assert run([*add(folder, day), "--quick"]) == 0
+    return folder
+
+
+def add(folder: Path, day: int, machine: str = "press_3") -> list[str]:
+    """Arguments that add a day."""
+    return [
+        "history",
+        "add",
+        str(folder / f"day_{day}"),
+        "--robot",
+        "srbd",
+        "--machine",
+        machine,
+        "--store",
+        str(folder / "h.sqlite"),
+    ]
+
+
+def test_changes_as_json_are_of_the_form_that_programs_read(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = str(folder / "h.sqlite")
+    assert run(["history", "changes", "--machine", "press_3", "--store", store, "--json"]) == 0
+    (change,) = json.loads(capsys.readouterr().out)
+    assert list(change) == [
+        "after",
+        "before",
+        "what",
+        "location",
+        "from",
+        "to",
+        "std",
+        "unit",
+        "confidence",
+    ]
+    assert (change["after"], change["before"]) == ("day_1", "day_2")
+    assert (change["what"], change["location"], change["unit"]) == ("arm_length", "joint_2", "m")
+    assert np.isclose(change["to"] - change["from"], 1e-4, atol=4 * change["std"])
+
+
+def test_a_report_and_lists_are_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store, page = ["--store", str(folder / "h.sqlite")], folder / "log.html"
+    assert run(["history", "list", *store]) == 0
+    assert run(["history", "list", "--machine", "press_3", *store]) == 0
+    assert run(["history", "show", "day_1", "--machine", "press_3", *store]) == 0
+    said = capsys.readouterr().out
+    assert "press_3   srbd         4" in said
+    assert "no causes looked for" in said
+    pytest.importorskip("plotly")
+    assert run(["history", "report", "--machine", "press_3", *store, "--out", str(page)]) == 0
+    assert "arm length of joint 2" in page.read_text(encoding="utf-8")
+
+
+def test_what_cannot_be_added_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(add(folder, 1)) == 2
+    assert "is in the history of 'press_3' already, as session 'day_1'" in capsys.readouterr().err
+    other = [arg if arg != "srbd" else "linear_delta" for arg in add(folder, 1)]
+    assert run(other) == 2
+    assert "another robot, or its file was changed" in capsys.readouterr().err
+    nowhere = ["history", "list", "--store", str(tmp_path / "none.sqlite")]
+    assert run(nowhere) == 2
+    assert "no history there" in capsys.readouterr().err
+    assert run(["history", "changes", "--machine", "x", "--store", str(folder / "h.sqlite")]) == 2
+    assert "no machine 'x'; there are: press_3" in capsys.readouterr().err
+
+
+def test_a_bag_that_moved_or_changed_is_told(
+    folder: Path, robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_session(tmp_path / "day_0", measured(robot, 0, {}), {})
+    assert run([*add(tmp_path, 0), "--quick"]) == 0
+    (tmp_path / "day_0").rename(tmp_path / "day_9")
+    show = [
+        "history",
+        "show",
+        "day_0",
+        "--machine",
+        "press_3",
+        "--store",
+        str(tmp_path / "h.sqlite"),
+    ]
+    assert run(show) == 2
+    assert "is not at" in capsys.readouterr().err
+    assert run(add(tmp_path, 9)) == 0  # the same bag at its new place
+    assert run(show) == 0
+    (tmp_path / "day_9" / "more.txt").write_text("x", encoding="utf-8")
+    assert run(show) == 2
+    assert "was changed since it was added" in capsys.readouterr().err
+
+
+def test_an_older_store_is_brought_up_and_a_newer_one_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, ran = str(tmp_path / "h.sqlite"), []
+    with open_store(url, make=True):
+        pass
+    monkeypatch.setattr(history_store, "VERSION", 2)
+    monkeypatch.setattr(history_store, "UPGRADES", {1: ran.append})
+    for _ in range(2):  # once only
+        with open_store(url):
+            pass
+    assert len(ran) == 1
+    monkeypatch.setattr(history_store, "VERSION", 1)
+    newer = "a history of version 2, and this program knows 1"
+    with pytest.raises(InputError, match=newer), open_store(url):
+        pass
+
+
+def test_a_database_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "h.sqlite").write_text("no database", encoding="utf-8")
+    url = str(tmp_path / "h.sqlite")
+    with pytest.raises(InputError, match="file is not a database"), open_store(url, make=True):
+        pass
