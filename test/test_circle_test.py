@@ -265,3 +265,15 @@ def test_the_command_writes_figures_and_page(
 def test_a_folder_that_is_not_there_is_refused_first(tmp_path: Path) -> None:
     arguments = ["--robot", "scara", "--json", str(tmp_path / "no" / "x.json")]
     assert run(["circle", str(tmp_path), *arguments]) == 2
+
+
+def test_figures_are_printed_alone_where_no_file_is_named(
+    session: Session, found: CircleTest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_session(tmp_path / "session", session)
+    assert run(["circle", str(tmp_path / "session"), "--robot", "scara", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["deviation_um"] == pytest.approx(
+        1e6 * found.deviation, rel=1e-3
+    )
+    assert "to do first:" in printed.err

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +51,22 @@ from delta_calibration.samples import survey
 
 _FILE = click.Path(path_type=Path)
 _UM = 1e6
+PRINTED = "-"  # in the place of a file: to standard output
 _BALLBAR = 1.0  # [um]
 
 
 @click.command("circle", short_help="how round circles are, why not, and what to do first")
 @SESSION
 @robot_option
-@click.option("--json", "json_file", type=_FILE, default=None, help="Figures to write.")
+@click.option(
+    "--json",
+    "json_file",
+    is_flag=False,
+    flag_value=PRINTED,
+    default=None,
+    metavar="[FILE]",
+    help="Figures to write; without a file they are printed, and nothing else is.",
+)
 @click.option(
     "--report",
     "report_file",
@@ -74,7 +86,7 @@ _BALLBAR = 1.0  # [um]
 def command(
     session: Path,
     robot_file: str,
-    json_file: Path | None,
+    json_file: str | None,
     report_file: Path | None,
     noise_um: float | None,
     model: str | None,
@@ -93,8 +105,8 @@ def command(
     for each joint by its name [rad, m], or x_mm, y_mm, z_mm of the commanded tool point.
     """
     for path in (json_file, report_file):
-        if path is not None:
-            require_folder(path)
+        if path not in (None, PRINTED):
+            require_folder(Path(str(path)))
     if report_file is not None:
         require_libraries()
     robot = load_robot(robot_file)
@@ -103,17 +115,21 @@ def command(
         raise InputError("--model and --topic are for sessions, not for a ballbar's table")
     if not is_table and noise_um is not None:
         raise InputError("--noise-um is for a ballbar's table; a session tells its own noise")
-    if is_table:
-        test, made_of = _of_table(session, robot, _BALLBAR if noise_um is None else noise_um, seed)
-    else:
-        test, made_of = _of_session(session, robot, robot_file, model, seed, topics)
-    click.echo("\n" + described(test, robot.named))
-    if json_file is not None:
-        write_json(json_file, as_json(test))
-        click.echo(f"written: {json_file}")
-    if report_file is not None:
-        write_page(report_file, circle_report(test, robot, made_of))
-        click.echo(f"written: {report_file}")
+    with redirect_stdout(sys.stderr if json_file == PRINTED else sys.stdout):
+        if is_table:
+            noise = _BALLBAR if noise_um is None else noise_um
+            test, made_of = _of_table(session, robot, noise, seed)
+        else:
+            test, made_of = _of_session(session, robot, robot_file, model, seed, topics)
+        click.echo("\n" + described(test, robot.named))
+        if json_file not in (None, PRINTED):
+            write_json(Path(str(json_file)), as_json(test))
+            click.echo(f"written: {json_file}")
+        if report_file is not None:
+            write_page(report_file, circle_report(test, robot, made_of))
+            click.echo(f"written: {report_file}")
+    if json_file == PRINTED:
+        click.echo(json.dumps(as_json(test), indent=2, allow_nan=False))
 
 
 def _of_session(
