@@ -251,5 +251,5 @@ class Steps:
             only: which of x_0 are not held at nothing, (q,).
         """
         normal, right = self._normal(steps, only)
-        covariance = np.linalg.inv(normal)
-        return covariance @ right, covariance
+        covariance: Array = np.linalg.inv(normal)
+        return np.asarray(covariance @ right), np.asarray(covariance)
