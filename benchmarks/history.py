@@ -108,7 +108,7 @@ def main() -> None:
     parser.add_argument("--robot", default="srbd")
     given = parser.parse_args()
     robot = load_robot(given.robot)
-    strong = named = false = right_gap = sessions = weak = inside = 0
+    strong = named = false = beside = right_gap = sessions = weak = inside = 0
     for number in range(given.histories):
         seed = 1000 * given.seed + number
         changes = drawn(np.random.default_rng([seed, 18]))
@@ -129,6 +129,7 @@ def main() -> None:
                 inside += off < 1.96 * told[key].std
         gaps = {c.gap for c in changes}
         false += sum(gap not in gaps for *_, gap in told)
+        beside += sum(key not in true and key[2] in gaps for key in told)
         sessions += SESSIONS
         print(
             f"{seed}: hidden "
@@ -144,6 +145,7 @@ def main() -> None:
         print(f"gap right, whatever the name: {right_gap} of {strong}")
         print(f"true size inside the 95 % interval: {inside} of {named}")
     print(f"false changes (in a gap where nothing changed): {false} in {sessions} sessions")
+    print(f"false names (in a gap where something else changed): {beside}")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ from delta_calibration.calibration_file import load_calibration, save_calibratio
 from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.options import (
-    SESSION,
     progress,
     require_folder,
     robot_option,
@@ -60,18 +59,20 @@ def command() -> None:
 
 
 @command.command("add")
-@SESSION
+@click.argument("sessions", nargs=-1, required=True, type=_FILE)
 @robot_option
 @_MACHINE
 @_STORE
-@click.option("--id", "name", default=None, help="Of the session.  [default: its folder's name]")
+@click.option(
+    "--id", "name", default=None, help="Of a single session.  [default: its folder's name]"
+)
 @click.option(
     "--quick", is_flag=True, help="Fit the geometry only; no causes are looked for, no verdict."
 )
 @seed_option
 @topics_option
 def add(
-    session: Path,
+    sessions: tuple[Path, ...],
     robot_file: str,
     machine: str,
     url: str,
@@ -80,33 +81,51 @@ def add(
     seed: int,
     topics: tuple[str, ...],
 ) -> None:
-    """Diagnose SESSION and add it to the history of a machine, with calibration and verdict.
+    """Diagnose SESSIONS and add them to the history of a machine, with calibration and verdict.
 
-    The bag stays where it is: the history knows its path and its hash.
+    The bags stay where they are: the history knows their paths and their hashes. What was added
+    before an error stays added.
     """
-    from delta_calibration.history.store import folder_hash
-
     robot = load_robot(robot_file)
-    if not session.is_dir():
-        raise InputError(f"{session}: no folder of a session")
-    path, name = session.resolve(), name or session.resolve().name
+    if name is not None and len(sessions) > 1:
+        raise InputError(f"--id {name}: of a single session; {len(sessions)} are given")
+    for session in sessions:
+        if not session.is_dir():
+            raise InputError(f"{session}: no folder of a session")
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
     with _opened(url, make=True) as store:
-        digest = folder_hash(path)
-        if store.require_new(machine, robot.hash, digest, path, name):
-            store.moved(machine, digest, path)
-            click.echo(f"{machine}: a session that was elsewhere is now at {path}")
-            return
-        recorded = read_session(session, Topics.from_options(topics))
-        warn_of_mistakes(recorded, robot, robot_file, False, True)
-        seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-        entry = _entry(machine, name, path, digest, topics, seen, robot, seed, quick)
-        store.add(entry, given, robot.hash)
-        known = store.sessions(machine)
-    click.echo(
-        f"added to {url}: {machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M} "
-        f"({len(known)} in all); {_found(entry)}"
-    )
+        for session in sessions:
+            path = session.resolve()
+            _add(store, machine, path, name or path.name, robot, given, topics, seed, quick)
+        known = len(store.sessions(machine))
+    click.echo(f"{url}: {machine} has {known} session{'' if known == 1 else 's'}")
+
+
+def _add(
+    store: Store,
+    machine: str,
+    path: Path,
+    name: str,
+    robot: Robot,
+    given: str,
+    topics: tuple[str, ...],
+    seed: int,
+    quick: bool,
+) -> None:
+    """Add one session, or note where it is now."""
+    from delta_calibration.history.store import folder_hash
+
+    digest = folder_hash(path)
+    if store.require_new(machine, robot.hash, digest, path, name):
+        store.moved(machine, digest, path)
+        click.echo(f"{machine}: a session that was elsewhere is now at {path}")
+        return
+    recorded = read_session(path, Topics.from_options(topics))
+    warn_of_mistakes(recorded, robot, given, False, True)
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    entry = _entry(machine, name, path, digest, topics, seen, robot, seed, quick)
+    store.add(entry, given, robot.hash)
+    click.echo(f"added: {name} of {entry.began:%Y-%m-%d %H:%M}; {_found(entry)}")
 
 
 @command.command("list")

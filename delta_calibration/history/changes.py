@@ -183,7 +183,7 @@ def _size(rows: Array, value: Array, covariance: Array, nominal: Array) -> tuple
         return float(vector[0]), float(np.sqrt(spread[0, 0]))
     size = float(np.linalg.norm(vector))
     along = vector / size if size > 0 else vector
-    return size, float(np.sqrt(max(along @ spread @ along, 0.0)))
+    return size, float(np.sqrt(max(float(along @ spread @ along), 0.0)))
 
 
 def _rival(steps: Steps, step: Step, probability: float) -> str:

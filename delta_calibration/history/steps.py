@@ -251,5 +251,5 @@ class Steps:
             only: which of x_0 are not held at nothing, (q,).
         """
         normal, right = self._normal(steps, only)
-        covariance = np.linalg.inv(normal)
-        return covariance @ right, covariance
+        covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+        return np.asarray(covariance @ right), np.asarray(covariance)

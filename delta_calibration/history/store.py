@@ -134,7 +134,7 @@ class Store:
         query = select(_SESSIONS).where(_SESSIONS.c.machine == machine)
         with _told(self._name), self._engine.connect() as connection:
             rows = connection.execute(query.order_by(_SESSIONS.c.began, _SESSIONS.c.id))
-            return tuple(_entry(row._mapping) for row in rows)
+            return tuple(_entry(row._asdict()) for row in rows)
 
     def require_new(self, machine: str, robot: str, sha256: str, path: Path, name: str) -> bool:
         """Refuse what cannot be added; whether it is a session whose folder was moved here.

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 import numpy as np
+from numpy.typing import NDArray
 
 from delta_calibration.history import Change, History
 from delta_calibration.report.document import Report, Section, Statement, Table
@@ -18,6 +19,8 @@ from delta_calibration.report.drawing import (
     course,
 )
 from delta_calibration.wording import figures, mm, spoken
+
+Array = NDArray[np.float64]
 
 _TOO_SMALL = 1.0  # chi square that a logarithmic axis begins with
 
@@ -112,5 +115,5 @@ def _fit(found: History) -> Figure:
     )
 
 
-def _shown(value: np.ndarray) -> np.ndarray:
-    return np.maximum(value, _TOO_SMALL)
+def _shown(value: Array) -> Array:
+    return np.asarray(np.maximum(value, _TOO_SMALL))
