@@ -44,10 +44,14 @@ def figures(value: float, digits: int = 3) -> str:
     return f"{mantissa} × 10{str(int(power)).translate(_RAISED)}".replace("-", MINUS)
 
 
-def measured(value: float, std: float | None, unit: str) -> str:
-    """A value of an SI unit with its standard error, in a reader's unit, to figures that hold."""
+def measured(value: float, std: float | None, unit: str, size: float | None = None) -> str:
+    """A value of an SI unit with its standard error, in a reader's unit, to figures that hold.
+
+    The unit is that of the value's size, or of a given `size`: that of what stands beside it.
+    """
     of, slash, per = unit.partition("/")
-    factor, shown = (_SMALL if abs(value) < _SMALL_FROM else _COMMON).get(of, (1.0, of))
+    small = abs(value if size is None else size) < _SMALL_FROM
+    factor, shown = (_SMALL if small else _COMMON).get(of, (1.0, of))
     behind = "" if unit == "1" else f" {shown}{slash}{per}"
     value, std = factor * value, factor * (std or 0.0)
     if std < _COARSE:

@@ -33,7 +33,7 @@ from delta_calibration.report import require_libraries, write_page
 from delta_calibration.report.history import page_of_history
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Survey, survey
-from delta_calibration.wording import mm
+from delta_calibration.wording import mm, plain
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
     from delta_calibration.history.store import Entry, Store
@@ -195,7 +195,7 @@ def changes(machine: str, url: str, json_file: str | None) -> None:
     if json_file == "-":
         click.echo(text, nl=False)
         return
-    click.echo("\n".join(found.sentences()))
+    click.echo(plain("\n".join(found.sentences())))
     if json_file is not None:
         write_text(Path(json_file), text)
         click.echo(f"written: {json_file}")
@@ -213,7 +213,7 @@ def report(machine: str, url: str, out: Path) -> None:
         errors = [(e.id, e.began, _held_out(e)) for e in store.sessions(machine)]
     found = _changes(machine, url)
     write_page(out, page_of_history(machine, found, errors))
-    click.echo("\n".join((*found.sentences(), f"written: {out}")))
+    click.echo(plain("\n".join((*found.sentences(), f"written: {out}"))))
 
 
 def _opened(url: str, make: bool = False) -> AbstractContextManager[Store]:

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from delta_calibration.history.pooled import Dated, pooled
 from delta_calibration.history.steps import Found, Step, Steps
 from delta_calibration.robot import Robot
-from delta_calibration.wording import spoken
+from delta_calibration.wording import measured, spoken
 
 Array = NDArray[np.float64]
 
-_FOR_PEOPLE = {"m": (1e6, "um"), "rad": (1e6, "urad")}
 _NAMED = 0.5  # probability from which on a cause is told as the one
 
 
@@ -54,19 +53,28 @@ class Change:
             "confidence": self.confidence,
         }
 
+    def told(self) -> tuple[str, str, str]:
+        """What it was, what it is and how far that is apart, in one reader's unit."""
+        size = max(abs(self.from_), abs(self.to))
+        values = (
+            (self.from_, self.from_std),
+            (self.to, self.to_std),
+            (self.to - self.from_, self.std),
+        )
+        before, now, change = (measured(v, std, self.unit, size) for v, std in values)
+        return before, now, change
+
     def sentence(self) -> str:
         """For people."""
-        factor, unit = _FOR_PEOPLE.get(self.unit, (1.0, self.unit))
         where = f" of {spoken(self.location)}" if self.location else ""
         went = "went"
         if min(self.from_, self.to) >= 0:
             went = "grew" if self.to > self.from_ else "fell"
+        before, now, change = self.told()
         said = (
             f"between {self.after} and {self.before} the {spoken(self.what)}{where} "
-            f"({self.parameter}) {went} from {factor * self.from_:.4g} +- "
-            f"{factor * self.from_std:.2g} to {factor * self.to:.4g} +- "
-            f"{factor * self.to_std:.2g} {unit} (change {factor * (self.to - self.from_):+.4g} "
-            f"+- {factor * self.std:.2g}; {100 * self.confidence:.0f} % sure)"
+            f"({self.parameter}) {went} from {before} to {now} (change {change}; "
+            f"{100 * self.confidence:.0f} % sure)"
         )
         if self.confidence < _NAMED:
             said += "; these sessions cannot tell which of several it was"

@@ -18,7 +18,7 @@ from delta_calibration.report.drawing import (
     Panel,
     course,
 )
-from delta_calibration.wording import figures, mm, spoken
+from delta_calibration.wording import mm, spoken
 
 Array = NDArray[np.float64]
 
@@ -65,10 +65,11 @@ def _log(found: History) -> Table:
     return Table(
         "changes",
         "Change log",
-        ("between", "what", "where", "from", "to", "change ± std", "unit", "sure", "or"),
+        ("between", "what", "where", "from", "to", "change", "sure", "or"),
         tuple(_row(change) for change in found.changes),
-        "Sure: probability of cause, place and gap together; or: what else it may have been.",
-        words=(0, 1, 2, 6, 8),
+        "With standard errors. Sure: probability of cause, place and gap together; or: what else it "
+        "may have been.",
+        words=(0, 1, 2, 7),
     )
 
 
@@ -77,10 +78,7 @@ def _row(change: Change) -> tuple[str, ...]:
         f"{change.after} and {change.before}",
         spoken(change.what),
         spoken(change.location or ""),
-        figures(change.from_, 5),
-        figures(change.to, 5),
-        f"{figures(change.to - change.from_, 4)} ± {figures(change.std, 2)}",
-        change.unit,
+        *change.told(),
         f"{100 * change.confidence:.0f} %",
         ", ".join(change.rivals),
     )
