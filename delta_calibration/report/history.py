@@ -67,8 +67,8 @@ def _log(found: History) -> Table:
         "Change log",
         ("between", "what", "where", "from", "to", "change", "sure", "or"),
         tuple(_row(change) for change in found.changes),
-        "With standard errors. Sure: probability of cause, place and gap together; or: what else it "
-        "may have been.",
+        "With standard errors. Sure: probability of cause, place and gap together; or: what else "
+        "it may have been.",
         words=(0, 1, 2, 7),
     )
 
