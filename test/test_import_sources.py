@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.cli.main import run
+from delta_calibration.files import MOST_TEXT
 from delta_calibration.recording import read_session
 from import_bench import imported, mapping_of, measured, stops
 
@@ -119,6 +121,15 @@ def test_a_workbook_is_read(cell, plain, tmp_path, capsys) -> None:
     path.write_bytes(path.read_bytes()[:500])
     _, said = bring(path, mapping_of(), capsys, 2)
     assert "is no workbook (xlsx)" in said
+
+
+def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, capsys) -> None:
+    path = tmp_path / "bomb.xlsx"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/workbook.xml", b" " * (MOST_TEXT + 1))
+    assert path.stat().st_size < MOST_TEXT / 100
+    _, said = bring(path, mapping_of(), capsys, 2)
+    assert f"unpacks to {MOST_TEXT + 1} bytes; {MOST_TEXT} are allowed" in said
 
 
 def test_columns_without_names_and_comments(cell, plain, tmp_path, capsys) -> None:

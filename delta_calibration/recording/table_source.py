@@ -12,13 +12,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 from charset_normalizer import from_bytes
 from numpy.typing import NDArray
 
 from delta_calibration.errors import ConfigError, InputError
-from delta_calibration.files import read_bounded
+from delta_calibration.files import MOST_TEXT, read_bounded
 from delta_calibration.tables import Row, require_columns
 from delta_calibration.texts import listed
 
@@ -211,7 +212,15 @@ def _sheet(path: Path, data: bytes, form: Form) -> Iterator[tuple[int, list[str]
             "pip install openpyxl, or export a text file (CSV)"
         ) from error
     try:
+        with ZipFile(io.BytesIO(data)) as archive:  # which unpacks no more than it declares
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > MOST_TEXT:
+            raise InputError(
+                f"{path}: unpacks to {size} bytes; {MOST_TEXT} are allowed: export a text file"
+            )
         book = load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+    except InputError:
+        raise
     except Exception as error:  # whatever is wrong with an archive that somebody renamed
         raise InputError(f"{path}: is no workbook (xlsx): {error}") from error
     if form.sheet and form.sheet not in book.sheetnames:
