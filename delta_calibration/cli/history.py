@@ -116,7 +116,7 @@ def _add(
     from delta_calibration.history.store import folder_hash
 
     digest = folder_hash(path)
-    if store.require_new(machine, robot.hash, digest, path, name):
+    if store.require_new(machine, robot.machine_hash, digest, path, name):
         store.moved(machine, digest, path)
         click.echo(f"{machine}: a session that was elsewhere is now at {path}")
         return
@@ -124,7 +124,7 @@ def _add(
     warn_of_mistakes(recorded, robot, given, False, True)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     entry = _entry(machine, name, path, digest, topics, seen, robot, seed, quick)
-    store.add(entry, given, robot.hash)
+    store.add(entry, given, robot.machine_hash)
     click.echo(f"added: {name} of {entry.began:%Y-%m-%d %H:%M}; {_found(entry)}")
 
 
@@ -292,10 +292,10 @@ def _changes(machine: str, url: str) -> History:
         entries = store.sessions(machine)
         given, digest = store.robot_of(machine)
     robot = load_robot(given)
-    if robot.hash != digest:
+    if robot.machine_hash != digest:
         raise InputError(
             f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
-            f"that file now has hash {robot.hash[:12]}: put the old one back, or begin another "
+            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin another "
             "history"
         )
     dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
