@@ -295,8 +295,8 @@ def _changes(machine: str, url: str) -> History:
     if robot.machine_hash != digest:
         raise InputError(
             f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
-            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin another "
-            "history"
+            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin "
+            "another history"
         )
     dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
     return find_changes(dated, robot, named=robot.named)
