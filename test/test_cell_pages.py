@@ -99,6 +99,9 @@ class Cell:
 def wrong_options(verb: str, rest: list[str]) -> str:
     context = click.Context(group)
     command = group.get_command(context, verb)
+    if isinstance(command, click.Group):  # `robot draw`, `history add`
+        verb = f"{verb} {rest[0]}"
+        command = command.get_command(context, rest[0])
     if command is None:
         return f"no verb {verb}"
     known = {text for parameter in command.params for text in parameter.opts} | {"--help", "-h"}
