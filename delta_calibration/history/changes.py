@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from delta_calibration.history.pooled import Dated, pooled
 from delta_calibration.history.steps import Found, Step, Steps
 from delta_calibration.robot import Robot
-from delta_calibration.wording import measured, spoken
+from delta_calibration.wording import measured, spoken, sure
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class Change:
         said = (
             f"between {self.after} and {self.before} the {spoken(self.what)}{where} "
             f"({self.parameter}) {went} from {before} to {now} (change {change}; "
-            f"{100 * self.confidence:.0f} % sure)"
+            f"{sure(self.confidence)} sure)"
         )
         if self.confidence < _NAMED:
             said += "; these sessions cannot tell which of several it was"

@@ -18,7 +18,7 @@ from delta_calibration.report.drawing import (
     Panel,
     course,
 )
-from delta_calibration.wording import mm, spoken
+from delta_calibration.wording import mm, spoken, sure
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def _row(change: Change) -> tuple[str, ...]:
         spoken(change.what),
         spoken(change.location or ""),
         *change.told(),
-        f"{100 * change.confidence:.0f} %",
+        sure(change.confidence),
         ", ".join(change.rivals),
     )
 
