@@ -19,7 +19,7 @@ from delta_calibration.drafting import (
     with_value,
 )
 from delta_calibration.drafting.review import _by_tolerances
-from delta_calibration.errors import InputError
+from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.geometry import align
 from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import tool_points
@@ -181,6 +181,28 @@ def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
     assert robot.dimensions.rod == load_robot("srbd").dimensions.rod
     assert "# L: upper arm, motor axis to elbow" in out.read_text(encoding="utf-8")
     assert isinstance(run("new", "--like", "srbd", "--out", out).exception, InputError)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ("new", "--like", "srbd", "--yes", "--name", "Ä", "--out", "r.yaml"),
+            "name: 'Ä' does not",
+        ),
+        (("new", "--like", "srbd", "--yes", "--out", "/proc/r.yaml"), "/proc/r.yaml: cannot be"),
+        (("reference", "--out", "/proc/r.md"), "/proc/r.md: cannot be"),
+        (("draw", "srbd", "--out", "r.svg", "--dimensions", "/proc/d"), "/proc/d: cannot be made"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_in_words(
+    arguments, said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refused = run(*arguments).exception
+    assert isinstance(refused, CalibrationError)
+    assert said in str(refused)
+    assert not (tmp_path / "r.yaml").exists()
 
 
 def test_a_file_without_questions_is_the_robot_it_is_like(tmp_path: Path) -> None:

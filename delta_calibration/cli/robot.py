@@ -9,7 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
-from delta_calibration.cli.options import require_folder, robots
+from delta_calibration.cli.options import require_folder, robots, write_text
 from delta_calibration.drafting import (
     Entry,
     commented,
@@ -77,7 +77,7 @@ def draw(robot_file: str, out: Path, dimensions: Path | None) -> None:
     write_sketch(robot, out)
     click.echo(f"written: {out}")
     if dimensions is not None:
-        dimensions.mkdir(parents=True, exist_ok=True)
+        _make(dimensions)
         for entry, path in _pictures(robot, robot_document(robot_file)[1], dimensions):
             click.echo(f"written: {path} ({entry.about or entry.name})")
 
@@ -121,11 +121,12 @@ def new(
     default = str(data["name"]) if yes else "my_robot"
     named = name or (default if yes else click.prompt("name", default=default))
     data = {**data, "name": named}
+    robot_from(data, str(model or data["mechanism"]))  # a name that no robot may have ends it here
     shown = _shown(data, model or str(data["mechanism"]), pictures)
     if not yes:
         for entry in entries(str(data["mechanism"])):
             data = _asked(entry, data, shown.get(entry.path))
-    out.write_text(commented(data), encoding="utf-8")
+    write_text(out, commented(data))
     click.echo(f"written: {out}")
     robot = load_robot(out)
     seen = review(robot, data)
@@ -153,7 +154,7 @@ def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: st
         raise InputError(f"{out}: exists already; name another file")
     data = robot_from_urdf(urdf, base=base, tip=tip, name=name)
     robot_from(data, str(urdf))
-    out.write_text(commented(data), encoding="utf-8")
+    write_text(out, commented(data))
     click.echo(f"written: {out}; tolerances, tracker and limits are proposed: look them over")
 
 
@@ -166,7 +167,7 @@ def reference_page(out: Path | None) -> None:
         click.echo(text, nl=False)
         return
     require_folder(out)
-    out.write_text(text, encoding="utf-8")
+    write_text(out, text)
     click.echo(f"written: {out}")
 
 
@@ -189,9 +190,16 @@ def _shown(data: dict[str, Any], source: str, folder: Path | None) -> dict[tuple
     """Pictures of dimensions, by entry."""
     if folder is None:
         return {}
-    folder.mkdir(parents=True, exist_ok=True)
+    _make(folder)
     robot = robot_from(data, source)
     return {entry.path: path for entry, path in _pictures(robot, data, folder)}
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from error
 
 
 def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str, Any]:
