@@ -33,6 +33,7 @@ class Bench:
     """Nodes of one test on a context of their own, spun as long as something is awaited."""
 
     def __init__(self) -> None:
+        gc.freeze()  # `take_down` looks at what the test makes only
         self.context = Context()
         self.context.init(args=[])
         self.executor = SingleThreadedExecutor(context=self.context)
@@ -61,12 +62,19 @@ class Bench:
         self.until(lambda: False, seconds)
 
     def take_down(self) -> None:
+        self._shut_down()
+        del self.nodes, self.executor, self.context
+        # Nodes refer to themselves, and a context lives as long as its nodes do. Those that wait
+        # for the collector hold participants, and past 32 of them others are no longer found.
+        gc.collect()
+        gc.unfreeze()
+
+    def _shut_down(self) -> None:
         for node in self.nodes:
             self.executor.remove_node(node)
             node.destroy_node()
         self.executor.shutdown()
         self.context.try_shutdown()
-        gc.collect(1)  # what is left of a node that refused to be built goes now
 
 
 @pytest.fixture(name="bench")

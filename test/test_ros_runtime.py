@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from delta_calibration.processes import child_environment, remove_dead_shared_me
 from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.runtime import StopSignals
 from delta_calibration.ros.watchdog import REPEAT_S
-from ros_helpers import Launch, launch_fixture  # noqa: F401
+from ros_helpers import Bench, Launch, launch_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 
@@ -257,3 +258,14 @@ def cpu_seconds(pid: int) -> float:
     """Processor time a process has used so far."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_a_bench_that_is_taken_down_leaves_no_participant_behind() -> None:
+    """Past 32 participants of a process those of others are not found any more."""
+    bench = Bench()
+    context, node = weakref.ref(bench.context), bench.node("self_referring")
+    node.itself = node.get_name  # as callbacks are bound to their node
+    del node
+    bench.take_down()
+    del bench
+    assert context() is None
