@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import warnings
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -29,12 +30,29 @@ PATIENCE_S = 15.0
 ROOT = Path(__file__).parents[1]
 
 
+_CONTEXTS: weakref.WeakSet[Context] = weakref.WeakSet()  # of all benches
+
+
+def _collect() -> None:
+    """Let go of the participants of benches that were taken down.
+
+    Nodes refer to themselves, and a context with its participant lives as long as its nodes do,
+    until the collector comes by: with more than 32 in a process, others are not found any more.
+    """
+    gc.collect()
+    if _CONTEXTS:  # something held them when the rest was put aside
+        gc.unfreeze()
+        gc.collect()
+    gc.freeze()  # what is there now is not looked at the next time: that takes long
+
+
 class Bench:
     """Nodes of one test on a context of their own, spun as long as something is awaited."""
 
     def __init__(self) -> None:
-        gc.freeze()  # `take_down` looks at what the test makes only
+        _collect()
         self.context = Context()
+        _CONTEXTS.add(self.context)
         self.context.init(args=[])
         self.executor = SingleThreadedExecutor(context=self.context)
         self.nodes: list[Node] = []
@@ -62,14 +80,6 @@ class Bench:
         self.until(lambda: False, seconds)
 
     def take_down(self) -> None:
-        self._shut_down()
-        del self.nodes, self.executor, self.context
-        # Nodes refer to themselves, and a context lives as long as its nodes do. Those that wait
-        # for the collector hold participants, and past 32 of them others are no longer found.
-        gc.collect()
-        gc.unfreeze()
-
-    def _shut_down(self) -> None:
         for node in self.nodes:
             self.executor.remove_node(node)
             node.destroy_node()

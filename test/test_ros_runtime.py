@@ -260,12 +260,12 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def test_a_bench_that_is_taken_down_leaves_no_participant_behind() -> None:
+def test_a_bench_that_is_taken_down_leaves_no_participant_to_the_next() -> None:
     """Past 32 participants of a process those of others are not found any more."""
     bench = Bench()
     context, node = weakref.ref(bench.context), bench.node("self_referring")
     node.itself = node.get_name  # as callbacks are bound to their node
-    del node
     bench.take_down()
-    del bench
+    del bench, node
+    Bench().take_down()
     assert context() is None
