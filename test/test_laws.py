@@ -24,6 +24,7 @@ from delta_calibration.errors import ConfigError
 from delta_calibration.mechanisms import MECHANISMS, CableRobot, RotaryDelta, SerialArm
 from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.model import generated, kernels, library, symbols
+from delta_calibration.model.chain_constants import SIDES
 from delta_calibration.model.law import STAGES, Law
 from delta_calibration.robot import load_robot
 from machines import MODELS, complex_step, differences
@@ -199,7 +200,7 @@ def test_what_has_another_shape_is_refused(mechanism):
         lambda: mechanism.forward(q, g[:2]),
         lambda: mechanism.inverse(x[:, : mechanism.task_size - 1], g),
         *guesses,
-        lambda: mechanism.moved_by(q, x, g, np.zeros((3, 7, mechanism.pose_size))),
+        lambda: mechanism.moved_by(q, x, g, np.zeros((3, SIDES + 1, mechanism.pose_size))),
         lambda: mechanism.moved_by(q, x, g, np.zeros((2, 3, mechanism.pose_size))),
     ):
         with pytest.raises((ValueError, IndexError)):

@@ -14,6 +14,7 @@ from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.compensation import JointCompensator, Verdict
 from delta_calibration.compensation.aim import LEVER, Aim
+from delta_calibration.compensation.machine import drawn
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.identification import identify
@@ -204,6 +205,18 @@ def test_places_of_a_tool(name: str) -> None:
         gap = aim.places(model, x[:1]) - aim.places(model, x[1:2])
         whole = np.hypot(far[0], 2 * LEVER * np.sin(expected / 2))
         assert np.linalg.norm(gap) == pytest.approx(whole, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", [*POSES, "srbd", "linear_delta"])
+def test_jacobian_is_the_slope_of_places(name: str) -> None:
+    """By central differences of the machine's own places; twelve numbers where the tool turns."""
+    robot = load_robot(name)
+    model, q = robot.commanded, places(robot, 3)
+    machine = drawn(model, np.array([0.02, -0.03, 0.15]))
+    steps = 1e-5 * model.joint_size * np.eye(model.joints)
+    moved = [machine.point(q + step) - machine.point(q - step) for step in steps]
+    slope = np.stack(moved, axis=-1) / 2e-5
+    np.testing.assert_allclose(model.joint_size * machine.jacobian(q), slope, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", TURNS)

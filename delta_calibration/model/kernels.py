@@ -58,7 +58,7 @@ class Room(NamedTuple):
     by_q: Array  # (R, m)
     by_g: Array  # (R, p)
     system: Array  # (max, max + sides)
-    step: Array
+    step: Array  # of unknowns, or a weight a side
     way: Array  # (m,)
 
 
@@ -83,7 +83,7 @@ def room(limbs: Limbs, size: int) -> Room:
         np.zeros((r, m)),
         np.zeros((r, p)),
         np.zeros((wide, wide + max(m, max(k, SIDES)))),
-        np.zeros(wide),
+        np.zeros(max(wide, SIDES)),
         np.zeros(m),
     )
 
