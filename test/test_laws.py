@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from cables import EIGHT_CABLES, FOUR_CABLES, TOLERANCES, ZEROS_FREE
-from closures_by_hand import BY_HAND, walked
+from closures_by_hand import BY_HAND, placed, walked
 from delta_calibration import laws
 from delta_calibration.errors import ConfigError
 from delta_calibration.mechanisms import MECHANISMS, CableRobot, RotaryDelta, SerialArm
@@ -116,6 +116,38 @@ def test_closure_and_its_derivatives_are_those_by_hand(mechanism):
     ):
         size = np.abs(expected).max()
         np.testing.assert_allclose(found(q, x, g), expected, rtol=0, atol=exact * size)
+
+
+def test_points_of_the_platform_are_those_by_hand(mechanism):
+    """Place, orientation and derivatives, of turns beyond half a turn; one offset and many."""
+    rng = np.random.default_rng(5)
+    _, x, _ = anywhere(mechanism, rng, 12)
+    offset = rng.uniform(-0.3, 0.3, (12, 3))
+    np.testing.assert_allclose(
+        mechanism.points(x, offset), placed(mechanism, x, offset), atol=1e-13
+    )
+    exact = complex_step(lambda v: placed(mechanism, v, offset), x)
+    np.testing.assert_allclose(mechanism.point_by_pose(x, offset), exact, atol=1e-13)
+    shared = np.broadcast_to(offset[0], offset.shape)
+    np.testing.assert_array_equal(mechanism.points(x, offset[0]), mechanism.points(x, shared))
+    origin = placed(mechanism, x, np.zeros((12, 3)))
+    np.testing.assert_allclose(mechanism.position(x), origin, atol=1e-15)
+    for k, axis in enumerate(np.eye(3)):
+        turned = placed(mechanism, x, np.broadcast_to(axis, (12, 3))) - origin
+        np.testing.assert_allclose(mechanism.rotation(x)[:, :, k], turned, atol=1e-13)
+
+
+def test_small_turn_by_the_pose_is_that_of_the_rotation(mechanism):
+    """[dphi]x = dR R^T, the rotation by hand and its derivative by complex step."""
+    _, x, _ = anywhere(mechanism, np.random.default_rng(6), 6)
+
+    def rotation(v):
+        columns = [placed(mechanism, v, np.broadcast_to(e, (6, 3))) for e in np.eye(3)]
+        return np.stack(columns, axis=-1) - placed(mechanism, v, np.zeros((6, 3)))[..., None]
+
+    change = np.einsum("nijk,nlj->nilk", complex_step(rotation, x), rotation(x))
+    expected = np.stack([change[:, 2, 1], change[:, 0, 2], change[:, 1, 0]], axis=1)
+    np.testing.assert_allclose(mechanism.turn_by_pose(x), expected, atol=1e-12)
 
 
 def test_jacobians_are_those_of_the_implicit_function_theorem(mechanism):

@@ -62,8 +62,8 @@ class Mechanism(ABC):
     """Base of all mechanisms.
 
     The pose x is the platform centre's position [m], with a rotation vector [rad] behind it where
-    the platform turns. A mechanism of other coordinates says by `position`, `rotation` and
-    `point_by_pose` what they mean; nothing else in the package asks.
+    the platform turns. A mechanism of other coordinates says by `point` what they mean; nothing
+    else in the package asks.
     """
 
     name: ClassVar[str]
@@ -432,6 +432,23 @@ class Mechanism(ABC):
         weight, inertia, load, pull, home = found
         return weight, inertia, load, pull, home
 
+    def tensions(self, x: Array, g: Array, load: Array) -> Array:
+        """Pull of each limb that bears a load, (n, R) [N]: the nearest to the pretension.
+
+        By virtual work, see model/loads.py; negative where a cable would have to push. Another
+        distribution may be kept by a force control: this one is the shortest way from the same
+        pull in all. NaN where there is no pose.
+
+        Args:
+            x: poses, (n, k).
+            g: geometry.
+            load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
+        """
+        c, bearing = self._compiled, self.bearing(None)
+        x = _rows(x, self.pose_size)
+        load, g = _rows(load, self.pose_size, len(x)), self._geometry(g, len(x))
+        return np.asarray(_loads().pulls(c.limbs, c.size, bearing, x, g, load))
+
     def mass_places(self, q: Array, x: Array, g: Array) -> Array:
         """Places of all masses but the payload, (n, K, 3) [m], of poses x (n, k)."""
         c = self._compiled
@@ -513,13 +530,15 @@ class Mechanism(ABC):
 
     def position(self, x: Array) -> Array:
         """Platform's centre in the base, (n, 3) [m]."""
-        return x[:, :3]
+        return self.points(x, np.zeros(3))
 
     def rotation(self, x: Array) -> Array:
         """Platform's orientation in the base, (n, 3, 3)."""
-        if self.pose_size == 3:
-            return np.broadcast_to(np.eye(3), (len(x), 3, 3))
-        return rotations.exp(x[:, 3:6])
+        return self._of_point("f_o", x, np.zeros(3)).reshape(-1, 3, 3)
+
+    def points(self, x: Array, offset: Array) -> Array:
+        """Points fixed to the platform at `offset`, (3,) or (n, 3), in the base, (n, 3) [m]."""
+        return self._of_point("f", x, offset)
 
     def task(self, position: Array, turn: Array) -> Array:
         """What the joints command of a place (n, 3) [m] and a turn (n, 3) [rad], (n, task_size).
@@ -530,12 +549,14 @@ class Mechanism(ABC):
 
     def point_by_pose(self, x: Array, offset: Array) -> Array:
         """d(point)/dx of a point fixed to the platform at `offset`, (3,) or (n, 3), (n, 3, k)."""
-        slope = np.zeros((len(x), 3, self.pose_size))
-        slope[:, :, :3] = np.eye(3)
-        if self.pose_size == 6:
-            each = np.broadcast_to(offset, (len(x), 3))
-            slope[:, :, 3:] = rotations.exp_times_derivative(x[:, 3:], each)
-        return slope
+        return self._of_point("f_x", x, offset).reshape(-1, 3, self.pose_size)
+
+    def _of_point(self, what: str, x: Array, offset: Array) -> Array:
+        """An output of the law of a point, (n, 3) times the inputs it is derived by."""
+        x, by = _rows(x, self.pose_size), {"f_x": self.pose_size, "f_o": 3}
+        found = np.empty((len(x), 3 * by.get(what, 1)))
+        _started(self._point, x, np.atleast_2d(offset), np.zeros(0), found, what)
+        return found
 
     def turn(self, x: Array) -> Array:
         """The turn (n, 3) [rad] that `task` takes for the orientation at poses x, (n, k)."""
@@ -678,13 +699,15 @@ def _at_centre(point: Callable[[Any, Any], Any], x: Any, q: Any, g: Any) -> Any:
     return point(x, symbols.column(0, 0, 0))
 
 
-def _started(law: Law, q: Array, g: Array, c: Array, found: Array) -> None:
-    """Evaluate a law of three groups (joints or poses, dimensions, constants), into `found`."""
-    groups = [name for name, _ in law.groups]
-    places = np.array([law.offsets[name] for name in (*groups, "f")])
-    code, size = np.array(law.compiled.addresses), law.compiled.size
+def _started(law: Law, q: Array, g: Array, c: Array, found: Array, what: str = "f") -> None:
+    """Evaluate a law of joints or poses, dimensions and, where it has any, constants.
+
+    Its outputs, or what of their derivatives is asked for, go into `found` (n, ...).
+    """
     sizes = [count for _, count in law.groups]
-    n = len(found)
+    begins = [law.offsets[name] for name, _ in law.groups]
+    places = np.array([*begins[:2], begins[-1], law.offsets[what]])
+    code, size, n = np.array(law.compiled.addresses), law.compiled.size, len(found)
     known = _rows(g, sizes[1], 1 if len(g) == 1 else n)
     _kernels().started(code, places, size, c, _rows(q, sizes[0], n), known, found)
 

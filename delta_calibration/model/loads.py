@@ -35,6 +35,7 @@ from delta_calibration.model.kernels import (
     R,
     Room,
     assemble,
+    copy_into,
     fill,
     moved,
     place,
@@ -347,6 +348,21 @@ def every(
         weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
         pull[row], home[row] = found.pull, found.pull_home
     return weight, inertia, load, pull, home
+
+
+@compiled()
+def pulls(limbs: Limbs, size: int, bearing: Bearing, x: Array, g: Array, load: Array) -> Array:
+    """Pulls of the limbs that bear dU/dx = load (n, k) at poses x (n, k), (n, R)."""
+    n, last = len(x), len(g) - 1
+    own, found = room(limbs, size), carried(limbs, bearing)
+    every_pull = np.empty((n, limbs.sizes[R]))
+    for row in range(n):
+        if row == 0 or last > 0:
+            set_geometry(limbs, g[min(row, last)], own)
+        place(limbs, found.still, x[row], FULL, own)
+        copy_into(found.u_x[0], load[row])
+        _pulls(limbs, bearing, own, found, every_pull[row])
+    return every_pull
 
 
 @compiled()
