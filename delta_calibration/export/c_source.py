@@ -161,8 +161,7 @@ def _every_law(
 ) -> Iterator[Law]:
     """Of the machine that is commanded, the one that is identified, and its effects."""
     for mechanism in (calibration.robot.commanded, calibration.chain.mechanism):
-        reaching = f"{mechanism.law_name}_reaching"  # of the inverse problem
-        yield from (law for law in mechanism.laws if law.name != reaching)
+        yield from mechanism.laws_forward
     for effect in effects:
         term = next(effect.terms(places), None)
         if term is not None:

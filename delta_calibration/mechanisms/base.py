@@ -114,6 +114,12 @@ class Mechanism(ABC):
     # constants as `equation`; without it the inverse problem starts at `home`.
     reaching: ClassVar[Any] = None
 
+    # nearby(d, q, g, c): place of the platform's centre [m] at joints q + d, d up to
+    # `symbols.LITTLE`, by joints, dimensions and constants of every limb (lists of them) as
+    # `opening`; for a platform that does not turn. A swarm evaluates it for all its particles at
+    # once, so that it should have no functions but roots of d.
+    nearby: ClassVar[Any] = None
+
     @staticmethod
     def point(x: Any, o: Any) -> Any:
         """A point fixed to the platform at o (3), in the base [m], at pose x."""
@@ -299,7 +305,13 @@ class Mechanism(ABC):
     @cached_property
     def laws(self) -> tuple[Law, ...]:
         """What is generated for it: the closure, and where the two problems start."""
-        every = self._closure, self._opening, self._reaching, self._point, self._masses
+        every = *self.laws_forward, self._reaching, self._nearby
+        return tuple(law for law in every if law)
+
+    @property
+    def laws_forward(self) -> tuple[Law, ...]:
+        """What takes it from joints to the tool."""
+        every = self._closure, self._opening, self._point, self._masses
         return tuple(law for law in every if law)
 
     @cached_property
@@ -323,6 +335,18 @@ class Mechanism(ABC):
         groups = tuple((name, count * size) for name, size in self._groups if name != "x")
         law = partial(_of_limbs, own, groups, count)
         return Law(f"{self.law_name}_opening", groups, self.pose_size, law, ("g", "c"))
+
+    @cached_property
+    def _nearby(self) -> Law | None:
+        own = type(self).nearby
+        if own is None:
+            return None
+        count = len(self.limbs)
+        known = tuple((name, count * size) for name, size in self._groups if name != "x")
+        groups = (("d", self.joints), ("t", 3), *known)
+        joints = tuple(limb.joints for limb in self.limbs)
+        law = partial(_distance_nearby, own, known, joints)
+        return Law(f"{self.law_name}_nearby", groups, 1, law, ("t", "q", "g", "c"), lanes="d")
 
     @cached_property
     def _reaching(self) -> Law | None:
@@ -457,21 +481,34 @@ class Mechanism(ABC):
 
     def body(self, masses: Any) -> Any:
         """The mechanism as the compiled chain takes it (model/stand.py)."""
-        stand, c = _stand(), self._compiled
-        law, every = self._opening, self.limbs
-        none = np.zeros(0, dtype=np.int64)
-        opening = stand.Opening(none, np.zeros(5, dtype=np.int64), none, none, np.zeros(0))
-        if law is not None:
-            places = [law.offsets[name] for name in "qgcf"]
-            opening = stand.Opening(
-                np.array(law.compiled.addresses),
-                np.array([*places, law.compiled.size]),
-                np.array([j for limb in every for j in limb.joints], dtype=np.int64),
-                np.array([d for limb in every for d in limb.dimensions], dtype=np.int64),
-                np.array([v for limb in every for v in limb.constants], dtype=float),
-            )
+        c, opening = self._compiled, self._of_every_limb(self._opening)
         bearing, home = self.bearing(masses), self._home_joints
-        return stand.Body(c.limbs, c.size, bearing, opening, home, _STAGES)
+        return _stand().Body(c.limbs, c.size, bearing, opening, home, _STAGES)
+
+    def around(self, reach: float) -> Any:
+        """Law of squared distances near a command as the compiled swarm takes it.
+
+        It begins with changes of the joints and the place that the distances are from. Empty
+        without one, and where joints up to `reach` from the command are not near.
+        """
+        return self._of_every_limb(self._nearby if reach <= symbols.LITTLE else None)
+
+    def _of_every_limb(self, law: Law | None) -> Any:
+        """A law of joints, dimensions and constants of all limbs, see `Opening` of model/stand.py.
+
+        Empty where there is none.
+        """
+        none, opening = np.zeros(0, dtype=np.int64), _stand().Opening
+        if law is None:
+            return opening(none, np.zeros(5, dtype=np.int64), none, none, np.zeros(0))
+        each, places = self.limbs, [law.offsets[name] for name in "qgcf"]
+        return opening(
+            np.array(law.compiled.addresses),
+            np.array([*places, law.compiled.size]),
+            np.array([j for limb in each for j in limb.joints], dtype=np.int64),
+            np.array([d for limb in each for d in limb.dimensions], dtype=np.int64),
+            np.array([v for limb in each for v in limb.constants], dtype=float),
+        )
 
     def bearing(self, masses: Any) -> Any:
         """What it carries and where, as the compiled loops take it (model/loads.py)."""
@@ -691,6 +728,19 @@ def _of_limbs_and_pose(
 ) -> Any:
     """The same of a law that takes the pose before the lists."""
     return _of_limbs(partial(law, x), groups, count, *every)
+
+
+def _distance_nearby(
+    law: Callable[..., Any],
+    groups: tuple[tuple[str, int], ...],
+    joints: tuple[tuple[int, ...], ...],
+    d: Any,
+    t: Any,
+    *every: Any,
+) -> Any:
+    """Squared distance from t of the place by a law that takes small changes of joints first."""
+    changes = [symbols.column(*(d[joint] for joint in own)) for own in joints]
+    return symbols.square(_of_limbs(partial(law, changes), groups, len(joints), *every) - t)
 
 
 def _at_centre(point: Callable[[Any, Any], Any], x: Any, q: Any, g: Any) -> Any:
