@@ -31,7 +31,7 @@ _SIGNS: dict[type[ast.AST], str] = {
     ast.And: "&&",
     ast.Or: "||",
 }
-# as Python has them, the first if neither is the lesser; names of machine.c
+# as Python has them, the first if neither is the lesser; names of c_loops.py
 _FUNCTIONS = {"abs": "fabs", "min": "smaller", "max": "larger"}
 _NAMES = {"inf": "INFINITY", "nan": "NAN"}
 

@@ -1,4 +1,4 @@
-"""Constants of the compiled chain, for its loops, for those who call them and for exported C.
+"""Constants of the compiled chain, for its loops and for those who call them.
 
 What an effect may take of a sample are named numbers in one row (`effects/signals.py`). Of most of
 them the chain knows nothing; it has to find those of `NAMES`. Their places in the row are handed

@@ -42,6 +42,7 @@ from delta_calibration.model.kernels import (
     room,
     set_geometry,
     solve,
+    squares,
 )
 
 Array = NDArray[np.float64]
@@ -229,7 +230,7 @@ def _accelerate(
     if not moving:
         return False
     there, way = found.there, found.way
-    for side in (-1.0, 0.0, 1.0):
+    for side in range(-1, 2):
         t = side * MOMENT
         for i in range(len(q)):
             way[i] = q[i] + rate[i] * t + acceleration[i] * t * t / 2
@@ -238,7 +239,7 @@ def _accelerate(
         assemble(limbs, way, there, STRAY, room)
         point_at(bearing, there, centre, found.point)
         masses_at(bearing, way, there, found.mass)
-        _places(bearing, found, (-2.0 if side == 0.0 else 1.0) / MOMENT**2)
+        _places(bearing, found, (-2.0 if side == 0 else 1.0) / MOMENT**2)
     return True
 
 
@@ -247,15 +248,11 @@ def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Arr
     """Pulls of the cables that bear u_x, nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
     system = room.system
+    squares(room.by_x, system)
     for i in range(k):
         right = -found.u_x[0, i]
         for row in range(r):
             right -= room.by_x[row, i] * bearing.pretension
-        for j in range(k):
-            total = 0.0
-            for row in range(r):
-                total += room.by_x[row, i] * room.by_x[row, j]
-            system[i, j] = total
         system[i, k] = right
     good = solve(system, k, 1)
     for row in range(r):
