@@ -272,3 +272,19 @@ def test_a_change_of_another_file_is_seen(tmp_path: Path):
     assert run(1) == ("2", "0")
     assert run(1) == ("2", "1")
     assert run(3) == ("6", "0")
+
+
+def test_beside_modules_that_import_each_other_a_function_is_compiled(tmp_path: Path):
+    """As in a benchmark: the sources that it hangs on go round in a circle."""
+    (tmp_path / "own.py").write_text(
+        "from delta_calibration.mechanisms import Mechanism\n"
+        "from delta_calibration.model.jit import compiled\n"
+        "@compiled('i8(i8)')\n"
+        "def twice(x):\n"
+        "    return 2 * x\n"
+        "print(twice(21))\n"
+    )
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    own = [sys.executable, str(tmp_path / "own.py")]
+    done = subprocess.run(own, check=True, capture_output=True, text=True, env=environment)
+    assert done.stdout.split() == ["42"]

@@ -106,10 +106,16 @@ def _digest(text: str) -> str:
 
 @cache
 def _sources(name: str) -> str:
-    """Of a module, and of those of the package that it imports from."""
-    module = sys.modules[name]
-    text = Path(str(module.__file__)).read_text(encoding="utf-8")
-    return "".join([text, *map(_sources, _taken_from(module))])
+    """Of a module, and of those of the package that it reaches by imports, each once."""
+    found: dict[str, str] = {}
+    todo = [name]
+    while todo:
+        own = todo.pop()
+        if own not in found:
+            module = sys.modules[own]
+            found[own] = Path(str(module.__file__)).read_text(encoding="utf-8")
+            todo.extend(_taken_from(module))
+    return "".join(found[own] for own in sorted(found))
 
 
 @cache
