@@ -170,10 +170,10 @@ def fast_point(machine: Machine) -> Callable[[Array], Array]:
 def spheres(mechanism: Mechanism, g: Array) -> Array:
     """Spheres about the elbows, (3, 10): c, u, v, l with centre c + u cos q + v sin q [m].
 
-    Read off the elbows that the mechanism's own law gives at three angles.
+    Read off the elbows e at three angles; the closure |x - e|^2 - l^2 has the slope 2 (x - e).
     """
     angles = np.repeat(np.array([[0.0], [np.pi / 2], [np.pi]]), mechanism.joints, axis=1)
-    ahead, quarter, back = mechanism.mass_places(angles, np.zeros((3, 3)), g)[:, 1:]
+    ahead, quarter, back = -mechanism.closure_by_pose(angles, np.zeros((3, 3)), g) / 2
     centre = (ahead + back) / 2
     rod = g.reshape(mechanism.joints, -1)[:, -1:]
     return np.hstack([centre, (ahead - back) / 2, quarter - centre, rod])

@@ -473,12 +473,6 @@ class Mechanism(ABC):
         load, g = _rows(load, self.pose_size, len(x)), self._geometry(g, len(x))
         return np.asarray(_loads().pulls(c.limbs, c.size, bearing, x, g, load))
 
-    def mass_places(self, q: Array, x: Array, g: Array) -> Array:
-        """Places of all masses but the payload, (n, K, 3) [m], of poses x (n, k)."""
-        c = self._compiled
-        bearing = self.bearing(None)
-        return np.asarray(_loads().places(c.limbs, bearing, *self._samples(q, x, g)))
-
     def body(self, masses: Any) -> Any:
         """The mechanism as the compiled chain takes it (model/stand.py)."""
         c, opening = self._compiled, self._of_every_limb(self._opening)

@@ -360,17 +360,3 @@ def pulls(limbs: Limbs, size: int, bearing: Bearing, x: Array, g: Array, load: A
         copy_into(found.u_x[0], load[row])
         _pulls(limbs, bearing, own, found, every_pull[row])
     return every_pull
-
-
-@compiled()
-def places(limbs: Limbs, bearing: Bearing, q: Array, x: Array, g: Array) -> Array:
-    """Places of all masses but the payload, (n, K, 3) [m]."""
-    n, count, last = len(q), len(bearing.kg), len(g) - 1
-    found, own = np.empty((n, count, 3)), carried(limbs, bearing)
-    for row in range(n):
-        set_masses(limbs, bearing, g[min(row, last)], own)
-        masses_at(bearing, q[row], x[row], own.mass)
-        for i in range(count):
-            for axis in range(3):
-                found[row, i, axis] = own.mass[bearing.mass_at[3] + 3 * i + axis]
-    return found
