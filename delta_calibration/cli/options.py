@@ -162,6 +162,18 @@ def write_text(path: Path, text: str) -> None:
         beside.write_text(text, encoding="utf-8")
 
 
+def calibration_option(said: str, required: bool = False) -> Callable[[Function], Function]:
+    """`--calibration`, a file, handed on as `calibration_file`; `said` is its help."""
+    return click.option(
+        "--calibration",
+        "calibration_file",
+        type=click.Path(path_type=Path),
+        default=None,
+        required=required,
+        help=said,
+    )
+
+
 def write_or_print(out: Path | None, text: str) -> None:
     """Write a text to the file that was asked for, or print it.
 

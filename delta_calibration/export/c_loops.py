@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from delta_calibration.errors import ConfigError
+from delta_calibration.export.c_laws import SIGNS
 from delta_calibration.export.c_numbers import LAWS, number
 
 TYPES = """\
@@ -37,21 +38,6 @@ static inline double smaller(double a, double b) { return b < a ? b : a; }
 static inline Numbers read(Rows r) { const Numbers same = {r.at, r.n, r.width}; return same; }
 """
 _ARRAYS = {"Numbers": "double", "Rows": "double", "Wholes": "int", "Laws": "law"}
-_SIGNS: dict[type[ast.AST], str] = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.BitAnd: "&",
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
-    ast.Eq: "==",
-    ast.NotEq: "!=",
-    ast.And: "&&",
-    ast.Or: "||",
-}
 _OF_REALS = {"sqrt": "sqrt", "arcsin": "asin", "exp": "exp"}  # of numpy
 
 
@@ -332,7 +318,7 @@ class _Function:
         yield f"{indent}}}"
 
     def _augassign(self, node: ast.AugAssign, indent: str) -> Iterator[str]:
-        value, sign = self.value(node.value), _SIGNS[type(node.op)]
+        value, sign = self.value(node.value), SIGNS[type(node.op)]
         yield f"{indent}{self.written(node.target).text} {sign}= {value.text};"
 
     def _expr(self, node: ast.Expr, indent: str) -> Iterator[str]:
@@ -497,17 +483,17 @@ class _Function:
         kind = INT if left.kind == right.kind == INT else REAL
         divided = isinstance(node.op, ast.Div)
         first = f"(double){left.text}" if divided and kind == INT else left.text
-        return _Text(f"({first} {_SIGNS[type(node.op)]} {right.text})", REAL if divided else kind)
+        return _Text(f"({first} {SIGNS[type(node.op)]} {right.text})", REAL if divided else kind)
 
     def _of_compare(self, node: ast.Compare) -> _Text:
         values = [self.value(each).text for each in (node.left, *node.comparators)]
-        signs = [_SIGNS[type(op)] for op in node.ops]
+        signs = [SIGNS[type(op)] for op in node.ops]
         each = zip(values[:-1], signs, values[1:], strict=True)
         texts = [f"{one} {sign} {other}" for one, sign, other in each]
         return _Text(f"({' && '.join(texts)})", INT)
 
     def _of_boolop(self, node: ast.BoolOp) -> _Text:
-        sign = f" {_SIGNS[type(node.op)]} "
+        sign = f" {SIGNS[type(node.op)]} "
         return _Text(f"({sign.join(self.value(each).text for each in node.values)})", INT)
 
     def _of_ifexp(self, node: ast.IfExp) -> _Text:
