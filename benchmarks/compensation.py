@@ -42,7 +42,6 @@ from delta_calibration.compensation import (
     backward_kernel,
 )
 from delta_calibration.compensation.backward_kernel import begin, scratch, stands
-from delta_calibration.compensation.machine import spheres
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.jit import compiled
@@ -166,6 +165,18 @@ def fast_point(machine: Machine) -> Callable[[Array], Array]:
     signals = machine.resting(machine.mechanism.home[None]).rows[0].copy()
     compiled_machine, room = machine.compiled, scratch(machine.compiled, len(signals))
     return lambda q: places(compiled_machine, signals, room, q)
+
+
+def spheres(mechanism: Mechanism, g: Array) -> Array:
+    """Spheres about the elbows, (3, 10): c, u, v, l with centre c + u cos q + v sin q [m].
+
+    Read off the elbows e at three angles; the closure |x - e|^2 - l^2 has the slope 2 (x - e).
+    """
+    angles = np.repeat(np.array([[0.0], [np.pi / 2], [np.pi]]), mechanism.joints, axis=1)
+    ahead, quarter, back = -mechanism.closure_by_pose(angles, np.zeros((3, 3)), g) / 2
+    centre = (ahead + back) / 2
+    rod = g.reshape(mechanism.joints, -1)[:, -1:]
+    return np.hstack([centre, (ahead - back) / 2, quarter - centre, rod])
 
 
 def our_swarms(task: Task) -> Iterator[Row]:

@@ -165,7 +165,7 @@ class Chain:
 
     def point(self, x: Array, offset: Array) -> Array:
         """A point fixed to the platform, in the base, (n, 3) [m]."""
-        return self.mechanism.position(x) + self.mechanism.rotation(x) @ offset
+        return self.mechanism.points(x, offset)
 
 
 def read_at(at: Conditions, seen: Seen) -> Conditions:

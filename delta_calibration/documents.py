@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -27,6 +25,7 @@ from ruamel.yaml.events import (
 from ruamel.yaml.nodes import ScalarNode
 
 from delta_calibration.errors import ConfigError, ContentError
+from delta_calibration.files import written_whole
 from delta_calibration.texts import read_text
 
 Document = Mapping[str, Any]
@@ -166,18 +165,11 @@ def write_document(path: Path, data: Document) -> None:
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 110
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        with beside.open("w", encoding="utf-8") as file:
-            yaml.dump(dict(data), file)
-            file.flush()
-            os.fsync(file.fileno())  # the content before the name, should the power fail
-        beside.replace(path)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        with suppress(OSError):  # gone where all went well
-            beside.unlink()
+    with (
+        written_whole(path, ConfigError, lasting=True) as beside,
+        beside.open("w", encoding="utf-8") as file,
+    ):
+        yaml.dump(dict(data), file)
 
 
 def content_hash(data: Document) -> str:

@@ -1,4 +1,4 @@
-"""Files of a user, read whole and within bounds: regular files only, no larger than they may be.
+"""Files of a user, read and written whole: regular files only, no larger than they may be.
 
 A pipe or a device may never end, and opening one may wait for ever; a file that unpacks to a
 thousand times its size fills memory. Both are refused before anything of them is read.
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from delta_calibration.errors import InputError
@@ -29,6 +31,34 @@ def read_bounded(path: Path, most: int = MOST_TEXT, kind: type[InputError] = Inp
             return file.read(most)
     except OSError as error:
         raise kind(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+@contextmanager
+def written_whole(
+    path: Path, kind: type[InputError] = InputError, lasting: bool = False
+) -> Iterator[Path]:
+    """A file beside the wanted one, to be written; takes its place if that went well, else goes.
+
+    Args:
+        path: the wanted file.
+        kind: of the error.
+        lasting: whether its content must be on the disk before its name, should the power fail.
+
+    Raises:
+        InputError: (or the `kind` of it) the file cannot be written.
+    """
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        yield beside
+        if lasting:
+            with beside.open("rb") as file:
+                os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError as error:
+        raise kind(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        with suppress(OSError):  # gone where all went well
+            beside.unlink()
 
 
 def require_regular(

@@ -116,7 +116,7 @@ def true_misses(
     axes = list(Aim.of(nominal, robot.tool_offset).axes)
     x = chain.pose(at, machine.theta)
     reached = calibration.tool_points(machine.reflector_points(at), at.joint)
-    wanted = nominal.position(meant) + nominal.rotation(meant) @ robot.tool_offset
+    wanted = nominal.points(meant, robot.tool_offset)
     turned = calibration.frame.inverse().rotation @ frame.rotation @ chain.mechanism.rotation(x)
     if registered:
         best = align(reached, wanted)

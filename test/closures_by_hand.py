@@ -109,6 +109,19 @@ BY_HAND: dict[str, Callable[..., Array]] = {
 }
 
 
+def placed(model: Mechanism, x: Array, offset: Array) -> Array:
+    """Points fixed to the platform at `offset` (n, 3), in the base, (n, 3); complex x as well."""
+    if model.name == "five_axis":
+        a, b = x[:, 2], x[:, 3]
+        along = np.cos(b) * offset[:, 0] + np.sin(b) * offset[:, 2]
+        risen = np.cos(b) * offset[:, 2] - np.sin(b) * offset[:, 0]
+        y = x[:, 0] + np.cos(a) * offset[:, 1] - np.sin(a) * risen
+        return np.stack([along, y, x[:, 1] + np.sin(a) * offset[:, 1] + np.cos(a) * risen], axis=1)
+    if model.pose_size == 3:
+        return x + offset
+    return x[:, :3] + (rotations.exp(x[:, 3:]) @ offset[..., None])[..., 0]
+
+
 def walked(model: SerialArm, q: Array, g: Array) -> tuple[Array, Rotation]:
     """Where an arm's tool is (3,) [m], and how it is turned: link after link, by scipy."""
     value = dict(zip(model.parameters.names, g, strict=True))

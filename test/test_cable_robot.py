@@ -208,6 +208,22 @@ def test_tensions_carry_the_load_by_newton_and_euler():
         np.testing.assert_allclose(np.cross(arms.T, forces.T).sum(axis=0), 0, atol=1e-9)
 
 
+@pytest.mark.parametrize("robot", [BODY, POINT], ids=["body", "point"])
+def test_tensions_are_the_nearest_to_the_pretension(robot):
+    """By numpy's pseudoinverse of the cables' directions, each machine of another geometry."""
+    rng = np.random.default_rng(11)
+    x = workspace(robot.dimensions, 8, rng)
+    g = robot.parameters.nominal + 1e-3 * rng.standard_normal((8, len(robot.parameters)))
+    load = rng.uniform(-50, 50, x.shape)
+    wished = robot.dimensions.pretension * np.ones((8, robot.joints, 1))
+    structure = robot.closure_by_pose(np.zeros((8, robot.joints)), x, g).swapaxes(1, 2)
+    missed = -load[..., None] - structure @ wished
+    expected = (wished + np.linalg.pinv(structure) @ missed)[..., 0]
+    np.testing.assert_allclose(robot.tensions(x, g, load), expected, rtol=0, atol=1e-9)
+    x[3] = np.nan
+    assert np.isnan(robot.tensions(x, g, load)).all(axis=1).tolist() == [k == 3 for k in range(8)]
+
+
 def test_tension_of_one_plumb_line():
     """A point right under its upper cable, no pretension: it alone carries, the others hang."""
     robot = CableRobot(replace(FOUR_CABLES, pretension=0.0), TOLERANCES)

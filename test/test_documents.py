@@ -10,6 +10,7 @@ import pytest
 
 from delta_calibration.documents import content_hash, read_document, write_document
 from delta_calibration.errors import ConfigError
+from delta_calibration.files import written_whole
 from delta_calibration.robot import _schema, load_robot
 
 ROBOT = load_robot("srbd").source
@@ -166,3 +167,26 @@ def test_a_huge_file_is_refused_before_it_is_parsed(tmp_path):
     with pytest.raises(ConfigError, match=r"huge\.yaml: 6000006 bytes; no file of this kind"):
         read_document(path, lambda _: {})
     assert time.monotonic() - began < 2.0  # parsing takes minutes
+
+
+def half_written(path, error, **how):
+    with written_whole(path, **how) as beside:
+        beside.write_text("half")
+        raise error
+
+
+def test_what_is_not_written_to_its_end_leaves_nothing(tmp_path):
+    """Neither a file of that name nor one beside it; what was there stays."""
+    path = tmp_path / "table.csv"
+    with pytest.raises(ZeroDivisionError):
+        half_written(path, ZeroDivisionError())
+    assert os.listdir(tmp_path) == []
+    path.write_text("before")
+    with pytest.raises(ConfigError, match=r"table\.csv: cannot be written: full"):
+        half_written(path, OSError(28, "full"), kind=ConfigError, lasting=True)
+    assert os.listdir(tmp_path) == ["table.csv"]
+    assert path.read_text() == "before"
+    with written_whole(path, lasting=True) as beside:
+        beside.write_text("whole")
+    assert path.read_text() == "whole"
+    assert os.listdir(tmp_path) == ["table.csv"]

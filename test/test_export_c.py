@@ -10,11 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import loops_in_c
 from delta_calibration.compensation import JointCompensator, Verdict
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.errors import ConfigError
-from delta_calibration.export import c_files, c_laws
+from delta_calibration.export import c_files, c_laws, c_loops
 from delta_calibration.identification import chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
@@ -255,3 +256,41 @@ def test_a_law_with_an_unknown_operation_is_refused(tmp_path):
     lines = c_laws._functions(str(file))["full"]
     with pytest.raises(ConfigError, match="List"):
         c_laws._function("odd_full", lines)
+
+
+# --- loops
+
+
+KINDS = c_loops.Kind("Rows", 2), c_loops.ROWS, c_loops.NUMBERS
+
+
+@pytest.mark.parametrize("positive", [-1.0, 1.0])
+def test_loops_do_in_c_what_they_do_here(positive, tmp_path):
+    program = c_loops.Program({})
+    made = program.add(loops_in_c.everything, KINDS)
+    call = f"{made.name}((Rows){{rows, 3, 4}}, (Rows){{out, 3, 1}}, (Numbers){{settings, 2, 1}})"
+    take = "double *rows, double *out, const double *settings"
+    text = f"double everything({take}) {{ return {call}; }}"
+    source = "\n".join(["#include <math.h>", c_loops.TYPES, program.text, text])
+    (tmp_path / "loops.c").write_text(source, encoding="utf-8")
+    command = [COMPILER, *STRICT, "-shared", "-fPIC", "-o", "loops.so", "loops.c", "-lm"]
+    command.insert(1, "-Wno-unused-function")
+    subprocess.run(command, cwd=tmp_path, check=True)
+    library = ctypes.CDLL(str(tmp_path / "loops.so"))
+    library.everything.restype = ctypes.c_double
+    rows = np.random.default_rng(1).uniform(-2, 2, (3, 4))
+    settings, out, there = np.array([1.5, positive]), np.zeros(3), np.zeros(3)
+    before = rows.copy()
+    said = library.everything(doubles(rows), doubles(there), doubles(settings))
+    np.testing.assert_array_equal(rows, before)
+    assert said == loops_in_c.everything.py_func(rows, out, settings)
+    np.testing.assert_allclose(there, out, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "function", [loops_in_c.waiting, loops_in_c.undecided, loops_in_c.listing]
+)
+def test_a_loop_that_has_no_c_is_refused_by_name(function):
+    name = function.py_func.__name__
+    with pytest.raises(ConfigError, match=rf"loops_in_c\.{name}.*(has no C|several kinds)"):
+        c_loops.Program({}).add(function, (c_loops.ROWS,))

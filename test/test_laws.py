@@ -18,12 +18,13 @@ import numpy as np
 import pytest
 
 from cables import EIGHT_CABLES, FOUR_CABLES, TOLERANCES, ZEROS_FREE
-from closures_by_hand import BY_HAND, walked
+from closures_by_hand import BY_HAND, placed, walked
 from delta_calibration import laws
 from delta_calibration.errors import ConfigError
 from delta_calibration.mechanisms import MECHANISMS, CableRobot, RotaryDelta, SerialArm
 from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.model import generated, kernels, library, symbols
+from delta_calibration.model.chain_constants import SIDES
 from delta_calibration.model.law import STAGES, Law
 from delta_calibration.robot import load_robot
 from machines import MODELS, complex_step, differences
@@ -117,6 +118,38 @@ def test_closure_and_its_derivatives_are_those_by_hand(mechanism):
         np.testing.assert_allclose(found(q, x, g), expected, rtol=0, atol=exact * size)
 
 
+def test_points_of_the_platform_are_those_by_hand(mechanism):
+    """Place, orientation and derivatives, of turns beyond half a turn; one offset and many."""
+    rng = np.random.default_rng(5)
+    _, x, _ = anywhere(mechanism, rng, 12)
+    offset = rng.uniform(-0.3, 0.3, (12, 3))
+    np.testing.assert_allclose(
+        mechanism.points(x, offset), placed(mechanism, x, offset), atol=1e-13
+    )
+    exact = complex_step(lambda v: placed(mechanism, v, offset), x)
+    np.testing.assert_allclose(mechanism.point_by_pose(x, offset), exact, atol=1e-13)
+    shared = np.broadcast_to(offset[0], offset.shape)
+    np.testing.assert_array_equal(mechanism.points(x, offset[0]), mechanism.points(x, shared))
+    origin = placed(mechanism, x, np.zeros((12, 3)))
+    np.testing.assert_allclose(mechanism.position(x), origin, atol=1e-15)
+    for k, axis in enumerate(np.eye(3)):
+        turned = placed(mechanism, x, np.broadcast_to(axis, (12, 3))) - origin
+        np.testing.assert_allclose(mechanism.rotation(x)[:, :, k], turned, atol=1e-13)
+
+
+def test_small_turn_by_the_pose_is_that_of_the_rotation(mechanism):
+    """[dphi]x = dR R^T, the rotation by hand and its derivative by complex step."""
+    _, x, _ = anywhere(mechanism, np.random.default_rng(6), 6)
+
+    def rotation(v):
+        columns = [placed(mechanism, v, np.broadcast_to(e, (6, 3))) for e in np.eye(3)]
+        return np.stack(columns, axis=-1) - placed(mechanism, v, np.zeros((6, 3)))[..., None]
+
+    change = np.einsum("nijk,nlj->nilk", complex_step(rotation, x), rotation(x))
+    expected = np.stack([change[:, 2, 1], change[:, 0, 2], change[:, 1, 0]], axis=1)
+    np.testing.assert_allclose(mechanism.turn_by_pose(x), expected, atol=1e-12)
+
+
 def test_jacobians_are_those_of_the_implicit_function_theorem(mechanism):
     """By numpy's least squares; also of what follows the pose by six numbers."""
     rng = np.random.default_rng(2)
@@ -199,7 +232,7 @@ def test_what_has_another_shape_is_refused(mechanism):
         lambda: mechanism.forward(q, g[:2]),
         lambda: mechanism.inverse(x[:, : mechanism.task_size - 1], g),
         *guesses,
-        lambda: mechanism.moved_by(q, x, g, np.zeros((3, 7, mechanism.pose_size))),
+        lambda: mechanism.moved_by(q, x, g, np.zeros((3, SIDES + 1, mechanism.pose_size))),
         lambda: mechanism.moved_by(q, x, g, np.zeros((2, 3, mechanism.pose_size))),
     ):
         with pytest.raises((ValueError, IndexError)):
@@ -331,7 +364,7 @@ def run_by_python(law, workspace):
 
 def run_text(text, workspace):
     names = {
-        "law": lambda function, digest: function,
+        "law": lambda function, *how: function,
         "idle": lambda: lambda workspace: None,
         "sqrt": np.sqrt,
         "sin": np.sin,
@@ -375,8 +408,30 @@ def test_machine_code_does_what_the_generated_file_says(name):
         start[:count] = rng.uniform(-1.0, 1.0, count)
         here, there = start.copy(), start.copy()
         assert run_by_python(law, here) == law.compiled.size
-        run_compiled(law, there)
+        if law.lanes:
+            there = one_of_three_lanes(law, there)
+        else:
+            run_compiled(law, there)
         np.testing.assert_allclose(there, here, rtol=1e-9, atol=1e-9)
+
+
+def one_of_three_lanes(law, start):
+    """The workspace as it would be of the second lane alone; the others are moved."""
+    size, (first, last) = law.compiled.size, own_slots(law, law.lanes)
+    begin, end = own_slots(law, "f")
+    lanes = start[first:last, None] + [0.3, 0.0, -0.2]
+    start[-1] = lanes.shape[1]
+    whole = np.concatenate([start, lanes.ravel(), np.full(3 * (end - begin), 7.0)])
+    run_compiled(law, whole)
+    found = whole[size + lanes.size :].reshape(-1, 3)
+    assert np.ptp(found, axis=1).all()
+    whole[begin:end], whole[size - 1] = found[:, 1], 0.0
+    return whole[:size]
+
+
+def own_slots(law, name):
+    first = law.offsets[name]
+    return first, first + {**dict(law.groups), "f": law.outputs}[name]
 
 
 def test_near_and_full_agree():

@@ -91,12 +91,6 @@ class FiveBar(Mechanism):
     def task(self, position, turn):
         return position[:, [0, 2]]
 
-    def position(self, x):
-        return x[:, PLANE]
-
-    def point_by_pose(self, x, offset):
-        return np.tile(np.eye(3)[PLANE], (len(x), 1, 1))
-
 
 @pytest.fixture
 def by_hand():

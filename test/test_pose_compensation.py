@@ -13,7 +13,8 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.compensation import JointCompensator, Verdict
-from delta_calibration.compensation.aim import LEVER, Aim
+from delta_calibration.compensation.aim import LEVER
+from delta_calibration.compensation.machine import drawn
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.identification import identify
@@ -190,20 +191,29 @@ def test_slack_cables_are_told_apart_from_what_no_pull_holds() -> None:
 def test_places_of_a_tool(name: str) -> None:
     robot = load_robot(name)
     model, q = robot.commanded, places(robot, 3)
-    aim = Aim.of(model, np.array([0.02, -0.03, 0.15]))
-    x = model.forward(q, model.parameters.nominal)
-    slopes = aim.slopes(model, x)
-    for k, way in enumerate(1e-6 * np.eye(model.pose_size)):
-        ahead, back = aim.places(model, x + way), aim.places(model, x - way)
-        np.testing.assert_allclose(slopes[:, :, k], (ahead - back) / 2e-6, atol=1e-8)
-    if aim.turns:
-        rotation = model.rotation(x)
-        far, turn = aim.parted(aim.places(model, x[:1]) - aim.places(model, x[1:2]))
-        expected = np.linalg.norm(rotations.log(rotation[:1] @ rotation[1:2].swapaxes(1, 2)))
-        assert turn[0] == pytest.approx(expected, rel=1e-9)
-        gap = aim.places(model, x[:1]) - aim.places(model, x[1:2])
-        whole = np.hypot(far[0], 2 * LEVER * np.sin(expected / 2))
-        assert np.linalg.norm(gap) == pytest.approx(whole, rel=1e-9)
+    offset = np.array([0.02, -0.03, 0.15])
+    machine = drawn(model, offset)
+    found, x = machine.stand(q)
+    np.testing.assert_allclose(x, model.forward(q, model.parameters.nominal), atol=1e-12)
+    rotation, points = model.rotation(x), model.points(x, offset)
+    np.testing.assert_allclose(found[:, : len(machine.aim.axes)], points[:, machine.aim.axes])
+    if machine.aim.turns:
+        far = np.linalg.norm(points[0] - points[1])
+        turn = np.linalg.norm(rotations.log(rotation[0] @ rotation[1].T))
+        whole = np.hypot(far, 2 * LEVER * np.sin(turn / 2))
+        assert np.linalg.norm(found[0] - found[1]) == pytest.approx(whole, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", [*POSES, "srbd", "linear_delta"])
+def test_jacobian_is_the_slope_of_places(name: str) -> None:
+    """By central differences of the machine's own places; twelve numbers where the tool turns."""
+    robot = load_robot(name)
+    model, q = robot.commanded, places(robot, 3)
+    machine = drawn(model, np.array([0.02, -0.03, 0.15]))
+    steps = 1e-5 * model.joint_size * np.eye(model.joints)
+    moved = [machine.point(q + step) - machine.point(q - step) for step in steps]
+    slope = np.stack(moved, axis=-1) / 2e-5
+    np.testing.assert_allclose(model.joint_size * machine.jacobian(q), slope, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", TURNS)

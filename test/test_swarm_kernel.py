@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
 
 from delta_calibration.chain import Chain
 from delta_calibration.compensation import (
@@ -21,6 +22,9 @@ from delta_calibration.compensation import (
     swarm_kernel,
 )
 from delta_calibration.errors import InputError
+from delta_calibration.model import symbols
+from delta_calibration.model.jit import call
+from delta_calibration.model.kernels import FULL
 from delta_calibration.robot import load_robot
 from six_rods import SixRods, workspace
 
@@ -84,7 +88,7 @@ def test_it_is_the_swarm_of_numpy(name, n):
     "change",
     [
         {"bound_rad": 1e-3},  # many of the corrections are larger
-        {"bound_rad": swarm_kernel.SHORT, "iterations": 40},
+        {"bound_rad": symbols.LITTLE, "iterations": 40},
         {"bound_rad": 0.2},  # beyond the series
         {"particles": 17},
         {"particles": 101},
@@ -174,13 +178,40 @@ def test_it_agrees_with_newton_to_the_tolerance():
     np.testing.assert_allclose(found.dq, newton.dq, rtol=0, atol=1.05e-7 / weakest)
 
 
-def test_short_series_is_off_by_less_than_rounding():
+def test_series_of_a_little_turn_is_off_by_less_than_rounding():
     """In extended precision, so that what is left out is seen and not the rounding."""
-    d = np.linspace(-swarm_kernel.SHORT, swarm_kernel.SHORT, 2001, dtype=np.longdouble)
+    d = np.linspace(-symbols.LITTLE, symbols.LITTLE, 2001, dtype=np.longdouble)
     assert np.finfo(d.dtype).eps < 1e-18
-    cos, sin = swarm_kernel._short.py_func(d)
+    cos, sin = symbols.little(d)
     np.testing.assert_array_less(np.abs(cos - np.cos(d)), 3e-17)
     np.testing.assert_array_less(np.abs(sin - np.sin(d)), 3e-17)
+
+
+@pytest.mark.parametrize("count", [1, 5, 24])
+def test_the_law_of_places_nearby_is_the_direct_problem(count):
+    """All lanes at once, however many; not a number where the spheres do not meet."""
+    made, rng = Made("rotary_delta", 3), np.random.default_rng(count)
+    law, compiled = made.mechanism._nearby, made.machine.compiled
+    q, d = np.array([0.3, 0.8, -0.1]), rng.uniform(-symbols.LITTLE, symbols.LITTLE, (3, count))
+    wild = rng.uniform(-np.pi, np.pi, (4000, 3))
+    apart = np.isnan(made.point(wild[:, None] + d.T)).all(axis=(1, 2))
+    for command, meets in ((q, True), (wild[apart][0], False)):
+        around, size = made.mechanism.around(symbols.LITTLE), law.compiled.size
+        work = np.full(size + 4 * count, 7.0)
+        work[size : size + 3 * count] = d.ravel()
+        swarm_kernel._set_machine(around, compiled, count, work)
+        target = np.array([0.1, -0.2, -0.6])
+        swarm_kernel._set_command(around, command, target, TOOL, work)
+        _called(around.law[FULL], work)
+        there = made.point(command + d.T)
+        assert np.isfinite(there).all() == np.isfinite(there).any() == meets
+        expected = np.sum((there - target) ** 2, axis=1)
+        np.testing.assert_allclose(work[size + 3 * count :], expected, rtol=1e-12)
+
+
+@njit
+def _called(address, work):
+    call(address, work)
 
 
 def test_shapes_are_checked():
@@ -241,3 +272,19 @@ def test_a_change_of_another_file_is_seen(tmp_path: Path):
     assert run(1) == ("2", "0")
     assert run(1) == ("2", "1")
     assert run(3) == ("6", "0")
+
+
+def test_beside_modules_that_import_each_other_a_function_is_compiled(tmp_path: Path):
+    """As in a benchmark: the sources that it hangs on go round in a circle."""
+    (tmp_path / "own.py").write_text(
+        "from delta_calibration.mechanisms import Mechanism\n"
+        "from delta_calibration.model.jit import compiled\n"
+        "@compiled('i8(i8)')\n"
+        "def twice(x):\n"
+        "    return 2 * x\n"
+        "print(twice(21))\n"
+    )
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    own = [sys.executable, str(tmp_path / "own.py")]
+    done = subprocess.run(own, check=True, capture_output=True, text=True, env=environment)
+    assert done.stdout.split() == ["42"]

@@ -19,7 +19,7 @@ from delta_calibration.cell.camera_frame import CameraFrame
 from delta_calibration.compensation.grid_search import GridResult, GridSearch, Stop, averaged
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.files import read_bounded
+from delta_calibration.files import read_bounded, written_whole
 from delta_calibration.geometry import Frame, align
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans import make_plan, nominal_joints, tool_points
@@ -314,19 +314,14 @@ def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]
         InputError: the file cannot be written, or is there and something else.
     """
     require_outcomes(path, names)
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        with beside.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(_head(names))
-            for o in outcomes:
-                angles = [f"{v:.9f}" for v in (*o.joint, *o.dq, *o.std)]
-                errors = [f"{o.before * 1e3:.4f}", f"{o.after * 1e3:.4f}"]
-                place = [f"{v * 1e3:.6f}" for v in o.target]
-                writer.writerow([*place, *angles, o.moves, *errors, o.stop.value])
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with written_whole(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(_head(names))
+        for o in outcomes:
+            angles = [f"{v:.9f}" for v in (*o.joint, *o.dq, *o.std)]
+            errors = [f"{o.before * 1e3:.4f}", f"{o.after * 1e3:.4f}"]
+            place = [f"{v * 1e3:.6f}" for v in o.target]
+            writer.writerow([*place, *angles, o.moves, *errors, o.stop.value])
 
 
 def _require_places(model: Mechanism, robot: str) -> None:

@@ -138,11 +138,6 @@ def pairs(circles: Sequence[Circle]) -> Iterator[tuple[int, int]]:
             yield i, back
 
 
-def same_circle(one: Circle, other: Circle) -> bool:
-    """Whether both were commanded alike: place, size, feed and sense."""
-    return _same_way(one, other) and one.anticlockwise == other.anticlockwise
-
-
 def _other_sense(one: Circle, other: Circle) -> bool:
     return _same_way(one, other) and one.anticlockwise != other.anticlockwise
 

@@ -12,6 +12,7 @@ from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.options import (
     SESSION,
+    calibration_option,
     require_folder,
     robot_option,
     seed_option,
@@ -53,12 +54,8 @@ _KINDS = (".html", ".pdf", ".json")
     help="File to write, by its ending: .html, .pdf or .json. As often as needed; the JSON is "
     "written beside the others in any case.",
 )
-@click.option(
-    "--calibration",
-    "calibration_file",
-    type=PATH,
-    default=None,
-    help="Calibration to certify by this session; fitted to the session where not given.",
+@calibration_option(
+    "Calibration to certify by this session; fitted to the session where not given."
 )
 @click.option(
     "--about",

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.compensation import Compensated, Verdict
 from delta_calibration.errors import InputError
+from delta_calibration.files import written_whole
 from delta_calibration.robot import Joints
 from delta_calibration.tables import Row
 
@@ -96,16 +97,11 @@ def write_commands(path: Path, joints: Joints, unit: str, commands: Commands) ->
     Raises:
         InputError: it cannot be written.
     """
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        with beside.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            columns = _columns(joints, unit, commands)
-            writer.writerow(columns)
-            writer.writerows(zip(*columns.values(), strict=True))
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with written_whole(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        columns = _columns(joints, unit, commands)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
 
 
 def _columns(joints: Joints, unit: str, commands: Commands) -> dict[str, list[str]]:

@@ -19,6 +19,7 @@ from delta_calibration.cli.commands_file import (
     write_commands,
 )
 from delta_calibration.cli.options import (
+    calibration_option,
     progress,
     require_folder,
     robot_option,
@@ -56,13 +57,7 @@ _COVERS = 1.614
 
 @click.command("compensate", short_help="joint commands that put the tool where it is meant to be")
 @robot_option
-@click.option(
-    "--calibration",
-    "calibration_file",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="File that `fit` wrote for this robot.",
-)
+@calibration_option("File that `fit` wrote for this robot.", required=True)
 @click.option(
     "--method",
     type=click.Choice(METHODS),

@@ -10,7 +10,12 @@ import click
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.compensate import corrected, tell_of_blended, warmth_by_part
-from delta_calibration.cli.options import require_folder, robot_option, write_text
+from delta_calibration.cli.options import (
+    calibration_option,
+    require_folder,
+    robot_option,
+    write_text,
+)
 from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.description import describe, urdf
@@ -27,13 +32,7 @@ _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # that a source may include by this name
 
 @click.command("export", short_help="the identified machine, for controllers of others")
 @robot_option
-@click.option(
-    "--calibration",
-    "calibration_file",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="File that `fit` or `diagnose` wrote for this robot.",
-)
+@calibration_option("File that `fit` or `diagnose` wrote for this robot.", required=True)
 @click.option(
     "--format",
     "form",

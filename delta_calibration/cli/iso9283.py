@@ -10,6 +10,7 @@ from delta_calibration.accuracy import IsoReport, evaluate
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.options import (
     SESSION,
+    calibration_option,
     require_folder,
     robot_option,
     table,
@@ -27,12 +28,8 @@ _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
 @click.command("iso9283", short_help="accuracy and repeatability by the standard's criteria")
 @SESSION
 @robot_option
-@click.option(
-    "--calibration",
-    "calibration_file",
-    type=click.Path(path_type=Path),
-    default=None,
-    help="Registers the tracker; else the best frame over the same stops does, which flatters AP.",
+@calibration_option(
+    "Registers the tracker; else the best frame over the same stops does, which flatters AP."
 )
 @click.option(
     "--conditions",

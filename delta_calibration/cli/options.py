@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
 from delta_calibration.errors import InputError
+from delta_calibration.files import written_whole
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.robot import known_robots
 
@@ -157,12 +158,34 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    beside = path.with_name(f".{path.name}.part")
-    try:
+    with written_whole(path) as beside:
         beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def calibration_option(said: str, required: bool = False) -> Callable[[Function], Function]:
+    """`--calibration`, a file, handed on as `calibration_file`; `said` is its help."""
+    return click.option(
+        "--calibration",
+        "calibration_file",
+        type=click.Path(path_type=Path),
+        default=None,
+        required=required,
+        help=said,
+    )
+
+
+def write_or_print(out: Path | None, text: str) -> None:
+    """Write a text to the file that was asked for, or print it.
+
+    Raises:
+        InputError: the file cannot be written, or its folder is not there.
+    """
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    require_folder(out)
+    write_text(out, text)
+    click.echo(f"written: {out}")
 
 
 def force_option(function: Function) -> Function:

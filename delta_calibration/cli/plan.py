@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.chain import Chain
 from delta_calibration.cli.options import (
+    calibration_option,
     progress,
     require_folder,
     robot_option,
@@ -64,13 +65,7 @@ _STOPS = 20  # of --separate, where --count is not given
     metavar="SESSION",
     help="What was measured before, to which --separate adds.",
 )
-@click.option(
-    "--calibration",
-    "calibration_file",
-    type=click.Path(path_type=Path),
-    default=None,
-    help="The machine that --separate goes by, in place of the drawing.",
-)
+@calibration_option("The machine that --separate goes by, in place of the drawing.")
 @click.option(
     "--count",
     type=click.IntRange(min=1),

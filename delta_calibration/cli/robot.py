@@ -9,7 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
-from delta_calibration.cli.options import require_folder, robots, write_text
+from delta_calibration.cli.options import require_folder, robots, write_or_print, write_text
 from delta_calibration.drafting import (
     Entry,
     commented,
@@ -162,13 +162,7 @@ def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: st
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Else printed.")
 def reference_page(out: Path | None) -> None:
     """Write the page of all entries (Markdown)."""
-    text = reference()
-    if out is None:
-        click.echo(text, nl=False)
-        return
-    require_folder(out)
-    write_text(out, text)
-    click.echo(f"written: {out}")
+    write_or_print(out, reference())
 
 
 def _document(robot_file: str) -> dict[str, Any]:

@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 
 from delta_calibration.access import policy, rights
-from delta_calibration.cli.options import require_folder
-from delta_calibration.errors import InputError
+from delta_calibration.cli.options import write_or_print
 
 
 @click.command("sros2", short_help="what the nodes may do, as a policy for SROS 2")
@@ -47,12 +46,4 @@ def command(
     if not wanted:
         raise click.UsageError("nothing to write; give --policy")
     text = policy(rights(controllers, trajectory_input, operator), namespace)
-    if out is None:
-        click.echo(text, nl=False)
-        return
-    require_folder(out)
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written: {error.strerror or error}") from error
-    click.echo(f"written: {out}")
+    write_or_print(out, text)

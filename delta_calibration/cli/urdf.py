@@ -7,9 +7,8 @@ from pathlib import Path
 import click
 
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.cli.options import require_folder, robot_option
+from delta_calibration.cli.options import robot_option, write_or_print
 from delta_calibration.description import describe, urdf
-from delta_calibration.errors import InputError
 from delta_calibration.robot import load_robot
 
 
@@ -41,12 +40,4 @@ def command(
     robot = load_robot(robot_file)
     known = None if calibration is None else load_calibration(calibration, robot)
     text = urdf(describe(robot, known).tree, frame_prefix)
-    if out is None:
-        click.echo(text, nl=False)
-        return
-    require_folder(out)
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written: {error.strerror or error}") from error
-    click.echo(f"written: {out}")
+    write_or_print(out, text)

@@ -50,26 +50,3 @@ class Aim:
     def size(self) -> int:
         """Coordinates of a place."""
         return len(self.axes) + (_SPACE * _SPACE if self.turns else 0)
-
-    def places(self, mechanism: Mechanism, x: Array) -> Array:
-        """Places of the tool at poses x, (n, k) -> (n, size) [m]."""
-        rotation = mechanism.rotation(x)
-        point = (mechanism.position(x) + rotation @ self.tool)[:, list(self.axes)]
-        if not self.turns:
-            return np.asarray(point)
-        arms = np.swapaxes(rotation, 1, 2).reshape(len(x), -1)  # one after the other
-        return np.concatenate([point, ARM * arms], axis=1)
-
-    def slopes(self, mechanism: Mechanism, x: Array) -> Array:
-        """d(place)/dx, (n, size, k)."""
-        point = mechanism.point_by_pose(x, self.tool)
-        if not self.turns:
-            return np.asarray(point[:, list(self.axes)])
-        arms = [mechanism.point_by_pose(x, self.tool + ARM * e) - point for e in np.eye(_SPACE)]
-        return np.concatenate([point, *arms], axis=1)
-
-    def parted(self, gap: Array) -> tuple[Array, Array]:
-        """Differences of places (n, size) as distance [m] and turn [rad] of the tool, 2 (n,)."""
-        far = np.linalg.norm(gap[:, : len(self.axes)], axis=1)
-        chord = np.linalg.norm(gap[:, len(self.axes) :], axis=1) / (2 * LEVER)
-        return far, 2 * np.arcsin(np.minimum(chord, 1.0))

@@ -25,15 +25,15 @@ from numpy.typing import NDArray
 from delta_calibration.model.chain_constants import JOINED, JOINT, ROUNDS, SETTLED_POSE
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
+    BESIDE,
     FULL,
-    NEAR,
     K,
     M,
-    P,
     R,
     copy_into,
     least_step,
     moved,
+    normal_equations,
     place,
     solve,
     spread_joints,
@@ -99,7 +99,7 @@ class Place(NamedTuple):
     place: Array  # (a,)
     slope: Array  # (a, k) by the pose
     by_q: Array  # (a, m)
-    by_g: Array  # (a, p)
+    by_g: Array  # (a, 0)
     x: Array  # (k,)
     signals: Array  # (S,)
     offset: Array  # (3,)
@@ -122,7 +122,7 @@ def scratch(machine: Machine, signals: int) -> Place:
         np.zeros(count),
         np.zeros((count, sizes[K])),
         np.zeros((count, sizes[M])),
-        np.zeros((count, sizes[P])),
+        np.zeros((count, 0)),
         np.zeros(sizes[K]),
         np.zeros(signals),
         np.zeros(3),
@@ -225,33 +225,18 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
     Least squares where the place has more coordinates, the shortest step where it has fewer.
     """
     rows, count = slope.shape
-    if rows < count:
-        for i in range(rows):
-            gap[i] -= target[i]
+    for i in range(rows):
+        gap[i] -= target[i]
+    if rows > count:
+        normal_equations(slope, gap, system)
+        good = solve(system, count, 1)
+        for i in range(count if good else 0):
+            step[i] = system[i, count]
+    else:
         good = least_step(slope, gap, 0.0, system, step)
-        for i in range(rows):
-            gap[i] += target[i]
-        return good
-    for i in range(count):
-        for j in range(count):
-            total = 0.0
-            for row in range(rows):
-                total += slope[row, i] * slope[row, j]
-            system[i, j] = total
-        total = 0.0
-        for row in range(rows):
-            total += slope[row, i] * (gap[row] - target[row])
-        system[i, count] = total
-    if rows == count:
-        for row in range(rows):
-            for j in range(count):
-                system[row, j] = slope[row, j]
-            system[row, count] = gap[row] - target[row]
-    if not solve(system, count, 1):
-        return False
-    for i in range(count):
-        step[i] = system[i, count]
-    return True
+    for i in range(rows):
+        gap[i] += target[i]
+    return good
 
 
 @compiled(borrows=True)
@@ -320,7 +305,7 @@ def _joined(machine: Machine, room: Place) -> bool:
     limbs, state = machine.body.limbs, room.state
     own, step = state.room, room.step
     for _ in range(2 * ROUNDS):
-        place(limbs, state.joint, room.x, NEAR, own)
+        place(limbs, state.joint, room.x, BESIDE, own)
         spread_joints(limbs, own)
         if not least_step(own.by_q, own.f, 0.0, own.system, step):
             return False

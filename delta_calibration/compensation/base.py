@@ -32,9 +32,6 @@ Every row is treated alike: rows come in any number and order and drop out when 
 differs between commands (payload, temperature, direction) is fixed inside: one function for each.
 """
 
-JacobianFunction = Callable[[Array], Array]
-"""Joint angles (..., m) [rad] to d point / d q, (..., d, m) [m/rad]."""
-
 
 @dataclass(frozen=True)
 class Correction:

@@ -67,7 +67,7 @@ class CommandRoom(NamedTuple):
     origin: Array  # (3,)
     task: Array  # (t, k) first rows of one
     by_q: Array  # (t, m)
-    by_g: Array  # (t, p)
+    by_g: Array  # (t, 0)
     told: Array  # (m,)
     still: Array  # (m,)
 
@@ -95,7 +95,7 @@ def command_room(drawn: Machine, machine: Machine, of_drawn: int, of_own: int) -
         np.zeros(3),
         np.eye(sizes[T], sizes[K]),
         np.zeros((sizes[T], sizes[M])),
-        np.zeros((sizes[T], len(drawn.g))),
+        np.zeros((sizes[T], 0)),
         np.zeros(sizes[M]),
         np.zeros(sizes[M]),
     )

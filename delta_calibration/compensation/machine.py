@@ -18,7 +18,7 @@ from delta_calibration.compensation.table import AXES
 from delta_calibration.effects import Stage
 from delta_calibration.effects.signals import JOINT, TRAVEL, Places, Signals, recorded
 from delta_calibration.errors import InputError
-from delta_calibration.mechanisms import Mechanism, RotaryDelta
+from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import STRAY
 from delta_calibration.samples import Conditions
 from delta_calibration.swarm_law import entropy_terms
@@ -228,35 +228,25 @@ class Swarm:
         s, m = self.settings, q.shape[1]
         out = _swarm_kernel().search(
             self.machine.compiled,
-            self._legs,
+            self._nearby,
             np.ascontiguousarray(known.rows),
             np.ascontiguousarray(target[usable]),
-            *drawn_beforehand(s, m),
+            *self._draws,
             (s.bound_rad, s.tolerance, s.velocity_fraction, s.cognitive, s.social),
         )
         dq, error, count = out[:, :m].copy(), out[:, m].copy(), out[:, m + 1].astype(np.int64)
         return Correction(dq, error, count, converged=error <= s.tolerance).spread(usable)
 
     @cached_property
-    def _legs(self) -> Array:
-        """Spheres of a Delta of three, without effects; none of any other machine."""
+    def _draws(self) -> tuple[Array, Array, Array]:
+        return drawn_beforehand(self.settings, self.machine.mechanism.joints)
+
+    @cached_property
+    def _nearby(self) -> Any:
+        """Law of places near a command, where nothing but the mechanism counts; else empty."""
         machine = self.machine
-        if type(machine.mechanism) is not RotaryDelta or machine.chain.effects:
-            return np.zeros((0, 10))
-        g = machine.theta[machine.chain.layout.geometry]
-        return spheres(machine.mechanism, g)
-
-
-def spheres(mechanism: RotaryDelta, g: Array) -> Array:
-    """Spheres about the elbows, (3, 10): c, u, v, l with centre c + u cos q + v sin q [m].
-
-    Read off the elbows that the mechanism's own law gives at three angles.
-    """
-    angles = np.repeat(np.array([[0.0], [np.pi / 2], [np.pi]]), mechanism.joints, axis=1)
-    ahead, quarter, back = mechanism.mass_places(angles, np.zeros((3, 3)), g)[:, 1:]
-    centre = (ahead + back) / 2
-    rod = g.reshape(mechanism.joints, -1)[:, -1:]
-    return np.hstack([centre, (ahead - back) / 2, quarter - centre, rod])
+        reach = np.inf if machine.chain.effects else self.settings.bound_rad
+        return machine.mechanism.around(reach)
 
 
 @lru_cache(maxsize=8)

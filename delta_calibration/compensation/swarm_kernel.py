@@ -4,16 +4,10 @@ Arrays are by component: (j m,) holds a joint of all m particles of one target, 
 joints. All are used again for all targets of a call. A place is judged by the whole chain run
 forward (backward_kernel.py).
 
-Three spheres without effects, in a box up to `SHORT`, take the least arithmetic, along the
-particles in vector instructions. Each arm is turned to the command once for a target and by the
-small d of a particle from there,
-
-    u cos(q + d) + v sin(q + d) = u' cos d + v' sin d,
-
-with cos d and sin d by their series to d^6 and d^7: off by less than 2e-17 up to `SHORT`, below
-the rounding of either. Centres are taken from the target, so that the meeting point is the gap.
-Products and sums are contracted there: distances only decide which place is the better one, the
-places themselves are rounded as numpy has it.
+A mechanism may have a law of the places near a command (`Mechanism.nearby`). Without effects, in
+a box up to `LITTLE`, it gives the squared distances of all particles at once, in vector
+instructions. Products and sums are contracted there: distances only decide which place is the
+better one, the places themselves are rounded as numpy has it.
 
 Random numbers are drawn beforehand, by the same generator as in apso.py (numpy's Philox 4x64-10,
 counter-based), and read by every target from their beginning: no state is left to share.
@@ -26,81 +20,40 @@ from numpy.typing import NDArray
 
 from delta_calibration.compensation.backward_kernel import Machine, Place, begin, reached, scratch
 from delta_calibration.model.chain_constants import JOINT
-from delta_calibration.model.jit import compiled
-from delta_calibration.model.kernels import M
+from delta_calibration.model.jit import call, compiled
+from delta_calibration.model.kernels import FULL, SETUP, M, P
+from delta_calibration.model.stand import Opening
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Leg = tuple[float, float, float, float, float, float, float, float, float, float]
 Settings = tuple[float, float, float, float, float]  # of `ApsoSettings`, see search
 
-SHORT = 0.03  # [rad] largest |d| whose cosine and sine the series gives
+_SPACE = 3
 
 
-@compiled()
-def _leg(legs: Array, i: int, tool: Array, q: Array, target: Array) -> Leg:
-    """Sphere of leg i with its arm at the command: c seen from the target, u', v', l^2 [m]."""
-    cos, sin = np.cos(q[i]), np.sin(q[i])
-    return (
-        legs[i, 0] + (tool[0] - target[0]),
-        legs[i, 1] + (tool[1] - target[1]),
-        legs[i, 2] + (tool[2] - target[2]),
-        cos * legs[i, 3] + sin * legs[i, 6],
-        cos * legs[i, 4] + sin * legs[i, 7],
-        cos * legs[i, 5] + sin * legs[i, 8],
-        cos * legs[i, 6] - sin * legs[i, 3],
-        cos * legs[i, 7] - sin * legs[i, 4],
-        cos * legs[i, 8] - sin * legs[i, 5],
-        legs[i, 9] * legs[i, 9],
-    )
+@compiled(borrows=True)
+def _set_machine(nearby: Opening, machine: Machine, particles: int, work: Array) -> None:
+    """Tell the law of distances nearby the dimensions, and of how many particles."""
+    limbs = machine.body.limbs
+    for i in range(len(nearby.dims)):
+        row, p = nearby.dims[i], limbs.sizes[P]
+        work[nearby.at[1] + i] = machine.g[row] if row < p else limbs.fixed[row - p]
+    for i in range(len(nearby.constants)):
+        work[nearby.at[2] + i] = nearby.constants[i]
+    work[nearby.at[4] - 1] = particles
 
 
-@compiled(contract=True)
-def _short(d: float) -> tuple[float, float]:
-    """Cosine and sine of |d| <= SHORT [rad]."""
-    s = d * d
-    cos = 1 - s * (1 / 2 - s * (1 / 24 - s * (1 / 720)))
-    sin = d - d * s * (1 / 6 - s * (1 / 120 - s * (1 / 5040)))
-    return cos, sin
+@compiled(borrows=True)
+def _set_command(nearby: Opening, q: Array, goes: Array, tool: Array, work: Array) -> None:
+    """Tell the law which command the places are near, and where they are to be."""
+    for i in range(_SPACE):
+        work[len(q) + i] = goes[i] - tool[i]
+    for i in range(len(nearby.joints)):
+        work[nearby.at[0] + i] = q[nearby.joints[i]]
+    call(nearby.law[SETUP], work)
 
 
-@compiled(contract=True)
-def _centre(leg: Leg, d: float) -> tuple[float, float, float]:
-    """Centre of the leg's sphere with its arm d [rad] from the command."""
-    cos, sin = _short(d)
-    return (
-        leg[0] + cos * leg[3] + sin * leg[6],
-        leg[1] + cos * leg[4] + sin * leg[7],
-        leg[2] + cos * leg[5] + sin * leg[8],
-    )
-
-
-@compiled(contract=True)
-def _short_squares(first: Leg, second: Leg, third: Leg, x: Array, square: Array) -> None:
-    """Squared distances (m,) [m^2] of three spheres' meeting points, NaN where there are none.
-
-    The equations are those of mechanisms/spheres.py.
-    """
-    r2 = first[9]
-    more_a, more_b = r2 - second[9], r2 - third[9]
-    m = len(square)
-    for i in range(m):
-        cx, cy, cz = _centre(first, x[i])
-        ax, ay, az = _centre(second, x[m + i])
-        bx, by, bz = _centre(third, x[2 * m + i])
-        ax, ay, az, bx, by, bz = ax - cx, ay - cy, az - cz, bx - cx, by - cy, bz - cz
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        inverse = 1 / (nx * nx + ny * ny + nz * nz)
-        da = (ax * ax + ay * ay + az * az + more_a) * (0.5 * inverse)
-        db = (bx * bx + by * by + bz * bz + more_b) * (0.5 * inverse)
-        gx, gy, gz = da * bx - db * ax, da * by - db * ay, da * bz - db * az
-        fx, fy, fz = gy * nz - gz * ny, gz * nx - gx * nz, gx * ny - gy * nx
-        rise = np.sqrt((r2 - (fx * fx + fy * fy + fz * fz)) * inverse)
-        px, py, pz = cx + fx - rise * nx, cy + fy - rise * ny, cz + fz - rise * nz
-        square[i] = px * px + py * py + pz * pz
-
-
-@compiled()
+@compiled(borrows=True)
 def _squares(
     machine: Machine,
     q: Array,
@@ -121,7 +74,7 @@ def _squares(
         square[i] = far * far
 
 
-@compiled()
+@compiled(borrows=True)
 def _remember(x: Array, square: Array, own: Array, fitness: Array) -> tuple[int, float]:
     """Let each particle keep its place if that is its best; the swarm's best and its square."""
     m = len(square)
@@ -137,7 +90,7 @@ def _remember(x: Array, square: Array, own: Array, fitness: Array) -> tuple[int,
     return winner, least
 
 
-@compiled()
+@compiled(borrows=True)
 def _inertia(x: Array, bound: float, gains: Array, bins: Index, counts: Index) -> float:
     """Weight w of (14) from the entropy along the box's diagonal, as `swarm_entropy` has it.
 
@@ -160,7 +113,7 @@ def _inertia(x: Array, bound: float, gains: Array, bins: Index, counts: Index) -
     return float(1.0 / (1.0 + 1.5 * np.exp(-2.6 * entropy)))
 
 
-@compiled()
+@compiled(borrows=True)
 def _move(
     x: Array,
     v: Array,
@@ -198,7 +151,7 @@ def _move(
 @compiled()
 def search(
     machine: Machine,
-    legs: Array,
+    nearby: Opening,
     signals: Array,
     target: Array,
     start: Array,
@@ -210,8 +163,7 @@ def search(
 
     Args:
         machine: with its effects.
-        legs: of three spheres without effects c, u, v, l each (3, 10): centre c + u cos q +
-            v sin q, radius l [m]; none (0, 10) for any other machine.
+        nearby: law of places near a command, where that is all that counts; else empty.
         signals: of the commands, (n, S).
         target: places they mean (n, a) [m].
         start: first places (j m,).
@@ -224,26 +176,31 @@ def search(
     size, at = joints * m, machine.stages.at[JOINT]
     iterations = len(draws) // (2 * size)
     out = np.zeros((n, joints + 2))
-    space, whole = np.empty(4 * size + 2 * m), np.empty(2 * m, dtype=np.int64)
-    x, v, own = space[:size], space[size : 2 * size], space[2 * size : 3 * size]
-    goal, square, fitness = space[3 * size : 4 * size], space[4 * size : -m], space[-m:]
+    near, first = len(nearby.law) > 0, nearby.at[4]  # the law takes the particles where they are
+    work, whole = np.zeros(first + 4 * size + 2 * m), np.empty(2 * m, dtype=np.int64)
+    x, square, fitness, rest = (
+        work[first : first + size],
+        work[first + size : first + size + m],
+        work[first + size + m : first + size + 2 * m],
+        work[first + size + 2 * m :],
+    )
+    v, own, goal = rest[:size], rest[size : 2 * size], rest[2 * size :]
     bins, counts = whole[:m], whole[m:]
-    short = len(legs) == 3 and bound <= SHORT
+    if near:
+        _set_machine(nearby, machine, m, work)
     room, there = scratch(machine, signals.shape[1]), np.empty(joints)
     for row in range(n):
         q, goes = signals[row, at : at + joints], target[row]
-        if short:
-            first = _leg(legs, 0, machine.aim.tool, q, goes)
-            second = _leg(legs, 1, machine.aim.tool, q, goes)
-            third = _leg(legs, 2, machine.aim.tool, q, goes)
+        if near:
+            _set_command(nearby, q, goes, machine.aim.tool, work)
         for i in range(size):
             x[i], v[i], own[i] = start[i], 0.0, start[i]
         for i in range(m):
             fitness[i] = np.inf
         winner = 0
         for iteration in range(iterations + 1):
-            if short:
-                _short_squares(first, second, third, x, square)
+            if near:
+                call(nearby.law[FULL], work)  # not a number where there is no place
             else:
                 _squares(machine, q, signals[row], goes, x, there, square, room)
             winner, least = _remember(x, square, own, fitness)

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -26,6 +24,7 @@ from delta_calibration.compensation.base import Array
 from delta_calibration.compensation.table import Stamp, Table
 from delta_calibration.documents import check_document, content_hash, load_schema
 from delta_calibration.errors import ConfigError, InputError
+from delta_calibration.files import written_whole
 
 _SEAL = "sha256"
 _UNREADABLE = (  # what numpy, zip and JSON raise for a file that is none of theirs, or not whole
@@ -51,18 +50,11 @@ def save_table(path: Path, table: Table) -> None:
     """
     content = _content(table)
     header = json.dumps({**content, _SEAL: content_hash(content)}, allow_nan=False)
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        with beside.open("wb") as file:
-            np.savez(file, header=np.array(header), corrections=table.corrections)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        with suppress(OSError):  # gone where all went well
-            beside.unlink()
+    with (
+        written_whole(path, ConfigError, lasting=True) as beside,
+        beside.open("wb") as file,
+    ):
+        np.savez(file, header=np.array(header), corrections=table.corrections)
 
 
 def load_table(path: Path, calibration: Calibration) -> Table:

@@ -26,7 +26,7 @@ X, Y, Z = np.eye(3)
 # Okabe and Ito's colours, told apart by colour-blind eyes as well; red, green, blue of 1.
 GREY, BLACK = (0.6, 0.6, 0.6), (0.15, 0.15, 0.15)
 ORANGE, BLUE = (0.90, 0.62, 0.0), (0.0, 0.45, 0.70)
-SKY, GREEN = (0.34, 0.71, 0.91), (0.0, 0.62, 0.45)
+GREEN = (0.0, 0.62, 0.45)
 VERMILION, PURPLE = (0.84, 0.37, 0.0), (0.80, 0.47, 0.65)
 Colour = tuple[float, float, float]
 

@@ -17,11 +17,12 @@ from delta_calibration.errors import ConfigError
 from delta_calibration.model import library
 from delta_calibration.model.law import STAGES, Law
 
-_SIGNS: dict[type[ast.AST], str] = {
+SIGNS: dict[type[ast.AST], str] = {  # of C
     ast.Add: "+",
     ast.Sub: "-",
     ast.Mult: "*",
     ast.Div: "/",
+    ast.BitAnd: "&",
     ast.Lt: "<",
     ast.LtE: "<=",
     ast.Gt: ">",
@@ -31,7 +32,7 @@ _SIGNS: dict[type[ast.AST], str] = {
     ast.And: "&&",
     ast.Or: "||",
 }
-# as Python has them, the first if neither is the lesser; names of machine.c
+# as Python has them, the first if neither is the lesser; names of c_loops.py
 _FUNCTIONS = {"abs": "fabs", "min": "smaller", "max": "larger"}
 _NAMES = {"inf": "INFINITY", "nan": "NAN"}
 
@@ -129,12 +130,12 @@ def _text(node: Any) -> str:
         case ast.BinOp(op=ast.Pow()):
             return f"pow({_text(node.left)}, {_text(node.right)})"
         case ast.BinOp():
-            return f"{_inner(node.left)} {_SIGNS[type(node.op)]} {_inner(node.right)}"
+            return f"{_inner(node.left)} {SIGNS[type(node.op)]} {_inner(node.right)}"
         case ast.Compare():
-            sign = _SIGNS[type(node.ops[0])]
+            sign = SIGNS[type(node.ops[0])]
             return f"{_inner(node.left)} {sign} {_inner(node.comparators[0])}"
         case ast.BoolOp():
-            return f" {_SIGNS[type(node.op)]} ".join(map(_inner, node.values))
+            return f" {SIGNS[type(node.op)]} ".join(map(_inner, node.values))
         case ast.IfExp():
             return f"{_inner(node.test)} ? {_inner(node.body)} : {_inner(node.orelse)}"
         case ast.Call(func=ast.Name(id=name)):

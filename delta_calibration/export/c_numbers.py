@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-_LAWS = ("law", "point", "mass")  # fields that hold addresses of laws
+LAWS = ("law", "point", "mass")  # fields that hold addresses of laws
 _WIDE = 98
 IDLE = "idle"  # function of machine.c
 
@@ -36,6 +36,27 @@ def constant(kind: str, name: str, value: Any, laws: Mapping[int, str]) -> str:
     return "\n".join([*arrays, f"static const {kind} {name} = {{", body, "};", ""])
 
 
+def placed(name: str, value: Any) -> tuple[list[str], int]:
+    """Statements that put the arrays of a (nested) record of scratch into one array, `next`.
+
+    And how many numbers they are.
+    """
+    lines: list[str] = []
+    return lines, _place(name, value, lines, 0)
+
+
+def _place(path: str, value: Any, lines: list[str], begin: int) -> int:
+    for field, part in zip(value._fields, value, strict=True):
+        own = f"{path}.{field}"
+        if hasattr(part, "_fields"):
+            begin = _place(own, part, lines, begin)
+        else:
+            width = part.shape[1] if part.ndim == 2 else 1
+            lines.append(f"    {own} = (Rows){{next + {begin}, {len(part)}, {width}}};")
+            begin += part.size
+    return begin
+
+
 def _members(
     path: str, value: Any, laws: Mapping[int, str], arrays: list[str], depth: int
 ) -> Iterator[str]:
@@ -59,7 +80,7 @@ def _array(name: str, field: str, values: Any, laws: Mapping[int, str], arrays: 
     rows, width = len(values), values.shape[1] if values.ndim == 2 else 1
     if not values.size:
         return f"{{0, {rows if width == 1 else 0}, {width}}}"
-    if field in _LAWS:
+    if field in LAWS:
         kind, texts = "Law", [laws.get(address, IDLE) for address in values.tolist()]
     elif values.dtype.kind == "f":
         kind, texts = "double", [number(each) for each in values.ravel().tolist()]

@@ -1,7 +1,8 @@
 """An identified machine as one C99 header and source: the compiled path of single commands.
 
-Laws are those that the package runs, printed as C (c_laws.py); the numbers are the very named
-tuples that the compiled loops take (c_numbers.py). The loops stand in `templates/machine.c`.
+Laws are those that the package runs, printed as C (c_laws.py); so are the compiled loops that call
+them (c_loops.py), and the records that these take (c_numbers.py). `templates/machine.c` has what a
+program calls.
 """
 
 from __future__ import annotations
@@ -10,14 +11,15 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from importlib import resources
 from string import Template
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation import JointCompensator
+from delta_calibration.compensation import JointCompensator, command_kernel
+from delta_calibration.compensation.compensator import SingleCommand
 from delta_calibration.effects import Effect
 from delta_calibration.effects.base import SENSOR, law_for
 from delta_calibration.effects.signals import (
@@ -33,15 +35,16 @@ from delta_calibration.effects.signals import (
     TRAVEL,
     Places,
 )
+from delta_calibration.export import c_loops
 from delta_calibration.export.c_laws import law_in_c
-from delta_calibration.export.c_numbers import constant
-from delta_calibration.model import chain_constants
+from delta_calibration.export.c_numbers import constant, placed
+from delta_calibration.model import kernels
 from delta_calibration.model.law import Law
 from delta_calibration.samples import Conditions, at_rest
 
 FIRST = "first"  # stands for the part whose temperature a session recorded first
 
-_MARK, _CONSTANTS = "/* @MACHINE@ */", "/* @CONSTANTS@ */"
+_COMMANDED = 4  # numbers that are told of a command
 _PUBLIC = (
     "correct",
     "correct_begin",
@@ -117,18 +120,51 @@ def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
         constant("Search", "search", single.search, names),
         constant("Given", "given", given, names),
     ]
-    room = _numbers_in(single.room) + given.size_own + single.own.aim.size + _joints(calibration)
+    lines, size = placed("(*scratch)", single.room)
+    aimed = single.own.aim.size
+    room = size + given.size_own + aimed + _joints(calibration) + _COMMANDED
     header = _header(calibration, effects, parts, stem, prefix, room)
     front = [f'#include "{stem}.h"', *_renamed(prefix), ""]
-    body = _template("machine.c").replace(_CONSTANTS, _constants())
-    body = body.replace(_MARK, "\n".join([laws, *numbers]))
+    body = _template("machine.c")
+    for mark, text in {
+        "TYPES": f"{c_loops.TYPES}\n{_structures(single)}",
+        "MACHINE": "\n".join([laws, *numbers]),
+        "CHAIN": f"#define CONSTANTS_AT {kernels.C}\n#define TARGET {aimed}\n\n{_chain(single)}",
+        "PLACES": "\n".join([*lines, f"    return next + {size};"]),
+    }.items():
+        body = body.replace(f"/* @{mark}@ */\n", f"{text}\n")
     return CFiles(header, "\n".join([_banner(header), *front, body]), parts)
 
 
-def _constants() -> str:
-    """The constants that the compiled loops have, for the same loops in C."""
-    names = (name for name, value in vars(chain_constants).items() if type(value) in (int, float))
-    return "\n".join(f"#define {name} {getattr(chain_constants, name)!r}" for name in names)
+def _structures(single: SingleCommand) -> str:
+    """The records that the chain takes."""
+    known = single.own.compiled, single.guards, single.search
+    kinds = [*map(c_loops.kind_of, known), c_loops.kind_of(single.room, scratch=True)]
+    return c_loops.structures(kinds)
+
+
+def _chain(single: SingleCommand) -> str:
+    """The compiled loops from commands to corrections, as C.
+
+    Laws in C have derivatives by the joints at the stage of all derivatives alone.
+    """
+    of_machine = c_loops.kind_of(single.own.compiled)
+    kinds = (
+        of_machine,
+        of_machine,
+        c_loops.kind_of(single.guards),
+        c_loops.kind_of(single.search),
+        c_loops.NUMBERS,
+        c_loops.NUMBERS,
+        c_loops.REAL,
+        c_loops.NUMBERS,
+        c_loops.INT,
+        *3 * (c_loops.ROWS,),
+        c_loops.kind_of(single.room, scratch=True),
+    )
+    program = c_loops.Program({"BESIDE": kernels.FULL})
+    program.add(command_kernel.commanded, kinds)
+    return program.text
 
 
 def parts_of(effects: Collection[Effect]) -> tuple[str, ...]:
@@ -161,8 +197,7 @@ def _every_law(
 ) -> Iterator[Law]:
     """Of the machine that is commanded, the one that is identified, and its effects."""
     for mechanism in (calibration.robot.commanded, calibration.chain.mechanism):
-        reaching = f"{mechanism.law_name}_reaching"  # of the inverse problem
-        yield from (law for law in mechanism.laws if law.name != reaching)
+        yield from mechanism.laws_forward
     for effect in effects:
         term = next(effect.terms(places), None)
         if term is not None:
@@ -217,13 +252,6 @@ def _all_known(q: NDArray[np.float64], parts: tuple[str, ...]) -> Conditions:
         temperature_parts=parts,
         temperature=np.full((1, len(parts)), 20.0),
     )
-
-
-def _numbers_in(scratch: Any) -> int:
-    """How many numbers a (nested) record of arrays holds."""
-    if hasattr(scratch, "_fields"):
-        return sum(map(_numbers_in, scratch))
-    return int(scratch.size)
 
 
 def _joints(calibration: Calibration) -> int:

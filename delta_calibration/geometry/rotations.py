@@ -54,12 +54,6 @@ def exp(w: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.eye(3) + a * k + b * (k @ k))
 
 
-def exp_times_derivative(w: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
-    """d(R(w) v)/dw = -R(w) [v]x J_r(w), J_r the right Jacobian.  2 (..., 3) -> (..., 3, 3)."""
-    rotation, right = _with_right_jacobian(w)
-    return np.asarray(-rotation @ skew(v) @ right)
-
-
 def exp_with_derivative(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """R(w) and dR[i, j]/dw[k] of one rotation vector.  (3,) [rad] -> (3, 3), (3, 3, 3)."""
     rotation, right = _with_right_jacobian(w)

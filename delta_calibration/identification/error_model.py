@@ -31,11 +31,8 @@ def error_model(problem: Problem, z: Array, spread: float) -> LinearResidual:
     root = np.sqrt(robust_weights(residual))[:, None] / spread
     data = (root[..., None] * slope).reshape(-1, len(z))
     priors = np.eye(len(z))[problem.has_prior[problem.free]]
-    rows = np.concatenate([data, priors])
     error = np.append((root * residual).reshape(-1) + data @ z, np.zeros(len(priors)))
-    basis, factor = np.linalg.qr(rows)
-    target = basis.T @ error
-    return LinearResidual(factor, target, float(np.linalg.norm(error - basis @ target)))
+    return LinearResidual.of(np.concatenate([data, priors]), error)
 
 
 def box_of(problem: Problem) -> Box:

@@ -84,10 +84,7 @@ class PoseResidual:
     def linear(self, deviation: Array) -> LinearResidual:
         """The error model about a deviation (p,)."""
         slope = self.jacobian(deviation)
-        error = self.errors(deviation[None])[0] + slope @ deviation
-        basis, factor = np.linalg.qr(slope)
-        target = basis.T @ error
-        return LinearResidual(factor, target, float(np.linalg.norm(error - basis @ target)))
+        return LinearResidual.of(slope, self.errors(deviation[None])[0] + slope @ deviation)
 
     @cached_property
     def _step(self) -> Array:
@@ -105,6 +102,13 @@ class LinearResidual:
     factor: Array  # R, (p, p)
     target: Array  # c, (p,)
     rest: float
+
+    @classmethod
+    def of(cls, slope: Array, error: Array) -> LinearResidual:
+        """From J (rows, p) and e (rows,)."""
+        basis, factor = np.linalg.qr(slope)
+        target = basis.T @ error
+        return cls(factor, target, float(np.linalg.norm(error - basis @ target)))
 
     def __call__(self, deviation: Array) -> Array:
         """(K, p) -> (K,)."""

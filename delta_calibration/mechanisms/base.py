@@ -62,8 +62,8 @@ class Mechanism(ABC):
     """Base of all mechanisms.
 
     The pose x is the platform centre's position [m], with a rotation vector [rad] behind it where
-    the platform turns. A mechanism of other coordinates says by `position`, `rotation` and
-    `point_by_pose` what they mean; nothing else in the package asks.
+    the platform turns. A mechanism of other coordinates says by `point` what they mean; nothing
+    else in the package asks.
     """
 
     name: ClassVar[str]
@@ -113,6 +113,12 @@ class Mechanism(ABC):
     # reaching(x, g, c): joints of a limb near the wanted working mode, by pose, dimensions and
     # constants as `equation`; without it the inverse problem starts at `home`.
     reaching: ClassVar[Any] = None
+
+    # nearby(d, q, g, c): place of the platform's centre [m] at joints q + d, d up to
+    # `symbols.LITTLE`, by joints, dimensions and constants of every limb (lists of them) as
+    # `opening`; for a platform that does not turn. A swarm evaluates it for all its particles at
+    # once, so that it should have no functions but roots of d.
+    nearby: ClassVar[Any] = None
 
     @staticmethod
     def point(x: Any, o: Any) -> Any:
@@ -299,7 +305,13 @@ class Mechanism(ABC):
     @cached_property
     def laws(self) -> tuple[Law, ...]:
         """What is generated for it: the closure, and where the two problems start."""
-        every = self._closure, self._opening, self._reaching, self._point, self._masses
+        every = *self.laws_forward, self._reaching, self._nearby
+        return tuple(law for law in every if law)
+
+    @property
+    def laws_forward(self) -> tuple[Law, ...]:
+        """What takes it from joints to the tool."""
+        every = self._closure, self._opening, self._point, self._masses
         return tuple(law for law in every if law)
 
     @cached_property
@@ -323,6 +335,18 @@ class Mechanism(ABC):
         groups = tuple((name, count * size) for name, size in self._groups if name != "x")
         law = partial(_of_limbs, own, groups, count)
         return Law(f"{self.law_name}_opening", groups, self.pose_size, law, ("g", "c"))
+
+    @cached_property
+    def _nearby(self) -> Law | None:
+        own = type(self).nearby
+        if own is None:
+            return None
+        count = len(self.limbs)
+        known = tuple((name, count * size) for name, size in self._groups if name != "x")
+        groups = (("d", self.joints), ("t", 3), *known)
+        joints = tuple(limb.joints for limb in self.limbs)
+        law = partial(_distance_nearby, own, known, joints)
+        return Law(f"{self.law_name}_nearby", groups, 1, law, ("t", "q", "g", "c"), lanes="d")
 
     @cached_property
     def _reaching(self) -> Law | None:
@@ -432,29 +456,53 @@ class Mechanism(ABC):
         weight, inertia, load, pull, home = found
         return weight, inertia, load, pull, home
 
-    def mass_places(self, q: Array, x: Array, g: Array) -> Array:
-        """Places of all masses but the payload, (n, K, 3) [m], of poses x (n, k)."""
-        c = self._compiled
-        bearing = self.bearing(None)
-        return np.asarray(_loads().places(c.limbs, bearing, *self._samples(q, x, g)))
+    def tensions(self, x: Array, g: Array, load: Array) -> Array:
+        """Pull of each limb that bears a load, (n, R) [N]: the nearest to the pretension.
+
+        By virtual work, see model/loads.py; negative where a cable would have to push. Another
+        distribution may be kept by a force control: this one is the shortest way from the same
+        pull in all. NaN where there is no pose.
+
+        Args:
+            x: poses, (n, k).
+            g: geometry.
+            load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
+        """
+        c, bearing = self._compiled, self.bearing(None)
+        x = _rows(x, self.pose_size)
+        load, g = _rows(load, self.pose_size, len(x)), self._geometry(g, len(x))
+        return np.asarray(_loads().pulls(c.limbs, c.size, bearing, x, g, load))
 
     def body(self, masses: Any) -> Any:
         """The mechanism as the compiled chain takes it (model/stand.py)."""
-        stand, c = _stand(), self._compiled
-        law, every = self._opening, self.limbs
-        none = np.zeros(0, dtype=np.int64)
-        opening = stand.Opening(none, np.zeros(5, dtype=np.int64), none, none, np.zeros(0))
-        if law is not None:
-            places = [law.offsets[name] for name in "qgcf"]
-            opening = stand.Opening(
-                np.array(law.compiled.addresses),
-                np.array([*places, law.compiled.size]),
-                np.array([j for limb in every for j in limb.joints], dtype=np.int64),
-                np.array([d for limb in every for d in limb.dimensions], dtype=np.int64),
-                np.array([v for limb in every for v in limb.constants], dtype=float),
-            )
+        c, opening = self._compiled, self._of_every_limb(self._opening)
         bearing, home = self.bearing(masses), self._home_joints
-        return stand.Body(c.limbs, c.size, bearing, opening, home, _STAGES)
+        return _stand().Body(c.limbs, c.size, bearing, opening, home, _STAGES)
+
+    def around(self, reach: float) -> Any:
+        """Law of squared distances near a command as the compiled swarm takes it.
+
+        It begins with changes of the joints and the place that the distances are from. Empty
+        without one, and where joints up to `reach` from the command are not near.
+        """
+        return self._of_every_limb(self._nearby if reach <= symbols.LITTLE else None)
+
+    def _of_every_limb(self, law: Law | None) -> Any:
+        """A law of joints, dimensions and constants of all limbs, see `Opening` of model/stand.py.
+
+        Empty where there is none.
+        """
+        none, opening = np.zeros(0, dtype=np.int64), _stand().Opening
+        if law is None:
+            return opening(none, np.zeros(5, dtype=np.int64), none, none, np.zeros(0))
+        each, places = self.limbs, [law.offsets[name] for name in "qgcf"]
+        return opening(
+            np.array(law.compiled.addresses),
+            np.array([*places, law.compiled.size]),
+            np.array([j for limb in each for j in limb.joints], dtype=np.int64),
+            np.array([d for limb in each for d in limb.dimensions], dtype=np.int64),
+            np.array([v for limb in each for v in limb.constants], dtype=float),
+        )
 
     def bearing(self, masses: Any) -> Any:
         """What it carries and where, as the compiled loops take it (model/loads.py)."""
@@ -513,13 +561,15 @@ class Mechanism(ABC):
 
     def position(self, x: Array) -> Array:
         """Platform's centre in the base, (n, 3) [m]."""
-        return x[:, :3]
+        return self.points(x, np.zeros(3))
 
     def rotation(self, x: Array) -> Array:
         """Platform's orientation in the base, (n, 3, 3)."""
-        if self.pose_size == 3:
-            return np.broadcast_to(np.eye(3), (len(x), 3, 3))
-        return rotations.exp(x[:, 3:6])
+        return self._of_point("f_o", x, np.zeros(3)).reshape(-1, 3, 3)
+
+    def points(self, x: Array, offset: Array) -> Array:
+        """Points fixed to the platform at `offset`, (3,) or (n, 3), in the base, (n, 3) [m]."""
+        return self._of_point("f", x, offset)
 
     def task(self, position: Array, turn: Array) -> Array:
         """What the joints command of a place (n, 3) [m] and a turn (n, 3) [rad], (n, task_size).
@@ -530,12 +580,14 @@ class Mechanism(ABC):
 
     def point_by_pose(self, x: Array, offset: Array) -> Array:
         """d(point)/dx of a point fixed to the platform at `offset`, (3,) or (n, 3), (n, 3, k)."""
-        slope = np.zeros((len(x), 3, self.pose_size))
-        slope[:, :, :3] = np.eye(3)
-        if self.pose_size == 6:
-            each = np.broadcast_to(offset, (len(x), 3))
-            slope[:, :, 3:] = rotations.exp_times_derivative(x[:, 3:], each)
-        return slope
+        return self._of_point("f_x", x, offset).reshape(-1, 3, self.pose_size)
+
+    def _of_point(self, what: str, x: Array, offset: Array) -> Array:
+        """An output of the law of a point, (n, 3) times the inputs it is derived by."""
+        x, by = _rows(x, self.pose_size), {"f_x": self.pose_size, "f_o": 3}
+        found = np.empty((len(x), 3 * by.get(what, 1)))
+        _started(self._point, x, np.atleast_2d(offset), np.zeros(0), found, what)
+        return found
 
     def turn(self, x: Array) -> Array:
         """The turn (n, 3) [rad] that `task` takes for the orientation at poses x, (n, k)."""
@@ -672,19 +724,34 @@ def _of_limbs_and_pose(
     return _of_limbs(partial(law, x), groups, count, *every)
 
 
+def _distance_nearby(
+    law: Callable[..., Any],
+    groups: tuple[tuple[str, int], ...],
+    joints: tuple[tuple[int, ...], ...],
+    d: Any,
+    t: Any,
+    *every: Any,
+) -> Any:
+    """Squared distance from t of the place by a law that takes small changes of joints first."""
+    changes = [symbols.column(*(d[joint] for joint in own)) for own in joints]
+    return symbols.square(_of_limbs(partial(law, changes), groups, len(joints), *every) - t)
+
+
 def _at_centre(point: Callable[[Any, Any], Any], x: Any, q: Any, g: Any) -> Any:
     """One mass at the platform's centre."""
     del q, g
     return point(x, symbols.column(0, 0, 0))
 
 
-def _started(law: Law, q: Array, g: Array, c: Array, found: Array) -> None:
-    """Evaluate a law of three groups (joints or poses, dimensions, constants), into `found`."""
-    groups = [name for name, _ in law.groups]
-    places = np.array([law.offsets[name] for name in (*groups, "f")])
-    code, size = np.array(law.compiled.addresses), law.compiled.size
+def _started(law: Law, q: Array, g: Array, c: Array, found: Array, what: str = "f") -> None:
+    """Evaluate a law of joints or poses, dimensions and, where it has any, constants.
+
+    Its outputs, or what of their derivatives is asked for, go into `found` (n, ...).
+    """
     sizes = [count for _, count in law.groups]
-    n = len(found)
+    begins = [law.offsets[name] for name, _ in law.groups]
+    places = np.array([*begins[:2], begins[-1], law.offsets[what]])
+    code, size, n = np.array(law.compiled.addresses), law.compiled.size, len(found)
     known = _rows(g, sizes[1], 1 if len(g) == 1 else n)
     _kernels().started(code, places, size, c, _rows(q, sizes[0], n), known, found)
 

@@ -112,30 +112,14 @@ class CableRobot(Mechanism):
 
     def lengths(self, x: Array, g: Array) -> Array:
         """Distance of anchor and platform joint of each cable, (n, m) [m]."""
-        return np.asarray(np.sqrt(np.sum(self._vectors(x, g) ** 2, axis=-1)))
+        every = (len(x), self.joints, 3)
+        ends = np.broadcast_to(self._joints(g), every).reshape(-1, 3)
+        ends = self.points(np.repeat(x, self.joints, axis=0), ends).reshape(every)
+        return np.asarray(np.linalg.norm(self._cables(g)[..., :3] - ends, axis=-1))
 
     def directions(self, x: Array, g: Array) -> Array:
         """u: unit vectors along the cables from platform to anchor, (n, m, 3)."""
-        v = self._vectors(x, g)
-        return np.asarray(v / np.sqrt(np.sum(v**2, axis=-1, keepdims=True)))
-
-    def tensions(self, x: Array, g: Array, load: Array) -> Array:
-        """Pull of each cable that bears a load, (n, m) [N]: the nearest to the pretension.
-
-        t = t_p + (f_x^T)^+ (-dU/dx - f_x^T t_p), by virtual work; negative where a cable would
-        have to push. Another distribution may be kept by a force control: this one is the
-        shortest way from the same pull in all. NaN where there is no pose.
-
-        Args:
-            x: poses, (n, k).
-            g: geometry.
-            load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
-        """
-        structure = np.swapaxes(self.closure_by_pose(self._still(x), x, g), 1, 2)
-        inverse = np.linalg.pinv(np.nan_to_num(structure))  # where it is NaN `missed` is, too
-        wished = np.full((len(x), self.joints, 1), self.dimensions.pretension)
-        missed = -load[..., None] - structure @ wished
-        return np.asarray((wished + inverse @ missed)[..., 0])
+        return -self.closure_by_pose(self._still(x), x, g)[:, :, :3]
 
     def require_taut(self, tension: Array, lowest: float = 0.0, what: str = "pose") -> None:
         """Refuse poses at which a cable hangs loose; `what` names a pose.
@@ -184,11 +168,6 @@ class CableRobot(Mechanism):
 
     def _joints(self, g: Array) -> Array:
         return self._cables(g)[..., 3:6] if self._is_body else self.dimensions.joints
-
-    def _vectors(self, x: Array, g: Array) -> Array:
-        """From platform joint to anchor in the robot's frame, (n, m, 3) [m]."""
-        turned = self._joints(g) @ np.swapaxes(self.rotation(x), 1, 2)
-        return np.asarray(self._cables(g)[..., :3] - x[:, None, :3] - turned)
 
     def _still(self, x: Array) -> Array:
         """Joints, of no matter for how the lengths change with the pose, (n, m)."""

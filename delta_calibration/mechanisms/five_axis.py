@@ -167,23 +167,6 @@ class FiveAxis(Mechanism):
         """y, z, and about x and y."""
         return (1, 2, 3, 4)
 
-    def position(self, x: Array) -> Array:
-        """(0, y, z), (n, 3) [m]."""
-        return np.concatenate([np.zeros_like(x[:, :1]), x[:, :2]], axis=1)
-
-    def rotation(self, x: Array) -> Array:
-        """R_X(A) R_Y(B) of the platform, (n, 3, 3)."""
-        return _about_x(x[:, 2], _about_y(x[:, 3, None], np.eye(3))).swapaxes(1, 2)
-
-    def point_by_pose(self, x: Array, offset: Array) -> Array:
-        """d(point)/d(y, z, A, B), (n, 3, 4)."""
-        v = np.broadcast_to(offset, (len(x), 3))[:, None]
-        slope = np.zeros((len(x), 3, self.pose_size))
-        slope[:, 1, 0] = slope[:, 2, 1] = 1.0
-        slope[:, :, 2] = _about_x(x[:, 2], _about_y(x[:, 3, None], v), slope=True)[:, 0]
-        slope[:, :, 3] = _about_x(x[:, 2], _about_y(x[:, 3, None], v, slope=True))[:, 0]
-        return slope
-
     def _strut(self, strut: int, pair: StrutPair) -> list[Parameter]:
         where, side = f"joint_{strut + 1}", float(SIDE[strut])
         ends = {
@@ -214,21 +197,3 @@ def _turn(a: Symbol, b: Symbol) -> Symbol:
     about_x = rows(column(1, 0, 0), column(0, cos(a), -sin(a)), column(0, sin(a), cos(a)))
     about_y = rows(column(cos(b), 0, sin(b)), column(0, 1, 0), column(-sin(b), 0, cos(b)))
     return about_x @ about_y
-
-
-def _about_x(angle: Array, v: Array, slope: bool = False) -> Array:
-    """R_X(angle) v, or its derivative by the angle.  (n,), (n, j, 3) -> (n, j, 3)."""
-    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    y, z = v[..., 1], v[..., 2]
-    if slope:
-        return np.stack([np.zeros_like(c * y), -s * y - c * z, c * y - s * z], axis=-1)
-    return np.stack([v[..., 0] + np.zeros_like(c), c * y - s * z, s * y + c * z], axis=-1)
-
-
-def _about_y(angle: Array, v: Array, slope: bool = False) -> Array:
-    """R_Y(angle) v, or its derivative by the angle.  (n, j), (j, 3) or (n, j, 3) -> (n, j, 3)."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, z = v[..., 0], v[..., 2]
-    if slope:
-        return np.stack([-s * x + c * z, np.zeros_like(c * x), -c * x - s * z], axis=-1)
-    return np.stack([c * x + s * z, v[..., 1] + np.zeros_like(c), -s * x + c * z], axis=-1)

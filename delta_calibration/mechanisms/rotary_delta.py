@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +21,7 @@ from delta_calibration.model.symbols import (
     acos,
     atan2,
     column,
+    little,
     norm,
     square,
     wrapped,
@@ -65,6 +67,12 @@ class RotaryDelta(DeltaModel):
         return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g))
 
     @staticmethod
+    def nearby(d: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """The same where the arms are turned a little on from q."""
+        elbows = tuple(_turned_on(d[leg], q[leg], g[leg], c[leg]) for leg in range(LEGS))
+        return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g))
+
+    @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Platform and elbows."""
         return column(x[0:3], *(_elbow(q[leg], g[leg], c[leg]) for leg in range(LEGS)))
@@ -100,6 +108,14 @@ def _elbow(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
     """Middle of a leg's elbow in the base, moved in by the platform's radius [m]."""
     end = arm_end(q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM])
     return leg_frame(c) @ (g[RADIAL : HEIGHT + 1] + end)
+
+
+def _turned_on(d: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
+    """The elbow with the arm d [rad] on from q: it goes round the hinge."""
+    hinge = leg_frame(c) @ g[RADIAL : HEIGHT + 1]
+    cosine, sine = little(d)
+    ahead, across = _elbow(q, g, c) - hinge, _elbow(q + pi / 2, g, c) - hinge
+    return hinge + cosine * ahead + sine * across
 
 
 def outward(place: Symbol, tilt: Symbol, zero: Symbol, arm: Symbol, rod: Symbol) -> Symbol:

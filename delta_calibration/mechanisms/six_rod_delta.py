@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.mechanisms.delta_leg import (
-    LEGS,
     DeltaModel,
     arm_end,
     hinge_frame,
@@ -79,13 +78,6 @@ class SixRodDelta(DeltaModel):
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Joint of the three-sphere model with the pair's mean."""
         return RotaryDelta.reaching(x, _sphere(g), c)
-
-    def three_spheres(self, g: Array) -> Array:
-        """Nearest `RotaryDelta` geometry: hinge less platform joint.  (..., 60) -> (..., 24)."""
-        leg = legs(g)
-        joint = leg[..., BASE] - leg[..., PLATFORM]
-        each = np.concatenate([joint, leg[..., TILT_X : ROD + 1]], axis=-1)
-        return each.reshape((*g.shape[:-1], LEGS * 8))
 
     def _leg_parameters(self, leg: int) -> list[Parameter]:
         d, t = self.dimensions, self.tolerances

@@ -17,6 +17,6 @@ def lower_meeting_point(
     size = square(normal)
     da = (dot(a, a) + radii[0] ** 2 - radii[1] ** 2) / 2
     db = (dot(b, b) + radii[0] ** 2 - radii[2] ** 2) / 2
-    foot = (da * cross(b, normal) + db * cross(normal, a)) / size
+    foot = cross(da * b - db * a, normal) / size
     rise = sqrt((radii[0] ** 2 - square(foot)) / size)
     return centres[0] + foot - rise * normal

@@ -1,4 +1,4 @@
-"""Constants of the compiled chain, for its loops, for those who call them and for exported C.
+"""Constants of the compiled chain, for its loops and for those who call them.
 
 What an effect may take of a sample are named numbers in one row (`effects/signals.py`). Of most of
 them the chain knows nothing; it has to find those of `NAMES`. Their places in the row are handed
@@ -49,7 +49,7 @@ NOTHING, READINGS, POSES = range(3)
 FREE_FALL = 9.80665  # [m/s^2] standard acceleration (ISO 80000-3)
 MOMENT = 5e-3  # [s] over which a motion is differenced
 STEPS = 25  # of Newton's method
-SIDES = 6  # that may be derived at once, of a pose of fewer coordinates
+SIDES = 12  # that may be derived at once: a place of a tool that is turned has as many
 ROUNDS = 12  # of effects at the pose that they lead to, and of poses that are aimed at
 STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
 SETTLED_STEP = 1e-11  # [m, rad] last of Newton's; what is left is of the order of its square

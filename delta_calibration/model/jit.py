@@ -71,17 +71,19 @@ def compiled(
     return decorate
 
 
-def law(function: Any, digest: str) -> int:
+def law(function: Any, digest: str, lanes: tuple[int, ...] = ()) -> int:
     """Compile a generated law, a function of its workspace, and return its address.
 
     Args:
         function: of a generated file.
         digest: of that file; part of the name that the machine code is kept under, since a file
             may change and have the same length and date.
+        lanes: of a law of lanes first and count of the inputs and of the outputs that each lane
+            has its own of, and the workspace's size: how many they are is its last number.
     """
     own = f"{function.__qualname__}_{digest}_{_digest(_sources(lowering.__name__))}"
     function.__qualname__ = own
-    made = _kept(numba.cfunc, lowering.thin(function), _LAW, **_CONTRACTED)
+    made = _kept(numba.cfunc, lowering.thin(function, lanes), _LAW, **_CONTRACTED)
     _LOADED.append(made)
     return int(made.address)
 
@@ -104,10 +106,16 @@ def _digest(text: str) -> str:
 
 @cache
 def _sources(name: str) -> str:
-    """Of a module, and of those of the package that it imports from."""
-    module = sys.modules[name]
-    text = Path(str(module.__file__)).read_text(encoding="utf-8")
-    return "".join([text, *map(_sources, _taken_from(module))])
+    """Of a module, and of those of the package that it reaches by imports, each once."""
+    found: dict[str, str] = {}
+    todo = [name]
+    while todo:
+        own = todo.pop()
+        if own not in found:
+            module = sys.modules[own]
+            found[own] = Path(str(module.__file__)).read_text(encoding="utf-8")
+            todo.extend(_taken_from(module))
+    return "".join(found[own] for own in sorted(found))
 
 
 @cache

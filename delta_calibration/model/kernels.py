@@ -58,12 +58,13 @@ class Room(NamedTuple):
     by_q: Array  # (R, m)
     by_g: Array  # (R, p)
     system: Array  # (max, max + sides)
-    step: Array
+    step: Array  # of unknowns, or a weight a side
     way: Array  # (m,)
 
 
 Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
 SETUP, SHARED, NEAR, FULL = range(4)
+BESIDE = NEAR  # the stage whose derivatives by the joints are asked for, beside those by the pose
 M, K, P, R, T = range(5)
 
 
@@ -83,7 +84,7 @@ def room(limbs: Limbs, size: int) -> Room:
         np.zeros((r, m)),
         np.zeros((r, p)),
         np.zeros((wide, wide + max(m, max(k, SIDES)))),
-        np.zeros(wide),
+        np.zeros(max(wide, SIDES)),
         np.zeros(m),
     )
 
@@ -194,6 +195,30 @@ def spread_geometry(limbs: Limbs, room: Room) -> None:
 
 
 @compiled(borrows=True)
+def squares(slope: Array, system: Array) -> None:
+    """slope^T slope of slope (r, k), into the first columns of `system`."""
+    for i in range(slope.shape[1]):
+        for j in range(i, slope.shape[1]):
+            total = 0.0
+            for row in range(slope.shape[0]):
+                total += slope[row, i] * slope[row, j]
+            system[i, j] = total
+            system[j, i] = total
+
+
+@compiled(borrows=True)
+def normal_equations(slope: Array, f: Array, system: Array) -> None:
+    """The same, and slope^T f of f (r,) behind it."""
+    k = slope.shape[1]
+    squares(slope, system)
+    for i in range(k):
+        total = 0.0
+        for row in range(slope.shape[0]):
+            total += slope[row, i] * f[row]
+        system[i, k] = total
+
+
+@compiled(borrows=True)
 def towards(room: Room, r: int, k: int) -> bool:
     """Newton's step in the pose, f_x^+ f, into `step`; False where there is none."""
     system, by_x, f, step = room.system, room.by_x, room.f, room.step
@@ -202,17 +227,8 @@ def towards(room: Room, r: int, k: int) -> bool:
             for j in range(k):
                 system[i, j] = by_x[i, j]
             system[i, k] = f[i]
-    else:  # normal equations
-        for i in range(k):
-            for j in range(k):
-                total = 0.0
-                for row in range(r):
-                    total += by_x[row, i] * by_x[row, j]
-                system[i, j] = total
-            total = 0.0
-            for row in range(r):
-                total += by_x[row, i] * f[row]
-            system[i, k] = total
+    else:
+        normal_equations(by_x, f, system)
     if not solve(system, k, 1):
         return False
     for i in range(k):
@@ -294,15 +310,12 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
     """
     r, k, count = limbs.sizes[R], limbs.sizes[K], len(by_pose)
     system, by_x = room.system, room.by_x
+    if r != k:
+        squares(by_x, system)
     for i in range(k):
-        for j in range(k):
-            if r == k:
+        if r == k:
+            for j in range(k):
                 system[i, j] = by_x[j, i]
-            else:
-                total = 0.0
-                for row in range(r):
-                    total += by_x[row, i] * by_x[row, j]
-                system[i, j] = total
         for side in range(count):
             system[i, k + side] = by_pose[side, i]
     return solve(system, k, count)
@@ -313,7 +326,7 @@ def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) ->
     """Derivatives by joints (c, m) and dimensions (c, p) of what has `by_pose` (c, k).
 
     By the implicit function theorem, where the limbs were placed with `FULL`. Columns of `by_g`
-    behind those of the dimensions become zero.
+    behind those of the dimensions become zero; without columns nothing is derived by these.
     """
     r, k, p, count = limbs.sizes[R], limbs.sizes[K], limbs.sizes[P], len(by_pose)
     found = back(limbs, by_pose, room)
@@ -322,7 +335,8 @@ def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) ->
     if not found:
         return
     joints, params, rows = limbs.joints, limbs.params, limbs.rows
-    own, each, from_q, from_g = joints.shape[1], params.shape[1], limbs.at[F_Q], limbs.at[F_G]
+    own, from_q, from_g = joints.shape[1], limbs.at[F_Q], limbs.at[F_G]
+    each = params.shape[1] if by_g.shape[1] > 0 else 0
     every, by_x, system, weight = room.work, room.by_x, room.system, room.step
     for limb in range(len(joints)):
         work = every[limb]
@@ -465,7 +479,7 @@ def joints_for(
             x[row, i] = task[row, i]
         good = False
         for _ in range(_DAMPED_STEPS if damped else STEPS):
-            place(limbs, q[row], x[row], NEAR, own)
+            place(limbs, q[row], x[row], BESIDE, own)
             spread_joints(limbs, own)
             square, missed = 0.0, 0.0
             for i in range(r):

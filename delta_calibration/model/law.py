@@ -12,6 +12,10 @@ and do their work in stages, so that nothing is computed more often than it chan
     near     f and its derivatives by the groups `near`     each step of Newton's method
     full     those, and the derivatives by the groups `full`
 
+A law of `lanes` is evaluated for many values of one group at once, in vector instructions. They
+stand behind the workspace, whose last number says how many there are: the inputs and then the
+outputs, each of all lanes. What is divided by is inverted once there.
+
 Derivatives are CasADi's (forward mode, so that columns which do not change are found by `setup`);
 its instructions, one by one, become the lines of a numba function.
 """
@@ -20,7 +24,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from hashlib import blake2s
 from importlib import import_module
@@ -48,6 +52,7 @@ class Law:
     shared: tuple[str, ...] = ()
     near: tuple[str, ...] = ()
     full: tuple[str, ...] = ()
+    lanes: str = ""  # group of which stage `full` takes many values at once; no derivatives then
 
     @cached_property
     def offsets(self) -> dict[str, int]:
@@ -78,7 +83,8 @@ class Law:
     @property
     def layout(self) -> tuple[Any, ...]:
         """All that the generated file depends on, besides what `express` says."""
-        return (self.groups, self.outputs, self.fixed, self.shared, self.near, self.full)
+        own = (self.lanes,) if self.lanes else ()
+        return (self.groups, self.outputs, self.fixed, self.shared, self.near, self.full, *own)
 
     def source(self) -> str:
         """The generated file."""
@@ -102,7 +108,9 @@ class CompiledLaw:
 # --- the generator -------------------------------------------------------------------------------
 
 _WORD, _INPUT = re.compile(r"[a-z]\w*"), re.compile(r"i\d+")
+_DIVISION = re.compile(r"(\w+) / (t\d+)")
 _DIGEST = "digest of this file"
+_ALIGNED = 8  # numbers of a line of the processor's cache
 _FUNCTIONS = (
     "acos",
     "asin",
@@ -136,12 +144,15 @@ class _Line:
 
 def _lines(law: Law) -> Iterator[str]:
     lines, outputs = _instructions(law)
+    lines = list(_inverted(lines)) if law.lanes else lines
     own = {line.target: line for line in lines}
     wanted = [_needed(own, outputs, names) for names in _asked(law)]
     kept = _kept_results(lines, wanted[1], outputs)
     place = {name: law.offsets["rest"] + i for i, name in enumerate(kept)}
     first = sum(own[name].stage == 0 for name in kept)
     size = law.offsets["rest"] + len(kept)
+    if law.lanes:
+        size = (size // _ALIGNED + 1) * _ALIGNED
     words = {word for line in lines for word in _WORD.findall(line.text)}
     words |= {word for ends in outputs.values() for _, end in ends for word in _WORD.findall(end)}
     yield '"""Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""'
@@ -154,6 +165,11 @@ def _lines(law: Law) -> Iterator[str]:
     yield f"LAYOUT = {law.layout!r}"
     yield f"SIZE = {size}"
     yield f"SHARED = ({law.offsets['rest'] + first}, {size})"
+    many = ""
+    if law.lanes:
+        count = dict(law.groups)[law.lanes]
+        yield f"LANES = {(law.offsets[law.lanes], count, law.offsets['f'], law.outputs, size)}"
+        many = ", LANES"
     yield ""
     bodies: dict[str, list[str]] = {}
     for stage, name in enumerate(STAGES):
@@ -170,10 +186,29 @@ def _lines(law: Law) -> Iterator[str]:
     yield ""
     yield "ADDRESSES = {"
     for name, body in bodies.items():
-        yield f'    "{name}": ' + (f'law({name}, "{_DIGEST}"),' if body else "idle(),")
+        more = many if name == "full" else ""
+        yield f'    "{name}": ' + (f'law({name}, "{_DIGEST}"{more}),' if body else "idle(),")
     yield "}"
     if not law.near:
         yield 'ADDRESSES["near"] = ADDRESSES["full"]'
+
+
+def _inverted(lines: list[_Line]) -> Iterator[_Line]:
+    """The same with one division by what is divided by, and products in the others' places."""
+    last = max(int(line.target[1:]) for line in lines)
+    known: dict[str, str] = {}
+    for line in lines:
+        division = _DIVISION.fullmatch(line.text)
+        if division is None:
+            yield line
+            continue
+        upper, lower = division.groups()
+        if lower not in known:
+            known[lower] = f"t{last + 1 + len(known)}"
+            stage = next(own.stage for own in lines if own.target == lower)
+            yield _Line(known[lower], f"1.0 / {lower}", (lower,), stage)
+        needs = tuple(known[lower] if name == lower else name for name in line.needs)
+        yield replace(line, text=f"{upper} * {known[lower]}", needs=needs)
 
 
 def _asked(law: Law) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -35,12 +35,14 @@ from delta_calibration.model.kernels import (
     R,
     Room,
     assemble,
+    copy_into,
     fill,
     moved,
     place,
     room,
     set_geometry,
     solve,
+    squares,
 )
 
 Array = NDArray[np.float64]
@@ -228,7 +230,7 @@ def _accelerate(
     if not moving:
         return False
     there, way = found.there, found.way
-    for side in (-1.0, 0.0, 1.0):
+    for side in range(-1, 2):
         t = side * MOMENT
         for i in range(len(q)):
             way[i] = q[i] + rate[i] * t + acceleration[i] * t * t / 2
@@ -237,7 +239,7 @@ def _accelerate(
         assemble(limbs, way, there, STRAY, room)
         point_at(bearing, there, centre, found.point)
         masses_at(bearing, way, there, found.mass)
-        _places(bearing, found, (-2.0 if side == 0.0 else 1.0) / MOMENT**2)
+        _places(bearing, found, (-2.0 if side == 0 else 1.0) / MOMENT**2)
     return True
 
 
@@ -246,15 +248,11 @@ def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Arr
     """Pulls of the cables that bear u_x, nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
     system = room.system
+    squares(room.by_x, system)
     for i in range(k):
         right = -found.u_x[0, i]
         for row in range(r):
             right -= room.by_x[row, i] * bearing.pretension
-        for j in range(k):
-            total = 0.0
-            for row in range(r):
-                total += room.by_x[row, i] * room.by_x[row, j]
-            system[i, j] = total
         system[i, k] = right
     good = solve(system, k, 1)
     for row in range(r):
@@ -350,14 +348,15 @@ def every(
 
 
 @compiled()
-def places(limbs: Limbs, bearing: Bearing, q: Array, x: Array, g: Array) -> Array:
-    """Places of all masses but the payload, (n, K, 3) [m]."""
-    n, count, last = len(q), len(bearing.kg), len(g) - 1
-    found, own = np.empty((n, count, 3)), carried(limbs, bearing)
+def pulls(limbs: Limbs, size: int, bearing: Bearing, x: Array, g: Array, load: Array) -> Array:
+    """Pulls of the limbs that bear dU/dx = load (n, k) at poses x (n, k), (n, R)."""
+    n, last = len(x), len(g) - 1
+    own, found = room(limbs, size), carried(limbs, bearing)
+    every_pull = np.empty((n, limbs.sizes[R]))
     for row in range(n):
-        set_masses(limbs, bearing, g[min(row, last)], own)
-        masses_at(bearing, q[row], x[row], own.mass)
-        for i in range(count):
-            for axis in range(3):
-                found[row, i, axis] = own.mass[bearing.mass_at[3] + 3 * i + axis]
-    return found
+        if row == 0 or last > 0:
+            set_geometry(limbs, g[min(row, last)], own)
+        place(limbs, found.still, x[row], FULL, own)
+        copy_into(found.u_x[0], load[row])
+        _pulls(limbs, bearing, own, found, every_pull[row])
+    return every_pull

@@ -18,9 +18,11 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 _REAL = types.float64
+_INDEX = ir.IntType(64)
 _PLAIN = {
     ast.Add: "fadd",
     ast.Sub: "fsub",
@@ -31,10 +33,11 @@ _INTRINSIC = {"abs": "llvm.fabs", "floor": "llvm.floor", "ceil": "llvm.ceil"}
 _COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 
 
-def thin(function: FunctionType) -> FunctionType:
+def thin(function: FunctionType, lanes: tuple[int, ...] = ()) -> FunctionType:
     """A function of one call that does what a generated one does, with its name and its file.
 
-    What numba keeps of it stands beside the generated file, under the function's name.
+    What numba keeps of it stands beside the generated file, under the function's name. Of a law of
+    `lanes` (see `jit.law`) it does so for all of them.
     """
     own = function.__code__
 
@@ -44,7 +47,11 @@ def thin(function: FunctionType) -> FunctionType:
 
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             del signature
-            _Lowering(context, builder, args[0]).write(_lines_of(own.co_filename, own.co_name))
+            lines = _lines_of(own.co_filename, own.co_name)
+            if lanes:
+                _Lanes(context, builder, args[0], lanes).write(lines)
+            else:
+                _Lowering(context, builder, args[0]).write(lines)
             return context.get_dummy_value()
 
         return types.void(w), generate
@@ -96,7 +103,7 @@ class _Lowering:
 
     def place(self, node: Any) -> Any:
         """w[number]."""
-        index = ir.Constant(ir.IntType(64), node.slice.value)
+        index = ir.Constant(_INDEX, node.slice.value)
         return self.builder.gep(self.workspace, [index], inbounds=True)
 
     @staticmethod
@@ -158,3 +165,42 @@ class _Lowering:
         known = typing.resolve_value_type(function)
         signature = known.get_call_type(typing, (_REAL,) * len(values), {})
         return self.context.get_function(known, signature)(self.builder, list(values))
+
+
+class _Lanes(_Lowering):
+    """The same for all lanes: a loop that LLVM turns into vector instructions."""
+
+    def __init__(self, context: Any, builder: Any, workspace: Any, lanes: tuple[int, ...]) -> None:
+        super().__init__(context, builder, workspace)
+        first, count, to, outputs, size = lanes
+        self.own = {first + i: i for i in range(count)}  # slot, and which of a lane's numbers
+        self.own |= {to + i: count + i for i in range(outputs)}
+        number = builder.load(self.at(ir.Constant(_INDEX, size - 1)))
+        self.count = builder.fptosi(number, _INDEX)
+        self.behind = self.at(ir.Constant(_INDEX, size))
+        self.lane: Any = None
+
+    def write(self, lines: list[ast.stmt]) -> None:
+        """What all lanes share is read before the loop."""
+        shared = [line for line in lines if self.is_shared(line)]
+        super().write(shared)
+        with cgutils.for_range(self.builder, self.count, intp=_INDEX) as loop:  # type: ignore[no-untyped-call,unused-ignore]
+            self.lane = loop.index
+            super().write([line for line in lines if line not in shared])
+
+    def is_shared(self, line: ast.stmt) -> bool:
+        """Whether it reads a slot that is the same for all."""
+        value: Any = getattr(line, "value", None)
+        return isinstance(value, ast.Subscript) and value.slice.value not in self.own  # type: ignore[attr-defined]
+
+    def at(self, index: Any, start: Any = None) -> Any:
+        """The place of an index in the workspace, or from a place on."""
+        return self.builder.gep(start or self.workspace, [index], inbounds=True)
+
+    def place(self, node: Any) -> Any:
+        """w[number], or what this lane has there."""
+        row = self.own.get(node.slice.value)
+        if row is None:
+            return super().place(node)
+        begin = self.builder.mul(self.count, ir.Constant(_INDEX, row))
+        return self.at(self.builder.add(begin, self.lane), self.behind)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError, ReachError
+from delta_calibration.files import written_whole
 from delta_calibration.plans.motion import MotionPath, Plan
 from delta_calibration.plans.points import tool_frames
 from delta_calibration.plans.target_file import (
@@ -96,29 +97,24 @@ def write_plan(path: Path, plan: Plan, robot: Robot) -> None:
     if plan.paths:
         head += [PATH, DURATION]
         blank = ["", ""]
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        with beside.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(head)
-            each = zip(
-                plan.target,
-                tool_frames(robot, plan.joint)[1][:, turns],
-                plan.direction,
-                plan.payload,
-                strict=True,
-            )
-            for target, turn, side, mass in each:
-                place = [*_in_mm(target), *_in_degrees(turn)]
-                writer.writerow([*place, f"{side:.0f}", f"{mass:g}", *blank])
-            for name, motion in zip(_names(plan.paths), plan.paths, strict=True):
-                points, turned = tool_frames(robot, motion.joint)
-                for point, turn in zip(points, turned[:, turns], strict=True):
-                    place = [*_in_mm(point), *_in_degrees(turn)]
-                    writer.writerow([*place, "", "", name, f"{motion.duration:.6g}"])
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with written_whole(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(head)
+        each = zip(
+            plan.target,
+            tool_frames(robot, plan.joint)[1][:, turns],
+            plan.direction,
+            plan.payload,
+            strict=True,
+        )
+        for target, turn, side, mass in each:
+            place = [*_in_mm(target), *_in_degrees(turn)]
+            writer.writerow([*place, f"{side:.0f}", f"{mass:g}", *blank])
+        for name, motion in zip(_names(plan.paths), plan.paths, strict=True):
+            points, turned = tool_frames(robot, motion.joint)
+            for point, turn in zip(points, turned[:, turns], strict=True):
+                place = [*_in_mm(point), *_in_degrees(turn)]
+                writer.writerow([*place, "", "", name, f"{motion.duration:.6g}"])
 
 
 def _in_mm(point: Array) -> list[str]:

@@ -125,7 +125,7 @@ def tool_frames(robot: Robot, joint: Array) -> tuple[Array, Array]:
     """The same, and how the platform is turned there, 2 (n, 3) [m, rad]; see `Mechanism.turn`."""
     model = robot.commanded
     x = model.forward(joint, model.parameters.nominal)
-    return np.asarray(model.position(x) + model.rotation(x) @ robot.tool_offset), model.turn(x)
+    return model.points(x, robot.tool_offset), model.turn(x)
 
 
 def require_limits(robot: Robot, joint: Array, what: str) -> None:

@@ -24,7 +24,6 @@ POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 POINT_STAMPED = "geometry_msgs/msg/PointStamped"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
 INERTIA_STAMPED = "geometry_msgs/msg/InertiaStamped"
-CLOCK = "rosgraph_msgs/msg/Clock"
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 _STAMP = struct.Struct("<iI")
@@ -90,11 +89,6 @@ def encode_temperature(stamp_ns: int, part: str, celsius: float, variance: float
 def encode_payload(stamp_ns: int, frame: str, mass: float, centre: Sequence[float]) -> bytes:
     """CDR of an InertiaStamped: `mass` [kg] and `centre` (3,) [m]; the moments stay zero."""
     return _stamped(stamp_ns, frame, struct.pack("<4d", mass, *centre) + bytes(48))
-
-
-def encode_clock(stamp_ns: int) -> bytes:
-    """CDR of a Clock, for a player that publishes the time of its recording."""
-    return ENCAPSULATION + _stamp(stamp_ns)
 
 
 def _stamp(stamp_ns: int) -> bytes:

@@ -14,7 +14,7 @@ from typing import Any
 from delta_calibration import __version__
 from delta_calibration.accuracy import IsoReport
 from delta_calibration.diagnosis.diagnose import Diagnosis
-from delta_calibration.errors import InputError
+from delta_calibration.files import written_whole
 from delta_calibration.report.browser import places_of, plot_of
 from delta_calibration.report.document import Report
 from delta_calibration.report.missing import required
@@ -69,12 +69,8 @@ def write_page(path: Path, report: Report) -> None:
         InputError: a library is missing, or the file cannot be written.
     """
     text = page_of(report)
-    beside = path.with_name(f".{path.name}.part")
-    try:
+    with written_whole(path) as beside:
         beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def _plots(report: Report) -> tuple[dict[str, Any], dict[str, list[str]]]:

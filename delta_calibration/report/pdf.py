@@ -12,6 +12,7 @@ from typing import Any
 
 from delta_calibration import __version__
 from delta_calibration.errors import InputError
+from delta_calibration.files import written_whole
 from delta_calibration.report.document import KeyFigure, Report, Section, Statement, Table
 from delta_calibration.report.drawing import Figure
 from delta_calibration.report.missing import required
@@ -35,12 +36,8 @@ def write_pdf(path: Path, report: Report) -> None:
         InputError: fpdf2 or matplotlib is not installed, or the file cannot be written.
     """
     content = pdf_of(report)
-    beside = path.with_name(f".{path.name}.part")
-    try:
+    with written_whole(path) as beside:
         beside.write_bytes(content)
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def pdf_of(report: Report) -> bytes:
