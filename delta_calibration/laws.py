@@ -16,6 +16,7 @@ import numpy as np
 
 from delta_calibration.effects import Effect, catalogue
 from delta_calibration.effects.base import law_for
+from delta_calibration.effects.found_law import FoundLaw, Target
 from delta_calibration.effects.joint_curve import JointCurve
 from delta_calibration.effects.signals import Places
 from delta_calibration.effects.unexplained import DIRECTION, JOINT, POSITION, Unexplained
@@ -100,6 +101,7 @@ def _effects(robot: Robot, mechanism: Mechanism) -> Iterator[Effect]:
     yield from (effect for effect in every if type(effect).__module__.startswith(_PACKAGE))
     here, size = (0.0,) * mechanism.joints, mechanism.joint_size
     yield JointCurve(robot, mechanism, lower=here, upper=(size,) * mechanism.joints)
+    yield FoundLaw(robot, mechanism, targets=(Target("", "", ((0, 1.0),), ""),))
     yield Unexplained(robot, mechanism, DIRECTION)
     for family in (POSITION, JOINT):
         yield Unexplained(robot, mechanism, family, width=size, centres=here)

@@ -470,7 +470,7 @@ def test_an_interval_counts_how_far_a_sensor_is_behind_its_part() -> None:
     )
     found, earlier = grown(trial.session), grown(replace(trial.session, temperature=late))
     own = found.members[0]
-    whole = findings._spread(found.evidence, found, own)[0]
+    whole = findings.spread_of(found.evidence, found, own)[0]
     columns = columns_of(own, found.evidence)
     alone = np.sqrt(np.linalg.inv(found.evidence.information(columns))[0, 0])
     moved = (earlier.values(own) - found.values(own))[0] / growth.parameters.prior[0]

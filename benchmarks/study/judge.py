@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,8 @@ def judge(key: str) -> dict[str, Any]:
             for finding in found.verdict.findings
         ],
         "unknown": found.verdict.unknown_structure.found,
+        "values": next((dict(cause.values) for cause in trial.causes), {}),
+        "laws": [asdict(law) for law in found.verdict.unknown_structure.laws],
         "moves_with": found.verdict.unknown_structure.moves_with,
         "cannot_tell": [list(item.between) for item in found.verdict.cannot_tell],
         "noise_um": 1e3 * (found.verdict.noise_mm or 0.0),

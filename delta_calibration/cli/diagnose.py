@@ -24,14 +24,23 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
     write_json,
+    write_text,
 )
-from delta_calibration.diagnosis import STEPS, Diagnosis, Finding, Verdict, diagnose
+from delta_calibration.diagnosis import (
+    STEPS,
+    Diagnosis,
+    Finding,
+    FoundEquation,
+    Verdict,
+    diagnose,
+)
 from delta_calibration.diagnosis.scores import Score
+from delta_calibration.export.effect_file import effect_file, project_file, require_effect_name
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Survey, survey
-from delta_calibration.wording import measured, mm, plain, sure
+from delta_calibration.wording import listed, measured, mm, plain, sure
 
 _FILE = click.Path(path_type=Path)
 
@@ -54,6 +63,13 @@ _FILE = click.Path(path_type=Path)
     default=None,
     help="HTML page to write; it opens offline.",
 )
+@click.option(
+    "--law",
+    "law_file",
+    type=_FILE,
+    default=None,
+    help="Effect file to write of the likeliest law of what has no name: FILE.py.",
+)
 @model_option
 @seed_option
 @topics_option
@@ -66,6 +82,7 @@ def command(
     json_file: Path | None,
     out: Path | None,
     report_file: Path | None,
+    law_file: Path | None,
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
@@ -79,9 +96,11 @@ def command(
     name is and what it gains on data that the fit has not seen. What fits no cause is reported as
     unknown, and what this session cannot tell is said, with the measurement that would.
     """
-    for path in (json_file, out, report_file):
+    for path in (json_file, out, report_file, law_file):
         if path is not None:
             require_folder(path)
+    if law_file is not None:
+        require_effect_name(law_file)
     if report_file is not None:
         require_libraries()
     robot = load_robot(robot_file)
@@ -102,10 +121,27 @@ def command(
     if out is not None:
         save_extended(out, found, robot, seen.poses)
         click.echo(f"written: {out}")
+    if law_file is not None:
+        for line in write_law(law_file, found, session.name):
+            click.echo(line)
     if report_file is not None:
         made = report_on(session, recorded, found, robot, seed, calibration)
         write_page(report_file, made)
         click.echo(f"written: {report_file}")
+
+
+def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:
+    """Write the likeliest law as an effect of one's own; what was done, a line each."""
+    if not found.laws:
+        return [f"not written: {path}: no law of what is left is sure enough"]
+    law, equations = found.laws[0], found.verdict.unknown_structure.laws
+    seen = f"Seen in {session}, {sure(law.probability)} likely: {listed(equations[0].seen())}."
+    write_text(path, effect_file(law.guess, path.stem, seen))
+    project = path.with_name("pyproject.toml")
+    if project.exists():
+        return [f"written: {path} (entry point {path.stem} to be added to {project})"]
+    write_text(project, project_file(path.stem))
+    return [f"written: {path} and {project}; `pip install .` there makes the effect known"]
 
 
 def diagnosed(
@@ -150,6 +186,7 @@ def describe(
             "",
             f"unexplained structure{size}: moves with {unknown.moves()}{where}",
         ]
+    lines += [line for law in unknown.laws for line in _law(law)]
     if verdict.cannot_tell:
         lines += ["", "this session cannot tell:"]
         for entry in verdict.cannot_tell:
@@ -175,6 +212,20 @@ def _finding(finding: Finding) -> list[str]:
             f"  the same on this session: {', '.join(finding.equivalents)}; "
             f"to part them: {finding.separated_by}"
         )
+    return lines
+
+
+def _law(law: FoundEquation) -> list[str]:
+    values = ", ".join(
+        f"{name} {plain(measured(e.value, e.std, e.unit))}" for name, e in law.values.items()
+    )
+    lines = [
+        f"  law at {law.part} ({law.stage}), {sure(law.probability)} likely: {law.equation}",
+        f"    {values}",
+        f"    seen for {listed(law.seen())}",
+    ]
+    if law.rival:
+        lines.append(f"    or {law.rival}; to part them: {law.separated_by}")
     return lines
 
 

@@ -9,13 +9,14 @@ from delta_calibration.diagnosis.diagnose import (
 from delta_calibration.diagnosis.judge import STEPS, Judgement
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.diagnosis.observed import Observed
-from delta_calibration.diagnosis.verdict import Finding, Verdict
+from delta_calibration.diagnosis.verdict import Finding, FoundEquation, Verdict
 from delta_calibration.identification import Measured
 
 __all__ = [
     "STEPS",
     "Diagnosis",
     "Finding",
+    "FoundEquation",
     "Judgement",
     "Measured",
     "Model",

@@ -22,6 +22,7 @@ from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
+from delta_calibration.diagnosis.law_search import Likely
 from delta_calibration.diagnosis.model import Model, solved
 from delta_calibration.diagnosis.observed import Observed
 from delta_calibration.diagnosis.search import Found
@@ -60,6 +61,7 @@ class Diagnosis:
     before: HeldOut  # those of the baseline
     after: HeldOut  # those of the extended model
     refused: tuple[Candidate, ...]  # found, but it makes predictions worse: not shipped
+    laws: tuple[Likely, ...]  # of what has no name, likeliest first
     identification: Identification  # the same model as a fit has it, effects in its chain
 
     @property
@@ -128,6 +130,7 @@ def diagnose(
         before=found.before,
         after=found.after,
         refused=found.refused,
+        laws=found.laws,
         identification=whole,
     )
 

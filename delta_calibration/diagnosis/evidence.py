@@ -119,6 +119,15 @@ class Evidence:
         return np.asarray(self._flat.T @ a - self._shared.T @ shared)
 
     @property
+    def projected(self) -> Array:
+        """C^-1 A, (n, d, A)."""
+        return self.rest.without(self._flat).reshape(self.nuisance.shape)
+
+    def solved(self, along: Array) -> Array:
+        """(A^T C^-1 A + P)^-1 of columns (A, k)."""
+        return np.asarray(cho_solve(self._factor, along))
+
+    @property
     def geometry(self) -> Array:
         """Whitened columns of the mechanism's dimensions in units of their priors, (d n, p)."""
         return self._flat[:, self.chain.layout.geometry]
@@ -195,13 +204,17 @@ class Evidence:
 
     def columns(self, effect: Effect) -> Array:
         """Whitened columns of an effect, in units of its parameters' priors, (d n, k)."""
-        slope = {
+        slope = self.by_stage(effect.stage)
+        columns = effect.columns_of(self._signals(effect), by_stage=slope)
+        return np.asarray((columns * effect.parameters.prior).reshape(self.size, -1))
+
+    def by_stage(self, stage: Stage) -> Array:
+        """How the whitened reading goes with what a stage hands on, (n, d, size of the stage)."""
+        return {
             Stage.DRIVE: self.by_joints,
             Stage.STRUCTURE: self.by_geometry,
             Stage.MEASUREMENT: self.whiten,
-        }[effect.stage]
-        columns = effect.columns_of(self._signals(effect), by_stage=slope)
-        return np.asarray((columns * effect.parameters.prior).reshape(self.size, -1))
+        }[stage]
 
     def _signals(self, effect: Effect) -> Signals:
         """What the effect takes of the machine as it stands."""
@@ -210,7 +223,7 @@ class Evidence:
         if not effect.stands:
             return self._recorded
         if self.robot is not None:
-            return self._standing
+            return self.standing
         return self.chain.signals(self.at, self.theta, self.pose, effect.robot)
 
     @cached_property
@@ -222,7 +235,8 @@ class Evidence:
         return recorded(self.chain.mechanism, self.seen)
 
     @cached_property
-    def _standing(self) -> Signals:
+    def standing(self) -> Signals:
+        """Signals of the machine as it stands, all its loads among them."""
         return self.chain.signals(self.at, self.theta, self.pose, self.robot)
 
     @property

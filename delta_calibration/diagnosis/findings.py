@@ -173,7 +173,7 @@ def of_member(
     if not member.unexplained and stand.confidence < _LEAST_SURE:
         return None
     items = _items(model, member)
-    spread, of_shape = _spread(evidence, model, member)
+    spread, of_shape = spread_of(evidence, model, member)
     finding = _finding(
         member,
         items,
@@ -189,7 +189,7 @@ def of_member(
     return replace(finding, shape=shape_of(member, of_shape), action=action)
 
 
-def _spread(evidence: Evidence, model: Fitted, member: Candidate) -> tuple[Array, Array]:
+def spread_of(evidence: Evidence, model: Fitted, member: Candidate) -> tuple[Array, Array]:
     """Standard deviations of a member's values in units of the priors, (k,), and of its shape.
 
     The shape's, (fields,), are in units of the spread of a field anywhere in its interval.
@@ -218,7 +218,7 @@ def shape_of(member: Candidate, spread: Array) -> dict[str, Estimate | str]:
 
     Args:
         member: in the shape that was found.
-        spread: of its searched fields, see `_spread`, (fields,).
+        spread: of its searched fields, see `spread_of`, (fields,).
     """
     effect = member.effect
     if effect is None:

@@ -27,6 +27,8 @@ from delta_calibration.diagnosis.findings import (
 )
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
+from delta_calibration.diagnosis.law_words import fitted_with, told
 from delta_calibration.diagnosis.scan import Scan, scanned
 from delta_calibration.diagnosis.scores import Chance, decrease, most_likely
 from delta_calibration.diagnosis.search import Found, beyond_names, find
@@ -43,6 +45,7 @@ from delta_calibration.diagnosis.trust import signal_of, untrusted
 from delta_calibration.diagnosis.unseen import unseen
 from delta_calibration.diagnosis.verdict import (
     Finding,
+    FoundEquation,
     UnknownStructure,
     Verdict,
 )
@@ -51,6 +54,7 @@ from delta_calibration.effects import Effect
 Array = NDArray[np.float64]
 
 _PART = 0.5  # odds that a name beside which a map explains some is not a part of what the map is
+_LIKELIER = 0.9  # probability of a law from which causes that it follows as well are not named
 _SOME = 0.02  # of what a cause explains, that a map may explain beside it: no model is perfect
 STEPS = ("geometry", "causes", "held-out data", "what is left")
 
@@ -67,6 +71,7 @@ class Judgement:
     before: HeldOut  # those of the baseline
     after: HeldOut  # those of the extended model
     refused: tuple[Candidate, ...] = ()  # found, but it makes predictions worse: not shipped
+    laws: tuple[Likely, ...] = ()  # of what has no name, likeliest first
 
 
 def judged(
@@ -93,6 +98,7 @@ def judged(
         start, sought = quiet, find(quiet, effects, rng, sought.model.members)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, effects, rng)
+    found, held, said = _less_than_a_law(found, held, said, effects, rng)
     members = found.model.members
     findings = [f for m, f in said.items() if not m.unexplained]
     step(STEPS[3])
@@ -100,6 +106,12 @@ def judged(
     left = _audited(found.model, rng)
     doubtful = not findings or any(_in_doubt(f, found.last) for f in findings)
     unknown = _unknown(found, sought.model, left, aside, doubtful)
+    laws: tuple[Likely, ...] = ()
+    if unknown.found:
+        laws, equations = _laws(found.model, effects[0], rng)
+        unknown = replace(unknown, laws=equations)
+    if laws:
+        found, held = _by_law(found, held, laws[0])
     found, after, refused = _shipped(found, held, said, start)
     members = found.model.members
     if unknown.found and not members:  # readings in motion would bend what rests on the poses
@@ -119,7 +131,46 @@ def judged(
         unknown_structure=unknown,
         cannot_tell=unseen(found.model.evidence, members, effects, findings, unknown),
     )
-    return Judgement(verdict, found.model, found, left, held, against, after, refused)
+    return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
+
+
+def _less_than_a_law(
+    found: Found,
+    held: HeldOutModels,
+    said: dict[Candidate, Finding],
+    effects: Sequence[Effect],
+    rng: np.random.Generator,
+) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
+    """Without causes that only together follow what is likelier a single law of another form."""
+    named = [m for m in said if m.effect is not None and not m.unexplained]
+    if not named or not found.model.placed:
+        return found, held, said
+    others = tuple(m for m in found.model.members if m not in named)
+    without = beside(found.model.evidence, others)  # about the fit with them: their best view
+    if doubts_of_names(without, named, effects[0].robot) < _LIKELIER:
+        return found, held, said
+    bare = found.model.fitted(tuple(m for m in said if m.effect is None))
+    if not likely_laws(bare.beside, effects[0].robot, effects[0], rng):
+        return found, held, said
+    found = replace(found, model=bare, last=scanned(bare, effects, rng).without(named))
+    return _holding(found, bare, rng)
+
+
+def _by_law(found: Found, held: HeldOutModels, law: Likely) -> tuple[Found, HeldOutModels]:
+    """With a law in the place of a map, where it foretells what is held out as well."""
+    model = fitted_with(_plain(found.model), law.guess).rested()
+    other = HeldOutModels(model)
+    now, then = (
+        each.mm(each.members(of.members, each.sectors))
+        for each, of in ((held, found.model), (other, model))
+    )
+    return (found, held) if then > now else (replace(found, model=model), other)
+
+
+def _plain(model: Fitted) -> Fitted:
+    """A model without maps."""
+    named = tuple(member for member in model.members if not member.unexplained)
+    return model if named == model.members else model.fitted(named)
 
 
 def _shipped(
@@ -134,7 +185,7 @@ def _shipped(
     members, plain = found.model.members, held.members((), held.sectors)
     if held.foretells((), members):
         return found, held.members(members, held.sectors), ()
-    if all(said[member].in_motion for member in members):
+    if all(member in said and said[member].in_motion for member in members):
         return replace(found, model=found.model.resting_as(start)), plain, ()
     return replace(found, model=start), plain, members
 
@@ -277,6 +328,15 @@ def _unknown(
     where = {MOTION: None, SET_ASIDE: aside.worst}.get(worst, left.worst)
     told = None if where is None else _around(where)
     return UnknownStructure(True, told, moves_with(worst), MM * size, tests)
+
+
+def _laws(
+    model: Fitted, any_effect: Effect, rng: np.random.Generator
+) -> tuple[tuple[Likely, ...], tuple[FoundEquation, ...]]:
+    """Laws of what is left beside the names of a model, maps put aside, and their equations."""
+    plain = _plain(model)
+    laws = likely_laws(plain.beside, any_effect.robot, any_effect, rng) if plain.placed else ()
+    return laws, told(laws, plain)
 
 
 def _chance_of_map(model: Fitted, member: Candidate, asked: int) -> float:

@@ -97,6 +97,24 @@ class Rest:
         parts = [root @ (own.T @ x[at]) for at, own, root in self._blocks]
         return np.concatenate([np.zeros((0, x.shape[1])), *parts])
 
+    @property
+    def samples(self) -> tuple[slice, ...]:
+        """Samples of each part of what is seen, as `seen_by_sample` has them."""
+        d = self.own.shape[1]
+        return tuple(slice(at.start // d, at.stop // d) for at, _, _ in self._blocks)
+
+    def seen_by_sample(self, m: Array) -> tuple[Array, ...]:
+        """What each sample gives to s(m f) of a function f of the samples, (samples, r) each.
+
+        Args:
+            m: (n, d).
+        """
+        parts, d = [], self.own.shape[1]
+        for rows, (_, own, root) in zip(self.samples, self._blocks, strict=True):
+            columns = own.reshape(-1, d, own.shape[1])
+            parts.append(np.einsum("nd,ndr->nr", m[rows], columns) @ root.T)
+        return tuple(parts)
+
     def inner(self, x: Array) -> Array:
         """x^T C^-1 x of columns (3 n, k), (k, k)."""
         shared = self.seen(x)

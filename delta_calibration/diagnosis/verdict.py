@@ -128,6 +128,39 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class FoundEquation:
+    """A law of what has no name, at one part of the machine; all in SI units.
+
+    Attributes:
+        stage: drive, structure or measurement.
+        part: what it moves: `joint_2`, `rod_1a`, `base`, `platform`, `tracker`, ...
+        variables: what it depends on, by the glossary's names.
+        equation: for each number that it moves, with `;` between them.
+        values: of what the equation has letters for.
+        probability: of the law, or another that makes the same of this session.
+        rival: the next law, as an equation; None where there is none.
+        separated_by: what would part the two.
+        region: smallest and largest value of each variable in the session: it is known there.
+    """
+
+    stage: str
+    part: str
+    variables: tuple[str, ...]
+    equation: str
+    values: Mapping[str, Estimate]
+    probability: float
+    rival: str | None
+    separated_by: str | None
+    region: Mapping[str, tuple[float, float]]
+
+    def seen(self) -> tuple[str, ...]:
+        """The region, as words."""
+        return tuple(
+            f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in self.region.items()
+        )
+
+
+@dataclass(frozen=True)
 class UnknownStructure:
     """What no cause of the catalogue explains."""
 
@@ -136,6 +169,7 @@ class UnknownStructure:
     moves_with: str | None
     rms_mm: float | None
     tests: Mapping[str, float | None]
+    laws: tuple[FoundEquation, ...] = ()  # likeliest first; none where none is sure enough
 
     def moves(self) -> str:
         """With what its size changes, as words."""

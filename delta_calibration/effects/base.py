@@ -236,6 +236,12 @@ class Effect(ABC):
         """Whether the mechanism has what it acts on."""
         return True
 
+    @classmethod
+    def shaped(cls, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]) -> Effect:
+        """The effect in the shape of a file's settings."""
+        shape: dict[str, Any] = dict(settings)
+        return cls(robot, mechanism, **shape)
+
     @property
     def settings(self) -> dict[str, Setting]:
         """The fields that are its shape, as a file holds them."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.ball_joint_clearance import BallJointClearance
@@ -15,6 +14,7 @@ from delta_calibration.effects.drum_scale import DrumScale
 from delta_calibration.effects.dynamic_deflection import DynamicDeflection
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
 from delta_calibration.effects.forearm_compliance import ForearmCompliance
+from delta_calibration.effects.found_law import FOUND_LAW, FoundLaw
 from delta_calibration.effects.joint_compliance import JointCompliance
 from delta_calibration.effects.joint_lag import JointLag
 from delta_calibration.effects.joint_scale import JointScale
@@ -79,7 +79,7 @@ def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:
 
 def called() -> dict[str, str]:
     """What causes are called in sentences, of those that have a name for that."""
-    every: tuple[type[Effect], ...] = (*EFFECTS.values(), Unexplained)
+    every: tuple[type[Effect], ...] = (*EFFECTS.values(), Unexplained, FoundLaw)
     return {effect.cause: effect.called for effect in every if effect.called}
 
 
@@ -92,7 +92,7 @@ def effect_named(
         InputError: no effect of that cause, none that has such settings, or a value that is not
             allowed; says which is.
     """
-    known: dict[str, type[Effect]] = {**EFFECTS, UNEXPLAINED: Unexplained}
+    known: dict[str, type[Effect]] = {**EFFECTS, UNEXPLAINED: Unexplained, FOUND_LAW: FoundLaw}
     if cause not in known:
         raise InputError(f"no effect {cause!r}; there are: {', '.join(known)}")
     effect = known[cause](robot, mechanism)
@@ -104,8 +104,8 @@ def effect_named(
         allowed = ", ".join(own) or "none"
         raise InputError(f"effect {cause}: unknown setting {', '.join(odd)}; allowed: {allowed}")
     try:
-        shape: dict[str, Any] = {name: _like(own[name], settings[name], name) for name in settings}
-        effect = known[cause](robot, mechanism, **shape)
+        shape = {name: _like(own[name], settings[name], name) for name in settings}
+        effect = known[cause].shaped(robot, mechanism, shape)
         if effect.wrong():
             raise InputError(effect.wrong())
     except InputError as error:

@@ -36,6 +36,7 @@ from delta_calibration.wording import (
     chance,
     figures,
     listed,
+    measured,
     mm,
     moment,
     spoken,
@@ -130,6 +131,8 @@ def verdict_section(verdict: Verdict) -> Section:
             )
         )
     tables.append(_tests(verdict))
+    if verdict.unknown_structure.laws:
+        tables.append(_laws(verdict))
     return Section("verdict", "Verdict in detail", _set_aside(verdict), tuple(tables))
 
 
@@ -158,6 +161,27 @@ def _tests(verdict: Verdict) -> Table:
         told = capital(f"{structure(unknown)}.")
     rows = tuple((_test(name), chance(p)) for name, p in unknown.tests.items())
     return Table("left", "Tests of what is left", ("test", "p"), rows, told)
+
+
+def _laws(verdict: Verdict) -> Table:
+    """Equations of what has no name."""
+    rows = tuple(
+        (
+            f"{spoken(law.part)} ({law.stage})",
+            law.equation,
+            ", ".join(f"{k} {measured(e.value, e.std, e.unit)}" for k, e in law.values.items()),
+            sure(law.probability),
+            ", ".join(law.seen()),
+            f"{law.rival}; {law.separated_by}" if law.rival else NO_VALUE,
+        )
+        for law in verdict.unknown_structure.laws
+    )
+    told = (
+        "Quantities are in SI units. A law is known where it was seen, and a guess beyond. It was "
+        "chosen among some thousands by what each explains and costs to say, against a smooth map."
+    )
+    head = ("acts on", "equation", "values", "likely", "seen for", "or else; what parts them")
+    return Table("laws", "Likely laws of what has no name", head, rows, told, (0, 1, 2, 4, 5))
 
 
 def _test(name: str) -> str:

@@ -13,6 +13,7 @@ from delta_calibration.diagnosis.verdict import (
     CannotTell,
     Estimate,
     Finding,
+    FoundEquation,
     Held,
     SessionFacts,
     UnknownStructure,
@@ -61,11 +62,30 @@ def verdict_of(data: Mapping[str, Any]) -> Verdict:
             unknown.get("moves_with"),
             unknown.get("rms_mm"),
             unknown["tests"],
+            tuple(_equation(law) for law in unknown.get("laws", ())),
         ),
         cannot_tell=tuple(
             CannotTell(tuple(e["between"]), e["because"], e["next"]) for e in data["cannot_tell"]
         ),
     )
+
+
+def _equation(data: Mapping[str, Any]) -> FoundEquation:
+    return FoundEquation(
+        stage=data["stage"],
+        part=data["part"],
+        variables=tuple(data["variables"]),
+        equation=data["equation"],
+        values=_estimates(data["values"]),
+        probability=data["probability"],
+        rival=data.get("rival"),
+        separated_by=data.get("separated_by"),
+        region={name: (low, high) for name, (low, high) in data.get("region", {}).items()},
+    )
+
+
+def _estimates(data: Mapping[str, Any]) -> dict[str, Estimate]:
+    return {name: Estimate(p["value"], p["std"], p["unit"]) for name, p in data.items()}
 
 
 def _held(data: Mapping[str, Any]) -> Held:
@@ -74,16 +94,13 @@ def _held(data: Mapping[str, Any]) -> Held:
 
 def _finding(data: Mapping[str, Any]) -> Finding:
     """A finding; the interval of the gain and the signal are not part of every verdict."""
-    values = {
-        name: Estimate(p["value"], p["std"], p["unit"]) for name, p in data["parameters"].items()
-    }
     return Finding(
         cause=data["cause"],
         location=data["location"],
         kind=data["kind"],
         equivalents=tuple(data["equivalents"]),
         separated_by=data.get("separated_by"),
-        parameters=values,
+        parameters=_estimates(data["parameters"]),
         confidence=data["confidence"],
         p_value=data["p_value"],
         rms_before_mm=data["rms_before_mm"],

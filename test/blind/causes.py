@@ -15,6 +15,7 @@ from blind.geometry import GEOMETRY
 from blind.measurement import MEASUREMENT
 from blind.structure import STRUCTURE
 from blind.unknown import UNKNOWN
+from blind.unnamed import UNNAMED
 
 CAUSES: dict[str, Draw] = {**GEOMETRY, **MEASUREMENT, **DRIVES, **STRUCTURE}
 
@@ -30,7 +31,7 @@ def draw(asked: str, strength: float, rng: np.random.Generator) -> Cause:
     if name == "unknown":
         name = f"unknown:{rng.choice(list(UNKNOWN))}"
     kind = name.removeprefix("unknown:")
-    drawn = (CAUSES if kind == name else UNKNOWN)[kind](rng, strength, legs)
+    drawn = (CAUSES if kind == name else {**UNKNOWN, **UNNAMED})[kind](rng, strength, legs)
     if leg and drawn.location is None:
         return Cause(drawn.name, drawn.act, drawn.values, f"joint_{leg}", drawn.rebuild)
     return drawn

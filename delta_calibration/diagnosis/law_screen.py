@@ -1,0 +1,182 @@
+"""All laws of a grammar about one fit: how well each explains what is left, and at what price.
+
+The column of a law's value is what it moves times a function of the sample,
+
+    x = m f        m (n, d): whitened d(reading) / d(what is moved),    f (n,): the function
+
+and both factors are shared by many laws. With U = C^-1 A, Q the roots of the paths' shared errors
+and g = m . m' the products under V of `evidence.py` are sums over samples of small things,
+
+    <x, x'> = sum g f f' - (Q^T x) . (Q^T x') - (A^T C^-1 x)^T (A^T C^-1 A + P)^-1 (A^T C^-1 x')
+
+so that each m is multiplied out once, and a law costs as much as its functions.
+
+A law is charged as a cause of the catalogue is (`scores.py`): its values share one size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.scores import PRECISION, decrease, log_bayes
+from delta_calibration.effects.base import Stage, law_of
+from delta_calibration.effects.found_law import FoundLaw
+from delta_calibration.effects.signals import Signals
+from delta_calibration.model.terms import Term, columns, table_of
+
+Array = NDArray[np.float64]
+
+_TYPICAL = 1e-4  # [m] by which a value of typical size moves the reading
+_NO_COLUMN = 1e-12  # of a displacement, under which it is none
+
+Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
+Moved = tuple[Stage, tuple[tuple[int, float], ...]]  # what is moved, and how much of each
+Column = tuple[Moved, Taken]
+
+
+@dataclass(frozen=True)
+class Case:
+    """How well some columns explain what is left."""
+
+    log_bayes: float
+    gain: float  # decrease of chi square
+    value: Array  # (k,) most likely, in `size`
+    size: Array  # (k,) units in which each column moves the reading by `_TYPICAL`
+    information: Array  # (k, k) in those units
+
+
+@dataclass
+class _Factor:
+    """What a column's m makes of the nuisance, the shared errors and what is left."""
+
+    moved: Array  # (n, d)
+    nuisance: Array  # (n, A)
+    shared: tuple[Array, ...]  # (samples, r) of each block
+    left: Array  # (n,)
+
+
+@dataclass
+class Screen:
+    """Products of the columns of laws about one evidence.
+
+    Args:
+        evidence: of what is left, with all that may always be in its nuisance.
+        signals: of its samples.
+    """
+
+    evidence: Evidence
+    signals: Signals
+    _factors: dict[Moved, _Factor] = field(default_factory=dict)
+    _functions: dict[Taken, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """What all laws share."""
+        evidence, good = self.evidence, self.evidence.believed
+        self._weighed = evidence.weigh(evidence.column)[:, 0].reshape(evidence.residual.shape)
+        self._projected = evidence.projected
+        self._noise = float(np.sqrt(np.nanmean(evidence.variance[good]) / evidence.coordinates))
+        self._count = int(good.sum())
+
+    def cases(self, laws: Sequence[FoundLaw]) -> list[Case]:
+        """Each law's case by itself."""
+        pairs = [tuple(self.pairs(law)) for law in laws]
+        self._evaluate([taken for own in pairs for _, taken in own])
+        nuisance, shared = self._along_all({pair for own in pairs for pair in own})
+        return [self._case(own, nuisance, shared) for own in pairs]
+
+    def case(self, laws: Sequence[FoundLaw]) -> Case:
+        """That of some laws together."""
+        pairs = tuple(pair for law in laws for pair in self.pairs(law))
+        self._evaluate([taken for _, taken in pairs])
+        return self._case(pairs, *self._along_all(set(pairs)))
+
+    def signal(self, laws: Sequence[FoundLaw], case: Case) -> Array:
+        """What they make of the whitened readings at their most likely values, (d n,)."""
+        pairs = [pair for law in laws for pair in self.pairs(law)]
+        made = (
+            v * self._factor(moved).moved * self._functions[taken][:, None]
+            for v, (moved, taken) in zip(case.value * case.size, pairs, strict=True)
+        )
+        return np.asarray(sum(made)).ravel()
+
+    def pairs(self, law: FoundLaw) -> Iterator[Column]:
+        """What each value moves, and its function."""
+        for target in law.targets:
+            for kind in law.kinds:
+                taken = law.factor(self.signals.places, target, kind)
+                yield (law.stage, target.rows), taken
+
+    def _case(
+        self,
+        pairs: Sequence[Column],
+        nuisance: Mapping[Column, Array],
+        shared: Mapping[Column, Array],
+    ) -> Case:
+        factors = [self._factor(moved) for moved, _ in pairs]
+        f = np.stack([self._functions[taken] for _, taken in pairs])
+        moved = np.stack([factor.moved for factor in factors]) * f[:, :, None]
+        flat = moved.reshape(len(pairs), -1)
+        direct = flat @ flat.T
+        along, common = (
+            np.stack([nuisance[p] for p in pairs]),
+            np.stack([shared[p] for p in pairs]),
+        )
+        information = direct - common @ common.T - along @ self.evidence.solved(along.T)
+        left = np.array([factor.left @ own for factor, own in zip(factors, f, strict=True)])
+        metres = self._noise * np.sqrt(np.diag(direct) / self._count)
+        size = _TYPICAL / np.maximum(metres, _NO_COLUMN)
+        information, b = size[:, None] * information * size, size * left
+        value = np.linalg.solve(information + PRECISION * np.eye(len(b)), b)
+        worth = log_bayes(information, b, value, [slice(0, len(b))])
+        return Case(worth, decrease(information, b, value), value, size, information)
+
+    def _along_all(
+        self, pairs: set[Column]
+    ) -> tuple[Mapping[Column, Array], Mapping[Column, Array]]:
+        """A^T C^-1 x and what of x looks like shared errors, of each column."""
+        groups: dict[Moved, list[Taken]] = {}
+        for moved, taken in pairs:
+            groups.setdefault(moved, []).append(taken)
+        nuisance, shared = {}, {}
+        for moved, some in groups.items():
+            factor = self._factor(moved)
+            f = np.stack([self._functions[taken] for taken in some])
+            along, common = f @ factor.nuisance, self._shared(factor, f)
+            for i, taken in enumerate(some):
+                nuisance[moved, taken], shared[moved, taken] = along[i], common[i]
+        return nuisance, shared
+
+    def _shared(self, factor: _Factor, f: Array) -> Array:
+        """(k, r) of functions (k, n)."""
+        blocks = zip(self.evidence.rest.samples, factor.shared, strict=True)
+        parts = [f[:, rows] @ own for rows, own in blocks]
+        return np.concatenate([np.zeros((len(f), 0)), *parts], axis=1)
+
+    def _factor(self, moved: Moved) -> _Factor:
+        if moved not in self._factors:
+            stage, rows = moved
+            slope = self.evidence.by_stage(stage)
+            m = np.sum([weight * slope[:, :, row] for row, weight in rows], axis=0)
+            self._factors[moved] = _Factor(
+                m,
+                np.einsum("nd,nda->na", m, self._projected),
+                self.evidence.rest.seen_by_sample(m),
+                np.einsum("nd,nd->n", m, self._weighed),
+            )
+        return self._factors[moved]
+
+    def _evaluate(self, taken: Sequence[Taken]) -> None:
+        """Functions at all samples, (n,) each, of what is not known yet."""
+        new = [key for key in dict.fromkeys(taken) if key not in self._functions]
+        if not new:
+            return
+        law = law_of(FoundLaw.law, f"effect_{FoundLaw.cause}", (3, 1, 8, 1))
+        terms = [Term(at, (i,), (0,), (*c, 1.0)) for i, (at, c) in enumerate(new)]
+        table, one = table_of([(law, terms, 0)]), np.eye(1)[None]
+        values = columns(table, self.signals.rows, np.ones(len(new)), one)[:, 0]
+        self._functions.update(zip(new, np.ascontiguousarray(values.T), strict=True))

@@ -1,0 +1,298 @@
+"""Which law of the grammar holds, if one does: shapes made finer, rivals, how sure it is.
+
+The best of the screen are made finer, a shape for all that a law moves, then one for each. They
+are held against one another, against a smooth map of the same structure and against nothing, by
+their evidence and what each law costs to say,
+
+    ln p = ln B + ln (prior of its family) - ln (shapes of the family) (targets with one each)
+
+A law is told where it is likely, where the other parts of the data foretell each, and where a map
+finds nothing to add beside it; else what is left stays unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import expit
+
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, maps
+from delta_calibration.diagnosis.confirm import foretold, learnable, scattered, sectors, stretches
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.law_grammar import Grammar
+from delta_calibration.diagnosis.law_screen import Case, Screen
+from delta_calibration.diagnosis.scores import PRECISION, Weighed, log_bayes, most_likely
+from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects.found_law import FoundLaw
+from delta_calibration.effects.signals import Signals
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+_FINER, _APART = 16, 16  # families whose shapes are made finer, and finer for each target
+_STEPS = 40  # of a search for a shape
+_PLAIN_WORDS = 4.0  # odds of a line against any other function, of none against a second quantity
+_USUAL = 1000.0  # odds of what moves a thing on machines against what does not, as far as known
+_ODD = {
+    Stage.STRUCTURE: ("q", "direction", "acceleration"),
+    Stage.MEASUREMENT: (),
+    Stage.DRIVE: (),
+}
+_TEMPER = 3.0  # by which ln p is divided: what evidence leaves out
+_SURE = 0.6  # probability from which a law is told
+_COMPLETE = 0.95  # no grammar has every law, as no catalogue has every cause
+_ALIKE = 0.98  # share of a signal that another law makes as well, for the two to be one
+_FORETOLD = 0.5  # share of what a law explains that it has to foretell
+_BESIDE = 0.1  # of a law's ln B, that a map may have beside it
+_COORDINATES = 3  # of a reading that says where a reflector is
+_COMPARED = 40  # laws that are held against one another
+_DRAWS = 16
+_SHOWS = 10.0  # ln B under which no law is looked for further
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One law: of one shape for all that it moves, or of one each."""
+
+    parts: tuple[FoundLaw, ...]
+    log_p: float
+    case: Case
+
+    def with_sizes(self) -> tuple[FoundLaw, ...]:
+        """Its parts with the typical sizes of their values."""
+        sizes = iter(self.case.size.tolist())
+        return tuple(
+            replace(part, typical=tuple(next(sizes) for _ in part.parameters))
+            for part in self.parts
+        )
+
+
+@dataclass(frozen=True)
+class Likely:
+    """A law that is likely, the others that say the same, and the first that does not."""
+
+    guess: Guess
+    probability: float
+    same: tuple[Guess, ...]
+    rival: Guess | None
+
+
+def likely_laws(
+    evidence: Evidence, robot: Robot, effect: Effect, rng: np.random.Generator
+) -> tuple[Likely, ...]:
+    """Laws of what is left, likeliest first; none where none is sure enough.
+
+    Args:
+        evidence: of what is left, the causes found among its nuisance.
+        robot: the machine.
+        effect: any on it.
+        rng: of draws of chance.
+    """
+    if evidence.coordinates != _COORDINATES:
+        return ()
+    signals = signals_of(evidence, robot)
+    screen = Screen(evidence, signals)
+    guesses = _finer(screen, list(Grammar(robot, evidence, signals).laws()))
+    if not guesses or guesses[0].case.log_bayes < _SHOWS:
+        return ()
+    mapped = _best_map(evidence, effect, rng)
+    classes = _classes(screen, guesses)
+    top = max(guesses[0].log_p, mapped, 0.0)
+    weights = [np.exp((own[0].log_p - top) / _TEMPER) for own in classes]
+    total = sum(weights) + sum(np.exp((other - top) / _TEMPER) for other in (mapped, 0.0))
+    found = []
+    for own, weight in zip(classes, weights, strict=True):
+        probability = _COMPLETE * float(weight / total)
+        if probability >= _SURE and _holds(evidence, screen, own[0], effect, rng):
+            others = (g for other in classes if other is not own for g in other[:1])
+            found.append(Likely(own[0], probability, tuple(own[1:]), next(others, None)))
+    return tuple(found)
+
+
+def doubts_of_names(evidence: Evidence, named: Sequence[Candidate], robot: Robot) -> float:
+    """Probability that a single law is behind the readings, and not causes that were named.
+
+    Several causes together can follow what is one law of another form; the law then explains as
+    much and costs less.
+
+    Args:
+        evidence: of what is left without the causes.
+        named: the causes.
+        robot: the machine.
+    """
+    if evidence.coordinates != _COORDINATES:
+        return 0.0
+    signals = signals_of(evidence, robot)
+    laws = list(Grammar(robot, evidence, signals).laws())
+    guesses = _finer(Screen(evidence, signals), laws)
+    return float(expit((guesses[0].log_p - worth(evidence, named)) / _TEMPER))
+
+
+def worth(evidence: Evidence, named: Sequence[Candidate]) -> float:
+    """ln B of some causes together, each of a size of its own."""
+    columns = [columns_of(member, evidence) for member in named]
+    ends = np.cumsum([0, *(each.shape[1] for each in columns)]).tolist()
+    every = np.concatenate(columns, axis=1)
+    information = evidence.information(every)
+    along = (every.T @ evidence.weigh(evidence.column))[:, 0]
+    lower, upper = zip(*(bounds_of(member, evidence) for member in named), strict=True)
+    value = most_likely(information, along, np.concatenate(lower), np.concatenate(upper))
+    spans = zip(named, pairwise(ends), strict=True)
+    sized = [slice(*span) for member, span in spans if member.sized]
+    return log_bayes(information, along, value, sized)
+
+
+def signals_of(evidence: Evidence, robot: Robot) -> Signals:
+    """Of the machine as it stands at each sample, with all its loads."""
+    return evidence.chain.signals(evidence.at, evidence.theta, evidence.pose, robot)
+
+
+def _finer(screen: Screen, laws: Sequence[FoundLaw]) -> list[Guess]:
+    """The best of each of the best families, their shapes made finer; likeliest first."""
+    priors = _Priors.of(laws)
+    guesses = [
+        Guess((law,), case.log_bayes + priors.of_law(law), case)
+        for law, case in zip(laws, screen.cases(laws), strict=True)
+    ]
+    best: dict[Any, Guess] = {}
+    for guess in sorted(guesses, key=lambda one: -one.log_p):
+        best.setdefault(_family(guess.parts[0]), guess)
+    chosen = list(best.values())
+    finer = [_sharper(screen, guess) for guess in chosen[:_FINER]]
+    finer.sort(key=lambda one: -one.log_p)
+    apart = [_apart(screen, guess, priors) for guess in finer[:_APART]]
+    return sorted((*finer, *(a for a in apart if a), *chosen[_FINER:]), key=lambda g: -g.log_p)
+
+
+def _family(law: FoundLaw) -> tuple[Any, ...]:
+    """What a law is, but for its shape."""
+    return law.stage, law.targets, law.of, law.function, law.by
+
+
+@dataclass(frozen=True)
+class _Priors:
+    """ln of the prior of each family, and how many shapes it has on the grid."""
+
+    weight: dict[Any, float]
+    shapes: dict[Any, int]
+
+    @classmethod
+    def of(cls, laws: Sequence[FoundLaw]) -> _Priors:
+        """A line is likelier than any other function, one quantity than two."""
+        shapes: dict[Any, int] = {}
+        weight: dict[Any, float] = {}
+        for law in laws:
+            key = _family(law)
+            shapes[key] = shapes.get(key, 0) + 1
+            words = (law.function != "line") + (law.by is not None) + (law.of.ahead > 0)
+            odd = law.of.name in _ODD[law.stage]
+            weight[key] = _PLAIN_WORDS**-words / (_USUAL if odd else 1.0)
+        total = float(np.log(sum(weight.values())))
+        return cls({key: float(np.log(w)) - total for key, w in weight.items()}, shapes)
+
+    def of_law(self, law: FoundLaw, apart: int = 1) -> float:
+        """ln prior of a law in a shape; of so many shapes where each target has its own."""
+        key = _family(law)
+        return self.weight[key] - apart * float(np.log(self.shapes[key]))
+
+
+def _sharper(screen: Screen, guess: Guess) -> Guess:
+    """The same in the best shape within its intervals."""
+    parts, case = _best_shape(screen, guess.parts, 0, guess.case)
+    return Guess(parts, guess.log_p + case.log_bayes - guess.case.log_bayes, case)
+
+
+def _apart(screen: Screen, guess: Guess, priors: _Priors) -> Guess | None:
+    """With a shape for each target; None where there are none to choose."""
+    law = guess.parts[0]
+    if len(law.targets) < 2 or not law.searched:
+        return None
+    parts, case = tuple(replace(law, targets=(target,)) for target in law.targets), guess.case
+    for i in (*range(len(parts)), *range(len(parts))):
+        parts, case = _best_shape(screen, parts, i, case)
+    return Guess(parts, case.log_bayes + priors.of_law(law, len(parts)), case)
+
+
+def _best_shape(
+    screen: Screen, parts: tuple[FoundLaw, ...], i: int, now: Case
+) -> tuple[tuple[FoundLaw, ...], Case]:
+    """The parts with the best shape of one of them."""
+    names = [name for name, _, _ in parts[i].searched]
+    if not names:
+        return parts, now
+    low, high = (np.array([interval[k] for interval in parts[i].searched]) for k in (1, 2))
+
+    def shaped(unit: Array) -> tuple[FoundLaw, ...]:
+        values = low + np.clip(unit, 0.0, 1.0) * (high - low)
+        fields: Any = dict(zip(names, values.tolist(), strict=True))
+        return (*parts[:i], replace(parts[i], **fields), *parts[i + 1 :])
+
+    start = (np.array([getattr(parts[i], name) for name in names]) - low) / (high - low)
+    simplex = np.vstack([start, *(np.clip(start + d, 0, 1) for d in _spread(start))])
+    result = minimize(
+        lambda unit: -screen.case(shaped(unit)).log_bayes,
+        start,
+        method="Nelder-Mead",
+        bounds=[(0.0, 1.0)] * len(names),
+        options={
+            "maxfev": _STEPS * len(names),
+            "initial_simplex": simplex,
+            "xatol": 1e-3,
+            "fatol": 0.02,
+        },
+    )
+    better = shaped(result.x)
+    case = screen.case(better)
+    return (better, case) if case.log_bayes > now.log_bayes else (parts, now)
+
+
+def _spread(start: Array) -> Array:
+    """Steps from a start in the unit cube, inward."""
+    return cast(Array, np.diag(np.where(start > 0.5, -0.25, 0.25)))
+
+
+def _best_map(evidence: Evidence, effect: Effect, rng: np.random.Generator) -> float:
+    """ln B of the best smooth map of what is left."""
+    weighed = Weighed.of(evidence, np.inf, _DRAWS, rng)
+    scores = [s for some in maps(evidence, effect) for s in weighed.explore([some])]
+    return max(score.log_bayes for score in scores)
+
+
+def _classes(screen: Screen, guesses: Sequence[Guess]) -> list[list[Guess]]:
+    """Laws that make the same of these readings together, likeliest first."""
+    classes: list[tuple[Array, float, list[Guess]]] = []
+    evidence, top = screen.evidence, guesses[0].log_p
+    for guess in guesses[:_COMPARED]:
+        if guess.log_p < top - 10 * _TEMPER:
+            break
+        signal = screen.signal(guess.parts, guess.case)
+        weighed = evidence.weigh(signal[:, None])[:, 0]
+        length = float(signal @ weighed)
+        for first, own, members in classes:
+            if float(first @ weighed) ** 2 > _ALIKE * own * length:
+                members.append(guess)
+                break
+        else:
+            classes.append((signal, length, [guess]))
+    return [members for _, _, members in classes]
+
+
+def _holds(
+    evidence: Evidence, screen: Screen, guess: Guess, effect: Effect, rng: np.random.Generator
+) -> bool:
+    """Whether the parts of the data foretell each other by it, and a map adds nothing to it."""
+    columns = np.concatenate([evidence.columns(p) for p in guess.with_sizes()], axis=1)
+    free = np.full(columns.shape[1], -np.inf), np.full(columns.shape[1], np.inf)
+    every = (sectors(evidence), stretches(evidence), scattered(evidence))
+    parts = [part for part in every if learnable(evidence, columns, part)]
+    shares = [foretold(evidence, columns, free, part) for part in parts]
+    if not shares or min(shares) < _FORETOLD:
+        return False
+    beside = evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    return _best_map(beside, effect, rng) < _BESIDE * guess.case.log_bayes

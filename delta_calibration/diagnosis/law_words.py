@@ -1,0 +1,271 @@
+"""A law that was found, in words: equation, values with errors, region, rival."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.findings import spread_of
+from delta_calibration.diagnosis.fitted import Fitted, beside
+from delta_calibration.diagnosis.law_search import Guess, Likely, signals_of
+from delta_calibration.diagnosis.verdict import Estimate, FoundEquation
+from delta_calibration.effects import found_law as kinds
+from delta_calibration.effects.found_law import (
+    ACROSS,
+    FORCE,
+    TEMPERATURE,
+    TORQUE,
+    FoundLaw,
+    Quantity,
+    Target,
+)
+from delta_calibration.wording import listed
+
+Array = NDArray[np.float64]
+
+_VALUES = "abc"
+_FIELDS = {"middle": "c", "scale": "k", "bearing": "beta"}
+_APART = {  # what makes a quantity differ between two laws
+    "payload": "repeat poses with further payloads",
+    "time": "repeat poses after the machine has cooled down, and again when it is warm",
+    TEMPERATURE: "repeat poses after the machine has cooled down, and again when it is warm",
+    "direction": "approach each pose from both sides",
+    "travel": "approach each pose from both sides, from near and from far",
+    "rate": "drive the same paths at other feeds",
+    "acceleration": "drive the same paths at other feeds",
+    TORQUE: "repeat poses with further payloads",
+    FORCE: "repeat poses with further payloads",
+}
+
+
+def told(likely: Sequence[Likely], model: Fitted) -> tuple[FoundEquation, ...]:
+    """Each likely law, an entry for each part that it moves.
+
+    Args:
+        likely: the laws, likeliest first.
+        model: the fit that they are beside, without maps.
+    """
+    return tuple(entry for law in likely for entry in _entries(law, model))
+
+
+def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
+    found = fitted_with(model, law.guess)
+    members = found.members[len(model.members) :]
+    other = _other(law)
+    separated_by = None if other is None else _separated_by(law.guess, other, model.beside)
+    for at, part in enumerate(
+        dict.fromkeys(target.part for m in members for target in _law(m).targets)
+    ):
+        equations, values, names = [], {}, {}
+        for member in members:
+            for target in _law(member).targets:
+                if target.part == part:
+                    equations.append(equation(_law(member), target, len(members) > 1))
+                    values.update(_estimates(found, member, target, len(members) > 1))
+                    names.update(variables(_law(member), target))
+        yield FoundEquation(
+            stage=_law(members[0]).kind,
+            part=part,
+            variables=tuple(names),
+            equation="; ".join(equations),
+            values=values,
+            probability=law.probability,
+            rival=None if other is None else _words(other, at),
+            separated_by=separated_by,
+            region={name: _range(model.beside, at) for name, at in names.items()},
+        )
+
+
+def fitted_with(model: Fitted, guess: Guess) -> Fitted:
+    """A fit with a law among its members, the law's parts last."""
+    parts = [as_candidate(part) for part in guess.with_sizes()]
+    return model.fitted((*model.members, *parts))
+
+
+def as_candidate(law: FoundLaw) -> Candidate:
+    """A law as an explanation, all its values free."""
+    cause = f"{law.cause} of {', '.join(target.moved for target in law.targets)}"
+    return Candidate(cause, law.kind, None, law, tuple(range(len(law.parameters))))
+
+
+def _law(member: Candidate) -> FoundLaw:
+    assert isinstance(member.effect, FoundLaw)
+    return member.effect
+
+
+# --- equations -------------------------------------------------------------------------------
+
+
+def equation(law: FoundLaw, target: Target, apart: bool = False) -> str:
+    """dq_1 = a_1*sin(k*q_2) + b_1*cos(k*q_2), and the like.
+
+    Args:
+        law: in its shape.
+        target: what the equation moves.
+        apart: whether its shape is the target's own.
+    """
+    own = f"_{target.tag}"
+    u = argument(law, target, own if apart else "")
+    second = f"*{_less(_named(law.by, law, target), law.by.middle)}" if law.by else ""
+    terms = [
+        _times(f"{_VALUES[i]}{own}", _FUNCTIONS[kind](u)) + second
+        for i, kind in enumerate(law.kinds)
+    ]
+    return f"{target.moved} = {' + '.join(terms)}"
+
+
+def argument(law: FoundLaw, target: Target, own: str) -> str:
+    """(u - middle) scale, with the names of what was searched."""
+    searched = {name for name, _, _ in law.searched}
+    if law.of.name == ACROSS:
+        u = f"(x*cos(beta{own}) + y*sin(beta{own}))"
+    else:
+        u = _less(_named(law.of, law, target), law.of.middle)
+    if "middle" in searched:
+        u = f"({u} - c{own})"
+    elif law.middle:
+        u = f"({u} - {law.middle:.4g})"
+    if "scale" in searched:
+        return f"k{own}*{u}"
+    return u if law.scale == 1.0 else f"{law.scale:.6g}*{u}"
+
+
+def _less(name: str, middle: float) -> str:
+    return f"({name} - {middle:g})" if middle else name
+
+
+def _times(value: str, function: str) -> str:
+    return value if function == "1" else f"{value}*{function}"
+
+
+def _ahead(u: str) -> str:
+    return f"max(0, {u})"
+
+
+_FUNCTIONS: Mapping[int, Callable[[str], str]] = {
+    kinds.LINE: lambda u: u,
+    kinds.SQUARE: lambda u: f"({u})^2",
+    kinds.CUBE: lambda u: f"({u})^3",
+    kinds.SINE: lambda u: f"sin({u})",
+    kinds.COSINE: lambda u: f"cos({u})",
+    kinds.SIDE: lambda u: f"sign({u})",
+    kinds.SOFT: lambda u: f"tanh({u})",
+    kinds.BEYOND: _ahead,
+    kinds.SETTLED: lambda u: f"(1 - exp(-{_ahead(u)}))",
+    kinds.DRAG: lambda u: f"({u})*abs({u})",
+    kinds.FADING: lambda u: f"exp(-{_ahead(u)})",
+    kinds.RAMP: lambda u: f"min(1, {_ahead(u)})",
+}
+
+
+# --- variables -------------------------------------------------------------------------------
+
+
+def variables(law: FoundLaw, target: Target) -> dict[str, tuple[Quantity, Target, FoundLaw]]:
+    """What the law depends on, by the contract's names."""
+    every = {}
+    for quantity in filter(None, (law.of, law.by)):
+        if quantity.name == ACROSS:
+            every.update({axis: (Quantity(axis), target, law) for axis in ("x", "y")})
+        else:
+            every[_named(quantity, law, target)] = (quantity, target, law)
+    return every
+
+
+def _named(quantity: Quantity, law: FoundLaw, target: Target) -> str:
+    if quantity.of_joints:
+        return f"{quantity.name}_{quantity.number(target.joint, law.mechanism.joints) + 1}"
+    if quantity.name == FORCE:
+        return f"{FORCE}_{target.tag}"
+    return f"{TEMPERATURE}_{quantity.part}" if quantity.name == TEMPERATURE else quantity.name
+
+
+def _range(evidence: Evidence, of: tuple[Quantity, Target, FoundLaw]) -> tuple[float, float]:
+    """Smallest and largest value of a quantity in a session."""
+    quantity, target, law = of
+    signals = signals_of(evidence, law.robot)
+    first, second = quantity.places(signals.places, target, law.mechanism.joints)
+    values = signals.rows[:, first] + (signals.rows[:, second] if quantity.of_joints else 0.0)
+    values = values[evidence.believed]
+    return float(values.min()), float(values.max())
+
+
+# --- values ----------------------------------------------------------------------------------
+
+
+def _estimates(
+    found: Fitted, member: Candidate, target: Target, apart: bool
+) -> dict[str, Estimate]:
+    """A target's values and the shape that they go with, with standard deviations."""
+    law, own = _law(member), f"_{target.tag}"
+    rest = tuple(m for m in found.members if m is not member)
+    spread, of_shape = spread_of(beside(found.evidence, rest), found, member)
+    values, prior = found.values(member), law.parameters.prior
+    first = law.targets.index(target) * len(law.kinds)
+    estimates = {}
+    for i, kind in enumerate(law.kinds):
+        row = first + i
+        std = float(spread[row] * prior[row])
+        estimates[f"{_VALUES[i]}{own}"] = Estimate(
+            float(values[row]), std, law.value_unit(target, kind)
+        )
+    for (name, low, high), share in zip(law.searched, of_shape, strict=True):
+        std = float(share) * (high - low) / 12**0.5  # of a uniform distribution
+        label = _FIELDS[name] + (own if apart else "")
+        estimates[label] = Estimate(float(getattr(law, name)), std, _field_unit(law, name))
+    return estimates
+
+
+def _field_unit(law: FoundLaw, name: str) -> str:
+    unit = law.unit_of_quantity(law.of)
+    if name == "bearing":
+        return "rad"
+    if name == "middle":
+        return unit or "1"
+    return f"1/{unit}" if unit else "1"
+
+
+# --- rivals ----------------------------------------------------------------------------------
+
+
+def _other(law: Likely) -> Guess | None:
+    """The next law that is another equation, whatever shape it has."""
+    others = [*law.same, *([law.rival] if law.rival else [])]
+    ours = _kind(law.guess)
+    return next((guess for guess in others if _kind(guess) != ours), None)
+
+
+def _kind(guess: Guess) -> tuple[object, ...]:
+    law = guess.parts[0]
+    return law.stage, law.targets[0], law.of, law.function, law.by
+
+
+def _words(guess: Guess, at: int) -> str:
+    """The equation of the `at`-th that it moves, or of the last."""
+    every = [(law, target) for law in guess.parts for target in law.targets]
+    law, target = every[min(at, len(every) - 1)]
+    return equation(law, target, len(guess.parts) > 1)
+
+
+def _separated_by(one: Guess, other: Guess, evidence: Evidence) -> str:
+    first, second = one.parts[0], other.parts[0]
+    names = [_quantities(law) for law in (first, second)]
+    differ = [q for q in (*names[0], *names[1]) if (q in names[0]) != (q in names[1])]
+    ways = list(dict.fromkeys(_APART[name] for name in differ if name in _APART))
+    if ways:
+        return listed(ways)
+    low, high = _range(evidence, (first.of, first.targets[0], first))
+    name = " and ".join(variables(first, first.targets[0]))
+    unit = first.unit_of_quantity(first.of)
+    return (
+        f"measure more poses near the ends of {name}, {low:.3g} and {high:.3g} {unit}".rstrip()
+        + ", and beyond them where the machine can go"
+    )
+
+
+def _quantities(law: FoundLaw) -> tuple[str, ...]:
+    return tuple(q.name for q in (law.of, law.by) if q is not None)

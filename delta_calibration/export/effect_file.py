@@ -1,0 +1,308 @@
+"""A law that a diagnosis found, as an effect of one's own: a file for the entry-point group.
+
+What the tutorial on effects writes by hand is written from the law: its stage and signals, its
+values with their sizes, the shape that was found with the bounds that it was searched in. Once the
+file is installed, simulator, fit, diagnosis and nodes know it as any other effect.
+"""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from textwrap import wrap
+
+from delta_calibration.diagnosis.law_search import Guess
+from delta_calibration.diagnosis.law_words import equation
+from delta_calibration.effects import EFFECTS
+from delta_calibration.effects import found_law as kinds
+from delta_calibration.effects.found_law import ACROSS, TEMPERATURE, FoundLaw, Quantity
+from delta_calibration.effects.signals import NOTHING
+from delta_calibration.errors import InputError
+
+_KINDS: dict[int, Callable[[str], str]] = {
+    kinds.LINE: lambda u: u,
+    kinds.SQUARE: lambda u: f"{u}**2",
+    kinds.CUBE: lambda u: f"{u}**3",
+    kinds.SINE: lambda u: f"sin({u})",
+    kinds.COSINE: lambda u: f"cos({u})",
+    kinds.SIDE: lambda u: f"sign({u})",
+    kinds.SOFT: lambda u: f"tanh({u})",
+    kinds.BEYOND: lambda u: f"maximum({u}, 0.0)",
+    kinds.SETTLED: lambda u: f"(1.0 - exp(-maximum({u}, 0.0)))",
+    kinds.DRAG: lambda u: f"{u} * absolute({u})",
+    kinds.FADING: lambda u: f"exp(-maximum({u}, 0.0))",
+    kinds.RAMP: lambda u: f"minimum(maximum({u}, 0.0), 1.0)",
+}
+_FUNCTIONS = ("absolute", "cos", "exp", "maximum", "minimum", "sign", "sin", "tanh")
+_PROJECT = """[project]
+name = "{package}"
+version = "1.0"
+dependencies = ["delta_calibration"]
+
+[project.entry-points."delta_calibration.effects"]
+{cause} = "{cause}:{name}"
+
+[tool.setuptools]
+py-modules = ["{cause}"]
+"""
+_FILE = '''"""{title}
+
+{equations}
+
+{seen}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import cos as cosine
+from math import sin as sine
+from typing import ClassVar
+
+from delta_calibration.effects.base import Effect, Interval, Stage
+from delta_calibration.effects.signals import Places
+from delta_calibration.model.symbols import {functions}
+from delta_calibration.model.terms import Term
+from delta_calibration.parameters import Parameter, ParameterSet
+
+# name of a value, its unit, its typical size, where it is
+VALUES = (
+{values}
+)
+# of each number that is moved: which, how much of it, its values, joint of its signals, its shape
+MOVED = (
+{moved}
+)
+
+
+@dataclass(frozen=True)
+class {name}(Effect):
+    """{title}"""
+
+    cause: ClassVar[str] = "{cause}"
+    kind: ClassVar[str] = "{kind}"
+    stage: ClassVar[Stage] = Stage.{stage}
+    needs: ClassVar[tuple[str, ...]] = {needs}
+    takes: ClassVar[tuple[str, ...]] = {takes}
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {told}
+
+{fields}
+    @property
+    def suits(self) -> bool:
+        """It was found on a machine of this kind."""
+        return self.mechanism.name == "{mechanism}"
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Its values, about zero."""
+        return ParameterSet(
+            tuple(Parameter(n, unit, 0.0, size, self.cause, at) for n, unit, size, at in VALUES)
+        )
+
+    def intervals(self) -> tuple[Interval, ...]:
+        """Where its shape was searched."""
+        return {intervals}
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """What one term adds to its stage."""
+        u = ({argument} - c[0]) * c[1]
+        return c[2] * ({sum}){second}
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each number that is moved."""
+        shapes = {shapes}
+        for row, share, values, joint, shape in MOVED:
+            middle, scale, bearing = shapes[shape]
+            yield Term(
+                {signals},
+                values,
+                (row,),
+                (middle, scale, share, cosine(bearing), sine(bearing)),
+            )
+'''
+
+
+def effect_file(guess: Guess, cause: str, seen: str) -> str:
+    """The text of the file.
+
+    Args:
+        guess: the law, in its shape.
+        cause: its name, that of the file without its suffix.
+        seen: where it was found, a sentence.
+    """
+    parts, first = guess.with_sizes(), guess.parts[0]
+    title = f"Found in a session: {spoken_law(guess)}."
+    text = _FILE.format(
+        title="\n".join(wrap(title, 98)),
+        equations="\n".join(f"    {line}" for line in equations(guess)),
+        seen="\n".join(wrap(seen, 98)),
+        functions=", ".join(("Symbol", *_used(first))),
+        values="\n".join(_values(parts)),
+        moved="\n".join(_moved(parts)),
+        name=class_name(cause),
+        cause=cause,
+        kind=first.kind,
+        stage=first.stage.name,
+        needs=repr(first.needs),
+        takes=_items([repr(name) for name in first.takes if name != NOTHING], 4),
+        told=_told(parts),
+        fields=_fields(parts),
+        mechanism=first.mechanism.name,
+        intervals=_intervals(parts),
+        argument=_argument(first.of),
+        sum=" + ".join(f"v[{i}] * {_KINDS[kind]('u')}" for i, kind in enumerate(first.kinds)),
+        second=_second(first),
+        shapes=_shapes(parts),
+        signals=_signals(first),
+    )
+    return text
+
+
+def project_file(cause: str) -> str:
+    """The `pyproject.toml` that makes it known."""
+    return _PROJECT.format(package=cause.replace("_", "-"), cause=cause, name=class_name(cause))
+
+
+def equations(guess: Guess) -> list[str]:
+    """Of each number that it moves."""
+    apart = len(guess.parts) > 1
+    return [equation(law, target, apart) for law in guess.parts for target in law.targets]
+
+
+def spoken_law(guess: Guess) -> str:
+    """What it moves, and by what, in words."""
+    law = guess.parts[0]
+    by = [quantity.name for quantity in (law.of, law.by) if quantity is not None]
+    return f"{law.function} of {' and '.join(by)}, in the {law.kind}"
+
+
+def class_name(cause: str) -> str:
+    """As classes are named."""
+    return "".join(word.capitalize() for word in cause.split("_") if word)
+
+
+def require_effect_name(path: Path) -> None:
+    """A file whose name can be that of a new effect.
+
+    Raises:
+        InputError: no name of a module, or that of an effect that there is.
+    """
+    cause = path.stem
+    good = cause.isidentifier() and not keyword.iskeyword(cause) and cause.islower()
+    if path.suffix != ".py" or not good:
+        raise InputError(
+            f"{path}: not a name for an effect's file; small letters, digits and _ with .py are "
+            "allowed"
+        )
+    if cause in EFFECTS:
+        raise InputError(f"{path}: there is an effect {cause!r}; choose another name")
+
+
+def _used(law: FoundLaw) -> list[str]:
+    words = " ".join(_KINDS[kind]("u") for kind in law.kinds)
+    return [name for name in _FUNCTIONS if f"{name}(" in words]
+
+
+def _values(parts: Sequence[FoundLaw]) -> list[str]:
+    items = [p for part in parts for p in part.parameters]
+    return [f"    ({p.name!r}, {p.unit!r}, {p.prior:.3g}, {p.location!r})," for p in items]
+
+
+def _moved(parts: Sequence[FoundLaw]) -> list[str]:
+    lines, value = [], 0
+    for shape, law in enumerate(parts):
+        for target in law.targets:
+            own = tuple(range(value, value + len(law.kinds)))
+            value += len(law.kinds)
+            for row, share in target.rows:
+                lines.append(f"    ({row}, {share!r}, {own}, {target.joint}, {shape}),")
+    return lines
+
+
+def _searched(parts: Sequence[FoundLaw]) -> list[tuple[str, str, FoundLaw, float, float]]:
+    """Name of the file's field, name of the law's, whose, and its interval."""
+    found = []
+    for number, law in enumerate(parts, start=1):
+        tag = f"_{number}" if len(parts) > 1 else ""
+        found += [(f"{name}{tag}", name, law, low, high) for name, low, high in law.searched]
+    return found
+
+
+def _told(parts: Sequence[FoundLaw]) -> str:
+    unit = parts[0].unit_of_quantity(parts[0].of)
+    units = {"middle": unit, "scale": f"1/{unit}" if unit else "1", "bearing": "rad"}
+    items = [f"{own!r}: ({own!r}, {units[name]!r})" for own, name, *_ in _searched(parts)]
+    return _items(items, 4, "{}")
+
+
+def _items(items: Sequence[str], depth: int, brackets: str = "()") -> str:
+    """A collection, an item a line; what stands before it is indented by `depth`."""
+    begin, end = brackets[0], brackets[1]
+    lines = "".join(f"{' ' * (depth + 4)}{item},\n" for item in items)
+    return f"{begin}\n{lines}{' ' * depth}{end}" if items else brackets
+
+
+def _fields(parts: Sequence[FoundLaw]) -> str:
+    lines = [
+        f"    {own}: float = {getattr(law, name)!r}" for own, name, law, *_ in _searched(parts)
+    ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _intervals(parts: Sequence[FoundLaw]) -> str:
+    items = [f"({own!r}, {low!r}, {high!r})" for own, _, _, low, high in _searched(parts)]
+    return _items(items, 8)
+
+
+def _shapes(parts: Sequence[FoundLaw]) -> str:
+    searched = {(id(law), name): own for own, name, law, *_ in _searched(parts)}
+
+    def value(law: FoundLaw, name: str) -> str:
+        own = searched.get((id(law), name))
+        plain = repr(getattr(law, name)) if own is None else f"self.{own}"
+        offset = law.of.middle if name == "middle" else 0.0
+        return f"{plain} + {offset!r}" if offset else plain
+
+    each = [
+        f"({', '.join(value(law, name) for name in ('middle', 'scale', 'bearing'))})"
+        for law in parts
+    ]
+    return _items(each, 8)
+
+
+def _argument(of: Quantity) -> str:
+    if of.name == ACROSS:
+        return "c[3] * s[0] + c[4] * s[1]"
+    return "s[0] + s[1]" if len(of.signals) > 1 else "s[0]"
+
+
+def _second(law: FoundLaw) -> str:
+    if law.by is None:
+        return ""
+    at = 2 if law.of.name == ACROSS or len(law.of.signals) > 1 else 1
+    return f" * (s[{at}] - {law.by.middle!r})"
+
+
+def _signals(law: FoundLaw) -> str:
+    places = [_places(law.of, law)]
+    if law.by is not None:
+        places.append(_places(law.by, law))
+    return f"({', '.join(places)},)"
+
+
+def _places(quantity: Quantity, law: FoundLaw) -> str:
+    if quantity.of_joints:
+        joints = law.mechanism.joints
+        at = f"(joint + {quantity.ahead}) % {joints}" if quantity.ahead else "joint"
+        return ", ".join(f'places.begin("{name}") + {at}' for name in quantity.signals)
+    if quantity.name == ACROSS:
+        return 'places.begin("pose"), places.begin("pose") + 1'
+    if quantity.name == kinds.FORCE:
+        return 'places.begin("load") + row'
+    if quantity.name == TEMPERATURE:
+        return f'places.temperature("{quantity.part}")'
+    name, number = kinds.of_all(quantity.name)
+    return f'places.begin("{name}") + {number}' if number else f'places.begin("{name}")'

@@ -1,0 +1,204 @@
+"""Laws of what has no name: products, files, and equations against a generator of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from blind import hide
+from blind.cause import Cause
+from delta_calibration.cli.diagnose import describe
+from delta_calibration.diagnosis import calibrated
+from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
+from delta_calibration.diagnosis.law_grammar import Grammar
+from delta_calibration.diagnosis.law_screen import Screen
+from delta_calibration.diagnosis.law_search import signals_of
+from delta_calibration.diagnosis.verdict import FoundEquation
+from delta_calibration.effects import catalogue
+from delta_calibration.effects.catalogue import effect_named
+from delta_calibration.effects.found_law import FOUND_LAW, FoundLaw, Quantity, Target
+from delta_calibration.errors import InputError
+from delta_calibration.export.effect_file import effect_file, require_effect_name
+from delta_calibration.report.verdict_file import verdict_of
+from delta_calibration.robot import load_robot
+from delta_calibration.samples import survey
+from study.judge import judge
+from study.trials import Task
+
+ROBOT = load_robot("srbd")
+MECHANISM = ROBOT.model()
+
+
+@cache
+def seen(kind: str, seed: int, strength: float) -> tuple[Diagnosis, Cause]:
+    """A session with a structure in it, diagnosed without the effect of that name."""
+    trial = hide({kind: strength}, seed)
+    every = tuple(e for e in catalogue(ROBOT, MECHANISM) if e.cause != kind)
+    found = diagnose(survey(trial.session, ROBOT.joints.names), ROBOT, effects=every, seed=seed)
+    return found, trial.causes[0]
+
+
+@pytest.fixture(scope="module", name="start")
+def start_fixture():
+    trial = hide({"unknown:rub": 1.0}, 771)
+    return calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
+
+
+def test_products_are_those_of_the_evidence(start) -> None:
+    """Worked out factor by factor, and by the columns of each law."""
+    evidence = start.evidence
+    signals = signals_of(evidence, ROBOT)
+    every = list(Grammar(ROBOT, evidence, signals).laws())
+    laws = [every[i] for i in np.linspace(0, len(every) - 1, 25).astype(int)]
+    screen = Screen(evidence, signals)
+    for law, case in zip(laws, screen.cases(laws), strict=True):
+        sized = replace(law, typical=tuple(case.size.tolist()))
+        columns = evidence.columns(sized)
+        information = evidence.information(columns)
+        assert case.information == pytest.approx(information, abs=1e-9 * np.abs(information).max())
+        signal = columns @ case.value
+        assert screen.signal([law], case) == pytest.approx(signal, abs=1e-9 * np.abs(signal).max())
+
+
+def test_a_law_goes_into_a_file_and_comes_back(start) -> None:
+    of = Quantity("temperature", part="arm")
+    targets = (
+        Target("joint_2", "dq_2", ((1, 1.0),), "rad", 1),
+        Target("joint_3", "dq_3", ((2, 0.5), (0, -0.25)), "rad", 2),
+    )
+    law = FoundLaw(
+        ROBOT, MECHANISM, targets=targets, of=Quantity("torque", 1), by=of, function="saturation"
+    )
+    law = replace(law, middle=0.3, scale=2.0, typical=(1e-4, 2e-4))
+    back = effect_named(FOUND_LAW, ROBOT, MECHANISM, law.settings)
+    assert back == replace(law, searched=())
+    evidence = start.evidence
+    np.testing.assert_array_equal(evidence.columns(back), evidence.columns(law))
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "said"),
+    [
+        ("on", "somewhere", "on: 'somewhere'"),
+        ("of", "wind", "of: 'wind'"),
+        ("by", "q+x", "by: 'q+x'"),
+        ("function", "gamma", "function: 'gamma'"),
+        ("targets", "joint_1", "targets: 'joint_1'"),
+        ("targets", "joint_1 dq_1 rad 0 3:1.0", "targets: [3]"),
+        ("targets", "joint_1 dq_1 rad 3 0:1.0", "targets: joint 3"),
+        ("targets", "joint_1 dq_1 rad 0 0:x", "targets:"),
+        ("typical", (1.0, 2.0), "typical: 2 numbers"),
+        ("typical", (-1.0,), "typical"),
+        ("scale", float("nan"), "finite"),
+    ],
+)
+def test_settings_that_are_no_law_are_refused(setting, value, said) -> None:
+    good = {"on": "drive", "targets": "joint_1 dq_1 rad 0 0:1.0", "of": "q", "typical": (1e-4,)}
+    effect_named(FOUND_LAW, ROBOT, MECHANISM, good)
+    with pytest.raises(InputError, match="found_law: settings") as refused:
+        effect_named(FOUND_LAW, ROBOT, MECHANISM, {**good, setting: value})
+    assert said in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["My Law.py", "law.txt", "backlash.py", "class.py", "1st.py"])
+def test_a_name_that_is_none_of_an_effect_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="name"):
+        require_effect_name(Path(name))
+
+
+def value_of(law: FoundEquation, **inputs: float | np.ndarray) -> np.ndarray:
+    """The equation's right side, by Python's own arithmetic."""
+    names = {"sin": np.sin, "cos": np.cos, "tanh": np.tanh, "exp": np.exp, "sign": np.sign}
+    names |= {"max": np.maximum, "min": np.minimum, "abs": np.abs}
+    letters = {name: estimate.value for name, estimate in law.values.items()}
+    text = law.equation.split(";")[0].split("=")[1].replace("^", "**")
+    return np.asarray(eval(text, {"__builtins__": {}}, {**names, **letters, **inputs}))
+
+
+def likeness(found: np.ndarray, true: np.ndarray, of: np.ndarray) -> float:
+    """R^2, without what a line of the variable makes of both: the geometry takes that up."""
+    line = np.stack([np.ones_like(of), of], axis=1)
+    left = [y - line @ np.linalg.lstsq(line, y, rcond=None)[0] for y in (found, true)]
+    return float(np.corrcoef(*left)[0, 1] ** 2)
+
+
+@pytest.mark.slow
+def test_a_cover_that_arms_rub_on_is_an_equation_of_each_joints_angle() -> None:
+    found, _ = seen("unknown:rub", 515, 0.2)
+    laws = found.verdict.unknown_structure.laws
+    assert [law.part for law in laws] == ["joint_1", "joint_2", "joint_3"]
+    rng = np.random.default_rng([515, 2])  # the generator's draw: where it begins, how much
+    begins = rng.uniform(0.05, 0.3, 3)
+    for j, law in enumerate(laws):
+        assert law.stage == "drive"
+        assert law.variables == (f"q_{j + 1}",)
+        q = np.linspace(*law.region[f"q_{j + 1}"], 200)
+        true = -np.clip(q - begins[j], 0.0, 0.25)
+        assert likeness(value_of(law, **{f"q_{j + 1}": q}), true, q) > 0.9
+    assert verdict_of(found.verdict.as_dict()).unknown_structure.laws == laws
+    text = describe(found.verdict)
+    assert "law at joint_1 (drive)" in text
+    assert laws[0].equation in text
+
+
+@pytest.mark.slow
+def test_growth_that_is_not_in_the_catalogue_is_one_of_the_arms_temperature() -> None:
+    found, cause = seen("thermal_growth_arm", 516, 0.6)
+    laws = found.verdict.unknown_structure.laws
+    assert [law.part for law in laws] == ["arm_1", "arm_2", "arm_3"]
+    for law in laws:
+        assert law.stage == "structure"
+        assert law.variables == ("temperature_arm",)
+        slope = law.values[f"a_{law.part[-1]}"]
+        true = 0.32 * float(cause.values["expansion"])  # the arm's length [m]
+        assert slope.unit == "m/K"
+        assert abs(slope.value - true) < 3.5 * slope.std
+
+
+@pytest.mark.slow
+def test_structure_without_an_equation_is_given_none() -> None:
+    found, _ = seen("unknown:bump", 517, 0.15)
+    assert found.verdict.unknown_structure.found
+    assert found.verdict.unknown_structure.laws == ()
+    assert not found.laws
+
+
+@pytest.mark.slow
+def test_a_law_as_an_effect_of_ones_own_is_found_by_name(tmp_path: Path) -> None:
+    """The file is the law; with it the same session has a cause that a fit knows."""
+    found, _ = seen("unknown:rub", 515, 0.2)
+    module = loaded(effect_file(found.laws[0].guess, "rubbing_cover", "Seen."), tmp_path)
+    own = module.RubbingCover(ROBOT, MECHANISM)
+    evidence, parts = found.model.evidence, found.laws[0].guess.with_sizes()
+    whole = [evidence.columns(part) / part.parameters.prior for part in parts]
+    ours = evidence.columns(own) / own.parameters.prior
+    np.testing.assert_allclose(ours, np.concatenate(whole, axis=1), rtol=1e-9, atol=1e-6)
+    trial = hide({"unknown:rub": 0.2}, 515)
+    session = survey(trial.session, ROBOT.joints.names)
+    again = diagnose(session, ROBOT, effects=(*catalogue(ROBOT, MECHANISM), own), seed=515)
+    assert [finding.cause for finding in again.verdict.findings] == ["rubbing_cover"]
+    assert not again.verdict.unknown_structure.found
+
+
+def loaded(text: str, folder: Path) -> ModuleType:
+    path = folder / "rubbing_cover.py"
+    path.write_text(text, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location("rubbing_cover", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module.__name__] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+def test_a_clean_machine_has_no_law() -> None:
+    assert judge(Task("none", 519).key)["laws"] == []
