@@ -142,7 +142,8 @@ def drive(path: CommandPath, trail: GuardTrail, points: np.ndarray) -> None:
 @pytest.mark.parametrize(("on_failure", "act"), [("pass_through", PASSED), (HOLD, HELD)])
 def test_guards_are_seen_where_they_acted(desk: Desk, on_failure: str, act: str) -> None:
     """Outwards, out of the region: corrected, blended out on its margin, then not at all."""
-    way = np.linspace([0.0, 0.0, -0.711], [0.66, 0.0, -0.711], 133)
+    # 5 mm apart, as the cells are of which one point each is kept, and not on their edges
+    way = np.linspace([0.0, 0.0, -0.711], [0.66, 0.0, -0.711], 133) + 0.002
     trail = GuardTrail()
     drive(enabled(desk, on_failure), trail, way)
     assert trail.placed(ROBOT)

@@ -164,9 +164,9 @@ class Screen:
             m = np.sum([weight * slope[:, :, row] for row, weight in rows], axis=0)
             self._factors[moved] = _Factor(
                 m,
-                np.einsum("nd,nda->na", m, self._projected),
+                np.einsum("nc,nca->na", m, self._projected),
                 self.evidence.rest.seen_by_sample(m),
-                np.einsum("nd,nd->n", m, self._weighed),
+                np.einsum("nc,nc->n", m, self._weighed),
             )
         return self._factors[moved]
 

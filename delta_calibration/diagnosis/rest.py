@@ -112,7 +112,7 @@ class Rest:
         parts, d = [], self.own.shape[1]
         for rows, (_, own, root) in zip(self.samples, self._blocks, strict=True):
             columns = own.reshape(-1, d, own.shape[1])
-            parts.append(np.einsum("nd,ndr->nr", m[rows], columns) @ root.T)
+            parts.append(np.einsum("nc,ncr->nr", m[rows], columns) @ root.T)
         return tuple(parts)
 
     def inner(self, x: Array) -> Array:
