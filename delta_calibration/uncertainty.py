@@ -11,10 +11,15 @@ covariance at a place is
     V = J C J^T + J_q (s_q^2 + g g) J_q^T + M
 
 M is measured: what poses that a fit had not seen were missed by, less what noise and C explain of
-it. Most models miss more towards the edge of the region than in its middle: the size of M goes as
-1 - b + b r^2, with r the distance from the middle of the poses in units of their spread and b, 0
-to 1, as the poses show it. Errors of a model are not always normal: `widen` is by how much the
-95 % of those poses reach beyond what V and the tracker's noise say, and is 1 where they do not.
+it; the less sure it is, the less of it counts (James and Stein 1961). Most models miss more
+towards the edge of the region than in its middle: the size of M goes as 1 - b + b r^2, with r the
+distance from the middle of the poses in units of their spread and b, 0 to 1, as the poses show it.
+Errors of a model are not always normal: `widen` is by how much the 95 % of those poses reach
+beyond what V and the tracker's noise say, and is 1 where as many as do may by chance.
+
+The 95 % radius goes by Student's t in the place of the normal law, as s_q and M are known from few
+poses: degrees of freedom by Welch and Satterthwaite (GUM G.4). Play is no normal error but one of
+two values: the radius is that of the normal laws about all combinations of sides.
 
 All in the axes of the base. Between dimensions and the tracker's frame there are strong
 correlations (the base may be moved as a whole): the frame is told as what is left of it with the
@@ -25,10 +30,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammainc
+from scipy.stats import binom, chi2, f
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import Stage
@@ -42,6 +49,9 @@ _FEWEST = 20  # poses from which a quantile of 95 % is told
 _THIN = 1e-4  # of the largest extent squared: poses thinner than this lie in a plane
 _LEAST = 0.02  # of what is known along an axis that a part leaves, however much of it it carries
 _SURE = 3.0  # standard errors from which play is one
+_CHANCE = 0.05  # that as many errors reach beyond a radius, below which it is widened
+_MANY = 1e9  # degrees of freedom that are as good as any number of them
+_HALVINGS = 30  # of the interval in which a radius is searched
 
 
 @dataclass(frozen=True)
@@ -54,12 +64,17 @@ class ModelError:
     share: float  # b, 0 to 1, of it that grows with r^2
     widen: float  # at least 1
     play: Array  # (m,) [rad or m] each joint is off, by the side it comes from
+    doubt: float = 0.0  # [m^2] standard error of M's trace
 
     def at(self, places: Array) -> Array:
         """M at places (n, 3) [m], (n, 3, 3)."""
+        return np.asarray(self.growth(places)[:, None, None] * self.covariance)
+
+    def growth(self, places: Array) -> Array:
+        """M at places (n, 3) [m] over its mean, (n,)."""
         way = places - self.middle
-        size = 1 - self.share + self.share * np.einsum("ni,ij,nj->n", way, self.shape, way)
-        return np.asarray(size[:, None, None] * self.covariance)
+        grown = np.einsum("ni,ij,nj->n", way, self.shape, way)
+        return np.asarray(1 - self.share + self.share * grown)
 
 
 @dataclass(frozen=True)
@@ -69,6 +84,7 @@ class Uncertainty:
     covariance: Array  # (P, P) of theta
     repeatability: float  # [rad or m] of each joint, one standard deviation
     model: ModelError
+    freedom: float = np.inf  # degrees of freedom from which the repeatability is known
 
 
 @dataclass(frozen=True)
@@ -78,8 +94,14 @@ class Parts:
     frame: Array  # tracker's frame, dimensions known
     dimensions: Array  # dimensions, reflector and effects, the frame following them
     repeatability: Array
-    play: Array
+    sided: Array  # (n, 3, m) [m] by play of each joint, by the side it comes from
     model: Array
+    doubt: Array  # (n,) [m^2] standard error of the trace of the whole
+
+    @property
+    def play(self) -> Array:
+        """Of play, either side as likely, (n, 3, 3)."""
+        return self.sided @ _turned_round(self.sided)
 
     @property
     def fit(self) -> Array:
@@ -129,13 +151,16 @@ class Identified:
         jacobian, by_joints = turned.T @ seen.jacobian, turned.T @ seen.by_joints
         rest, following = _divided(self.uncertainty.covariance, self.chain)
         frame = jacobian[..., self.chain.layout.frame]
-        played = by_joints * self.uncertainty.model.play
+        model, places = self.uncertainty.model, self.chain.mechanism.position(seen.x)
+        still = self.uncertainty.repeatability**2 * by_joints @ _turned_round(by_joints)
+        unsure = np.trace(still, axis1=1, axis2=2) * np.sqrt(2 / self.uncertainty.freedom)
         return Parts(
             frame=frame @ rest @ _turned_round(frame),
             dimensions=jacobian @ following @ _turned_round(jacobian),
-            repeatability=self.uncertainty.repeatability**2 * by_joints @ _turned_round(by_joints),
-            play=played @ _turned_round(played),
-            model=self.uncertainty.model.at(self.chain.mechanism.position(seen.x)),
+            repeatability=still,
+            sided=by_joints * model.play,
+            model=model.at(places),
+            doubt=np.hypot(unsure, model.doubt * model.growth(places)),
         )
 
     def radius(self, at: Conditions, stated: Array | float = 0.0) -> Array:
@@ -148,7 +173,9 @@ class Identified:
         Returns:
             NaN where the machine cannot stand.
         """
-        return self.uncertainty.model.widen * radius95(self.machine.parts(at).whole + stated)
+        parts = self.machine.parts(at)
+        normal = parts.whole - parts.play + stated
+        return self.uncertainty.model.widen * radius95(normal, parts.sided, parts.doubt)
 
 
 def _turned_round(matrix: Array) -> Array:
@@ -176,20 +203,52 @@ def _definite(matrix: Array) -> Array:
     return np.asarray((way * np.maximum(value, 0.0)) @ way.T)
 
 
-def radius95(covariance: Array) -> Array:
-    """Radius within which a normal vector lies with 95 %, (n,), of covariances (n, 3, 3).
+def radius95(normal: Array, sided: Array | None = None, doubt: Array | None = None) -> Array:
+    """Radius within which an error lies with 95 %, (n,) [m].
 
-    Its square is a sum of chi squares, weighted with the eigenvalues; by a gamma distribution of
-    the same mean and variance, which is exact along a line and for alike axes (Box 1954, Annals
-    of Mathematical Statistics 25, 290-302), and within 2 % of the radius between.
+    A normal vector's square is a sum of chi squares, weighted with the eigenvalues of its
+    covariance; by a gamma distribution of the same mean and variance, which is exact along a line
+    and for alike axes (Box 1954, Annals of Mathematical Statistics 25, 290-302), and within 2 % of
+    the radius between.
+
+    Args:
+        normal: covariances (n, 3, 3) [m^2].
+        sided: what has two values: plus or minus each column of (n, 3, m) [m], all combinations
+            as likely.
+        doubt: standard error of the trace of the covariance, (n,) [m^2].
     """
-    trace = np.trace(covariance, axis1=-2, axis2=-1)
-    square = np.sum(covariance * _turned_round(covariance), axis=(-2, -1))
+    trace = np.trace(normal, axis1=-2, axis2=-1)
+    square = np.sum(normal * _turned_round(normal), axis=(-2, -1))
     with np.errstate(invalid="ignore", divide="ignore"):
         degrees = np.where(square > 0, trace**2 / square, 1.0)
+        known = _MANY if doubt is None else np.minimum(2 * (trace / doubt) ** 2, _MANY)
+        quantile = degrees * f.ppf(COVERED, degrees, known)
         scale = np.where(trace > 0, square / trace, 0.0)
-    found = np.sqrt(np.maximum(scale * chi2.ppf(COVERED, degrees), 0.0))
-    return np.asarray(np.where(np.isfinite(trace), found, np.nan))
+    found = np.sqrt(np.maximum(scale * quantile, 0.0))
+    found = np.where(np.isfinite(trace), found, np.nan)
+    if sided is None or not sided.any():
+        return np.asarray(found)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        wider = np.where(found > 0, quantile / chi2.ppf(COVERED, degrees), 1.0)
+    return _about_all_sides(wider[:, None, None] * normal, sided)
+
+
+def _about_all_sides(normal: Array, sided: Array) -> Array:
+    """The radius of the mixture of normal laws about plus or minus each column, (n,)."""
+    joints = np.flatnonzero(sided.any(axis=(0, 1)))
+    sides = np.array([(1.0, *way) for way in product((-1.0, 1.0), repeat=len(joints) - 1)])
+    middle = np.einsum("nij,kj->nki", sided[..., joints], sides)
+    mean = np.trace(normal, axis1=1, axis2=2)[:, None] + np.sum(middle**2, axis=2)
+    within = np.einsum("nki,nij,nkj->nk", middle, normal, middle)
+    square = np.sum(normal * _turned_round(normal), axis=(1, 2))[:, None]
+    variance = np.maximum(2 * square + 4 * within, np.finfo(float).eps * mean**2)
+    shape, scale = mean**2 / variance, variance / mean
+    low, high = np.zeros(len(mean)), np.max(mean + 10 * np.sqrt(variance), axis=1)
+    for _ in range(_HALVINGS):
+        half = (low + high) / 2
+        enough = gammainc(shape, half[:, None] / scale).mean(axis=1) >= COVERED
+        low, high = np.where(enough, low, half), np.where(enough, half, high)
+    return np.asarray(np.sqrt(high))
 
 
 @dataclass(frozen=True)
@@ -200,6 +259,7 @@ class HeldOut:
     missed: Array  # (n, 3) [m] measured less predicted, tracker's frame; NaN: does not count
     whiten: Array  # (n, 3, 3) [1/m] W C W^T = 1, C the covariance of a pose's noise
     part: Index  # (n,)
+    place: Index  # (n,) poses of one place have one error of the model
 
 
 def model_error_of(
@@ -227,9 +287,9 @@ def model_error_of(
     play = _play(sided, error, known)
     error = error - sided @ play
     places = chain.mechanism.position(seen.x)
-    found = _grown(places, error, known, np.abs(play))
+    found = _grown(places, error, known, np.abs(play), held.place[rows])
     ratio = np.linalg.norm(error, axis=1) / radius95(known + found.at(places))
-    return replace(found, widen=max(1.0, _reached(ratio)))
+    return replace(found, widen=_reached(ratio))
 
 
 def _unfitted(by_theta: Array, covariance: Array, noise: Array, part: Index) -> Array:
@@ -266,9 +326,10 @@ def _play(sided: Array, error: Array, known: Array) -> Array:
     return np.where(np.abs(value) > _SURE * sigma, value, 0.0)
 
 
-def _grown(places: Array, error: Array, known: Array, play: Array) -> ModelError:
+def _grown(places: Array, error: Array, known: Array, play: Array, place: Index) -> ModelError:
     """M and how it grows from the middle, of errors (n, 3) of which `known` (n, 3, 3) is noise."""
-    covariance = _definite(error.T @ error / len(error) - known.mean(axis=0))
+    beyond = np.sum(error**2, axis=1) - np.trace(known, axis1=1, axis2=2)
+    covariance, doubt = _counted(error.T @ error / len(error) - known.mean(axis=0), beyond, place)
     middle = places.mean(axis=0)
     way = places - middle
     scatter = way.T @ way / len(way)
@@ -276,15 +337,31 @@ def _grown(places: Array, error: Array, known: Array, play: Array) -> ModelError
     shape /= max(np.linalg.matrix_rank(shape), 1)
     size = float(np.trace(covariance))
     if size <= 0.0:
-        return ModelError(covariance, middle, shape, 0.0, 1.0, play)
-    beyond = np.einsum("ni,ij,nj->n", way, shape, way) - 1
-    left = (np.sum(error**2, axis=1) - np.trace(known, axis1=1, axis2=2)) / size - 1
-    share = float(beyond @ left / max(beyond @ beyond, np.finfo(float).tiny))
-    return ModelError(covariance, middle, shape, min(max(share, 0.0), 1.0), 1.0, play)
+        return ModelError(covariance, middle, shape, 0.0, 1.0, play, doubt)
+    farther = np.einsum("ni,ij,nj->n", way, shape, way) - 1
+    left = beyond / size - 1
+    share = float(farther @ left / max(farther @ farther, np.finfo(float).tiny))
+    return ModelError(covariance, middle, shape, min(max(share, 0.0), 1.0), 1.0, play, doubt)
+
+
+def _counted(excess: Array, beyond: Array, place: Index) -> tuple[Array, float]:
+    """M of what errors have over the noise, (3, 3) [m^2], and the standard error of its trace.
+
+    An excess x +- s counts as x - s^2 / x where that is above zero.
+    """
+    size = float(np.mean(beyond))
+    doubt = float(np.linalg.norm(np.bincount(place, beyond - size)) / len(beyond))
+    kept = _definite(excess)
+    whole = float(np.trace(kept))
+    if size <= doubt or whole <= 0.0:
+        return np.zeros((3, 3)), 0.0
+    share = 1 - (doubt / size) ** 2
+    return kept * (size * share / whole), doubt * share
 
 
 def _reached(ratio: Array) -> float:
-    """The 95 % of ratios (n,); of few, none is told."""
-    if len(ratio) < _FEWEST:
+    """By how much the 95 % of ratios (n,) reach beyond 1, where more do than do by chance."""
+    above = int(np.sum(ratio > 1.0))
+    if len(ratio) < _FEWEST or binom.sf(above - 1, len(ratio), 1 - COVERED) > _CHANCE:
         return 1.0
-    return float(np.quantile(ratio, COVERED))
+    return max(1.0, float(np.quantile(ratio, COVERED)))

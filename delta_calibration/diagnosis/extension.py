@@ -70,7 +70,13 @@ def extended(model: Model, seed: int) -> Identification:
             chain,
             model.theta,
             covariance,
-            HeldOut(at, missed, model.problem.whiten[: len(poses), :3, :3], parts_of(poses, seed)),
+            HeldOut(
+                at,
+                missed,
+                model.problem.whiten[: len(poses), :3, :3],
+                parts_of(poses, seed),
+                poses.place,
+            ),
             model.misfit,
         ),
     )

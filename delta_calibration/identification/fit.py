@@ -105,7 +105,8 @@ class Identification:
     @property
     def uncertainty(self) -> Uncertainty:
         """What makes positions uncertain."""
-        return Uncertainty(self.covariance, self.noise.repeatability, self.model_error)
+        noise = self.noise
+        return Uncertainty(self.covariance, noise.repeatability, self.model_error, noise.freedom)
 
     @property
     def frame(self) -> Frame:
@@ -203,7 +204,9 @@ def identify(
             chain,
             theta,
             covariance,
-            HeldOut(at, only(missed, counted), full.problem.whiten[:, :3, :3], folds),
+            HeldOut(
+                at, only(missed, counted), full.problem.whiten[:, :3, :3], folds, poses.place
+            ),
             chi_square,
         ),
         turn_missed=_turn_missed(full),

@@ -27,6 +27,8 @@ Index = NDArray[np.int64]
 _ENOUGH = 20
 _GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+_STEP = 0.05  # of log s_q, over which the bend of its likelihood is taken
+_FEWEST_DEGREES = 1e-3  # of a repeatability that the tracker's noise hides
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
@@ -40,6 +42,7 @@ class Noise:
     floor: float  # [m] root mean square 3-D distance of a measured pose from its place's mean
     degrees: int  # of freedom in `floor`; 0 where it is computed, not measured
     measured: bool  # whether repeats were enough to measure it
+    freedom: float = np.inf  # degrees of freedom of the repeatability; inf: as filed
 
     def reading(self, point: Array, tracker: Tracker) -> Array:
         """Covariance of one reading at each point, (n, 3, 3) [m^2]."""
@@ -86,9 +89,13 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
         return replace(filed, floor=floor)
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
     size = robot.commanded.joint_size
-    repeatability = _repeatability(deviation, np.bincount(label)[label], reading, slope, size)
+    repeatability, freedom = _repeatability(
+        deviation, np.bincount(label)[label], reading, slope, size
+    )
     floor = float(np.sqrt(np.sum(deviation**2) / whole))
-    return Noise(radial, transverse, repeatability, floor, degrees, True)
+    return Noise(
+        radial, transverse, repeatability, floor, degrees, True, freedom * degrees / whole
+    )
 
 
 def whitening(covariance: Array) -> Array:
@@ -171,8 +178,11 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
 
 def _repeatability(
     deviation: Array, size: Index, reading: Array, slope: Array, joint_size: float
-) -> float:
-    """Most likely s_q given the deviations within groups of `size` (Gaussian, one draw a move)."""
+) -> tuple[float, float]:
+    """Most likely s_q given the deviations within groups of `size` (Gaussian, one draw a move).
+
+    With its degrees of freedom, by how sharp the most likely value is.
+    """
     several = size > 1
     share = (size[several] - 1) / size[several]  # of a degree of freedom that each pose brings
     d, fixed = deviation[several], reading[several]
@@ -185,4 +195,6 @@ def _repeatability(
 
     bounds = np.log(_LEAST * joint_size), np.log(_MOST * joint_size)
     best = minimize_scalar(unlikeliness, bounds=bounds, method="bounded", options={"xatol": 1e-3})
-    return float(np.exp(best.x))
+    around = [unlikeliness(best.x + step) for step in (-_STEP, 0.0, _STEP)]
+    bend = (around[0] - 2 * around[1] + around[2]) / _STEP**2  # by log s_q: four times by log s_q^2
+    return float(np.exp(best.x)), max(bend / 4, _FEWEST_DEGREES)
