@@ -1,11 +1,15 @@
 """How many true errors of corrected positions lie within what is certified of them.
 
-    python benchmarks/certified_coverage.py [--robots srbd,scara] [--machines 10]
+    python benchmarks/certified_coverage.py [--robots srbd,scara] [--machines 10] [--diagnosed]
 
-Machines that are not built as drawn, with a hidden cause and without, are measured once each (plan
-`identify`) and fitted by geometry alone. At places that were not measured, all over the region,
-each joint coming from either side, the true error of the corrected command is held against its
-certified radius: 95 % should lie within it. Payload and temperature are those of the session.
+Machines that are not built as drawn, with a hidden cause and without, are measured once each. At
+places that were not measured, all over the region, each joint coming from either side, the true
+error of the corrected command is held against its certified radius: 95 % should lie within it.
+
+By default the session is the plan `identify`, fitted by geometry alone, and payload and
+temperature are those of the session. With `--diagnosed` it is the plan `rich`, diagnosed; the
+extended calibration is held against the truth at payloads and temperatures that were not measured
+either, all over the range of those that were.
 """
 
 from __future__ import annotations
@@ -15,12 +19,14 @@ from dataclasses import dataclass, replace
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
+from delta_calibration.diagnosis import diagnose
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.report import Examined, examined_fit
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import collect
+from delta_calibration.samples import Conditions, collect, survey
 from delta_calibration.simulation import draw_machine, effect_options, simulate_session
 from delta_calibration.simulation.machine import Machine
 
@@ -33,7 +39,17 @@ HAVE = {  # what each can have of these
     "ur10": CAUSES[:4],
     "cdpr8": ("none", "encoder_eccentricity", "cable_sag"),
 }
+LOADED = {  # with what goes by payload and temperature too
+    "srbd": ("none", "backlash", "joint_compliance", "thermal_growth_arm"),
+    "linear_delta": ("none", "backlash", "transmission_error"),
+    "five_axis": ("none", "backlash", "transmission_error"),
+    "scara": ("none", "backlash", "joint_compliance"),
+    "ur10": ("none", "backlash", "joint_compliance"),
+    "cdpr8": ("none", "cable_stretch", "cable_sag"),
+}
 _PLACES = 300
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -48,25 +64,60 @@ class Coverage:
 def coverage(robot_name: str, cause: str, seed: int, count: int = 40) -> Coverage:
     """Measure one machine, fit it, and hold it against the truth elsewhere."""
     robot = load_robot(robot_name)
-    hidden = [] if cause == "none" else [effect_options(cause)]
-    machine = draw_machine(robot, seed, hidden=hidden)
+    machine = _machine(robot_name, cause, seed)
     plan = make_plan("identify", robot, count=count, seed=seed)
     session = simulate_session(machine, plan, seed)
     poses = collect(session, robot.joints.names, robot.commanded.joint_size)
     examined = examined_fit(identify(poses, robot, seed=seed), poses, robot)
-    return _held_against(machine, examined, np.random.default_rng([seed, 7]))
+    rng = np.random.default_rng([seed, 7])
+    return _held_against(machine, examined, examined.conditions(_joints(examined, rng)), rng)
 
 
-def _held_against(machine: Machine, examined: Examined, rng: np.random.Generator) -> Coverage:
+def diagnosed(robot_name: str, cause: str, seed: int) -> Coverage:
+    """The same of a diagnosed machine, at other payloads and temperatures as well."""
+    robot = load_robot(robot_name)
+    machine = _machine(robot_name, cause, seed)
+    session = simulate_session(machine, make_plan("rich", robot, seed=seed), seed, warming=True)
+    seen = survey(session, robot.joints.names, robot.commanded.joint_size)
+    found = diagnose(seen, robot, seed=seed)
+    examined = examined_fit(found.identification, seen.poses, robot)
+    rng = np.random.default_rng([seed, 7])
+    at = _elsewhere(examined, examined.conditions(_joints(examined, rng)), rng)
+    return _held_against(machine, examined, at, rng)
+
+
+def _machine(robot_name: str, cause: str, seed: int) -> Machine:
+    hidden = [] if cause == "none" else [effect_options(cause)]
+    return draw_machine(load_robot(robot_name), seed, hidden=hidden)
+
+
+def _joints(examined: Examined, rng: np.random.Generator) -> Array:
     inside = examined.region.sample(_PLACES, 0.0, rng)[len(examined.region.vertices) :]
     joint = examined.joints_at(examined.tools(inside))
-    joint = joint[np.isfinite(joint).all(axis=1)]
-    at, own = examined.conditions(joint), examined.identified.machine
-    rest = machine.robot.joints.repeatability * rng.standard_normal(joint.shape)
-    sides = rng.choice([-1.0, 1.0], joint.shape)
-    truly = replace(at, joint=joint + rest, direction=sides, travel=np.full(joint.shape, np.inf))
-    missed = machine.reflector_points(truly) - own.chain.predict(at, own.theta)
-    error, radius = np.linalg.norm(missed, axis=1), examined.identified.radius(at)
+    return np.asarray(joint[np.isfinite(joint).all(axis=1)])
+
+
+def _elsewhere(examined: Examined, at: Conditions, rng: np.random.Generator) -> Conditions:
+    """Payloads and temperatures between the least and the most that were measured."""
+    poses, n = examined.poses, len(at)
+    load = rng.uniform(poses.payload.min(), poses.payload.max(), n)
+    warm = at.temperature
+    if poses.temperature_parts:
+        low, high = np.nanmin(poses.temperature, axis=0), np.nanmax(poses.temperature, axis=0)
+        warm = low + (high - low) * rng.uniform(size=(n, 1))
+    return replace(at, payload=load, temperature=warm)
+
+
+def _held_against(
+    machine: Machine, examined: Examined, at: Conditions, rng: np.random.Generator
+) -> Coverage:
+    """True errors of commands whose joints come from either side, which the compensator knows."""
+    shape, own = at.joint.shape, examined.identified.machine
+    known = replace(at, direction=rng.choice([-1.0, 1.0], shape), travel=np.full(shape, np.inf))
+    rest = machine.robot.joints.repeatability * rng.standard_normal(shape)
+    truly = machine.reflector_points(replace(known, joint=at.joint + rest))
+    error = np.linalg.norm(truly - own.chain.predict(known, own.theta), axis=1)
+    radius = examined.identified.radius(known)
     return Coverage(
         float(np.mean(error <= radius)),
         float(np.sqrt(np.mean(error**2))),
@@ -74,12 +125,13 @@ def _held_against(machine: Machine, examined: Examined, rng: np.random.Generator
     )
 
 
-def table(robots: Sequence[str], machines: int) -> Iterator[str]:
+def table(robots: Sequence[str], machines: int, extended: bool) -> Iterator[str]:
     """A line a robot and cause."""
+    measured, causes = (diagnosed, LOADED) if extended else (coverage, HAVE)
     yield f"{'robot':<14}{'hidden':<22}{'covered':>9}{'least':>8}{'error':>11}{'95 %':>11}"
     for name in robots:
-        for cause in HAVE[name]:
-            found = [coverage(name, cause, seed) for seed in range(machines)]
+        for cause in causes[name]:
+            found = [measured(name, cause, seed) for seed in range(machines)]
             share = [each.covered for each in found]
             error, radius = (np.mean([getattr(f, k) for f in found]) for k in ("error", "radius"))
             yield (
@@ -91,9 +143,10 @@ def table(robots: Sequence[str], machines: int) -> Iterator[str]:
 @click.command()
 @click.option("--robots", default=",".join(known_robots()), show_default=True)
 @click.option("--machines", default=10, show_default=True, type=click.IntRange(min=1))
-def main(robots: str, machines: int) -> None:
+@click.option("--diagnosed", "extended", is_flag=True, help="Rich sessions, diagnosed.")
+def main(robots: str, machines: int, extended: bool) -> None:
     """Print the coverage of certified positions by robot and hidden cause."""
-    for line in table(robots.split(","), machines):
+    for line in table(robots.split(","), machines, extended):
         click.echo(line)
 
 

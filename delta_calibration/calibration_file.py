@@ -190,7 +190,9 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
             float(model["share"]),
             float(model["widen"]),
             np.array(model["play"], dtype=float),
+            1e-12 * float(model.get("doubt_um2", 0.0)),
         ),
+        float(told.get("repeatability_degrees_of_freedom", np.inf)),
     )
 
 
@@ -203,6 +205,7 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
     value, way = np.linalg.eigh(found.covariance)
     root = (way * np.sqrt(np.maximum(value, 0.0))).T
     factor = np.asarray(np.linalg.qr(root, mode="r")).T
+    known = found.noise.freedom
     return {
         "factor_lower": [
             " ".join(f"{entry:.8g}" for entry in row[: k + 1])
@@ -215,7 +218,9 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
             "share": model.share,
             "widen": model.widen,
             "play": model.play.tolist(),
+            "doubt_um2": 1e12 * model.doubt,
         },
+        **({"repeatability_degrees_of_freedom": known} if np.isfinite(known) else {}),
     }
 
 

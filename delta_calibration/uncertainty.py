@@ -47,7 +47,6 @@ Index = NDArray[np.int64]
 COVERED = 0.95
 _FEWEST = 20  # poses from which a quantile of 95 % is told
 _THIN = 1e-4  # of the largest extent squared: poses thinner than this lie in a plane
-_LEAST = 0.02  # of what is known along an axis that a part leaves, however much of it it carries
 _SURE = 3.0  # standard errors from which play is one
 _CHANCE = 0.05  # that as many errors reach beyond a radius, below which it is widened
 _MANY = 1e9  # degrees of freedom that are as good as any number of them
@@ -221,15 +220,17 @@ def radius95(normal: Array, sided: Array | None = None, doubt: Array | None = No
     square = np.sum(normal * _turned_round(normal), axis=(-2, -1))
     with np.errstate(invalid="ignore", divide="ignore"):
         degrees = np.where(square > 0, trace**2 / square, 1.0)
-        known = _MANY if doubt is None else np.minimum(2 * (trace / doubt) ** 2, _MANY)
-        quantile = degrees * f.ppf(COVERED, degrees, known)
+        sure = quantile = chi2.ppf(COVERED, degrees)
+        if doubt is not None:
+            known = np.minimum(2 * (trace / doubt) ** 2, _MANY)
+            quantile = degrees * f.ppf(COVERED, degrees, known)
         scale = np.where(trace > 0, square / trace, 0.0)
     found = np.sqrt(np.maximum(scale * quantile, 0.0))
     found = np.where(np.isfinite(trace), found, np.nan)
     if sided is None or not sided.any():
         return np.asarray(found)
     with np.errstate(invalid="ignore", divide="ignore"):
-        wider = np.where(found > 0, quantile / chi2.ppf(COVERED, degrees), 1.0)
+        wider = np.where(found > 0, quantile / sure, 1.0)
     return _about_all_sides(wider[:, None, None] * normal, sided)
 
 
@@ -258,30 +259,25 @@ class HeldOut:
     at: Conditions  # of the n poses
     missed: Array  # (n, 3) [m] measured less predicted, tracker's frame; NaN: does not count
     whiten: Array  # (n, 3, 3) [1/m] W C W^T = 1, C the covariance of a pose's noise
-    part: Index  # (n,)
+    fitted: Array  # (n, 3, 3) [m^2] covariance of what was predicted of each by its fit
     place: Index  # (n,) poses of one place have one error of the model
 
 
-def model_error_of(
-    chain: Chain, theta: Array, covariance: Array, held: HeldOut, spread: float = 1.0
-) -> ModelError:
+def model_error_of(chain: Chain, theta: Array, held: HeldOut) -> ModelError:
     """What a model leaves out, by poses that were held out of its fit.
 
     Args:
         chain: the model.
         theta: as identified, (P,).
-        covariance: of it, (P, P).
-        held: what the poses were missed by.
-        spread: by how much the fit took the noise's variance to be larger.
+        held: what the poses were missed by, in the tracker's frame.
     """
     rows = np.flatnonzero(np.isfinite(held.missed).all(axis=1))
-    at, part = held.at.take(rows), held.part[rows]
+    at = held.at.take(rows)
     seen = chain.see(at, theta)
     turned = chain.split(theta)[2].rotation
-    by_theta, by_joints = turned.T @ seen.jacobian, turned.T @ seen.by_joints
+    by_joints = turned.T @ seen.by_joints
     colour = turned.T @ np.linalg.inv(held.whiten[rows])
-    noise = colour @ _turned_round(colour)
-    known = noise + _unfitted(by_theta, covariance, max(1.0, spread) * noise, part)
+    known = colour @ _turned_round(colour) + turned.T @ held.fitted[rows] @ turned
     error = held.missed[rows] @ turned
     sided = by_joints * np.nan_to_num(at.direction)[:, None, :]
     play = _play(sided, error, known)
@@ -290,24 +286,6 @@ def model_error_of(
     found = _grown(places, error, known, np.abs(play), held.place[rows])
     ratio = np.linalg.norm(error, axis=1) / radius95(known + found.at(places))
     return replace(found, widen=_reached(ratio))
-
-
-def _unfitted(by_theta: Array, covariance: Array, noise: Array, part: Index) -> Array:
-    """Covariance (n, 3, 3) of what fits without a pose's own part predict of it.
-
-    A pose at the edge of what was measured carries much of the fit: without it the prediction
-    there is far less sure than with it, C' = (C^-1 - G)^-1 with G = J^T N^-1 J of the part.
-    """
-    value, way = np.linalg.eigh((covariance + covariance.T) / 2)
-    seen = by_theta @ (way * np.sqrt(np.maximum(value, 0.0)))  # (n, 3, P) of unit unknowns
-    found = np.zeros((len(by_theta), 3, 3))
-    for number in np.unique(part):
-        own = np.flatnonzero(part == number)
-        carried = np.einsum("nij,nik,nkl->jl", seen[own], np.linalg.inv(noise[own]), seen[own])
-        share, axes = np.linalg.eigh(carried)  # of what is known along each axis, 0 to 1
-        wider = (seen[own] @ axes) / np.sqrt(np.maximum(1 - share, _LEAST))
-        found[own] = wider @ _turned_round(wider)
-    return found
 
 
 def _play(sided: Array, error: Array, known: Array) -> Array:
@@ -339,9 +317,18 @@ def _grown(places: Array, error: Array, known: Array, play: Array, place: Index)
     if size <= 0.0:
         return ModelError(covariance, middle, shape, 0.0, 1.0, play, doubt)
     farther = np.einsum("ni,ij,nj->n", way, shape, way) - 1
-    left = beyond / size - 1
-    share = float(farther @ left / max(farther @ farther, np.finfo(float).tiny))
-    return ModelError(covariance, middle, shape, min(max(share, 0.0), 1.0), 1.0, play, doubt)
+    share = _growing(farther, beyond / float(np.mean(beyond)) - 1, place)
+    return ModelError(covariance, middle, shape, share, 1.0, play, doubt)
+
+
+def _growing(farther: Array, left: Array, place: Index) -> float:
+    """How errors squared over their mean, less 1, (n,) go with r^2 - 1 (n,), as far as is sure."""
+    whole = max(float(farther @ farther), np.finfo(float).tiny)
+    share = float(farther @ left) / whole
+    doubt = float(np.linalg.norm(np.bincount(place, farther * (left - share * farther)))) / whole
+    if share <= doubt:
+        return 0.0
+    return min(share - doubt**2 / share, 1.0)
 
 
 def _counted(excess: Array, beyond: Array, place: Index) -> tuple[Array, float]:

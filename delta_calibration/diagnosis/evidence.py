@@ -28,7 +28,14 @@ from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.rest import AT_REST, Rest
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.signals import Signals, recorded
-from delta_calibration.identification import Linear, Noise, PointMeasured, Problem, whitening
+from delta_calibration.identification import (
+    Known,
+    Linear,
+    Noise,
+    PointMeasured,
+    Problem,
+    whitening,
+)
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Conditions, Paths, Survey
 
@@ -247,6 +254,11 @@ class Evidence:
     def covariance(self) -> Array:
         """Of the nuisance z given the residuals and its priors, (A, A)."""
         return np.asarray(cho_solve(self._factor, np.eye(len(self.precision))))
+
+    def known(self, misfit: float = 1.0) -> Known:
+        """What residuals, of noise as much larger, and priors know of the nuisance z."""
+        along = self._along(self.column, self.rest.seen(self.column))[:, 0]
+        return Known(self._normal / misfit, along / misfit, self.precision)
 
     def best(
         self, misfit: float = 1.0, held: Index | None = None, values: Array | None = None

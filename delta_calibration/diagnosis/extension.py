@@ -15,6 +15,7 @@ from delta_calibration.identification import (
     Effort,
     Identification,
     Residuals,
+    left_out,
     observe,
     parts_of,
     residuals_of,
@@ -66,19 +67,7 @@ def extended(model: Model, seed: int) -> Identification:
         effort=Effort(DIAGNOSIS),
         missed_before=missed_before,
         missed=missed,
-        model_error=model_error_of(
-            chain,
-            model.theta,
-            covariance,
-            HeldOut(
-                at,
-                missed,
-                model.problem.whiten[: len(poses), :3, :3],
-                parts_of(poses, seed),
-                poses.place,
-            ),
-            model.misfit,
-        ),
+        model_error=model_error_of(chain, model.theta, _left_out(beside, model)),
     )
 
 
@@ -118,6 +107,22 @@ def _held_out(evidence: Evidence, model: Model, seed: int) -> Array:
         best = evidence.take(others).best(misfit)
         missed[own] = evidence.take(own).missed(best)
     return missed
+
+
+def _left_out(evidence: Evidence, model: Model) -> HeldOut:
+    """Every pose by the data without its place."""
+    poses, rows = model.survey.poses, _counted(evidence)
+    root = np.sqrt(max(1.0, evidence.misfit))
+    slope, residual = evidence.nuisance[rows] / root, evidence.residual[rows] / root
+    found = left_out(evidence.known(root**2), slope, residual, poses.place[rows], 1.0)
+    colour = root * np.linalg.inv(evidence.whiten[rows])
+    return HeldOut(
+        poses.conditions.take(rows),
+        (colour @ found.missed[..., None])[..., 0],
+        model.problem.whiten[rows, :3, :3],
+        colour @ found.covariance @ np.swapaxes(colour, 1, 2),
+        poses.place[rows],
+    )
 
 
 def _counted(evidence: Evidence) -> NDArray[np.intp]:

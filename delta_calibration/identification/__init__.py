@@ -24,6 +24,7 @@ from delta_calibration.identification.fit import (
 )
 from delta_calibration.identification.image import PointInImage
 from delta_calibration.identification.joint_residual import JointProblem, joint_covariance
+from delta_calibration.identification.left_out import Known, left_out
 from delta_calibration.identification.methods import (
     METHODS,
     ORDERS,
@@ -96,6 +97,7 @@ __all__ = [
     "Identification",
     "JointFit",
     "JointProblem",
+    "Known",
     "Linear",
     "LinearResidual",
     "Machine",
@@ -132,6 +134,7 @@ __all__ = [
     "in_turn",
     "joint_covariance",
     "least_squares",
+    "left_out",
     "method_named",
     "minimise",
     "most_evaluations",

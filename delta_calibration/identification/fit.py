@@ -12,6 +12,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.geometry import Frame, align
 from delta_calibration.identification.baseline import registered
+from delta_calibration.identification.left_out import Known, left_out
 from delta_calibration.identification.methods import LeastSquares, Method, Watch
 from delta_calibration.identification.noise import Noise, estimate_noise, whitening
 from delta_calibration.identification.observability import (
@@ -166,7 +167,11 @@ def identify(
     fit = method.fit(problem, rng, watch)
     full = fit.solution
     folds, counted = parts_of(poses, seed), full.weight > 0
-    covariance, chi_square = _covariance(full)
+    known = _known(full)
+    used = float(np.trace(np.linalg.solve(known.whole, known.information)))
+    chi_square, spread = _chi_squares(full, poses.place, used)
+    basis = full.problem.basis[layout.chain]
+    covariance = basis @ known.covariance(spread) @ basis.T
     variance = np.diag(covariance)
     if not ((variance >= 0.0) & (variance < np.inf)).all():
         raise SingularityError(
@@ -181,7 +186,7 @@ def identify(
     nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
     missed_before = _held_out(before, folds, _LEAST_SQUARES, rng, watch)
     missed = _held_out(full, folds, method, rng, watch)
-    theta, at = full.theta[layout.chain], poses.conditions
+    theta = full.theta[layout.chain]
     return Identification(
         chain=chain,
         theta=theta,
@@ -200,15 +205,7 @@ def identify(
         effort=Effort(method.name, fit.evaluations, method.settings),
         missed_before=only(missed_before, counted),
         missed=only(missed, counted),
-        model_error=model_error_of(
-            chain,
-            theta,
-            covariance,
-            HeldOut(
-                at, only(missed, counted), full.problem.whiten[:, :3, :3], folds, poses.place
-            ),
-            chi_square,
-        ),
+        model_error=model_error_of(chain, theta, _left_out(full, known, poses.place, spread)),
         turn_missed=_turn_missed(full),
     )
 
@@ -353,27 +350,46 @@ def residuals_of(in_sample: Array, missed: Array, whiten: Array) -> Residuals:
     )
 
 
-def _covariance(solution: Solution) -> tuple[Array, float]:
-    """Covariance of the chain's theta by data and priors, (P, P), and chi square per freedom.
+def _known(solution: Solution) -> Known:
+    """What data and priors know of the unknowns that are free, poses by their weight."""
+    slope, residual = _weighed(solution)
+    flat = slope.reshape(-1, slope.shape[-1])
+    return Known(flat.T @ flat, flat.T @ residual.reshape(-1), solution.problem.expected)
 
-    Where the residuals are larger than the noise explains, by a factor s in chi square, the noise
-    is taken to be so much larger: A^-1 (s I + P) A^-1, A = I + P, I of the data and P of the
-    priors. What only the priors know is as uncertain as before.
+
+def _weighed(solution: Solution) -> tuple[Array, Array]:
+    """Whitened slope (n, d, F) and residuals at z = 0 (n, d), times the root of the weight."""
+    root = np.sqrt(solution.weight)[:, None]
+    slope = root[..., None] * solution.at.slope
+    return slope, root * solution.residual + slope @ solution.z
+
+
+def _chi_squares(solution: Solution, place: Index, used: float) -> tuple[float, float]:
+    """Per degree of freedom, of all poses and of the places' means.
+
+    What a model lacks is the same at every visit of a place; a play, to either side, cancels.
     """
-    problem = solution.problem
-    root = np.repeat(np.sqrt(solution.weight), solution.residual.shape[1])
-    slope = root[:, None] * solution.at.rows
-    information = slope.T @ slope
-    prior = np.diag(problem.has_prior[problem.free].astype(float))
-    inverse = np.linalg.inv(information + prior)
-    # parameters that the data, not the priors, decide
-    used = float(np.trace(inverse @ information))
-    numbers = solution.residual.shape[1]
-    degrees = max(numbers * np.count_nonzero(solution.weight) - used, 1.0)
-    chi_square = float(np.sum((solution.weight[:, None] * solution.residual) ** 2) / degrees)
-    spread = inverse @ (max(1.0, chi_square) * information + prior) @ inverse
-    basis = problem.basis[problem.layout.chain]
-    return basis @ spread @ basis.T, chi_square
+    weight, width = solution.weight, solution.residual.shape[1]
+    residual = weight[:, None] * solution.residual
+    visits = np.bincount(place, weight > 0)
+    mean = np.array([np.bincount(place, each) for each in residual.T]).T[visits > 0]
+    mean /= np.sqrt(visits[visits > 0])[:, None]
+    degrees = width * np.array([np.count_nonzero(weight), len(mean)]) - used
+    squares = np.array([np.sum(residual**2), np.sum(mean**2)])
+    found = squares / np.maximum(degrees, 1.0)
+    return float(found[0]), float(found[1])
+
+
+def _left_out(solution: Solution, known: Known, place: Index, spread: float) -> HeldOut:
+    """Every pose by the data without its place."""
+    problem, counted = solution.problem, solution.weight > 0
+    slope, residual = _weighed(solution)
+    found = left_out(known, slope, residual, place, spread)
+    root = np.sqrt(np.where(counted, solution.weight, 1.0))
+    colour = np.linalg.inv(problem.whiten[:, :3, :3]) / root[:, None, None]
+    missed = (colour @ found.missed[:, :3, None])[..., 0]
+    predicted = colour @ found.covariance[:, :3, :3] @ np.swapaxes(colour, 1, 2)
+    return HeldOut(problem.at, only(missed, counted), problem.whiten[:, :3, :3], predicted, place)
 
 
 def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:

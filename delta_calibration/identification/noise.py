@@ -196,5 +196,7 @@ def _repeatability(
     bounds = np.log(_LEAST * joint_size), np.log(_MOST * joint_size)
     best = minimize_scalar(unlikeliness, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     around = [unlikeliness(best.x + step) for step in (-_STEP, 0.0, _STEP)]
-    bend = (around[0] - 2 * around[1] + around[2]) / _STEP**2  # by log s_q: four times by log s_q^2
+    bend = (
+        around[0] - 2 * around[1] + around[2]
+    ) / _STEP**2  # by log s_q: four times by log s_q^2
     return float(np.exp(best.x)), max(bend / 4, _FEWEST_DEGREES)

@@ -38,6 +38,7 @@ class Budget:
 
     parts: tuple[Contribution, ...]
     widen: float  # of a corrected position, by errors that are not normal
+    of_corrected: Array  # (n,) [m] within how far of its target a corrected position lies, 95 %
 
     @property
     def measured(self) -> Array:
@@ -107,6 +108,7 @@ def certified(examined: Examined, about: About, places: Array) -> Array:
 def budget_of(examined: Examined, about: About) -> Budget:
     """The budget at the measured poses."""
     at, identified = examined.poses.conditions, examined.identified
+    stated = stated_at(examined, about, examined.target).whole
     return Budget(
         (
             *_of_readings(examined),
@@ -114,6 +116,7 @@ def budget_of(examined: Examined, about: About) -> Budget:
             *_of_machine(examined, identified.parts(at), identified.machine.parts(at)),
         ),
         identified.uncertainty.model.widen,
+        identified.radius(at, stated),
     )
 
 

@@ -11,7 +11,6 @@ from delta_calibration.report.certificate import COVERAGE, MM, Certificate, Dime
 from delta_calibration.report.certificate_figures import histogram_figure, vector_figure
 from delta_calibration.report.decision import Decision
 from delta_calibration.report.document import Section, Table
-from delta_calibration.uncertainty import radius95
 from delta_calibration.wording import NO_VALUE, figures, rounded, spoken
 
 Array = NDArray[np.float64]
@@ -181,8 +180,8 @@ def budget_section(certificate: Certificate) -> Section:
         both = [_axes(factor**2 * c) for c in (budget.measured, budget.corrected)]
         rows.append((name, "", "", *both[0], *both[1]))
     three = [
-        figures(UM * scale * float(np.sqrt(np.mean(radius95(c) ** 2))), 2)
-        for scale, c in ((1.0, budget.measured), (budget.widen, budget.corrected))
+        figures(UM * float(np.sqrt(np.nanmean(radius**2))), 2)
+        for radius in (budget.of_points, budget.of_corrected)
     ]
     silent = certificate.about.silent
     caption = (
