@@ -43,9 +43,9 @@ LOADED = {  # with what goes by payload and temperature too
     "srbd": ("none", "backlash", "joint_compliance", "thermal_growth_arm"),
     "linear_delta": ("none", "backlash", "transmission_error"),
     "five_axis": ("none", "backlash", "transmission_error"),
-    "scara": ("none", "backlash", "joint_compliance"),
-    "ur10": ("none", "backlash", "joint_compliance"),
-    "cdpr8": ("none", "cable_stretch", "cable_sag"),
+    "scara": ("none", "backlash", "transmission_error"),
+    "ur10": ("none", "backlash", "transmission_error"),
+    "cdpr8": ("none", "cable_elasticity", "cable_sag"),
 }
 _PLACES = 300
 

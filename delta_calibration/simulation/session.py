@@ -66,11 +66,13 @@ def simulate_session(
     ways, at, command = _motion(plan, machine, rate, period, climate)
     encoders, points = [], []
     turns: list[Array] = []
-    end = 0
+    end, rested = 0, None
     for way in follow(iter(ways)):
         begin, end = end, end + len(way.time)
         here = at.take(slice(begin, end))
-        actual = replace(here, joint=way.joint + machine.rest_error(rng))
+        rest = machine.rest_error(rng)
+        error = np.where(_started(way), rest, rest if rested is None else rested)
+        actual, rested = replace(here, joint=way.joint + error), rest
         encoders.append(machine.encoders(way.joint, rng))
         points.append(_readings(machine, actual, rng, plan))
         turned = machine.turns(actual, rng)
@@ -88,6 +90,12 @@ def simulate_session(
         temperature=_temperatures(climate, float(at.time[-1])),
         payload=_payloads(at),
     )
+
+
+def _started(way: Leg) -> NDArray[np.bool_]:
+    """Samples of a leg since the first in motion, (n, 1): before, joints stand as they came."""
+    off = (way.joint != way.joint[0]).any(axis=1)
+    return np.asarray(np.logical_or.accumulate(off)[:, None])
 
 
 def _motion(
