@@ -31,7 +31,9 @@ from delta_calibration.report import (
     page_of_certificate,
     read_about,
     require_libraries,
+    require_valid,
     session_provenance,
+    write_dcc,
     write_page,
     write_pdf,
 )
@@ -39,7 +41,7 @@ from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Session, collect
 
 PATH = click.Path(path_type=Path)
-_KINDS = (".html", ".pdf", ".json")
+_KINDS = (".html", ".pdf", ".json", ".xml")
 
 
 @click.command("certificate", short_help="a certificate of a calibration, to sign (HTML, PDF)")
@@ -51,8 +53,15 @@ _KINDS = (".html", ".pdf", ".json")
     type=PATH,
     multiple=True,
     required=True,
-    help="File to write, by its ending: .html, .pdf or .json. As often as needed; the JSON is "
-    "written beside the others in any case.",
+    help="File to write, by its ending: .html, .pdf, .json or .xml (a Digital Calibration "
+    "Certificate). As often as needed; the JSON is written beside the others in any case.",
+)
+@click.option(
+    "--dcc-schema",
+    type=PATH,
+    default=None,
+    metavar="FOLDER",
+    help="PTB's schema (dcc.xsd and what it imports), to check the .xml by.",
 )
 @calibration_option(
     "Calibration to certify by this session; fitted to the session where not given."
@@ -92,6 +101,7 @@ def command(
     session: Path,
     robot_file: str,
     outs: tuple[Path, ...],
+    dcc_schema: Path | None,
     calibration_file: Path | None,
     about: Path | None,
     seed: int,
@@ -132,7 +142,7 @@ def command(
     else:
         examined = examined_by(calibration, poses, robot)
     certificate = Certificate(examined, stated, source)
-    _write(certificate, outs)
+    _write(certificate, outs, dcc_schema)
     _require_passed(certificate, session)
 
 
@@ -168,7 +178,7 @@ def _by_path(given: dict[str, Any]) -> dict[str, Any]:
     return {_OPTIONS[name]: value for name, value in given.items()}
 
 
-def _write(certificate: Certificate, outs: tuple[Path, ...]) -> None:
+def _write(certificate: Certificate, outs: tuple[Path, ...], dcc_schema: Path | None) -> None:
     """All files, and say so."""
     page = page_of_certificate(certificate)
     click.echo(page.sentence)
@@ -178,9 +188,27 @@ def _write(certificate: Certificate, outs: tuple[Path, ...]) -> None:
             write_page(path, page)
         elif path.suffix == ".pdf":
             write_pdf(path, page)
+        elif path.suffix == ".xml":
+            write_dcc(path, certificate)
         else:
             write_json(path, certificate.as_dict())
         click.echo(f"written: {path}")
+        if path.suffix == ".xml":
+            click.echo(_checked(path, dcc_schema))
+
+
+def _checked(path: Path, dcc_schema: Path | None) -> str:
+    """Whether a DCC keeps to its schema, in words.
+
+    Raises:
+        DataError: it does not.
+    """
+    if dcc_schema is None:
+        return (
+            f"not validated: {path}: PTB's schema does not come with this package (--dcc-schema)"
+        )
+    require_valid(path, dcc_schema)
+    return f"valid by the schema in {dcc_schema}: {path}"
 
 
 def _require_passed(certificate: Certificate, session: Path) -> None:
