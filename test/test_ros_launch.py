@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,8 @@ pytest.importorskip("rclpy")
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
-from delta_calibration.ros.calibration_parameters import SPECS
 from delta_calibration.ros.conversions import joint_state
-from delta_calibration.ros.lifecycle import AUTOSTART
+from delta_calibration.ros.node_help import specs_of
 from delta_calibration.ros.qos import BY_NAME, COMMAND, MEASURED, STATUS, STREAM_OUT
 from launch_stand_in import LaunchDescription, load
 from ros_helpers import Bench, Launch, bench_fixture, launch_fixture  # noqa: F401
@@ -40,9 +38,7 @@ def test_parameters_are_declared_by_the_nodes_and_allowed(cell: LaunchDescriptio
     for executable, (node, values) in every.items():
         if node.package != PACKAGE:
             continue
-        module = importlib.import_module(f"{PACKAGE}.ros.{executable}")
-        own = (*SPECS, AUTOSTART) if executable == "calibration_node" else module.SPECS
-        known = {spec.name: spec for spec in own}
+        known = {spec.name: spec for spec in specs_of(executable)}
         assert set(values) <= set(known), executable
         for name, value in values.items():
             default = known[name].default

@@ -28,6 +28,8 @@ from pathlib import Path
 from delta_calibration.errors import DataError
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
 from delta_calibration.ros.runtime import BaseNode, run
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
 
 WHAT = sys.argv[1]
 
@@ -37,6 +39,7 @@ class Busy(BaseNode):
     def __init__(self):
         super().__init__("busy")
         self.begun = self.ended = 0
+        self.create_service(Trigger, "~/own", lambda _, answer: answer)
         self.create_timer(0.025, self.work)
         if WHAT not in ("work", "without_events"):
             self.create_timer(0.3, getattr(self, WHAT))
@@ -51,6 +54,12 @@ class Busy(BaseNode):
     def end(self): self.finish(7)
     def refuse(self): self.fail(DataError("nothing was still"))
     def crash(self): raise ValueError("a bug")
+    def order(self):  # as a peer does by `ros2 param set`
+        (done,) = self.set_parameters([Parameter("use_sim_time", value=False)])
+        offered = [s.service_name for s in self.services if s.service_name.startswith("/busy/own")]
+        self.get_logger().info(f"ordered: {done.successful}, {done.reason!r}, {offered}")
+        self.finish()
+
     def full(self): raise OSError(28, "No space left on device", "/session")
 
     def hang(self):
@@ -96,6 +105,21 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     (tmp_path / "cell_under_test.py").write_text(CELL)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return "cell_under_test"
+
+
+@pytest.mark.parametrize(
+    ("services", "said"),
+    [
+        (True, "ordered: True, '', ['/busy/own']"),
+        (False, "ordered: False, 'services are off (services:=false)', []"),
+    ],
+)
+def test_any_node_may_be_shut_to_its_peers(
+    launch: Launch, cell: str, services: bool, said: str
+) -> None:
+    node = launch(cell, "order", services=services)
+    assert node.end() == 0
+    assert said in node.output
 
 
 @pytest.mark.parametrize(

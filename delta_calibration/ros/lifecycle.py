@@ -12,11 +12,11 @@ from collections.abc import Callable
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from delta_calibration.errors import CalibrationError
 from delta_calibration.ros.parameters import ParameterTable, Spec
+from delta_calibration.ros.peers import SERVICES, ShutToPeers
 from delta_calibration.ros.runtime import Finishing
 
 AUTOSTART = Spec(
@@ -27,33 +27,7 @@ AUTOSTART = Spec(
 )
 
 
-# What rclpy gives every lifecycle node: to be read by peers, refused where it would change it.
-ROS_OWN = frozenset(
-    (
-        "describe_parameters",
-        "get_parameter_types",
-        "get_parameters",
-        "list_parameters",
-        "set_parameters",
-        "set_parameters_atomically",
-        "get_type_description",
-        "change_state",
-        "get_state",
-        "get_available_states",
-        "get_available_transitions",
-        "get_transition_graph",
-    )
-)
-SERVICES = Spec(
-    "services",
-    True,
-    "whether peers may call services, change the state and set parameters; where not, only who "
-    "started the node says what it does: parameters at the start, autostart, enabled, signals",
-    read_only=True,
-)
-
-
-class SafeLifecycleNode(Finishing, LifecycleNode):
+class SafeLifecycleNode(Finishing, ShutToPeers, LifecycleNode):
     """Lifecycle node that works in four hooks: `configure`, `activate`, `deactivate`, `cleanup`.
 
     A hook that raises CalibrationError refuses the transition: one line is logged, the state stays
@@ -94,16 +68,6 @@ class SafeLifecycleNode(Finishing, LifecycleNode):
             )
         elif self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
-
-    def shut_to_peers(self) -> None:
-        """Where services are off, end those of the node itself, and take no parameter any more."""
-        if self.serves:
-            return
-        own = self.get_fully_qualified_name() + "/"
-        for service in list(self.services):
-            if service.service_name.removeprefix(own) not in ROS_OWN:
-                self.destroy_service(service)
-        self.add_on_set_parameters_callback(_refuse_change)
 
     def close(self) -> None:
         """Leave through the lifecycle's own shutdown: `deactivate` and `cleanup` are called."""
@@ -171,7 +135,3 @@ class SafeLifecycleNode(Finishing, LifecycleNode):
             self.get_logger().warn(f"transition {asked} refused in state '{state}': {error}")
             response.success = False
             return response
-
-
-def _refuse_change(_changed: list[Any]) -> SetParametersResult:
-    return SetParametersResult(successful=False, reason="services are off (services:=false)")

@@ -8,8 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from importlib import import_module
 
 from delta_calibration.ros.inventory import NODES, Inventory
-from delta_calibration.ros.lifecycle import AUTOSTART, SERVICES
+from delta_calibration.ros.lifecycle import AUTOSTART
 from delta_calibration.ros.parameters import DATA_DIR, Spec
+from delta_calibration.ros.peers import SERVICES
 
 ASKED = ("--help", "-h")
 WIDTH = 99
@@ -51,7 +52,8 @@ def specs_of(name: str) -> tuple[Spec, ...]:
     specs = tuple(import_module(f"delta_calibration.ros.{name}").SPECS)
     if any(spec.path for spec in specs):
         specs = (DATA_DIR, *specs)
-    return (*specs, AUTOSTART, SERVICES) if name == "calibration_node" else specs
+    own = (AUTOSTART,) if name == "calibration_node" else ()
+    return (*specs, *own, SERVICES)
 
 
 def _ends(inventory: Inventory) -> Iterator[str]:

@@ -24,6 +24,8 @@ from rclpy.task import Future
 from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
 from delta_calibration.errors import CalibrationError, InputError
+from delta_calibration.ros.parameters import ParameterTable
+from delta_calibration.ros.peers import SERVICES, ShutToPeers
 from delta_calibration.ros.watchdog import LIMIT_S, STOP_SIGNALS, Watchdog
 
 SLICE_S = 0.1  # [s] without a timeout the events executor neither rests nor sees signals
@@ -59,8 +61,12 @@ class Finishing:
         """Called once, before the node is destroyed and while it can still publish."""
 
 
-class BaseNode(Finishing, Node):
+class BaseNode(Finishing, ShutToPeers, Node):
     """Plain node that `run` knows how to start and end."""
+
+    def __init__(self, name: str, **kwargs: Any) -> None:
+        super().__init__(name, **kwargs)
+        self.serves = ParameterTable(self, (SERVICES,)).flag(SERVICES.name)
 
 
 class Interrupted(BaseException):
@@ -165,6 +171,7 @@ def _run(build: Callable[[], Any], argv: list[str], stop: StopSignals) -> int:
     node = build()
     try:
         stop.allow(node.stop_limit_s)
+        node.shut_to_peers()
         executor.add_node(node)
         node.start()
         stop.spinning = True
