@@ -13,7 +13,7 @@ from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.errors import SingularityError
 from delta_calibration.geometry.frames import align
-from delta_calibration.identification import fit, identify
+from delta_calibration.identification import Known, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import tool_points
 from delta_calibration.robot import Robot, known_robots, load_robot
@@ -72,8 +72,8 @@ def test_plans_reach_what_they_say(name: str) -> None:
 def test_a_fit_without_bounds_gives_no_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
     """No drawing of ours is so near singular everywhere: what one would give stands in."""
     robot, seen = measured("linear_delta", "", "identify", 12, 1)
-    lost = lambda solution: (np.full((len(solution.theta),) * 2, np.nan), 1.0)  # noqa: E731
-    monkeypatch.setattr(fit, "_covariance", lost)
+    lost = lambda known, spread: np.full_like(known.information, np.nan)  # noqa: E731
+    monkeypatch.setattr(Known, "covariance", lost)
     with pytest.raises(SingularityError, match="no bounds: is the drawing singular"):
         identify(seen.poses, robot)
 
