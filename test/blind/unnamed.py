@@ -1,0 +1,191 @@
+"""More of what is in nobody's catalogue, each with its equation: structure, base, measurement.
+
+Those of the drives are in `unnamed_drives`. Chosen from what real machines do and what their
+metrology writes of, not from what any search can say. Sizes at strength 1 are 15 to 100 um.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.cause import Cause, Draw
+from blind.drives import either, uneven
+from blind.inputs import Inputs
+from blind.truth import (
+    ARMS,
+    BASE,
+    JOINTS,
+    MEASUREMENT,
+    PLATFORM,
+    RODS,
+    STRUCTURE,
+    TRACKER,
+    Law,
+    Truth,
+    numbers,
+    of_each,
+    of_rods,
+    of_shift,
+    true,
+)
+from blind.unnamed_drives import UNNAMED_DRIVES, one_of
+from blind.world import State, World
+
+Array = NDArray[np.float64]
+
+_ONE_READING = "a tracker that reads one point cannot tell a shift of base, platform or reading"
+_HINGE = "the motor's hinge is a part of the base and carries the arm"
+
+
+def _put(state: State, moved: Mapping[str, Array]) -> None:
+    """Lengthen, shift and push out what a law says, by the names of its left sides."""
+    for name, by in moved.items():
+        word, _, where = name.removeprefix("d").partition("_")
+        if word in ("x", "y", "z"):
+            axis = np.eye(3)["xyz".index(word)]
+            state.shift = state.shift + by[:, None] * axis
+            continue
+        of_leg = by[:, None] * np.eye(3)[int(where[0]) - 1]
+        if word == "arm":
+            state.changed = state.changed.and_arm(of_leg)
+        elif word == "hinge":
+            state.changed = state.changed.and_outward(of_leg)
+        else:
+            side = np.eye(2)["ab".index(where[1])]
+            state.changed = state.changed.and_rod(of_leg[..., None] * side)
+
+
+def _hidden(kind: str, law: Law, truth: Truth, values: Mapping[str, float]) -> Cause:
+    def act(world: World, state: State) -> None:
+        _put(state, law(Inputs(world)))
+
+    return Cause("unknown", act, {"kind": kind, **values}, truth=truth)
+
+
+def _shifted(
+    kind: str, law: Law, variables: str, form: str, values: Mapping[str, float]
+) -> Cause:
+    """What moves the platform: as fair of the base, or of the reading."""
+    stages, parts = f"{STRUCTURE} {MEASUREMENT}", f"{PLATFORM} {BASE} {TRACKER}"
+    return _hidden(kind, law, true(stages, parts, variables, form, law, _ONE_READING), values)
+
+
+def _any_way(rng: np.random.Generator) -> Array:
+    vector = rng.standard_normal(3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def run_out(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Lobed bearings: the motor's axis goes in and out several times a turn, in each its own way.
+
+    Radial error motion of an axis: ISO 230-7.
+    """
+    size, lobes = strength * 25e-6 * uneven(rng, legs), int(rng.integers(6, 11))
+    phase, joints = rng.uniform(0, 2 * np.pi, 3), numbers(legs)
+
+    def one(seen: Mapping[str, Array], leg: int) -> Array:
+        return size[leg - 1] * np.sin(lobes * seen[f"q_{leg}"] + phase[leg - 1])
+
+    law = of_each("hinge", joints, one)
+    own = [f"{word}_{joints[0]}" for word in ("joint", "arm", "hinge", "base")]
+    parts = f"{JOINTS} {ARMS} hinges {BASE}" if len(joints) > 1 else " ".join([*own, BASE])
+    truth = true(STRUCTURE, parts, "q_j", "sine", law, _HINGE)
+    return _hidden("run_out", law, truth, {"lobes": lobes})
+
+
+def loose_bearing(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """A worn main bearing: its axis sits at one side or the other by which way the arm went."""
+    legs = one_of(rng, legs)
+    size, leg = strength * 50e-6 * either(rng, legs), numbers(legs)[0]
+
+    def one(seen: Mapping[str, Array], leg: int) -> Array:
+        return size[leg - 1] * seen[f"direction_{leg}"]
+
+    law = of_each("hinge", [leg], one)
+    parts = f"joint_{leg} arm_{leg} hinge_{leg} base_{leg} {BASE}"
+    truth = true(STRUCTURE, parts, "direction_j", "sign", law, _HINGE)
+    return _hidden("loose_bearing", law, truth, {})
+
+
+def loose_bond(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Bonded ends of carbon rods that have let go: pulled they stretch, pushed they hold.
+
+    The controller takes off one stiffness for both ways, as it was measured on the whole.
+    """
+    size = strength * 3e-6  # [m/N]
+    law = of_rods(lambda pull: size * (np.maximum(pull, 0.0) - pull / 2))
+    truth = true(STRUCTURE, RODS, "force_j", "dead zone", law)
+    return _hidden("loose_bond", law, truth, {"give": size})
+
+
+def lift_off(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Balls held in half cups by springs between the rods: beyond a pull they lift off."""
+    size, held = strength * 6e-6, rng.uniform(8.0, 12.0)  # [m/N], [N]
+    law = of_rods(lambda pull: size * np.maximum(pull - held, 0.0))
+    truth = true(STRUCTURE, RODS, "force_j", "dead zone", law)
+    return _hidden("lift_off", law, truth, {"give": size, "held": held})
+
+
+def sun_on_one_arm(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """The sun comes round and warms one arm, which no sensor of the others feels."""
+    legs = one_of(rng, legs)
+    size, slow = strength * 0.15e-3 * uneven(rng, legs), rng.uniform(500.0, 1200.0)  # [m], [s]
+    leg = numbers(legs)[0]
+
+    def one(seen: Mapping[str, Array], leg: int) -> Array:
+        return -size[leg - 1] * np.expm1(-seen["time"] / slow)
+
+    law = of_each("arm", [leg], one)
+    truth = true(STRUCTURE, f"arm_{leg}", "time", "exponential", law)
+    return _hidden("sun_on_one_arm", law, truth, {"constant": slow})
+
+
+def hose_weight(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Above a height the platform carries the hose's weight, and is pushed down and aside."""
+    size, begins = strength * 0.8e-3 * _any_way(rng), rng.uniform(-0.76, -0.70)  # [m/m], [m]
+    law = of_shift(lambda seen: np.maximum(seen["z"] - begins, 0.0)[:, None] * size)
+    return _shifted("hose_weight", law, "z", "dead zone", {"begins": begins})
+
+
+def suction(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Air under a flat platform lifts it, or bellows drag it down, with the square of speed."""
+    size = strength * 0.5e-3 * float(rng.choice([-1.0, 1.0]))  # [m/(m/s)^2]
+    upright = np.array([0.0, 0.0, size])
+    law = of_shift(lambda seen: (seen["speed"] ** 2)[:, None] * upright)
+    return _shifted("suction", law, "speed", "square", {"lift": size})
+
+
+def air_conditioning(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """The hall's air swings by a degree, and the tracker's stand leans to and fro with it.
+
+    Swings of workshop air: ISO/TR 16015.
+    """
+    size, period = strength * 25e-6 * _any_way(rng), rng.uniform(600.0, 1500.0)  # [m], [s]
+    phase = rng.uniform(0, 2 * np.pi)
+
+    def leans(time: Array) -> Array:
+        return np.sin(2 * np.pi * time / period + phase)[:, None] * size
+
+    def act(world: World, state: State) -> None:
+        state.distortions += (lambda reading, time: reading + leans(time),)
+
+    law = of_shift(lambda seen: leans(seen["time"]))
+    stages, parts = f"{MEASUREMENT} {STRUCTURE}", f"{TRACKER} {BASE} {PLATFORM}"
+    truth = true(stages, parts, "time", "sine", law, _ONE_READING)
+    return Cause("unknown", act, {"kind": "air_conditioning", "period": period}, truth=truth)
+
+
+UNNAMED: dict[str, Draw] = {
+    **UNNAMED_DRIVES,
+    "run_out": run_out,
+    "loose_bearing": loose_bearing,
+    "loose_bond": loose_bond,
+    "lift_off": lift_off,
+    "sun_on_one_arm": sun_on_one_arm,
+    "hose_weight": hose_weight,
+    "suction": suction,
+    "air_conditioning": air_conditioning,
+}
