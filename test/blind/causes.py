@@ -2,8 +2,8 @@
 
 `backlash` is in all joints, in each with its own size, `backlash@2` in joint 2 alone. `arm_length`
 is wrong in one chain that the seed draws, `arm_length@3` in chain 3. `unknown` is something in no
-catalogue whose kind the seed draws of the seven in `unknown`, `unknown:ripple` of this kind; one of
-`unnamed` is asked for by its kind.
+catalogue whose kind the seed draws of the seven in `unknown`, `unknown:ripple` of this kind; those
+in `unnamed` are asked for by their kind.
 """
 
 from __future__ import annotations

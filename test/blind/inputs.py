@@ -1,4 +1,4 @@
-"""What a law may depend on, sample by sample, by the names of the glossary."""
+"""What a law may depend on, sample by sample, by the names of the glossary; and what it moves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind.machine import Changed
-from blind.world import World
+from blind.world import State, World
 
 Array = NDArray[np.float64]
 
@@ -52,6 +52,27 @@ class Inputs(Mapping[str, Array]):
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
+
+
+def put(state: State, moved: Mapping[str, Array]) -> None:
+    """Turn, lengthen, push out and shift what a law says, by the names of its left sides."""
+    for name, by in moved.items():
+        word, _, where = name.removeprefix("d").partition("_")
+        if word in ("x", "y", "z"):
+            axis = np.eye(3)["xyz".index(word)]
+            state.shift = state.shift + by[:, None] * axis
+            continue
+        leg = int(where[0]) - 1
+        of_leg = by[:, None] * np.eye(3)[leg]
+        if word == "q":
+            state.joint[:, leg] += by
+        elif word == "arm":
+            state.changed = state.changed.and_arm(of_leg)
+        elif word == "hinge":
+            state.changed = state.changed.and_outward(of_leg)
+        else:
+            side = np.eye(2)["ab".index(where[1])]
+            state.changed = state.changed.and_rod(of_leg[..., None] * side)
 
 
 def _direction(world: World) -> Array:
