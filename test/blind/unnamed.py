@@ -15,9 +15,7 @@ from blind.cause import Cause, Draw
 from blind.drives import either, uneven
 from blind.inputs import Inputs, put
 from blind.truth import (
-    ARMS,
     BASE,
-    JOINTS,
     MEASUREMENT,
     PLATFORM,
     RODS,
@@ -56,24 +54,6 @@ def _shifted(kind: str, law: Law, variables: str, form: str, values: Mapping[str
 def _any_way(rng: np.random.Generator) -> Array:
     vector = rng.standard_normal(3)
     return np.asarray(vector / np.linalg.norm(vector))
-
-
-def run_out(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Lobed bearings: the motor's axis goes in and out five times a turn, in each its own way.
-
-    As many screws pull at a bearing's ring. Radial error motion of an axis: ISO 230-7.
-    """
-    size, lobes = strength * 25e-6 * uneven(rng, legs), 5
-    phase, joints = rng.uniform(0, 2 * np.pi, 3), numbers(legs)
-
-    def one(seen: Mapping[str, Array], leg: int) -> Array:
-        return size[leg - 1] * np.sin(lobes * seen[f"q_{leg}"] + phase[leg - 1])
-
-    law = of_each("hinge", joints, one)
-    own = [f"{word}_{joints[0]}" for word in ("joint", "arm", "hinge", "base")]
-    parts = f"{JOINTS} {ARMS} hinges {BASE}" if len(joints) > 1 else " ".join([*own, BASE])
-    truth = true(STRUCTURE, parts, "q_j", "sine", law, _HINGE)
-    return _hidden("run_out", law, truth, {"lobes": lobes})
 
 
 def loose_bearing(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -122,13 +102,6 @@ def hose_weight(rng: np.random.Generator, strength: float, legs: Array) -> Cause
     return _shifted("hose_weight", law, "z", "dead zone", {"begins": begins})
 
 
-def guide_ring(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A hose rubs in its guide ring, and pulls the platform to it whenever that moves."""
-    size, slow = strength * 40e-6 * _any_way(rng), rng.uniform(0.03, 0.06)  # [m], [m/s]
-    law = of_shift(lambda seen: np.tanh(seen["speed"] / slow)[:, None] * size)
-    return _shifted("guide_ring", law, "speed", "saturation", {"slow": slow})
-
-
 def air_conditioning(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     """The hall's air swings by a degree, and the tracker's stand leans to and fro with it.
 
@@ -151,11 +124,9 @@ def air_conditioning(rng: np.random.Generator, strength: float, legs: Array) -> 
 
 UNNAMED: dict[str, Draw] = {
     **UNNAMED_DRIVES,
-    "run_out": run_out,
     "loose_bearing": loose_bearing,
     "loose_bond": loose_bond,
     "sun_on_one_arm": sun_on_one_arm,
     "hose_weight": hose_weight,
-    "guide_ring": guide_ring,
     "air_conditioning": air_conditioning,
 }

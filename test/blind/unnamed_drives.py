@@ -56,21 +56,6 @@ def stiffening(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     return hidden_in_drives("stiffening", legs, one, "torque_j", "cube", {"exact": exact})
 
 
-def balanced_play(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A balancer's spring holds a middle load: the play lies at one flank or the other by torque.
-
-    Balancers as on palletisers, whose gears rattle where load and balance meet.
-    """
-    size, held = strength * 1.2e-4 * uneven(rng, legs), rng.uniform(-8.0, -7.0)  # [rad], [N m]
-    soft = rng.uniform(0.5, 1.2)  # [N m] over which the gear goes from flank to flank
-
-    def one(seen: Mapping[str, Array], joint: int) -> Array:
-        return -size[joint - 1] * np.tanh((seen[f"torque_{joint}"] - held) / soft)
-
-    values = {"held": held, "soft": soft}
-    return hidden_in_drives("balanced_play", legs, one, "torque_j", "saturation", values)
-
-
 def speed_forward(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     """Viscous drag goes with the square of speed; the feed-forward was tuned at one speed."""
     size, tuned = strength * 1e-3 * uneven(rng, legs), rng.uniform(0.6, 0.8)  # [s^2], [rad/s]
@@ -186,7 +171,6 @@ def chiller(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 UNNAMED_DRIVES: dict[str, Draw] = {
     "stiffening": stiffening,
-    "balanced_play": balanced_play,
     "speed_forward": speed_forward,
     "bus_sag": bus_sag,
     "loaded_friction": loaded_friction,
