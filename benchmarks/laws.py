@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from blind.unnamed import LAWS
+from blind.causes import IN_NO_CATALOGUE
+from blind.truths import TRUTHS
 from study.judge import judge
-from study.laws import TAKEN_OUT, judged
 from study.trials import Task
 
 _WEAK, _STRONG = 160.0, 3000.0  # lambda
@@ -33,10 +33,10 @@ def tasks(seed: int, each: int, clean: int) -> list[Task]:
         return float(np.exp(rng.uniform(np.log(_WEAK), np.log(_STRONG))))
 
     def numbered() -> Iterator[Task]:
-        for kind in (f"unknown:{name}" for name in LAWS):
+        for kind in (f"unknown:{name}" for name in IN_NO_CATALOGUE):
             for _ in range(each):
                 yield Task(kind, int(rng.integers(10**6)), ((kind, strength()),))
-        for cause in TAKEN_OUT:
+        for cause in TRUTHS:
             for _ in range(each):
                 number = int(rng.integers(10**6))
                 yield Task(f"without {cause}", number, ((cause, strength()),), without=cause)
@@ -49,8 +49,6 @@ def tasks(seed: int, each: int, clean: int) -> list[Task]:
 def outcome(key: str) -> dict[str, Any]:
     """One trial: what was told, and what of it is right."""
     task, found = Task.of_key(key), judge(key)
-    name = task.causes[0][0].removeprefix("unknown:") if task.causes else ""
-    truth = {**LAWS, **TAKEN_OUT}.get(name)
     named = [f["cause"] for f in found["findings"] if f["confidence"] > 0.8]
     return {
         "key": key,
@@ -61,7 +59,8 @@ def outcome(key: str) -> dict[str, Any]:
         "error_um": found["error_um"],
         "seconds": found["seconds"],
         "laws": found["laws"],
-        **judged(found["laws"], truth, found["values"]),
+        "told": found["law"]["said"],
+        **found["law"],
     }
 
 

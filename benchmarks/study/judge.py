@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from blind import Trial, hide
+from blind.truths import truth_of
 from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
 from delta_calibration.diagnosis.fitted import beside
@@ -20,6 +21,7 @@ from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import InputError
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Survey, survey
+from study.laws import judge_law
 from study.trials import Task
 
 _UM = 1e6
@@ -48,6 +50,7 @@ def judge(key: str) -> dict[str, Any]:
     seen = survey(trial.session, robot.joints.names)
     found = diagnose(seen, robot, effects=effects, seed=task.seed)
     took = time.perf_counter() - begin
+    laws = [asdict(law) for law in found.verdict.unknown_structure.laws]
     return {
         "key": key,
         "group": task.group,
@@ -60,8 +63,8 @@ def judge(key: str) -> dict[str, Any]:
             for finding in found.verdict.findings
         ],
         "unknown": found.verdict.unknown_structure.found,
-        "values": next((dict(cause.values) for cause in trial.causes), {}),
-        "laws": [asdict(law) for law in found.verdict.unknown_structure.laws],
+        "laws": laws,
+        "law": judge_law(truth_of(trial), laws),
         "moves_with": found.verdict.unknown_structure.moves_with,
         "cannot_tell": [list(item.between) for item in found.verdict.cannot_tell],
         "noise_um": 1e3 * (found.verdict.noise_mm or 0.0),

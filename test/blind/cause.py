@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blind.machine import Build
+from blind.truth import Truth
 from blind.world import Act, State, World
 
 Array = NDArray[np.float64]
@@ -32,6 +33,7 @@ class Cause:
     values: Mapping[str, float | str] = field(default_factory=dict)  # SI
     location: str | None = None  # joint_1, ... where it is not shared
     rebuild: Callable[[Build], Build] = as_built
+    truth: Truth | None = None  # of what no catalogue has; of the others see `truths`
 
 
 # (rng, strength, legs that have it (3,) of 0 and 1) -> the cause

@@ -2,10 +2,13 @@
 
 `backlash` is in all joints, in each with its own size, `backlash@2` in joint 2 alone. `arm_length`
 is wrong in one chain that the seed draws, `arm_length@3` in chain 3. `unknown` is something in no
-catalogue whose kind the seed draws, `unknown:ripple` of this kind.
+catalogue whose kind the seed draws of the seven in `unknown`, `unknown:ripple` of this kind; those
+in `unnamed` are asked for by their kind.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +21,7 @@ from blind.unknown import UNKNOWN
 from blind.unnamed import UNNAMED
 
 CAUSES: dict[str, Draw] = {**GEOMETRY, **MEASUREMENT, **DRIVES, **STRUCTURE}
+IN_NO_CATALOGUE: dict[str, Draw] = {**UNKNOWN, **UNNAMED}
 
 
 def draw(asked: str, strength: float, rng: np.random.Generator) -> Cause:
@@ -31,7 +35,7 @@ def draw(asked: str, strength: float, rng: np.random.Generator) -> Cause:
     if name == "unknown":
         name = f"unknown:{rng.choice(list(UNKNOWN))}"
     kind = name.removeprefix("unknown:")
-    drawn = (CAUSES if kind == name else {**UNKNOWN, **UNNAMED})[kind](rng, strength, legs)
+    drawn = (CAUSES if kind == name else IN_NO_CATALOGUE)[kind](rng, strength, legs)
     if leg and drawn.location is None:
-        return Cause(drawn.name, drawn.act, drawn.values, f"joint_{leg}", drawn.rebuild)
+        return replace(drawn, location=f"joint_{leg}")
     return drawn

@@ -138,7 +138,11 @@ def transmission_error(rng: np.random.Generator, strength: float, legs: Array) -
         for turns in (1, 2):
             state.joint += size * shares[turns - 1] * np.sin(turns * motor + phase[turns - 1])
 
-    return Cause("transmission_error", act, {"cycles": ratio * main, **of_legs("size", size)})
+    said = {"cycles": ratio * main, **of_legs("size", size)}
+    for turns in (1, 2):  # every order with its share, for who judges an equation
+        said[f"order_{turns}"], said[f"share_{turns}"] = ratio * turns, shares[turns - 1]
+        said |= {f"phase_{turns}_{leg + 1}": float(phase[turns - 1, leg]) for leg in range(3)}
+    return Cause("transmission_error", act, said)
 
 
 def joint_scale(rng: np.random.Generator, strength: float, legs: Array) -> Cause:

@@ -5,17 +5,41 @@ About 40 to 80 micrometres each, by place, by load or by what another joint does
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from blind.cause import Cause, Draw
 from blind.machine import assemble
+from blind.truth import (
+    BASE,
+    DRIVE,
+    JOINTS,
+    MEASUREMENT,
+    PLATFORM,
+    STRUCTURE,
+    TRACKER,
+    Law,
+    Truth,
+    of_each,
+    of_shift,
+    place,
+    true,
+)
 from blind.world import State, World
 
 Array = NDArray[np.float64]
 
 _GIVE = 1 / 2.5e4  # [rad/(N m)] of a drive
 _TURN = 1e-4  # [rad]
+_ANYWHERE = f"{STRUCTURE} {MEASUREMENT}"
+_ANY = f"{PLATFORM} {BASE} {TRACKER}"
+_ONE_READING = "a tracker that reads one point cannot tell a shift of base, platform or reading"
+
+
+def _shifted(variables: str, form: str | None, law: Law) -> Truth:
+    return true(_ANYWHERE, _ANY, variables, form, law, _ONE_READING)
 
 
 def bump(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -26,12 +50,15 @@ def bump(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     where = np.stack([reach * np.cos(bearing), reach * np.sin(bearing), height], axis=1)
     push = strength * 80e-6 * rng.standard_normal((count, 3))  # [m]
 
-    def act(world: World, state: State) -> None:
-        for centre, wide, by in zip(where, width, push, strict=True):
-            near2 = np.sum((world.stand.place - centre) ** 2, axis=1)
-            state.shift = state.shift + np.exp(-near2 / (2 * wide**2))[:, None] * by
+    def pushed(points: Array) -> Array:
+        near2 = np.sum((points[:, None] - where) ** 2, axis=2)
+        return np.exp(-near2 / (2 * width**2)) @ push
 
-    return Cause("unknown", act, {"kind": "bump"})
+    def act(world: World, state: State) -> None:
+        state.shift = state.shift + pushed(world.stand.place)
+
+    truth = _shifted("x y z", None, of_shift(lambda seen: pushed(place(seen))))
+    return Cause("unknown", act, {"kind": "bump"}, truth=truth)
 
 
 def ripple(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -39,11 +66,25 @@ def ripple(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     waves, size = 5.0 * rng.standard_normal((3, 8, 3)), strength * 50e-6
     phase = rng.uniform(0, 2 * np.pi, (3, 8))
 
-    def act(world: World, state: State) -> None:
-        angle = np.einsum("nj,lwj->nlw", world.command, waves) + phase
-        state.joint += size * np.sin(angle).sum(axis=2)
+    def moved(command: Array) -> Array:
+        angle = np.einsum("nj,lwj->nlw", command, waves) + phase
+        return np.asarray(size * np.sin(angle).sum(axis=2))
 
-    return Cause("unknown", act, {"kind": "ripple"})
+    def act(world: World, state: State) -> None:
+        state.joint += moved(world.command)
+
+    truth = true(DRIVE, JOINTS, "q_j q_j+1 q_j+2", None, _of_angles(moved))
+    return Cause("unknown", act, {"kind": "ripple"}, truth=truth)
+
+
+def _of_angles(moved: Callable[[Array], Array]) -> Law:
+    """A law that moves all joints by what all of them are at."""
+
+    def law(seen: Mapping[str, Array]) -> dict[str, Array]:
+        columns = moved(np.stack([seen[f"q_{joint}"] for joint in (1, 2, 3)], axis=1)).T
+        return {f"dq_{joint + 1}": column for joint, column in enumerate(columns)}
+
+    return law
 
 
 def drag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -62,7 +103,10 @@ def drag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
             up, down = (stored(world.command + s * _TURN * joint, world) for s in (1, -1))
             state.joint[:, leg] -= _GIVE * (up - down) / (2 * _TURN)
 
-    return Cause("unknown", act, {"kind": "drag"})
+    by_place = true(f"{DRIVE} {STRUCTURE}", f"{JOINTS} {PLATFORM} {BASE}", "x y z", None, None)
+    why = "the pull goes by the platform's place, which is where the joints are"
+    truth = true(DRIVE, JOINTS, "q_j q_j+1 q_j+2", None, None, why, (by_place,))
+    return Cause("unknown", act, {"kind": "drag"}, truth=truth)
 
 
 def cross_talk(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -73,7 +117,13 @@ def cross_talk(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     def act(world: World, state: State) -> None:
         state.joint += size * np.sin(cycles * np.roll(world.command, way, axis=1) + phase)
 
-    return Cause("unknown", act, {"kind": "cross_talk"})
+    def one(seen: Mapping[str, Array], joint: int) -> Array:
+        leg = joint - 1
+        neighbour = seen[f"q_{(leg - way) % 3 + 1}"]
+        return size[leg] * np.sin(cycles[leg] * neighbour + phase[leg])
+
+    truth = true(DRIVE, JOINTS, f"q_j+{3 - way}", "sine", of_each("q", [1, 2, 3], one))
+    return Cause("unknown", act, {"kind": "cross_talk"}, truth=truth)
 
 
 def grip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -81,11 +131,15 @@ def grip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     waves, phase = rng.uniform(6, 10, (3, 3)), rng.uniform(0, 2 * np.pi, 3)
     size = strength * 60e-6  # [m] with 2 kg
 
-    def act(world: World, state: State) -> None:
-        bent = np.sin(world.stand.place @ waves.T + phase)
-        state.shift = state.shift + size * world.payload[:, None] / 2.0 * bent
+    def bent(points: Array, payload: Array) -> Array:
+        return np.asarray(size * payload[:, None] / 2.0 * np.sin(points @ waves.T + phase))
 
-    return Cause("unknown", act, {"kind": "grip"})
+    def act(world: World, state: State) -> None:
+        state.shift = state.shift + bent(world.stand.place, world.payload)
+
+    law = of_shift(lambda seen: bent(place(seen), seen["payload"]))
+    truth = _shifted("payload x y z", "product", law)
+    return Cause("unknown", act, {"kind": "grip"}, truth=truth)
 
 
 def rub(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -95,7 +149,12 @@ def rub(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     def act(world: World, state: State) -> None:
         state.joint -= size * np.clip(world.command - begins, 0.0, 0.25)
 
-    return Cause("unknown", act, {"kind": "rub"})
+    def one(seen: Mapping[str, Array], joint: int) -> Array:
+        beyond = np.clip(seen[f"q_{joint}"] - begins[joint - 1], 0.0, 0.25)
+        return -size[joint - 1] * beyond
+
+    truth = true(DRIVE, JOINTS, "q_j", "dead zone", of_each("q", [1, 2, 3], one))
+    return Cause("unknown", act, {"kind": "rub"}, truth=truth)
 
 
 def rocking(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -104,12 +163,20 @@ def rocking(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     across = np.array([np.cos(bearing), np.sin(bearing), 0.0])
     axis, size = np.cross(across, [0.0, 0.0, 1.0]), strength * 70e-6  # [rad]
 
-    def act(world: World, state: State) -> None:
-        tipped = size * np.tanh(world.stand.place @ across / soft)
-        turn = tipped[:, None] * axis
-        state.shift = state.shift + np.cross(turn, world.stand.place)
+    def turns(points: Array) -> Array:
+        return np.asarray(size * np.tanh(points @ across / soft)[:, None] * axis)
 
-    return Cause("unknown", act, {"kind": "rocking"})
+    def shifts(points: Array) -> Array:
+        return np.cross(turns(points), points)
+
+    def act(world: World, state: State) -> None:
+        state.shift = state.shift + shifts(world.stand.place)
+
+    turning = true(STRUCTURE, BASE, "x y", "saturation", of_shift(lambda s: turns(place(s))))
+    why = f"{_ONE_READING}; a turn of the base is said shorter as a turn"
+    law = of_shift(lambda seen: shifts(place(seen)))
+    truth = true(_ANYWHERE, _ANY, "x y z", "saturation", law, why, (turning,))
+    return Cause("unknown", act, {"kind": "rocking"}, truth=truth)
 
 
 UNKNOWN: dict[str, Draw] = {
