@@ -22,7 +22,7 @@ from delta_calibration.documents import (
 )
 from delta_calibration.errors import ConfigError
 from delta_calibration.geometry import Camera
-from delta_calibration.mechanisms import MECHANISMS, Mechanism
+from delta_calibration.mechanisms import MECHANISMS, Drives, Mechanism
 from delta_calibration.sections import (
     angle,
     choice,
@@ -32,6 +32,7 @@ from delta_calibration.sections import (
     place,
     quantity,
     schema_of,
+    senses,
 )
 
 Array = NDArray[np.float64]
@@ -47,11 +48,16 @@ _NAME = "^[a-z][a-z0-9_]*$"
 _AT_REST = "standard deviation of where a joint comes to rest"
 _READING = "standard deviation of an encoder's reading"
 _FASTEST = "fastest motion of a measurement plan"
+_ZERO = "what each joint reads where the mechanism's own joint is zero; left out: 0"
 
 
 @dataclass(frozen=True)
 class Joints:
-    """The actuated joints, turning; lengths stand for angles where they slide."""
+    """The actuated joints, turning; lengths stand for angles where they slide.
+
+    A joint reads sign * own + zero, own being the mechanism's own joint (mechanisms/drives.py).
+    All other entries, and all that the package reads and writes of joints, are readings.
+    """
 
     unit: ClassVar[str] = "rad"
     shown: ClassVar[tuple[str, float]] = ("degrees", 180 / np.pi)  # for people, of one SI unit
@@ -67,6 +73,12 @@ class Joints:
     encoder: float = quantity("urad", least=0.0, most=1e4, about=_READING)
     speed: float = quantity("deg_per_s", above=0.0, most=1e4, about=_FASTEST)
     gear_ratio: float = quantity(above=0.0, about="motor turns a joint turn")
+    sign: Array | None = senses(
+        about="-1 for a joint that counts against the mechanism's own sense; left out: 1"
+    )
+    zero: Array | None = quantity(
+        "deg", least=-1e6, most=1e6, shape=(None,), default=None, about=_ZERO
+    )
 
     def beyond(self, joint: Array) -> str:
         """Which joint of (m,) is beyond its limits, in words; empty if none is."""
@@ -91,6 +103,7 @@ class SlidingJoints(Joints):
     encoder: float = quantity("um", least=0.0, most=1e4, about=_READING)
     speed: float = quantity("mm_per_s", above=0.0, most=1e5, about=_FASTEST)
     gear_ratio: float = quantity("turns_per_m", above=0.0, about="motor turns a metre of joint")
+    zero: Array | None = place(shape=(None,), default=None, about=_ZERO)
 
 
 @dataclass(frozen=True)
@@ -234,7 +247,18 @@ class Robot:
             raise ConfigError(
                 f"robot {self.name} is no {name}; models of it are: {', '.join(fit)}"
             )
-        return kind(self.dimensions, self.tolerances)
+        model = kind(self.dimensions, self.tolerances)
+        joints = self.joints
+        return model if joints.sign is None and joints.zero is None else model.driven(self.drives)
+
+    @property
+    def drives(self) -> Drives:
+        """How its joints read."""
+        joints, alike = self.joints, Drives.alike(len(self.joints.names))
+        return Drives(
+            alike.sense if joints.sign is None else joints.sign,
+            alike.zero if joints.zero is None else joints.zero,
+        )
 
     def place(self, joint: str) -> str:
         """Where a part is, as parameters and verdicts have it, of a joint by its name here.
@@ -327,9 +351,17 @@ def _robot(data: Document, path: str) -> Robot:
 
 
 def _machine(data: Document) -> Document:
-    """What a calibration depends on: the drawing with its tolerances, tool, masses, gears."""
+    """What a calibration depends on: the drawing with its tolerances, tool, masses, gears, drives.
+
+    Signs of 1 and zeros of 0 are what a file without them says.
+    """
     joints = data["joints"]
     geared = {key: joints[key] for key in joints if key == "names" or key.startswith(_GEARS)}
+    if any(sign != 1 for sign in joints.get("sign", ())):
+        geared["sign"] = joints["sign"]
+    for key in ("zero_deg", "zero_mm"):
+        if any(joints.get(key, ())):
+            geared[key] = joints[key]
     return {**{key: data[key] for key in _MACHINE if key in data}, "joints": geared}
 
 
@@ -388,8 +420,9 @@ def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
     """Refuse limits that are not one for each joint, or the wrong way round."""
     expected = robot.model().joints
     keys = {item.name: key_of(item) for item in fields(robot.joints)}
-    for name in ("names", "lower", "upper"):
-        found = len(getattr(robot.joints, name))
+    for name in ("names", "lower", "upper", "sign", "zero"):
+        values = getattr(robot.joints, name)
+        found = expected if values is None else len(values)
         if found != expected:
             raise ConfigError(
                 f"{robot.source}: joints.{keys[name]}: {found} values found, {expected} are "

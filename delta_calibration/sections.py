@@ -100,15 +100,20 @@ def tolerance(unit: str = "mm", **options: Any) -> Any:
     return quantity(unit, above=0.0, most=100.0, **options)
 
 
-def choice(*values: str, about: str = "") -> Any:
+def choice(*values: str, default: Any = MISSING, about: str = "") -> Any:
     """One of some words."""
-    return _field(_Entry({"enum": list(values)}, about=about))
+    return _field(_Entry({"enum": list(values)}, about=about), default)
 
 
-def names(about: str = "") -> Any:
+def names(default: Any = MISSING, about: str = "") -> Any:
     """Texts that differ, at least one."""
     word = {"type": "string", "minLength": 1}
-    return _field(_Entry({**_array(word, (None,)), "uniqueItems": True}, about=about))
+    return _field(_Entry({**_array(word, (None,)), "uniqueItems": True}, about=about), default)
+
+
+def senses(about: str = "") -> Any:
+    """1 or -1, several; None where the file says nothing."""
+    return _field(_Entry(_array({"enum": [1, -1]}, (None,)), "", about=about), None)
 
 
 def flag(default: bool, about: str = "") -> Any:

@@ -201,7 +201,7 @@ def test_the_law_of_places_nearby_is_the_direct_problem(count):
         work[size : size + 3 * count] = d.ravel()
         swarm_kernel._set_machine(around, compiled, count, work)
         target = np.array([0.1, -0.2, -0.6])
-        swarm_kernel._set_command(around, command, target, TOOL, work)
+        swarm_kernel._set_command(compiled.body.limbs, around, command, target, TOOL, work)
         _called(around.law[FULL], work)
         there = made.point(command + d.T)
         assert np.isfinite(there).all() == np.isfinite(there).any() == meets

@@ -1,7 +1,8 @@
 """Compiled swarm of APSO over any machine, its effects included: the law of apso.py by particles.
 
 Arrays are by component: (j m,) holds a joint of all m particles of one target, then the next of j
-joints. All are used again for all targets of a call. A place is judged by the whole chain run
+joints, in the mechanism's own sense, so that a search takes the same way whichever way a drive
+counts. All are used again for all targets of a call. A place is judged by the whole chain run
 forward (backward_kernel.py).
 
 A mechanism may have a law of the places near a command (`Mechanism.nearby`). Without effects, in
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from delta_calibration.compensation.backward_kernel import Machine, Place, begin, reached, scratch
 from delta_calibration.model.chain_constants import JOINT
 from delta_calibration.model.jit import call, compiled
-from delta_calibration.model.kernels import FULL, SETUP, M, P
+from delta_calibration.model.kernels import FULL, SETUP, Limbs, M, P, own_joint
 from delta_calibration.model.stand import Opening
 
 Array = NDArray[np.float64]
@@ -44,12 +45,15 @@ def _set_machine(nearby: Opening, machine: Machine, particles: int, work: Array)
 
 
 @compiled(borrows=True)
-def _set_command(nearby: Opening, q: Array, goes: Array, tool: Array, work: Array) -> None:
+def _set_command(
+    limbs: Limbs, nearby: Opening, q: Array, goes: Array, tool: Array, work: Array
+) -> None:
     """Tell the law which command the places are near, and where they are to be."""
     for i in range(_SPACE):
         work[len(q) + i] = goes[i] - tool[i]
     for i in range(len(nearby.joints)):
-        work[nearby.at[0] + i] = q[nearby.joints[i]]
+        joint = nearby.joints[i]
+        work[nearby.at[0] + i] = own_joint(limbs, joint, q[joint])
     call(nearby.law[SETUP], work)
 
 
@@ -68,7 +72,7 @@ def _squares(
     m = len(square)
     for i in range(m):
         for k in range(len(q)):
-            there[k] = q[k] + x[k * m + i]
+            there[k] = q[k] + machine.body.limbs.sense[k] * x[k * m + i]
         begin(room)
         far = reached(machine, there, signals, target, room)
         square[i] = far * far
@@ -172,7 +176,8 @@ def search(
         settings: bound, tolerance, velocity_fraction, cognitive, social.
     """
     bound, tolerance = settings[0], settings[1]
-    n, m, joints = len(signals), len(gains), machine.body.limbs.sizes[M]
+    limbs = machine.body.limbs
+    n, m, joints = len(signals), len(gains), limbs.sizes[M]
     size, at = joints * m, machine.stages.at[JOINT]
     iterations = len(draws) // (2 * size)
     out = np.zeros((n, joints + 2))
@@ -192,7 +197,7 @@ def search(
     for row in range(n):
         q, goes = signals[row, at : at + joints], target[row]
         if near:
-            _set_command(nearby, q, goes, machine.aim.tool, work)
+            _set_command(limbs, nearby, q, goes, machine.aim.tool, work)
         for i in range(size):
             x[i], v[i], own[i] = start[i], 0.0, start[i]
         for i in range(m):
@@ -211,5 +216,5 @@ def search(
             w = _inertia(x, bound, gains, bins, counts)
             _move(x, v, own, goal, draws, iteration, joints, winner, w, settings)
         for k in range(joints):
-            out[row, k] = own[k * m + winner]
+            out[row, k] = limbs.sense[k] * own[k * m + winner]
     return out

@@ -46,8 +46,10 @@ class FiveAxisLook(Look):
         """Sliders and struts; two struts end in a fork that does not turn about y."""
         assert isinstance(mechanism, FiveAxis)
         model = mechanism
-        home = model.home[None]
-        at_home = model.position(model.forward(home, model.parameters.nominal))[0]
+        read = model.home[None]
+        at_home = model.position(model.forward(read, model.parameters.nominal))[0]
+        home, limits = model.drives.own(read), np.stack([robot.joints.lower, robot.joints.upper])
+        highest = model.drives.own(limits).max(axis=0)
         strut = geometry.reshape(STRUTS, -1)
         links, joints, struts, columns = [], [], [], []
         for i in range(STRUTS):
@@ -61,7 +63,7 @@ class FiveAxisLook(Look):
             struts.append(
                 Strut(str(i + 1), slider, origin, end, length, _ROD, carrier, colour=BLUE)
             )
-            top = foot + float(robot.joints.upper[i]) * Z
+            top = foot + float(highest[i]) * Z
             columns.append(Cylinder(foot, top, _ROD / 2, BLACK))
         fork = abs(strut[2:, PLATFORM][:, 1]).max()
         rise = strut[2:, PLATFORM][:, 2].mean() * Z

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.description.skeleton import Follow, Strut
-from delta_calibration.description.tree import REVOLUTE, Cylinder, Joint, Link, Z
-from delta_calibration.geometry import Frame
+from delta_calibration.description.tree import PRISMATIC, REVOLUTE, Cylinder, Joint, Link, Z
+from delta_calibration.geometry import Frame, rotations
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -43,10 +43,25 @@ def motor(
     axis: Array,
     kind: str = REVOLUTE,
 ) -> Joint:
-    """The robot file's joint of this index, with its name and limits."""
-    own = robot.joints
+    """The robot file's joint of this index, with its name and limits; its value is the reading.
+
+    Args:
+        robot: of which it is.
+        index: of the joint.
+        parent: link that it stands on.
+        child: link that it moves.
+        origin: of the child in the parent where the mechanism's own joint is zero.
+        axis: about or along which its own joint grows, (3,).
+        kind: of the joint.
+    """
+    own, drives = robot.joints, robot.drives
     limits = (float(own.lower[index]), float(own.upper[index]), own.speed)
-    return Joint(own.names[index], kind, parent, child, origin, axis, *limits)
+    sense, unread = drives.sense[index], drives.sense[index] * -drives.zero[index] * axis
+    if kind == PRISMATIC:
+        origin = Frame(origin.rotation, origin.translation + origin.rotation @ unread)
+    else:
+        origin = Frame(origin.rotation @ rotations.exp(unread), origin.translation)
+    return Joint(own.names[index], kind, parent, child, origin, sense * axis, *limits)
 
 
 def plate(radius: float) -> tuple[Cylinder, ...]:

@@ -25,7 +25,7 @@ from delta_calibration.description.tree import (
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism, SixRodDelta
 from delta_calibration.mechanisms import six_rod_delta as delta
-from delta_calibration.mechanisms.delta_leg import LEG_FRAMES, LEGS
+from delta_calibration.mechanisms.delta_leg import LEGS
 from delta_calibration.mechanisms.rotary_delta import legs
 from delta_calibration.robot import Robot
 
@@ -41,14 +41,16 @@ class SixRodDeltaLook(Look):
 
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
         """Arms on hinges and six rods; the elbows' lines of balls keep the hinges' orientation."""
+        assert isinstance(mechanism, SixRodDelta)
         links: list[Link] = []
         joints: list[Joint] = []
         struts: list[Strut] = []
-        for number, leg in enumerate(legs(geometry), 1):
+        stands = mechanism.dimensions.frames
+        for stand, leg, number in zip(stands, legs(geometry), range(1, LEGS + 1), strict=True):
             arm, elbow = f"arm_{number}", f"elbow_{number}"
             zero = _about(Y, leg[delta.ZERO])
-            hinge = LEG_FRAMES[number - 1] @ _tilted(leg[delta.TILT_X], leg[delta.TILT_Z])
-            place = LEG_FRAMES[number - 1] @ leg[delta.BASE]
+            hinge = stand @ _tilted(leg[delta.TILT_X], leg[delta.TILT_Z])
+            place = stand @ leg[delta.BASE]
             width = Y * float(leg[delta.ELBOW].max())
             along = X * float(leg[delta.ARM])
             links += [
@@ -59,7 +61,7 @@ class SixRodDeltaLook(Look):
                 motor(robot, number - 1, BASE, arm, Frame(hinge @ zero, place), Y),
                 Joint(elbow, CONTINUOUS, arm, elbow, Frame(zero.T, along), Y),
             ]
-            struts += _rods(number, leg, elbow)
+            struts += _rods(number, leg, elbow, stand)
         drawn = robot.dimensions
         return Parts(
             plate(drawn.base_radius),
@@ -67,12 +69,12 @@ class SixRodDeltaLook(Look):
             tuple(joints),
             tuple(struts),
             plate(drawn.platform_radius),
-            follow=lambda values, pose: _upright(values, robot),
+            follow=lambda values, pose: _upright(values, robot, mechanism),
         )
 
 
-def _rods(number: int, leg: Array, elbow: str) -> list[Strut]:
-    """The two rods of a leg."""
+def _rods(number: int, leg: Array, elbow: str, stand: Array) -> list[Strut]:
+    """The two rods of a leg that stands turned by `stand`."""
     line = _tilted(leg[delta.ELBOW_X], leg[delta.ELBOW_Z]) @ Y
     crooked = _tilted(leg[delta.LINE_X], leg[delta.LINE_Z]) @ Y
     rods = []
@@ -83,16 +85,14 @@ def _rods(number: int, leg: Array, elbow: str) -> list[Strut]:
         length = float(leg[delta.ROD] + sign * leg[delta.MISMATCH] / 2)
         origin = Frame(np.eye(3), start)
         name = f"{number}{letter}"
-        rods.append(
-            Strut(name, elbow, origin, LEG_FRAMES[number - 1] @ end, length, _THIN, colour=BLUE)
-        )
+        rods.append(Strut(name, elbow, origin, stand @ end, length, _THIN, colour=BLUE))
     return rods
 
 
-def _upright(values: Values, robot: Robot) -> Values:
+def _upright(values: Values, robot: Robot, mechanism: Mechanism) -> Values:
     """Elbows turn back by as much as the arms turn."""
-    names = robot.joints.names
-    return {f"elbow_{leg}": -values[names[leg - 1]] for leg in range(1, LEGS + 1)}
+    own = mechanism.drives.own(np.stack([values[name] for name in robot.joints.names], axis=-1))
+    return {f"elbow_{leg + 1}": -own[..., leg] for leg in range(LEGS)}
 
 
 def _tilted(about_x: Array, about_z: Array) -> Array:

@@ -102,7 +102,8 @@ def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ..
         "joint_reversed",
         streams,
         of_angles(streams, lambda q: q * sign),
-        f"`scale: -1` for {part} in the mapping, or turn the sign round in the drive (--fix does)",
+        f"`scale: -1` for {part} in the mapping, or turn the sign round in the drive (--fix "
+        "does); if the drive is right, the other `joints.sign` in the robot file, its zero negated",
         part=part,
     )
 
@@ -110,14 +111,16 @@ def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ..
 def offset_joint(robot: Robot, streams: tuple[str, ...], joint: int, value: float) -> Change:
     """A joint that counts from another zero: recorded less true is `value` [rad, m]."""
     name, unit = robot.joints.names[joint], robot.joints.unit
-    shift = np.zeros(len(robot.joints.names))
+    shift, factor = np.zeros(len(robot.joints.names)), robot.joints.shown[1]
+    key = "joints.zero_deg" if unit == "rad" else "joints.zero_mm"
     shift[joint] = value
     return Change(
         "joint_offset",
         streams,
         of_angles(streams, lambda q: q - shift),
         f"`offset: {-value:.6g}` ({unit}) for {name} in the mapping, or reference it anew "
-        "(--fix takes it off)",
+        f"(--fix takes it off); if the drive is right, {factor * value:.6g} more in "
+        f"`{key}` of the robot file",
         part=name,
         value=value,
         unit=unit,

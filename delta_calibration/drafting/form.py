@@ -34,6 +34,29 @@ _WORDS = {
 }
 _GIVEN = ("schema", "name", "mechanism")
 _WIDTH, _INDENT, _COLUMN = 110, 2, 40
+_HOW_JOINTS_READ = """
+## How joints are read
+
+A drive reads `sign` times the mechanism's own joint, plus `zero_deg` (`zero_mm` where it slides).
+The own joint is, of
+
+| Mechanism | Own joint |
+|---|---|
+| `rotary_delta`, `six_rod_delta` | 0 where the arm is level and outward, growing as it goes down |
+| `linear_delta` | 0 at the endstop, growing as the carriage goes down |
+| `cable_robot` | 0 at home, growing as cable is let out |
+| `five_axis` | height of the slider |
+| `serial_arm` | q of the link's transform, by the right hand about its axis |
+
+A motor that reads 90 degrees where the arm is level, and less as it goes down, has `sign: -1` and
+`zero_deg: 90`. Everything else that tells of joints tells readings: limits, `home_deg`, topics,
+tables, commands and corrections, plots, URDF, exported C; of causes, the phases of
+`encoder_eccentricity` and `transmission_error` and the sign of `joint_zero_drift`. Zeros among the
+identified dimensions (`joint_zero_1`) are of the own joint.
+
+`azimuths_deg` of a rotary Delta and `angles_deg` of a linear one say where each leg stands; legs
+may be numbered either way round.
+""".rstrip().splitlines()
 
 
 @dataclass(frozen=True)
@@ -210,6 +233,7 @@ def reference() -> str:
         "Made by `delta-cal robot reference`. The unit of a number is the end of its key; inside,",
         "all is in SI. A file begins with `schema: 1`, `name` and `mechanism`; `delta-cal robot",
         "new` writes one by questions, `robot check` looks it over, `robot draw` draws it.",
+        *_HOW_JOINTS_READ,
     ]
     for mechanism in MECHANISMS:
         lines += ["", f"## `mechanism: {mechanism}`", ""]

@@ -4,7 +4,7 @@
 
 Whatever changes the length between anchor and platform acts as the angle dl / k behind the
 encoder, so all of these are of the chain's first stage. What it does at home went into the
-counter's zero.
+counter's zero. A drive that counts the other way reads -dl / k.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from delta_calibration.model.symbols import Symbol, norm, rotation, sqrt
 from delta_calibration.model.terms import Term
 
 _PULLS = 3  # signals of a cable before its pose: joint, pull and pull at home
-WINCH = 2  # constants of a cable before its home pose: gear and tackle
+WINCH = 4  # constants of a cable before its home pose: gear, tackle, sense and zero of its drive
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,15 @@ class CableEffect(Effect):
     def terms(self, places: Places) -> Iterator[Term]:
         """One for each cable: what it carries, its pose and dimensions; its winch and its home."""
         d, shared = self.cables.dimensions, len(self.parameters) == 1
+        drives = self.mechanism.drives
         pose = range(places.begin(POSE), places.begin(POSE) + self.mechanism.pose_size)
         for i, limb in enumerate(self.mechanism.limbs):
             own = (places.begin(name) + i for name in (JOINT, PULL, PULL_HOME))
             known = [n for n in limb.dimensions if n < len(self.mechanism.parameters)]
             used = known[: self.mechanism.pose_size + 1]
             dimensions = [places.begin(GEOMETRY) + n for n in used]
-            constants = (float(d.gear[i]), float(d.tackle[i]), *d.home.tolist())
+            winch = (d.gear[i], d.tackle[i], drives.sense[i], drives.zero[i])
+            constants = (*map(float, winch), *d.home.tolist())
             yield Term((*own, *pose, *dimensions), (0 if shared else i,), (i,), constants)
 
     def pulls(self, signals: Signals) -> Array:
@@ -75,12 +77,12 @@ class CableEffect(Effect):
 class Cable:
     """A cable's signals and constants by their names, in symbols."""
 
-    angle: Symbol  # of the motor [rad]
+    angle: Symbol  # that the motor is turned by from home, letting out [rad]
     pull: Symbol  # [N]
     pull_home: Symbol  # [N]
     at: Symbol  # vector from anchor to platform joint [m]
     home: Symbol  # the same at home
-    gain: Symbol  # k [m/rad]
+    gain: Symbol  # k [m/rad] of what the drive reads, negative where it counts letting out down
     gear: Symbol
     tackle: Symbol
 
@@ -90,7 +92,9 @@ def cable(s: Symbol, c: Symbol) -> Cable:
     size = c.shape[0] - WINCH  # of the pose
     x, g = s[_PULLS : _PULLS + size], s[_PULLS + size :]
     here, home = (_end(pose, g) - g[0:3] for pose in (x, c[WINCH:]))
-    return Cable(s[0], s[1], s[2], here, home, g[size], c[0], c[1])
+    gear, tackle, sense, zero = (c[i] for i in range(WINCH))
+    angle = sense * (s[0] - zero)
+    return Cable(angle, s[1], s[2], here, home, sense * g[size], gear, tackle)
 
 
 def length(v: Symbol) -> Symbol:

@@ -40,9 +40,12 @@ class DrumScale(CableEffect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """s theta."""
-        del c
-        return v[0] * s[0]
+        """s theta, from the mechanism's own zero."""
+        return v[0] * (s[0] - c[0])
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """What the drive reads at that zero."""
+        return (float(self.mechanism.drives.zero[joint]),)
 
     @property
     def variant(self) -> str:

@@ -49,6 +49,9 @@ class SliderPitch(Effect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """s q."""
-        del c
-        return v[0] * s[0]
+        """s q, from the mechanism's own zero."""
+        return v[0] * (s[0] - c[0])
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """What the drive reads at that zero."""
+        return (float(self.mechanism.drives.zero[joint]),)

@@ -295,9 +295,9 @@ class Unexplained(Effect):
 
     @property
     def _middle(self) -> list[float]:
-        """Where each joint counts as 0 in a plane: sliders at home, whose zero is far."""
+        """What drives read where a joint counts as 0 in a plane: sliders at home, zero is far."""
         slides = self.joint_size and self.mechanism.joint_unit == "m"
-        middle = self.mechanism.home if slides else np.zeros(self.mechanism.joints)
+        middle = self.mechanism.home if slides else self.mechanism.drives.zero
         return [float(value) for value in middle]
 
 

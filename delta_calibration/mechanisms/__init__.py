@@ -3,6 +3,7 @@
 from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.mechanisms.cable_dimensions import CableDimensions, CableTolerances
 from delta_calibration.mechanisms.cable_robot import CableRobot
+from delta_calibration.mechanisms.drives import Drives
 from delta_calibration.mechanisms.five_axis import FiveAxis
 from delta_calibration.mechanisms.linear_delta import LinearDelta
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta
@@ -30,6 +31,7 @@ __all__ = [
     "CableDimensions",
     "CableRobot",
     "CableTolerances",
+    "Drives",
     "FiveAxis",
     "LinearDelta",
     "Mechanism",

@@ -1,10 +1,10 @@
 """A mechanism is its closure equation f(q, x, g) = 0; everything else follows from it.
 
-q: joint coordinates (n, m); x: pose (n, k); g: geometry, (p,) for all samples or (n, p) where it
-changes from sample to sample (temperature, load). A mechanism writes f once, in symbols, for one
-sample of one of its limbs (`equation`), and says which joints, dimensions and rows of f each limb
-has. From it are generated and compiled (see `model`) the direct and the inverse problem and, by
-the implicit function theorem,
+q: joint coordinates (n, m), as the drives read them; x: pose (n, k); g: geometry, (p,) for all
+samples or (n, p) where it changes from sample to sample (temperature, load). A mechanism writes f
+once, in symbols, for one sample of one of its limbs (`equation`), in its own joints (drives.py),
+and says which joints, dimensions and rows of f each limb has. From it are generated and compiled
+(see `model`) the direct and the inverse problem and, by the implicit function theorem,
 
     dx/dq = -f_x^-1 f_q   (velocity Jacobian)        dx/dg = -f_x^-1 f_g   (identification
     Jacobian)
@@ -16,15 +16,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import ReachError, SingularityError
 from delta_calibration.geometry import rotations
+from delta_calibration.mechanisms.drives import Drives
 from delta_calibration.model import symbols
 from delta_calibration.model.chain_constants import SIDES, STRAY
 from delta_calibration.model.law import Law
@@ -32,6 +34,7 @@ from delta_calibration.parameters import ParameterSet
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Own = TypeVar("Own", bound="Mechanism")
 
 _STAGES = 4  # of the way from home, where no opening is known
 _UNREACHED = 1e-12  # the same of the inverse problem, where steps are damped [m, rad]
@@ -88,6 +91,7 @@ class Mechanism(ABC):
     damped: ClassVar[bool] = False  # whether the inverse problem starts far from its solution
 
     parameters: ParameterSet
+    _drives: Drives | None = None
 
     @abstractmethod
     def __init__(self, dimensions: Any, tolerances: Any) -> None:
@@ -101,7 +105,7 @@ class Mechanism(ABC):
         """Closure of one limb, a column of its rows; zero where all fits together.
 
         Args:
-            q: its joints.
+            q: its own joints, whatever the drives read there.
             x: pose of the platform (k).
             g: its dimensions.
             c: its constants.
@@ -159,8 +163,8 @@ class Mechanism(ABC):
 
     @property
     def home(self) -> Array:
-        """Joints of a pose in the middle of the workspace, (m,)."""
-        return np.zeros(self.joints)
+        """What the drives read in the middle of the workspace, (m,)."""
+        return self.drives.read(np.zeros(self.joints))
 
     @property
     def most_misfit(self) -> Array:
@@ -177,6 +181,17 @@ class Mechanism(ABC):
         }
 
     # --- what follows ----------------------------------------------------------------------------
+
+    @property
+    def drives(self) -> Drives:
+        """How its drives read; the mechanism's own joints where nothing else is said."""
+        return Drives.alike(self.joints) if self._drives is None else self._drives
+
+    def driven(self: Own, drives: Drives) -> Own:
+        """The same mechanism with drives that read otherwise."""
+        other = copy(self)
+        other._drives = drives
+        return other
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
         """Closure f, (n, R); zero where joints, pose and geometry fit together."""
@@ -204,7 +219,8 @@ class Mechanism(ABC):
                 for name in ("joints", "dimensions")
             )
             constants = np.array([c for limb in every for c in limb.constants], dtype=float)
-            _started(self._opening, q[:, joints], self._known(g)[:, dimensions], constants, x)
+            own = self.drives.own(q)[:, joints]
+            _started(self._opening, own, self._known(g)[:, dimensions], constants, x)
         return x
 
     def start_joints(self, task: Array, g: Array) -> Array:
@@ -397,6 +413,8 @@ class Mechanism(ABC):
             fixed=np.array(self.fixed, dtype=float),
             sizes=np.array(sizes),
             most=np.array(self.most_misfit, dtype=float),
+            sense=np.array(self.drives.sense, dtype=float),
+            zero=np.array(self.drives.zero, dtype=float),
         )
         return _Compiled(limbs, law.size)
 
@@ -409,7 +427,7 @@ class Mechanism(ABC):
             constants = np.array(limb.constants, dtype=float)
             _started(self._reaching, x, known[:, list(limb.dimensions)], constants, found)
             q[:, list(limb.joints)] = found
-        return q
+        return self.drives.read(q)
 
     def loads(
         self,

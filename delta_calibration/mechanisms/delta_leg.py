@@ -1,8 +1,8 @@
 """What the two models of a rotary Delta share: the legs' places, the hinge, the arm, the drawing.
 
-Leg i stands at angle eta_i = 2 pi (i - 1) / 3 about z. Its hinge frame has x radially outward, y
-along the motor's axis and z up; a positive joint angle lowers the arm: u(q) = (cos q, 0, -sin q).
-Paper 000 section 2 has z down and the same positive sense.
+Leg i stands at angle eta_i about z, by default 2 pi (i - 1) / 3. Its hinge frame has x radially
+outward, y along the motor's axis and z up; a positive joint angle lowers the arm:
+u(q) = (cos q, 0, -sin q). Paper 000 section 2 has z down and the same positive sense.
 """
 
 from __future__ import annotations
@@ -17,16 +17,23 @@ from numpy.typing import NDArray
 
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.mechanisms.stands import require_apart
 from delta_calibration.model.symbols import Symbol, about_z, column, cos, sin, tilt
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.sections import as_written, length, mass, quantity, refused, tolerance
+from delta_calibration.sections import (
+    angle,
+    as_written,
+    length,
+    mass,
+    quantity,
+    refused,
+    tolerance,
+)
 
 Array = NDArray[np.float64]
 
 LEGS = 3
-_STANDS = 2 * np.pi / 3 * np.arange(LEGS)  # [rad] about z
-LEG_FRAMES: Array = rotations.about_z(_STANDS)  # (3, 3, 3)
-LEG_TURNS = tuple(zip(np.cos(_STANDS).tolist(), np.sin(_STANDS).tolist(), strict=True))
+_STANDS: Array = np.asarray(2 * np.pi / 3 * np.arange(LEGS), dtype=np.float64)  # [rad] about z
 
 
 @dataclass(frozen=True)
@@ -40,9 +47,24 @@ class DeltaDimensions:
     arm: float = length(about="L: upper arm, motor axis to elbow")
     rod: float = length(about="l: forearm, elbow to platform, between ball centres")
     half_width: float = length(about="e: ball joint from the middle of its pair")
+    azimuths: Array | None = angle(
+        shape=(LEGS,),
+        default=None,
+        about="where each leg stands about z, counter-clockwise; left out: 0, 120, 240",
+    )
+
+    @property
+    def stands(self) -> Array:
+        """Where each leg stands about z, (3,) [rad]."""
+        return _STANDS if self.azimuths is None else self.azimuths
+
+    @property
+    def frames(self) -> Array:
+        """Rotations of the legs about z, (3, 3, 3)."""
+        return rotations.about_z(self.stands)
 
     def __post_init__(self) -> None:
-        """Refuse rods that do not reach from level arms to the platform.
+        """Refuse rods that do not reach from level arms to the platform, and legs in one place.
 
         Raises:
             ConfigError: names the entry, its value and what is allowed.
@@ -55,6 +77,7 @@ class DeltaDimensions:
                 f"more than {as_written(across, 'mm')} (base_radius_mm + arm_mm - "
                 "platform_radius_mm), to reach the platform from level arms",
             )
+        require_apart(self, "azimuths", self.stands, "legs")
 
 
 @dataclass(frozen=True)
@@ -114,12 +137,14 @@ class DeltaModel(Mechanism):
     def limbs(self) -> tuple[Limb, ...]:
         """The legs, each with its motor, its dimensions and cosine and sine of where it stands."""
         size, rows = len(self.parameters) // LEGS, self.pose_size // LEGS
+        stands = self.dimensions.stands
+        turns = tuple(zip(np.cos(stands).tolist(), np.sin(stands).tolist(), strict=True))
         return tuple(
             Limb(
                 (leg,),
                 tuple(range(leg * size, (leg + 1) * size)),
                 tuple(range(leg * rows, (leg + 1) * rows)),
-                LEG_TURNS[leg],
+                turns[leg],
             )
             for leg in range(LEGS)
         )

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.mechanisms.base import Limb, Mechanism
-from delta_calibration.mechanisms.spheres import lower_meeting_point
+from delta_calibration.mechanisms.spheres import lower_meeting_point, way_round
+from delta_calibration.mechanisms.stands import require_apart
 from delta_calibration.model.symbols import Symbol, column, cos, sin, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.sections import angle, as_written, length, refused, tolerance
@@ -18,7 +19,6 @@ from delta_calibration.sections import angle, as_written, length, refused, toler
 Array = NDArray[np.float64]
 
 TOWERS = 3
-_APART = np.pi / 180  # [rad] of two towers about the axis, at least
 RADIUS, ANGLE, ENDSTOP, ARM = range(4)  # dimensions of a tower
 
 
@@ -44,14 +44,7 @@ class LinearDeltaDimensions:
         if not self.arm > self.radius:
             radius = as_written(self.radius, "mm")
             raise refused(self, "arm", f"more than radius_mm, {radius}, to reach the middle")
-        apart = np.abs(np.exp(1j * self.angles[:, None]) - np.exp(1j * self.angles))
-        if apart[np.triu_indices(TOWERS, 1)].min() < _APART:
-            raise refused(
-                self,
-                "angles",
-                f"{TOWERS} towers at least {as_written(_APART, 'deg')} deg apart: by two in one "
-                "place the platform is not held",
-            )
+        require_apart(self, "angles", self.angles, "towers")
 
 
 @dataclass(frozen=True)
@@ -101,7 +94,7 @@ class LinearDelta(Mechanism):
     @property
     def home(self) -> Array:
         """Carriages of the platform in the middle, half way up, (3,) [m]."""
-        return np.full(TOWERS, self.dimensions.height / 2)
+        return self.drives.read(np.full(TOWERS, self.dimensions.height / 2))
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
@@ -119,7 +112,8 @@ class LinearDelta(Mechanism):
         """Platform's centre under the carriages; closed form."""
         del c
         carriages = tuple(_carriage(q[tower], g[tower]) for tower in range(TOWERS))
-        return lower_meeting_point(carriages, tuple(tower[ARM] for tower in g))
+        turned = way_round(tuple((cos(tower[ANGLE]), sin(tower[ANGLE])) for tower in g))
+        return lower_meeting_point(carriages, tuple(tower[ARM] for tower in g), turned)
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:

@@ -15,7 +15,7 @@ from delta_calibration.mechanisms.delta_leg import (
     hinge_frame,
     leg_frame,
 )
-from delta_calibration.mechanisms.spheres import lower_meeting_point
+from delta_calibration.mechanisms.spheres import lower_meeting_point, way_round
 from delta_calibration.model.symbols import (
     Symbol,
     acos,
@@ -64,13 +64,13 @@ class RotaryDelta(DeltaModel):
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Lower meeting point of the three spheres about the elbows; closed form."""
         elbows = tuple(_elbow(q[leg], g[leg], c[leg]) for leg in range(LEGS))
-        return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g))
+        return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
     @staticmethod
     def nearby(d: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """The same where the arms are turned a little on from q."""
         elbows = tuple(_turned_on(d[leg], q[leg], g[leg], c[leg]) for leg in range(LEGS))
-        return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g))
+        return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
@@ -102,6 +102,11 @@ class RotaryDelta(DeltaModel):
             parameter("arm", "m", d.arm, t.arm, "arm_length"),
             parameter("rod", "m", d.rod, t.rod, "forearm_length"),
         ]
+
+
+def _way_round(c: Symbol) -> Symbol:
+    """Which way round the legs are numbered, 1 or -1."""
+    return way_round(tuple((leg[0], leg[1]) for leg in c))
 
 
 def _elbow(q: Symbol, g: Symbol, c: Symbol) -> Symbol:

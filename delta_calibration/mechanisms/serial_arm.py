@@ -64,7 +64,7 @@ class SerialArm(Mechanism):
 
     @property
     def home(self) -> Array:
-        """Joints of the drawing's home, (m,) [rad]."""
+        """What the drives read at the drawing's home, (m,) [rad]."""
         return np.array(self.dimensions.home)
 
     def task(self, position: Array, turn: Array) -> Array:
@@ -151,10 +151,12 @@ class SerialArm(Mechanism):
         upper, along, across, zero, own = np.moveaxis(g[..., rows], -1, 0)
         fore = np.hypot(along, across)
         cosine = (np.sum(task**2, axis=1) - upper**2 - fore**2) / (2 * upper * fore)
-        elbow = np.copysign(np.arccos(np.clip(cosine, -1.0, 1.0)), self.home[1])
+        held = self.drives.own(self.home)[1]
+        elbow = np.copysign(np.arccos(np.clip(cosine, -1.0, 1.0)), held)
         bend = np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow))
         shoulder = np.arctan2(task[:, 1], task[:, 0]) - bend
-        return np.stack([shoulder - zero, elbow - own - np.arctan2(across, along)], axis=1)
+        joints = np.stack([shoulder - zero, elbow - own - np.arctan2(across, along)], axis=1)
+        return self.drives.read(joints)
 
     def _link(self, number: int, link: Link) -> Iterator[Parameter]:
         t, where = self.tolerances, f"joint_{number}"

@@ -48,7 +48,8 @@ class ArmDimensions:
     links: tuple[Link, ...] = parts(Link, about="one a joint, modified DH (Craig)")
     tool: Array = place(shape=(3,), about="tool centre point in the last link")
     home: Array = angle(
-        shape=(None,), about="joints in the middle of the workspace, in the posture that is wanted"
+        shape=(None,),
+        about="what the joints read in the middle of the workspace, in the posture wanted",
     )
     mount: Array = angle(shape=(3,), about="how the tool is turned, about z, y, x")
 

@@ -117,7 +117,7 @@ class SixRodDelta(DeltaModel):
 
 def alike(spheres: RotaryDelta, g: Array) -> tuple[SixRodDelta, Array]:
     """Six rods in pairs that do not differ, that stand where three spheres do.  (24,) -> (60,)."""
-    model = SixRodDelta(spheres.dimensions, spheres.tolerances)
+    model = SixRodDelta(spheres.dimensions, spheres.tolerances).driven(spheres.drives)
     leg, known = legs(model.parameters.nominal.copy()), legs(g)
     leg[:, BASE] = known[:, :3] + leg[:, PLATFORM]
     leg[:, TILT_X : ROD + 1] = known[:, 3:]

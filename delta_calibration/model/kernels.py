@@ -12,6 +12,8 @@ dimensions, all of one law. `Limbs` holds what the loops need of it (see `mechan
     fixed (c,)       dimensions of the drawing that are no parameters
     sizes (5,)       joints m, pose k, dimensions p, closures R, commanded coordinates t
     most (R,)        largest closure that counts as closed
+    sense, zero (m,) how the drives read, see mechanisms/drives.py: a law has the mechanism's own
+                     joints, all else the readings
 
 Everything is per sample, in scratch arrays that a call makes once; a sample without an answer
 becomes NaN. Dimensions come as (1, p) for all samples or (n, p).
@@ -46,6 +48,8 @@ class Limbs(NamedTuple):
     fixed: Array
     sizes: Index
     most: Array
+    sense: Array
+    zero: Array
 
 
 @record
@@ -147,6 +151,12 @@ def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
 
 
 @compiled(borrows=True)
+def own_joint(limbs: Limbs, joint: int, reading: float) -> float:
+    """The mechanism's own joint where its drive reads this."""
+    return float(limbs.sense[joint] * (reading - limbs.zero[joint]))
+
+
+@compiled(borrows=True)
 def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
     """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`."""
     at, law, joints, rows, k = limbs.at, limbs.law, limbs.joints, limbs.rows, limbs.sizes[K]
@@ -155,7 +165,8 @@ def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
     for limb in range(len(joints)):
         work = every[limb]
         for i in range(joints.shape[1]):
-            work[to_q + i] = q[joints[limb, i]]
+            joint = joints[limb, i]
+            work[to_q + i] = own_joint(limbs, joint, q[joint])
         for i in range(k):
             work[to_x + i] = x[i]
         if limb == 0:
@@ -178,8 +189,9 @@ def spread_joints(limbs: Limbs, room: Room) -> None:
     for limb in range(len(limbs.joints)):
         for i in range(limbs.rows.shape[1]):
             for j in range(count):
-                slope = room.work[limb, limbs.at[F_Q] + i * count + j]
-                room.by_q[limbs.rows[limb, i], limbs.joints[limb, j]] = slope
+                joint = limbs.joints[limb, j]
+                slope = limbs.sense[joint] * room.work[limb, limbs.at[F_Q] + i * count + j]
+                room.by_q[limbs.rows[limb, i], joint] = slope
 
 
 @compiled(borrows=True)
@@ -351,7 +363,8 @@ def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) ->
                         total -= by_x[row, j] * system[j, k + side]
                 weight[side] = total
             for j in range(own):
-                column, slope = joints[limb, j], work[from_q + i * own + j]
+                column = joints[limb, j]
+                slope = limbs.sense[column] * work[from_q + i * own + j]
                 for side in range(count):
                     by_q[side, column] += weight[side] * slope
             for j in range(each):

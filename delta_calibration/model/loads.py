@@ -38,6 +38,7 @@ from delta_calibration.model.kernels import (
     copy_into,
     fill,
     moved,
+    own_joint,
     place,
     room,
     set_geometry,
@@ -95,7 +96,7 @@ class Carried(NamedTuple):
     there: Array  # (k,)
     way: Array  # (m,)
     u_q: Array  # (m,)
-    still: Array  # (m,)
+    still: Array  # (m,) readings of counters at home
     origin: Array  # (3,)
     a: Array  # (3,)
 
@@ -138,12 +139,13 @@ def point_at(bearing: Bearing, x: Array, offset: Array, work: Array) -> None:
 
 
 @compiled(borrows=True)
-def masses_at(bearing: Bearing, q: Array, x: Array, work: Array) -> None:
+def masses_at(limbs: Limbs, bearing: Bearing, q: Array, x: Array, work: Array) -> None:
     """Evaluate the law of the masses' places; their dimensions are in the workspace."""
     for i in range(len(x)):
         work[bearing.mass_at[0] + i] = x[i]
     for i in range(len(bearing.joints)):
-        work[bearing.mass_at[1] + i] = q[bearing.joints[i]]
+        joint = bearing.joints[i]
+        work[bearing.mass_at[1] + i] = own_joint(limbs, joint, q[joint])
     call(bearing.mass[SETUP], work)
     call(bearing.mass[SHARED], work)
     call(bearing.mass[FULL], work)
@@ -162,7 +164,15 @@ def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None
 
 
 @compiled(borrows=True)
-def _add(bearing: Bearing, found: Carried, point: int, kg: float, a: Array, u_q: Array) -> None:
+def _add(
+    limbs: Limbs,
+    bearing: Bearing,
+    found: Carried,
+    point: int,
+    kg: float,
+    a: Array,
+    u_q: Array,
+) -> None:
     """Add the work of one mass against the acceleration a (3,) to u_x and u_q."""
     k = found.u_x.shape[1]
     for axis in range(3):
@@ -178,11 +188,19 @@ def _add(bearing: Bearing, found: Carried, point: int, kg: float, a: Array, u_q:
             found.u_x[0, i] += force * found.mass[bearing.mass_at[4] + row * k + i]
         for i in range(len(bearing.joints)):
             slope = found.mass[bearing.mass_at[5] + row * len(bearing.joints) + i]
-            u_q[bearing.joints[i]] += force * slope
+            joint = bearing.joints[i]
+            u_q[joint] += force * (limbs.sense[joint] * slope)
 
 
 @compiled(borrows=True)
-def _work(bearing: Bearing, payload: float, accelerated: bool, found: Carried, u_q: Array) -> None:
+def _work(
+    limbs: Limbs,
+    bearing: Bearing,
+    payload: float,
+    accelerated: bool,
+    found: Carried,
+    u_q: Array,
+) -> None:
     """u_x and u_q of all masses, under gravity or as `accelerated`; the laws are evaluated."""
     a, count = found.a, len(bearing.kg)
     fill(found.u_x, 0.0)
@@ -196,7 +214,7 @@ def _work(bearing: Bearing, payload: float, accelerated: bool, found: Carried, u
                 a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
         if accelerated and point >= 0 and bearing.moves[point] == 0.0:
             continue
-        _add(bearing, found, point, kg, a, u_q)
+        _add(limbs, bearing, found, point, kg, a, u_q)
 
 
 @compiled(borrows=True)
@@ -238,7 +256,7 @@ def _accelerate(
             there[i] = x[i]
         assemble(limbs, way, there, STRAY, room)
         point_at(bearing, there, centre, found.point)
-        masses_at(bearing, way, there, found.mass)
+        masses_at(limbs, bearing, way, there, found.mass)
         _places(bearing, found, (-2.0 if side == 0 else 1.0) / MOMENT**2)
     return True
 
@@ -282,20 +300,21 @@ def bear(
         for i in range(len(q)):
             found.inertia[i] = 0.0
     if asked & OF_PULLS:
+        copy_into(found.still, limbs.zero)
         place(limbs, found.still, bearing.home, FULL, room)
         point_at(bearing, bearing.home, found.origin, found.point)
-        masses_at(bearing, found.still, bearing.home, found.mass)
-        _work(bearing, 0.0, False, found, u_q)
+        masses_at(limbs, bearing, found.still, bearing.home, found.mass)
+        _work(limbs, bearing, 0.0, False, found, u_q)
         _pulls(limbs, bearing, room, found, found.pull_home)
     place(limbs, q, x, FULL, room)
     point_at(bearing, x, centre, found.point)
-    masses_at(bearing, q, x, found.mass)
+    masses_at(limbs, bearing, q, x, found.mass)
     if moving:
-        _work(bearing, payload, True, found, u_q)
+        _work(limbs, bearing, payload, True, found, u_q)
         moved(limbs, found.u_x, room, found.by_q, found.by_g)
         for i in range(len(q)):
             found.inertia[i] = u_q[i] + found.by_q[0, i]
-    _work(bearing, payload, False, found, u_q)
+    _work(limbs, bearing, payload, False, found, u_q)
     if asked & OF_PULLS:
         _pulls(limbs, bearing, room, found, found.pull)
     if asked & OF_WEIGHT:

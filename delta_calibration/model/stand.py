@@ -49,6 +49,7 @@ from delta_calibration.model.kernels import (
     assemble,
     copy_into,
     follow,
+    own_joint,
     room,
     set_geometry,
 )
@@ -163,7 +164,8 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
         return follow(body.limbs, body.home, q, x, body.stages, stray, state.room)
     own = state.opening
     for i in range(len(opening.joints)):
-        own[opening.at[0] + i] = q[opening.joints[i]]
+        joint = opening.joints[i]
+        own[opening.at[0] + i] = own_joint(body.limbs, joint, q[joint])
     call(opening.law[SHARED], own)
     call(opening.law[FULL], own)
     for i in range(len(x)):

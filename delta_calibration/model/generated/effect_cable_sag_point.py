@@ -4,9 +4,9 @@ from math import sqrt
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 10), ('v', 1), ('c', 5)), 1, (), (), (), ('v',))
-SIZE = 18
-SHARED = (18, 18)
+LAYOUT = ((('s', 10), ('v', 1), ('c', 7)), 1, (), (), (), ('v',))
+SIZE = 20
+SHARED = (20, 20)
 
 
 def full(w):
@@ -17,11 +17,12 @@ def full(w):
     i5 = w[5]
     i8 = w[8]
     i1 = w[1]
-    i13 = w[13]
-    i14 = w[14]
     i15 = w[15]
+    i16 = w[16]
+    i17 = w[17]
     i2 = w[2]
     i10 = w[10]
+    i13 = w[13]
     i9 = w[9]
     t3 = i3 - i6
     t4 = t3 * t3
@@ -36,12 +37,12 @@ def full(w):
     t19 = i1 * i1
     t20 = 24.0 * t19
     t21 = t16 / t20
-    t23 = i13 - i6
+    t23 = i15 - i6
     t24 = t23 * t23
-    t26 = i14 - i7
+    t26 = i16 - i7
     t27 = t26 * t26
     t28 = t24 + t27
-    t30 = i15 - i8
+    t30 = i17 - i8
     t31 = t30 * t30
     t32 = t28 + t31
     t33 = sqrt(t32)
@@ -51,18 +52,19 @@ def full(w):
     t38 = t34 / t37
     t39 = t21 - t38
     t40 = i10 * t39
-    t42 = t40 / i9
-    t43 = -(t42)
-    t45 = t39 / i9
-    t46 = -(t45)
-    w[16] = t43
-    w[17] = t46
+    t43 = i13 * i9
+    t44 = t40 / t43
+    t45 = -(t44)
+    t47 = t39 / t43
+    t48 = -(t47)
+    w[18] = t45
+    w[19] = t48
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "1d139997d10c31d5"),
+    "full": law(full, "f830e1eabc7f21aa"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -2,36 +2,41 @@
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 16), ('v', 1), ('c', 8)), 1, (), (), (), ('v',))
-SIZE = 27
-SHARED = (27, 27)
+LAYOUT = ((('s', 16), ('v', 1), ('c', 10)), 1, (), (), (), ('v',))
+SIZE = 29
+SHARED = (29, 29)
 
 
 def full(w):
     i0 = w[0]
+    i20 = w[20]
+    i19 = w[19]
     i17 = w[17]
     i16 = w[16]
     i18 = w[18]
     i15 = w[15]
-    t3 = i0 / i17
-    t4 = t3 * t3
-    t5 = i16 * t4
-    t7 = t5 / 4.0
-    t9 = t7 / i18
-    t11 = t9 / i15
-    t12 = -(t11)
-    t15 = 0.25 * t4
-    t16 = t15 / i18
-    t17 = t16 / i15
-    t18 = -(t17)
-    w[25] = t12
-    w[26] = t18
+    t4 = i0 - i20
+    t5 = i19 * t4
+    t7 = t5 / i17
+    t8 = t7 * t7
+    t9 = i16 * t8
+    t11 = t9 / 4.0
+    t13 = t11 / i18
+    t15 = i19 * i15
+    t16 = t13 / t15
+    t17 = -(t16)
+    t20 = 0.25 * t8
+    t21 = t20 / i18
+    t22 = t21 / t15
+    t23 = -(t22)
+    w[27] = t17
+    w[28] = t23
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "5b81adef7dbc1a53"),
+    "full": law(full, "edb7362a6eaefaea"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

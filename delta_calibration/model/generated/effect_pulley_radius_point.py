@@ -4,9 +4,9 @@ from math import atan2, sqrt
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 10), ('v', 1), ('c', 5)), 1, (), (), (), ('v',))
-SIZE = 18
-SHARED = (18, 18)
+LAYOUT = ((('s', 10), ('v', 1), ('c', 7)), 1, (), (), (), ('v',))
+SIZE = 20
+SHARED = (20, 20)
 
 
 def full(w):
@@ -17,9 +17,10 @@ def full(w):
     i10 = w[10]
     i5 = w[5]
     i8 = w[8]
-    i13 = w[13]
-    i14 = w[14]
     i15 = w[15]
+    i16 = w[16]
+    i17 = w[17]
+    i13 = w[13]
     i9 = w[9]
     t3 = i3 - i6
     t4 = t3 * t3
@@ -43,14 +44,14 @@ def full(w):
     t26 = t9 + t17
     t27 = sqrt(t26)
     t28 = t25 - t27
-    t30 = i13 - i6
+    t30 = i15 - i6
     t31 = t30 * t30
-    t33 = i14 - i7
+    t33 = i16 - i7
     t34 = t33 * t33
     t35 = t31 + t34
     t36 = sqrt(t35)
     t37 = t36 - i10
-    t39 = i15 - i8
+    t39 = i17 - i8
     t40 = atan2(t37, t39)
     t41 = t37 * t37
     t42 = t39 * t39
@@ -65,46 +66,47 @@ def full(w):
     t51 = sqrt(t50)
     t52 = t49 - t51
     t53 = t28 - t52
-    t55 = t53 / i9
-    t56 = -(t55)
-    t58 = t21 / t18
-    t59 = i10 / t18
-    t60 = 2.0 * t11
-    t61 = 2.0 * i10
-    t62 = t60 + t61
-    t63 = 2.0 * t21
-    t64 = t62 / t63
-    t65 = t59 * t64
-    t66 = t58 + t65
-    t67 = t14 / t18
-    t68 = t66 - t67
-    t69 = i10 * t68
-    t70 = t23 + t69
-    t71 = t70 - t64
-    t72 = t45 / t43
-    t73 = i10 / t43
-    t74 = 2.0 * t37
-    t75 = t74 + t61
-    t76 = 2.0 * t45
-    t77 = t75 / t76
-    t78 = t73 * t77
-    t79 = t72 + t78
-    t80 = t39 / t43
-    t81 = t79 - t80
-    t82 = i10 * t81
-    t83 = t47 + t82
-    t84 = t83 - t77
-    t85 = t71 - t84
-    t86 = t85 / i9
-    t87 = -(t86)
-    w[16] = t56
-    w[17] = t87
+    t56 = i13 * i9
+    t57 = t53 / t56
+    t58 = -(t57)
+    t60 = t21 / t18
+    t61 = i10 / t18
+    t62 = 2.0 * t11
+    t63 = 2.0 * i10
+    t64 = t62 + t63
+    t65 = 2.0 * t21
+    t66 = t64 / t65
+    t67 = t61 * t66
+    t68 = t60 + t67
+    t69 = t14 / t18
+    t70 = t68 - t69
+    t71 = i10 * t70
+    t72 = t23 + t71
+    t73 = t72 - t66
+    t74 = t45 / t43
+    t75 = i10 / t43
+    t76 = 2.0 * t37
+    t77 = t76 + t63
+    t78 = 2.0 * t45
+    t79 = t77 / t78
+    t80 = t75 * t79
+    t81 = t74 + t80
+    t82 = t39 / t43
+    t83 = t81 - t82
+    t84 = i10 * t83
+    t85 = t47 + t84
+    t86 = t85 - t79
+    t87 = t73 - t86
+    t88 = t87 / t56
+    t89 = -(t88)
+    w[18] = t58
+    w[19] = t89
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "e299df8d5f1d16eb"),
+    "full": law(full, "7bed34b3a891d949"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -2,23 +2,25 @@
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 1), ('v', 1), ('c', 0)), 1, (), (), (), ('v',))
-SIZE = 4
-SHARED = (4, 4)
+LAYOUT = ((('s', 1), ('v', 1), ('c', 1)), 1, (), (), (), ('v',))
+SIZE = 5
+SHARED = (5, 5)
 
 
 def full(w):
-    i1 = w[1]
     i0 = w[0]
-    t2 = i1 * i0
-    w[2] = t2
-    w[3] = i0
+    i2 = w[2]
+    i1 = w[1]
+    t3 = i0 - i2
+    t4 = i1 * t3
+    w[3] = t4
+    w[4] = t3
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "eefc5a3fbaafd981"),
+    "full": law(full, "7f57944ba2440312"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

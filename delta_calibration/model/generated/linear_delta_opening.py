@@ -5,8 +5,8 @@ from math import cos, sin, sqrt
 from delta_calibration.model.jit import idle, law
 
 LAYOUT = ((('q', 3), ('g', 12), ('c', 0)), 3, ('g', 'c'), (), (), ())
-SIZE = 31
-SHARED = (31, 31)
+SIZE = 32
+SHARED = (32, 32)
 
 
 def setup(w):
@@ -61,6 +61,19 @@ def setup(w):
     w[29] = t61
     t77 = t61 * t61
     w[30] = t77
+    t82 = t6 - t2
+    t83 = t36 - t12
+    t84 = t82 * t83
+    t85 = t10 - t12
+    t86 = t40 - t2
+    t87 = t85 * t86
+    t88 = t84 - t87
+    t89 = 1.0 if 0.0 < t88 else 0.0
+    t91 = 1.0 if t89 != 0.0 else 0.0
+    t92 = 0.0 if t89 != 0.0 else 1.0
+    t94 = (-1.0) if t92 != 0.0 else 0.0
+    t95 = t91 + t94
+    w[31] = t95
 
 
 def full(w):
@@ -82,6 +95,7 @@ def full(w):
     t8 = w[19]
     t77 = w[30]
     t3 = w[18]
+    t95 = w[31]
     t13 = w[20]
     t19 = i9 - i1
     t22 = i5 - i0
@@ -119,42 +133,43 @@ def full(w):
     t78 = t76 + t77
     t79 = t70 / t78
     t80 = t3 + t79
-    t81 = t79 * t79
-    t82 = t65 * t73
-    t83 = t33 * t42
-    t84 = t56 * t8
-    t85 = t83 - t84
-    t86 = t85 * t61
-    t87 = t82 - t86
-    t88 = t87 / t78
-    t89 = t88 * t88
-    t90 = t81 + t89
-    t91 = t85 * t68
-    t92 = t58 * t73
-    t93 = t91 - t92
-    t94 = t93 / t78
-    t95 = t94 * t94
-    t96 = t90 + t95
-    t97 = t27 - t96
-    t98 = t97 / t78
-    t99 = sqrt(t98)
-    t100 = t99 * t73
-    t101 = t80 - t100
-    t103 = t13 + t88
-    t104 = t99 * t68
-    t105 = t103 - t104
-    t107 = t22 + t94
-    t108 = t99 * t61
-    t109 = t107 - t108
-    w[15] = t101
-    w[16] = t105
-    w[17] = t109
+    t96 = t79 * t79
+    t97 = t65 * t73
+    t98 = t33 * t42
+    t99 = t56 * t8
+    t100 = t98 - t99
+    t101 = t100 * t61
+    t102 = t97 - t101
+    t103 = t102 / t78
+    t104 = t103 * t103
+    t105 = t96 + t104
+    t106 = t100 * t68
+    t107 = t58 * t73
+    t108 = t106 - t107
+    t109 = t108 / t78
+    t110 = t109 * t109
+    t111 = t105 + t110
+    t112 = t27 - t111
+    t113 = t112 / t78
+    t114 = sqrt(t113)
+    t115 = t95 * t114
+    t116 = t115 * t73
+    t117 = t80 - t116
+    t119 = t13 + t103
+    t120 = t115 * t68
+    t121 = t119 - t120
+    t123 = t22 + t109
+    t124 = t115 * t61
+    t125 = t123 - t124
+    w[15] = t117
+    w[16] = t121
+    w[17] = t125
 
 
 ADDRESSES = {
-    "setup": law(setup, "58af7627a873a2e1"),
+    "setup": law(setup, "90ade7550fca10a7"),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "58af7627a873a2e1"),
+    "full": law(full, "90ade7550fca10a7"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
