@@ -194,7 +194,7 @@ def test_a_calibration_brings_the_tracker_s_frame_and_a_tool_its_tip() -> None:
 
 @pytest.mark.parametrize("turn", [[0.0, np.pi / 2, 0.0], [0.3, -np.pi / 2, 0.4], [3.0, 1.0, -2.0]])
 def test_angles_of_a_frame_give_it_back_where_x_stands_up_too(turn: list[float]) -> None:
-    from delta_calibration.description.urdf import roll_pitch_yaw
+    from delta_calibration.geometry.rotations import roll_pitch_yaw
 
     matrix = Rotation.from_euler("xyz", turn).as_matrix()
     again = Rotation.from_euler("xyz", roll_pitch_yaw(matrix)).as_matrix()

@@ -24,7 +24,7 @@ from delta_calibration.description.tree import (
     frame_prefix,
     toward,
 )
-from delta_calibration.geometry import Frame
+from delta_calibration.geometry import Frame, rotations
 
 Array = NDArray[np.float64]
 
@@ -85,21 +85,8 @@ def _add_joint(robot: Element, joint: Joint) -> None:
 
 
 def _add_origin(element: Element, frame: Frame) -> None:
-    turn = roll_pitch_yaw(frame.rotation)
+    turn = rotations.roll_pitch_yaw(frame.rotation)
     SubElement(element, "origin", xyz=_numbers(frame.translation), rpy=_numbers(turn))
-
-
-def roll_pitch_yaw(rotation: Array) -> Array:
-    """Angles about the fixed x, y and z axes, one after the other, (3, 3) -> (3,) [rad].
-
-    Where x stands up, roll and yaw are about one axis; the roll goes by the yaw that came out.
-    """
-    m = rotation
-    yaw = np.arctan2(m[1, 0], m[0, 0])
-    c, s = np.cos(yaw), np.sin(yaw)
-    pitch = np.arctan2(-m[2, 0], c * m[0, 0] + s * m[1, 0])
-    roll = np.arctan2(s * m[0, 2] - c * m[1, 2], c * m[1, 1] - s * m[0, 1])
-    return np.array([roll, pitch, yaw])
 
 
 def _numbers(values: Array) -> str:

@@ -103,7 +103,7 @@ def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ..
         streams,
         of_angles(streams, lambda q: q * sign),
         f"`scale: -1` for {part} in the mapping, or turn the sign round in the drive (--fix "
-        "does); if the drive is right, the other `joints.sign` in the robot file, its zero negated",
+        "does); if the drive is right, the other sign in `joints.sign`, its zero negated",
         part=part,
     )
 

@@ -7,7 +7,8 @@ where neighbouring axes are parallel:
     standard (distal)   B_i = R_z(q_i + theta_i) T_z(d_i) R_x(alpha_i) R_y(beta_i) T_x(a_i)
 
 The standard table begins with what leads from the base to the first axis, and its row i holds the
-alpha, beta and a that lead to axis i + 1.
+alpha, beta and a that lead to axis i + 1. Its last row has those of the drawing where that is in
+standard DH, and its tool stands behind them.
 """
 
 from __future__ import annotations
@@ -15,23 +16,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from delta_calibration.calibration import Calibration
 from delta_calibration.errors import InputError
+from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms import SerialArm
 
 Link = Mapping[str, float]
 
+X = np.array([1.0, 0.0, 0.0])
 _TO_AXIS = ("alpha_rad", "beta_rad", "a_m")
 _CONVENTION = {
     "units": "metres and radians; a frame's z is its joint's axis, every turn is right-handed",
     "modified": "A_i = R_x(alpha) R_y(beta) T_x(a) R_z(q_i + theta) T_z(d); "
     "base to tool = A_1 ... A_m TOOL",
     "standard": "B_i = R_z(q_i + theta) T_z(d) R_x(alpha) R_y(beta) T_x(a); "
-    "base to tool = R_x(alpha) R_y(beta) T_x(a) of `first`, B_1 ... B_m TOOL",
+    "base to tool = R_x(alpha) R_y(beta) T_x(a) of `first`, B_1 ... B_m TOOL, with the tool that "
+    "stands beside them",
     "tool": "TOOL = T(place) R_z R_y R_x of the mount, then R_x R_y R_z of the turn",
-    "sign_of_joints": "q_i is the commanded joint, positive by the right hand about z of frame i, "
-    "as in the robot file. Of a controller that counts a joint the other way (some vendors do, of "
-    "some joints), minus its angle is q_i; nothing else changes",
+    "sign_of_joints": "q_i is positive by the right hand about z of frame i; of what the drive "
+    "reads it is q_i = sign (reading - zero), see `drives`. Of a controller that counts a joint "
+    "the other way than that drive, minus its angle is the reading; nothing else changes",
     "beta": "not zero only at neighbouring axes that are parallel as drawn, whose d is the "
     "drawing's. A controller without beta (tables of Universal Robots are standard and have none) "
     "says the same by other d and theta, far from the drawing's; leaving beta out is another arm",
@@ -52,21 +58,28 @@ def dh_tables(calibration: Calibration) -> dict[str, Any]:
             f"robot {robot.name} is a {arm.name}; tables of Denavit and Hartenberg are of a "
             f"{SerialArm.name}"
         )
-    found = _links(arm, calibration.geometry.tolist())
-    drawn = _links(arm, arm.parameters.nominal.tolist())
     return {
         "robot": {"name": robot.name, "sha256": robot.hash},
         "calibration": {"sha256": calibration.seal, "session": calibration.source},
         "not_in_it": [effect.cause for effect, _ in calibration.live],
         "convention": _CONVENTION,
         "joints": list(robot.joints.names),
-        "modified": [dict(link) for link in found],
-        "standard": _standard(found),
-        "tool": _tool(arm, calibration.geometry.tolist()),
-        "drawing": {
-            "modified": [dict(link) for link in drawn],
-            "tool": _tool(arm, arm.parameters.nominal.tolist()),
+        "drives": {
+            "sign": [int(sign) for sign in arm.drives.sense],
+            "zero_rad": arm.drives.zero.tolist(),
         },
+        **_tables(arm, calibration.geometry.tolist()),
+        "drawing": _tables(arm, arm.parameters.nominal.tolist()),
+    }
+
+
+def _tables(arm: SerialArm, geometry: Sequence[float]) -> dict[str, Any]:
+    """Both tables of some dimensions, and their tools."""
+    links = _links(arm, geometry)
+    return {
+        "modified": [dict(link) for link in links],
+        "standard": {**_standard(arm, links), "tool": _behind(arm, _tool(arm, geometry))},
+        "tool": _tool(arm, geometry),
     }
 
 
@@ -85,14 +98,28 @@ def _links(arm: SerialArm, geometry: Sequence[float]) -> list[Link]:
     ]
 
 
-def _standard(links: Sequence[Link]) -> dict[str, Any]:
+def _standard(arm: SerialArm, links: Sequence[Link]) -> dict[str, Any]:
     """The same links with the lines drawn behind each joint."""
-    last = dict.fromkeys(_TO_AXIS, 0.0)
+    last = dict(zip(_TO_AXIS, _last(arm), strict=True))
     rows = [
         {**{name: here[name] for name in ("theta_rad", "d_m")}, **_to_axis(after)}
         for here, after in zip(links, [*links[1:], last], strict=True)
     ]
     return {"first": _to_axis(links[0]), "links": rows}
+
+
+def _last(arm: SerialArm) -> tuple[float, float, float]:
+    """alpha, beta and a of the last row."""
+    twist, length = arm.drawn.behind
+    return twist, 0.0, length
+
+
+def _behind(arm: SerialArm, tool: dict[str, list[float]]) -> dict[str, list[float]]:
+    """The tool as it stands behind the last row: R_x(-alpha) T_x(-a) TOOL."""
+    twist, _, length = _last(arm)
+    place = rotations.exp(-twist * X) @ (np.array(tool["place_m"]) - length * X)
+    mount = [float(angle) for angle in arm.drawn.mount]
+    return {**tool, "place_m": place.tolist(), "mount_zyx_rad": mount}
 
 
 def _to_axis(link: Link) -> dict[str, float]:

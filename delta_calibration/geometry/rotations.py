@@ -97,3 +97,17 @@ def about_z(angle: ArrayLike) -> Array:
     """Rotation about z.  (...,) [rad] -> (..., 3, 3)."""
     turn = np.asarray(angle, dtype=float)
     return exp(np.stack([np.zeros_like(turn), np.zeros_like(turn), turn], axis=-1))
+
+
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """Angles about the fixed x, y and z axes, one after the other, (3, 3) -> (3,) [rad].
+
+    About z, y and x of the frame as it turns they are the same three, the last one first. Where x
+    stands up, roll and yaw are about one axis; the roll goes by the yaw that came out.
+    """
+    m = rotation
+    yaw = np.arctan2(m[1, 0], m[0, 0])
+    c, s = np.cos(yaw), np.sin(yaw)
+    pitch = np.arctan2(-m[2, 0], c * m[0, 0] + s * m[1, 0])
+    roll = np.arctan2(s * m[0, 2] - c * m[1, 2], c * m[1, 1] - s * m[0, 1])
+    return np.array([roll, pitch, yaw])

@@ -23,7 +23,7 @@ _LINK = 5  # numbers of a link: twist, skew, length, zero, offset
 
 
 class SerialArm(Mechanism):
-    """Links in modified DH, with Hayati's angle where neighbouring axes are parallel.
+    """Links in modified DH, whichever way they were drawn, Hayati's angle between parallel axes.
 
         A_i = R_x(alpha_i) T_x(a_i) R_z(q_i + z_i) T_z(d_i)
         A_i = R_x(alpha_i) R_y(beta_i) T_x(a_i) R_z(q_i + z_i) T_z(d_i drawn)    parallel axes
@@ -53,12 +53,12 @@ class SerialArm(Mechanism):
 
     def __init__(self, dimensions: ArmDimensions, tolerances: ArmTolerances) -> None:
         """From the drawing and the expected errors of the parts."""
-        self.dimensions = dimensions
+        self.drawn, self.dimensions = dimensions, dimensions.modified
         self.tolerances = tolerances
         self.joints = len(dimensions.links)
         self.pose_size = 6
         self.task_size = 2 if self.joints == 2 else 6 if self.joints >= 6 else 3
-        each = (self._link(number, link) for number, link in enumerate(dimensions.links, 1))
+        each = (self._link(number, link) for number, link in enumerate(self.dimensions.links, 1))
         self.parameters = ParameterSet((*(p for link in each for p in link), *self._tool()))
         self.variant = f"_{self.joints}"
 

@@ -2,30 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from delta_calibration.errors import ConfigError
-from delta_calibration.sections import angle, flag, parts, place, quantity, refused, tolerance
+from delta_calibration.geometry import rotations
+from delta_calibration.sections import (
+    angle,
+    choice,
+    flag,
+    parts,
+    place,
+    quantity,
+    refused,
+    tolerance,
+)
 
 Array = NDArray[np.float64]
+
+MODIFIED, STANDARD = "modified", "standard"
+X = np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
 class Link:
-    """From joint axis i - 1 (the base for the first) to axis i, modified DH (Craig).
+    """A joint and what leads to its axis, modified DH (Craig), or from it on, standard DH.
 
-        A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)
+        A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)      modified
+        B_i = R_z(q_i + zero) T_z(offset) R_x(twist) T_x(length)      standard
 
-    `parallel` says that the two axes are nearly so. Their common normal is then badly defined: an
-    error of twist moves it far along the axes. Hayati's angle about y takes the offset's place
+    The modified row holds what leads from axis i - 1 (the base for the first) to axis i, the
+    standard one what leads from axis i to axis i + 1 (the tool's frame for the last).
+
+    `parallel` says that axes i - 1 and i are nearly so. Their common normal is then badly defined:
+    an error of twist moves it far along the axes. Hayati's angle about y takes the offset's place
     among what can be wrong, and the offset stays as drawn.
     """
 
-    twist: float = angle(about="alpha: from the axis before to this one, about x")
-    length: float = place(about="a: from the axis before to this one, along x")
+    twist: float = angle(
+        about="alpha: about x, from the axis before to this one (standard: on to the next)"
+    )
+    length: float = place(
+        about="a: along x, from the axis before to this one (standard: on to the next)"
+    )
     offset: float = place(about="d: along the axis")
     zero: float = angle(default=0.0, about="theta: about the axis, with the joint at its zero")
     parallel: bool = flag(False, about="whether this axis lies nearly along the one before")
@@ -45,13 +67,19 @@ class ArmDimensions:
         ConfigError: no link, a first axis said to be parallel, or a home of another size.
     """
 
-    links: tuple[Link, ...] = parts(Link, about="one a joint, modified DH (Craig)")
-    tool: Array = place(shape=(3,), about="tool centre point in the last link")
+    links: tuple[Link, ...] = parts(Link, about="one a joint, in DH as `convention` says")
+    tool: Array = place(shape=(3,), about="tool centre point in the last link's frame")
     home: Array = angle(
         shape=(None,),
         about="what the joints read in the middle of the workspace, in the posture wanted",
     )
     mount: Array = angle(shape=(3,), about="how the tool is turned, about z, y, x")
+    convention: str = choice(
+        MODIFIED,
+        STANDARD,
+        default=MODIFIED,
+        about="of the links: modified DH (Craig, proximal) or standard DH (distal)",
+    )
 
     def __post_init__(self) -> None:
         """Refuse what no arm can be made of."""
@@ -69,6 +97,40 @@ class ArmDimensions:
         ):
             if value.shape != (size,) or not np.isfinite(value).all():
                 raise refused(self, name, f"{size} finite numbers")
+
+    @property
+    def modified(self) -> ArmDimensions:
+        """The same arm in modified DH.
+
+        Each alpha and a goes to the next link, which begins where they lead. What they lead to
+        behind the last joint is the tool's part:
+
+            R_x(alpha) T_x(a) T(tool) R(mount) = T(a x + R_x(alpha) tool) R_x(alpha) R(mount)
+        """
+        if self.convention == MODIFIED:
+            return self
+        last = self.links[-1]
+        before = ((0.0, 0.0), *((link.twist, link.length) for link in self.links[:-1]))
+        links = (
+            replace(link, twist=twist, length=length)
+            for link, (twist, length) in zip(self.links, before, strict=True)
+        )
+        turn = rotations.exp(last.twist * X)
+        mounted = turn @ Rotation.from_euler("ZYX", self.mount).as_matrix()
+        return replace(
+            self,
+            links=tuple(links),
+            tool=last.length * X + turn @ self.tool,
+            mount=self.mount if last.twist == 0.0 else rotations.roll_pitch_yaw(mounted)[::-1],
+            convention=MODIFIED,
+        )
+
+    @property
+    def behind(self) -> tuple[float, float]:
+        """alpha [rad] and a [m] behind the last joint as drawn: those of the last standard row."""
+        if self.convention == MODIFIED:
+            return 0.0, 0.0
+        return self.links[-1].twist, self.links[-1].length
 
 
 @dataclass(frozen=True)

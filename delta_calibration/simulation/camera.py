@@ -64,6 +64,8 @@ def other_elbow(machine: Machine) -> Machine:
     Of the postures that reach a place, an arm's controller takes that of its home.
     """
     dimensions = machine.robot.dimensions
-    home = dimensions.home * np.where(np.arange(len(dimensions.home)) == 1, -1.0, 1.0)
+    drives = machine.robot.drives
+    bent = np.where(np.arange(len(dimensions.home)) == 1, -1.0, 1.0)
+    home = drives.read(drives.own(dimensions.home) * bent)
     robot = replace(machine.robot, dimensions=replace(dimensions, home=home))
     return replace(machine, robot=robot)
