@@ -27,13 +27,13 @@ from delta_calibration.sections import (
     angle,
     choice,
     key_of,
-    names,
     part_of,
     place,
     quantity,
     schema_of,
     senses,
 )
+from delta_calibration.sections import names as texts
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class Joints:
     unit: ClassVar[str] = "rad"
     shown: ClassVar[tuple[str, float]] = ("degrees", 180 / np.pi)  # for people, of one SI unit
 
-    names: tuple[str, ...] = names(about="of the joints, in the order of the legs or axes")
+    names: tuple[str, ...] = texts(about="of the joints, in the order of the legs or axes")
     lower: Array = quantity(
         "deg", least=-1e6, most=1e6, shape=(None,), about="lower limit of each joint"
     )
@@ -73,6 +73,10 @@ class Joints:
     encoder: float = quantity("urad", least=0.0, most=1e4, about=_READING)
     speed: float = quantity("deg_per_s", above=0.0, most=1e4, about=_FASTEST)
     gear_ratio: float = quantity(above=0.0, about="motor turns a joint turn")
+    passed_through: tuple[str, ...] = texts(
+        default=(),
+        about="further axes that commands and states carry, handed on as they are",
+    )
     sign: Array | None = senses(
         about="-1 for a joint that counts against the mechanism's own sense; left out: 1"
     )
@@ -428,6 +432,12 @@ def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
                 f"{robot.source}: joints.{keys[name]}: {found} values found, {expected} are "
                 f"expected"
             )
+    both = [name for name in robot.joints.passed_through if name in robot.joints.names]
+    if both:
+        raise ConfigError(
+            f"{robot.source}: joints.passed_through: {both[0]} is not allowed; it is one of "
+            "joints.names, which the model moves"
+        )
     lower, upper = section[keys["lower"]], section[keys["upper"]]
     for name, low, high in zip(robot.joints.names, lower, upper, strict=True):
         if low >= high:

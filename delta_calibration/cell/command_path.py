@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Protocol
 
@@ -50,6 +50,7 @@ WAITING = "waiting for joint_states: deactivated in a hold, and not known where 
 
 STATES_S = 0.5  # [s] age beyond which joint_states no longer say where the drives stand
 
+_NOTHING = np.zeros(0)
 _ROUNDING = 1e-9  # [rad, m] of a limit that was given in degrees or millimetres
 
 
@@ -67,6 +68,13 @@ class Sent:
 
     joint: Array  # (m,) [rad]
     compensated: bool  # to be marked, so that nobody compensates it again
+    # (k,) axes that the model passes through, as the command has them
+    carried: Array = field(default_factory=lambda: _NOTHING)
+
+    @property
+    def whole(self) -> Array:
+        """All that is sent, (m + k,): the robot's joints, then what is passed through."""
+        return np.concatenate([self.joint, self.carried]) if self.carried.size else self.joint
 
 
 class CommandPath:
@@ -77,6 +85,9 @@ class CommandPath:
     goes back on a ramp to where the commands are by then. A command that is not finite, older than
     the timeout, or beyond a joint's limit goes out in neither case, compensation on or off; one
     beyond a limit goes out at the limit where that is asked for.
+
+    Axes that the model passes through go out as commanded, neither judged nor corrected; they are
+    held, and go back from where they were held, as the joints do.
 
     The first output after a reset starts where the drives stand by `joint_states`, and goes to
     the commands as after a hold. Where the reset was in a hold, it waits until they say so.
@@ -124,7 +135,8 @@ class CommandPath:
         self.trouble: str | None = None
         self.compensator: Corrects | None = None
         self._cached: tuple[bytes, Compensated] | None = None
-        self._measured: tuple[Array, float] | None = None  # joints [rad], and when [s]
+        self._measured: tuple[Sent, float] | None = None  # where the drives stand, and when [s]
+        self._carried = _NOTHING  # with the command that is followed
         self._held: Sent | None = None
         self._holding = False  # whether the last output was the one before it again
         self._back: WayBack | None = None
@@ -204,9 +216,12 @@ class CommandPath:
             raise DataError("there is no calibration to compensate by: fit or load one first")
         self.enabled = on
 
-    def stand(self, measured: Array, now_s: float) -> None:
-        """Take notice of where the drives stand, (m,) [rad], by `joint_states`."""
-        self._measured = measured, now_s
+    def stand(self, measured: Array, now_s: float, carried: Array = _NOTHING) -> None:
+        """Take notice of where the drives stand, (m,) [rad], by `joint_states`.
+
+        And where what is passed through stands, (k,), if they tell.
+        """
+        self._measured = Sent(measured, False, carried), now_s
 
     def interrupt(self) -> None:
         """The next command comes after lost time: no jump to it, as fast as the joints may."""
@@ -228,6 +243,7 @@ class CommandPath:
         already: bool = False,
         at: Conditions | None = None,
         age_s: float = 0.0,
+        carried: Array = _NOTHING,
     ) -> Sent | None:
         """What to send for a command.
 
@@ -239,11 +255,12 @@ class CommandPath:
             at: what the compensator may need to know beside the command, one sample.
             age_s: of the command when it came [s], by a clock that it was stamped by as well; not
                 a number where there is no such clock.
+            carried: with it, of axes that are passed through, (k,).
 
         Returns:
             What goes out; None if nothing does.
         """
-        self.trouble = None
+        self.trouble, self._carried = None, carried
         self._watch_time(stamp_ns)
         against = self._against(q, age_s)
         if against:
@@ -288,7 +305,13 @@ class CommandPath:
         return self.enabled and not back and self.ramp.is_over(self.compensator)
 
     def went(
-        self, dq: Array, joint: Array, stamp_ns: int, now_s: float, blended: bool = False
+        self,
+        dq: Array,
+        joint: Array,
+        stamp_ns: int,
+        now_s: float,
+        blended: bool = False,
+        carried: Array = _NOTHING,
     ) -> Sent:
         """Take notice of what a shorter way has sent while `steady`: a command, corrected.
 
@@ -298,6 +321,7 @@ class CommandPath:
             stamp_ns: of the command.
             now_s: steady time.
             blended: whether only a part of the correction was applied.
+            carried: what was passed through with it, (k,).
         """
         self.trouble, self._anothers = None, False
         self.last_stamp = stamp_ns
@@ -306,7 +330,7 @@ class CommandPath:
             self.counts[BLENDED] += 1
         self.ramp.stands(dq, now_s)
         self.echo.kept_already(self.ramp.stage)
-        self._held = Sent(joint, True)
+        self._held = Sent(joint, True, carried)
         return self._held
 
     def refuse(self, why: str) -> Sent | None:
@@ -398,37 +422,38 @@ class CommandPath:
         if self._holding and held is not None and (again.astray or again.is_at(held.joint)):
             return held  # the commands are not back yet
         if again.astray:
-            self._held = Sent(q, True)
+            self._held = Sent(q, True, self._carried)
             return self._held
         return self._go(q, np.zeros_like(q), True, now_s)
 
     def _go(self, q: Array, dq: Array, compensated: bool, now_s: float) -> Sent:
         """Send q + dq, or what lies between that and where the drives were held."""
-        joint = q + dq
+        joint, carried = q + dq, self._carried
         stopped = self._holding or self._interrupted
-        stood = self._held.joint if stopped and self._held is not None else None
+        stood = self._held if stopped else None
         seconds = self.ramp.seconds if self._holding else 0.0
         if self._begins:
             stood, seconds = self._start(now_s), self.ramp.seconds
             self._begins = self._astray = False
         self._interrupted = False
         if stood is not None:
-            self._back = WayBack.over(stood - joint, now_s, seconds, self._speed)
+            self._back = WayBack.over(_gap(stood, joint, carried), now_s, seconds, self._speed)
         if self._back is not None:
             self._back = self._back.by(now_s, self.at_once_s)
-            left = self._back.left
-            joint = joint + left
+            left, m = self._back.left, len(joint)
+            joint = joint + left[:m]
+            carried = carried + left[m:] if left[m:].shape == carried.shape else carried
             inside = self.within(q, joint)
             joint = joint if inside is None else inside
             self._back = self._back if left.any() else None
         astray = self._back is not None
         if compensated or astray:
             self.echo.sent(Output(joint, self.ramp.stage, astray))
-        self._held, self._holding = Sent(joint, compensated), False
+        self._held, self._holding = Sent(joint, compensated, carried), False
         return self._held
 
-    def _start(self, now_s: float) -> Array | None:
-        """Where the drives stand (m,) [rad]; None where nothing recent says it."""
+    def _start(self, now_s: float) -> Sent | None:
+        """Where the drives stand; None where nothing recent says it."""
         if self._measured is None or now_s - self._measured[1] > STATES_S:
             return None
         return self._measured[0]
@@ -441,6 +466,15 @@ class CommandPath:
             return self._held
         self.counts[DROPPED] += 1
         return None
+
+
+def _gap(stood: Sent, joint: Array, carried: Array) -> Array:
+    """From where the drives are wanted to where they stood, (m + k,).
+
+    Without the axes that are passed through where either does not tell of them, (m,).
+    """
+    beside = stood.carried - carried if stood.carried.shape == carried.shape else _NOTHING
+    return np.concatenate([stood.joint - joint, beside])
 
 
 def _between(lower: float, value: float, upper: float) -> bool:

@@ -81,6 +81,7 @@ class Desk:
         self.settings, self._follow = settings, follow
         self.robot = load_robot(settings.robot)
         self._model = self.robot.model(settings.model or None).name
+        self._joints = len(self.robot.joints.names)
         self.capture = Capture(self.robot.joints.names, settings.capture_limit)
         self.path = CommandPath(
             settings.on_failure,
@@ -100,7 +101,8 @@ class Desk:
             settings.payload_timeout_s,
             self.robot.commanded.joint_size,
         )
-        self.usual = UsualWay(self.robot.joints.names, self.path, self.around)
+        joints = self.robot.joints
+        self.usual = UsualWay(joints.names, self.path, self.around, joints.passed_through)
         self._by_conditions, self._way = False, settings.method
         self.watch = Watch()
         self.backlog: Backlog[Any] = Backlog()
@@ -140,22 +142,24 @@ class Desk:
         age_s: float = 0.0,
         seen: bool = False,
     ) -> Sent | None:
-        """What goes to the drives for a command (m,) [rad]; see `CommandPath.send`.
+        """What goes to the drives for a command (m,) or, with what is passed through, (m + k,).
 
-        Where its motion has been `seen` already, no notice is taken of it again.
+        See `CommandPath.send`. Where its motion has been `seen` already, no notice is taken of it
+        again.
         """
         self.trajectories.settle(now_s)
+        q, carried = q[: self._joints], q[self._joints :]
         at = None
         if self.path.takes(q, age_s):
             if not seen:  # while nothing is compensated, too: play remembers
                 self.around.moved(q, stamp_ns)
             at = self.around.at(q, now_s) if self._by_conditions else None
-        return self.path.send(q, stamp_ns, now_s, already, at, age_s)
+        return self.path.send(q, stamp_ns, now_s, already, at, age_s, carried)
 
     def keep(self, q: Array, stamp_ns: int, already: bool) -> None:
         """Record a command, as given to `send`; what can wait until the drives have theirs."""
         if not already:
-            self.capture.add_command(stamp_ns, q)
+            self.capture.add_command(stamp_ns, q[: self._joints])
 
     def begin_all(
         self, points: Callable[[], tuple[Points, bool]], now_s: float
@@ -165,9 +169,18 @@ class Desk:
         return self.trajectories.begin(points, now_s, around)
 
     def nominal(self, measured: Array, now_s: float) -> Array:
-        """What upstream is to see of measured joints (m,) [rad]."""
+        """What upstream is to see of measured joints, (m,) or (m + k,) as in `send` [rad]."""
         self.trajectories.settle(now_s)
-        return self.path.nominal(measured)
+        own, carried = measured[: self._joints], measured[self._joints :]
+        return np.concatenate([self.path.nominal(own), carried])
+
+    def stand(self, measured: Array, now_s: float) -> None:
+        """Take notice of where the drives stand, (m,) or (m + k,) as in `send` [rad]."""
+        self.path.stand(measured[: self._joints], now_s, measured[self._joints :])
+
+    def measured(self, q: Array, stamp_ns: int) -> None:
+        """Record where the drives stand, as given to `stand`."""
+        self.capture.add_states(stamp_ns, q[: self._joints])
 
     def is_warm(self, part: str, stamp_ns: int, celsius: float, now_s: float) -> None:
         """Temperature of a part [deg C]."""

@@ -45,6 +45,18 @@ class Points:
     joint: Array  # (n, m) [rad]
     velocity: Array | None = None  # (n, m) [rad/s]
     compensated: bool = False
+    carried: Array | None = None  # (n, k) of axes that are passed through
+    turning: Array | None = None  # (n, k) their velocities, where the joints have some
+
+    @property
+    def whole(self) -> tuple[Array, Array | None]:
+        """Positions and velocities with what is passed through behind them, (n, m + k)."""
+        joint, velocity = self.joint, self.velocity
+        if self.carried is not None:
+            joint = np.hstack([joint, self.carried])
+        if velocity is not None and self.turning is not None:
+            velocity = np.hstack([velocity, self.turning])
+        return joint, velocity
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ from delta_calibration.effects.signals import (
     PAYLOAD,
     RATE,
 )
-from delta_calibration.errors import DataError
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.texts import listed
 
 Array = NDArray[np.float64]
 
@@ -44,8 +45,9 @@ class _Ready:
     basis: tuple[object, ...]  # compensator, what is known, outputs, motion: what it is made of
     follow: Callable[..., int]  # the compiled call
     own: Any  # usual_kernel.Usual
-    q: Array  # (m,) [rad]
-    answer: Array  # (2, m) [rad]
+    joints: int  # m
+    q: Array  # (m + k,) [rad], with what is passed through
+    answer: Array  # (2, m + k) [rad]
     stamp: NDArray[np.int64]  # (2,)
     out: NDArray[np.uint8]
 
@@ -60,11 +62,21 @@ class UsualWay:
         names: (m,) of the robot's joints.
         path: whose commands these are.
         around: conditions that they are given under.
+        passed_through: (k,) of axes that commands may carry besides, all or none of them.
     """
 
-    def __init__(self, names: Sequence[str], path: CommandPath, around: Surroundings) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        path: CommandPath,
+        around: Surroundings,
+        passed_through: Sequence[str] = (),
+    ) -> None:
         self._names, self._path, self._around = tuple(names), path, around
-        self._marked = Bytes(self._names, MARK)
+        self._beside = tuple(passed_through)
+        self._marked = {
+            len(told): Bytes(told, MARK) for told in (self._names, self._names + self._beside)
+        }
         self._wires: dict[int, Any] = {}  # by the size of their messages
         self._ready: dict[int, _Ready] = {}  # the same
         self._lacking: tuple[object, ...] = ()  # what it cannot be made of
@@ -78,7 +90,8 @@ class UsualWay:
         """
         if layout.frame_id != MARK:
             self._wires.pop(layout.size, None)
-            self._wires[layout.size] = wire_of(layout, message, self._names)
+            told = named_in(layout.names, self._names, self._beside)
+            self._wires[layout.size] = wire_of(layout, message, told)
             while len(self._wires) > _LAYOUTS:
                 del self._wires[next(iter(self._wires))]
             self._ready.clear()
@@ -112,7 +125,9 @@ class UsualWay:
         return ready.out.tobytes()
 
     def went(self) -> tuple[Array, int, Sent]:
-        """Let the path know of what `take` returned: its command (m,), stamp [ns], and output.
+        """Let the path know of what `take` returned: its command, stamp [ns], and output.
+
+        The command has (m,) positions, or (m + k,) with what is passed through.
 
         Raises:
             DataError: there is nothing that the path does not know of.
@@ -120,10 +135,11 @@ class UsualWay:
         if self._last is None:
             raise DataError("no usual command was sent")
         ready, now_s, blended = self._last
-        dq, joint = ready.answer.copy()
+        (dq, joint), m = ready.answer.copy(), ready.joints
         sec, nanosec = ready.stamp.tolist()
         stamp_ns = sec * 1_000_000_000 + nanosec
-        return ready.q.copy(), stamp_ns, self._path.went(dq, joint, stamp_ns, now_s, blended)
+        sent = self._path.went(dq[:m], joint[:m], stamp_ns, now_s, blended, joint[m:])
+        return ready.q.copy(), stamp_ns, sent
 
     def prepare(self, now_s: float) -> None:
         """Take what is known by now into account, before a command has to wait for it."""
@@ -162,10 +178,10 @@ class UsualWay:
         return compensator.single_way(at)
 
     def _made(self, wire: Any, way: SingleWay, basis: tuple[Any, ...]) -> _Ready:
-        places, m = way.places, len(self._names)
-        where, q, answer = places.slices, np.zeros(m), np.zeros((2, m))
-        stamp = np.zeros(2, np.int64)
-        out = np.frombuffer(self._marked.template, np.uint8).copy()
+        places, m, every = way.places, len(self._names), len(wire.position)
+        where, q, answer = places.slices, np.zeros(every), np.zeros((2, every))
+        stamp, marked = np.zeros(2, np.int64), self._marked[every]
+        out = np.frombuffer(marked.template, np.uint8).copy()
         own = _kernel().Usual(
             wire,
             way.held,
@@ -183,9 +199,28 @@ class UsualWay:
             answer,
             stamp,
             out,
-            self._marked.position,
+            marked.position,
         )
-        return _Ready(basis, _kernel().follow, own, q, answer, stamp, out)
+        return _Ready(basis, _kernel().follow, own, m, q, answer, stamp, out)
+
+
+def named_in(
+    found: Sequence[str], names: tuple[str, ...], passed_through: tuple[str, ...]
+) -> tuple[str, ...]:
+    """What is read of a message with these names: the joints, with what is passed through or not.
+
+    Raises:
+        InputError: a part only of what is passed through is in it, or a name twice.
+    """
+    there = [name for name in passed_through if name in found]
+    if not there:
+        return names
+    if len(there) < len(passed_through) or any(list(found).count(n) > 1 for n in there):
+        raise InputError(
+            f"JointState: of what is passed through ({', '.join(passed_through)}) all are "
+            f"expected once, or none; found {listed(list(found))}"
+        )
+    return names + passed_through
 
 
 def wire_of(layout: Layout, message: bytes, names: Sequence[str]) -> Any:

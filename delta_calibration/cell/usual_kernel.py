@@ -51,10 +51,10 @@ class Usual(NamedTuple):
     at: Index  # (4,) where the signals of the command and its motion begin
     carried: Array  # (4,) payload [kg] and its centre [m]; NaN where it is not known
     travel: Array  # (m,) scratch
-    q: Array  # (m,) [rad] the command
+    q: Array  # (m + k,) [rad] the command, with what is passed through
     target: Array  # (a,)
     told: Array  # (4,)
-    answer: Array  # (2, m) [rad] its correction and what is sent
+    answer: Array  # (2, m + k) [rad] its correction and what is sent
     stamp: Index  # (2,) seconds, nanoseconds
     out: Octets  # the message that is sent
     out_at: int  # where its positions begin
@@ -72,15 +72,16 @@ def _follow(
     applied: Array,
 ) -> int:
     """See `follow`."""
-    q, m = own.q, len(own.q)
-    if not same(own.wire, message) or not positions(own.wire, message, q):
+    told, m = own.q, len(own.travel)
+    if not same(own.wire, message) or not positions(own.wire, message, told):
         return UNSEEN
+    q = told[:m]
     own.stamp[0], own.stamp[1] = seconds(own.wire, message), nanoseconds(own.wire, message)
     stamp_ns = own.stamp[0] * _NANOSECONDS + own.stamp[1]
     moved(own.motion, q, stamp_ns)
     if stamp_ns < last_ns or row_of(own.outputs, q, False) >= 0:
         return SEEN
-    signals, dq, joint = own.signals, own.answer[DQ], own.answer[JOINT]
+    signals, dq, joint = own.signals, own.answer[DQ, :m], own.answer[JOINT]
     copy_into(signals, own.known)
     copy_into(signals[own.at[COMMAND] : own.at[COMMAND] + m], q)
     if own.by_conditions:
@@ -113,7 +114,9 @@ def _follow(
             return SEEN
         joint[j] = q[j] + dq[j]
         odd = odd or abs(dq[j]) > LEAST
-    remember(own.outputs, joint, odd)
+    for j in range(m, len(told)):
+        joint[j] = told[j]
+    remember(own.outputs, joint[:m], odd)
     write_all(own.stamp[0], own.stamp[1], joint, own.out, own.out_at)
     return BLENDED if 0.0 < own.told[SHARE] < 1.0 else CORRECTED
 

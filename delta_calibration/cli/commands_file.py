@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from delta_calibration.compensation import Compensated, Verdict
 from delta_calibration.errors import InputError
 from delta_calibration.files import written_whole
+from delta_calibration.plans.target_file import passed_columns
 from delta_calibration.robot import Joints
 from delta_calibration.tables import Row
 
@@ -110,12 +111,15 @@ def _columns(joints: Joints, unit: str, commands: Commands) -> dict[str, list[st
     columns = {name: [row.text[name] or "" for row in commands.rows] for name in came}
     if "name" in columns:
         columns = {"name": columns.pop("name"), **columns}
+    beside = passed_columns(commands.rows, joints.passed_through)
+    carried = {name: columns.pop(name) for name in beside}
     sent, left, turn = _by_target(commands)
     mark = "" if unit == _BARE else f"_{unit}"
     for before, angles in (("nominal_", commands.nominal), ("", sent)):
         for k, name in enumerate(joints.names):
             own = angles[:, k] * _FACTORS[unit]
             columns[f"{before}{name}{mark}"] = _texts(own, "{:.9f}")
+    columns |= carried
     columns["status"] = commands.status
     columns["u95_mm"] = _texts(1e3 * commands.u95(), "{:.4f}")
     columns["error_mm"] = _texts(1e3 * left, "{:.3e}")

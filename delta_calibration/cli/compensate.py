@@ -141,7 +141,8 @@ def command(
     of the target the tool comes with 95 %, by what the fit leaves open there, how the joints come
     to rest and what the model leaves at places that it had not seen.
     error_mm and, where the joints turn the platform, error_mrad: how far the tool stays from the
-    target *by the identified model*; not what a tracker would measure.
+    target *by the identified model*; not what a tracker would measure. Columns of axes that the
+    robot file passes through (joint_4) stand behind the joints as they came.
     """
     require_folder(out)
     robot = load_robot(robot_file)
@@ -293,7 +294,7 @@ def _nominal(
     robot: Robot, file: Path, payload: float | None, outside: str
 ) -> tuple[list[Row], Array]:
     """Targets, and joints that the drawing takes for them, (n, m) [rad or m]; NaN out of reach."""
-    rows, load = read_rows(file, robot), payload or 0.0
+    rows, load = read_rows(file, robot, robot.joints.passed_through), payload or 0.0
     unused = unused_columns(rows)
     if unused:
         click.echo(f"{file}: not used: {', '.join(unused)} (of a plan)", err=True)

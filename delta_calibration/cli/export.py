@@ -168,7 +168,7 @@ def _write_points(
     robot = calibration.robot
     require_points(robot)
     warm = warmth_by_part(temperatures, calibration)
-    rows = read_rows(points, robot)
+    rows = read_rows(points, robot, robot.joints.passed_through)
     try:
         nominal = targets_of(rows, robot, payload or 0.0).joint
     except ReachError as error:

@@ -46,6 +46,8 @@ def check(robot_file: str) -> int:
     """
     robot, seen = load_robot(robot_file), review(load_robot(robot_file), _document(robot_file))
     click.echo(f"{robot.name}: {robot.mechanism}, {len(robot.joints.names)} joints")
+    if robot.joints.passed_through:
+        click.echo(f"  passed through: {', '.join(robot.joints.passed_through)}")
     for what, value in seen.figures:
         click.echo(f"  {what}: {value}")
     for doubt in seen.doubts:

@@ -37,8 +37,8 @@ _WIDTH, _INDENT, _COLUMN = 110, 2, 40
 _HOW_JOINTS_READ = """
 ## How joints are read
 
-A drive reads `sign` times the mechanism's own joint, plus `zero_deg` (`zero_mm` where it slides).
-The own joint is, of
+A drive reads `sign` times the mechanism's own joint, plus `zero_deg` (`zero_mm` where it
+slides). The own joint is, of
 
 | Mechanism | Own joint |
 |---|---|
@@ -48,29 +48,29 @@ The own joint is, of
 | `five_axis` | height of the slider |
 | `serial_arm` | q of the link's transform, by the right hand about its axis |
 
-A motor that reads 90 degrees where the arm is level, and less as it goes down, has `sign: -1` and
-`zero_deg: 90`. Everything else that tells of joints tells readings: limits, `home_deg`, topics,
-tables, commands and corrections, plots, URDF, exported C; of causes, the phases of
-`encoder_eccentricity` and `transmission_error` and the sign of `joint_zero_drift`. Zeros among the
-identified dimensions (`joint_zero_1`) are of the own joint.
+A motor that reads 90 degrees where the arm is level, and less as it goes down, has `sign: -1`
+and `zero_deg: 90`. Everything else that tells of joints tells readings: limits, `home_deg`,
+topics, tables, commands and corrections, plots, URDF, exported C; of causes, the phases of
+`encoder_eccentricity` and `transmission_error` and the sign of `joint_zero_drift`. Zeros among
+the identified dimensions (`joint_zero_1`) are of the own joint.
 
-`azimuths_deg` of a rotary Delta and `angles_deg` of a linear one say where each leg stands; legs
-may be numbered either way round.
+`azimuths_deg` of a rotary Delta and `angles_deg` of a linear one say where each leg stands;
+legs may be numbered either way round.
 
 ## Links of a serial arm, modified or standard
 
-`convention: modified` (Craig, proximal) is meant where nothing is said; row i leads to its axis and
-then along it. In `convention: standard` (distal, as in Spong and many makers' tables) row i turns
-about its axis and leads on to the next.
+`convention: modified` (Craig, proximal) is meant where nothing is said; row i leads to its axis
+and then along it. In `convention: standard` (distal, as in Spong and many makers' tables) row i
+turns about its axis and leads on to the next.
 
-    A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)      modified
-    B_i = R_z(q_i + zero) T_z(offset) T_x(length) R_x(twist)      standard
+A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset) modified B_i = R_z(q_i + zero)
+T_z(offset) T_x(length) R_x(twist) standard
 
-The same arm has the same `zero_deg` and `offset_mm` in both; `twist_deg` and `length_mm` stand one
-row later in the modified table. Those of the last standard row lead to the frame that `tool_mm` and
-`mount_deg` are told in. `parallel` is of a row's axis and the one before, in both. Standard rows are
-turned into modified ones when they are read: identified parameters (`twist_2`) are modified, and
-`delta-cal export --format dh` writes both tables.
+The same arm has the same `zero_deg` and `offset_mm` in both; `twist_deg` and `length_mm` stand
+one row later in the modified table. Those of the last standard row lead to the frame that
+`tool_mm` and `mount_deg` are told in. `parallel` is of a row's axis and the one before, in
+both. Standard rows are turned into modified ones when they are read: identified parameters
+(`twist_2`) are modified, and `delta-cal export --format dh` writes both tables.
 """.rstrip().splitlines()
 
 

@@ -8,8 +8,9 @@ its tool at home; of a five-axis machine the angles A and B. A turn that is not 
 Coordinates of the place that the joints do not command need no column (z of an arm of two joints,
 x of a machine that moves in a plane); one that is there has to say what the rest comes to. A
 plan (plan_file.py) is a file of targets too: what only a plan needs is told, not used. Columns
-`name` and `note` are for people. Any other is refused, as it may well say what would then be left
-out.
+`name` and `note` are for people. Axes that the robot file says are passed through may have columns
+(joint_4, joint_4_deg, ...), which are handed on as they are where that is asked for. Any other is
+refused, as it may well say what would then be left out.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ DIRECTION, PAYLOAD, PATH, DURATION = "direction", "payload_kg", "path", "duratio
 _EVERY = (*PLACE, *TURN)
 _OF_A_PLAN = (DIRECTION, PAYLOAD, PATH, DURATION)
 _NAME, _NOTE = "name", "note"  # for people
+_MARKS = ("", "_rad", "_deg", "_m", "_mm")  # behind the name of an axis that is passed through
 _UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)  # SI of one
 _MOST = np.array([1e6] * 3 + [3600.0] * 3)  # [mm], [deg]: a kilometre, ten turns
 _SAME = 1e-6  # [m, rad] by which a coordinate may differ from what follows from the others
@@ -71,18 +73,36 @@ def unused_columns(rows: Sequence[Row]) -> tuple[str, ...]:
     return tuple(name for name in _OF_A_PLAN if name in rows[0].text)
 
 
-def read_rows(path: Path, robot: Robot) -> list[Row]:
+def read_rows(path: Path, robot: Robot, passed_through: Sequence[str] = ()) -> list[Row]:
     """The lines of a CSV file that has a column for each coordinate of a place that is commanded.
+
+    Args:
+        path: the file.
+        robot: whose places.
+        passed_through: axes that may have a column as well.
 
     Raises:
         InputError: no such file, a column missing, there twice, unknown or of another unit, a line
-            too long, or no line.
+            too long, no line, or no finite number for an axis that is passed through.
     """
-    wanted = commanded_columns(robot)
+    wanted, beside = commanded_columns(robot), [f"{n}{m}" for n in passed_through for m in _MARKS]
     places = [name for name in wanted if name in PLACE]
-    rows = read_table(path, places, [name for name in wanted if name in TURN])
-    _require_known(path, tuple(rows[0].text))
+    rows = read_table(path, places, [*(name for name in wanted if name in TURN), *beside])
+    _require_known(path, tuple(rows[0].text), beside)
+    for column in passed_columns(rows, passed_through):
+        for row in rows:
+            row.number(column)
     return rows
+
+
+def passed_columns(rows: Sequence[Row], passed_through: Sequence[str]) -> tuple[str, ...]:
+    """Columns of axes that are passed through, in the axes' order."""
+    return tuple(
+        f"{name}{mark}"
+        for name in passed_through
+        for mark in _MARKS
+        if f"{name}{mark}" in rows[0].text
+    )
 
 
 def targets_of(rows: Sequence[Row], robot: Robot, payload: Array | float = 0.0) -> Targets:
@@ -115,11 +135,13 @@ def _said(row: Row, name: str, most: float) -> float:
     return row.number(name, -most, most) if name in row.text else np.nan
 
 
-def _require_known(path: Path, found: Sequence[str]) -> None:
-    """Refuse a column of another unit, or of another name."""
+def _require_known(path: Path, found: Sequence[str], beside: Sequence[str]) -> None:
+    """Refuse a column of another unit, or of another name; any of `beside` is allowed."""
     allowed = (*_EVERY, *_OF_A_PLAN, _NAME, _NOTE)
     of_stem = {name.rpartition("_")[0]: name for name in allowed if "_" in name}
     for name in found:
+        if name in beside:
+            continue
         meant = of_stem.get(name.rpartition("_")[0], of_stem.get(name, name))
         if meant != name:
             raise InputError(f"{path}: column {name}: not a known unit; allowed: {meant}")

@@ -130,20 +130,26 @@ class CalibrationNode(SafeLifecycleNode):
     def _configure(self) -> None:
         self._require_apart()
         desk = Desk(desk_settings(self._settings), self._follow)
-        text, names = self._settings.text, desk.robot.joints.names
+        text, joints = self._settings.text, desk.robot.joints
         trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
         if trajectory_input and not trajectories:
             raise InputError("parameter trajectory_input: wants a trajectory_controller to go to")
         self._controllers = Controllers(
             self,
-            names,
+            joints.names,
+            joints.passed_through,
             text("command_controller"),
             self._settings.texts("command_joints"),
             trajectories,
         )
         self._streams = not trajectory_input
-        self._commands, self._states = JointIntake(names), JointIntake(names)
-        self._written = {mark: Bytes(names, mark) for mark in ("", MARK)}
+        self._commands, self._states = (
+            JointIntake(joints.names, joints.passed_through) for _ in range(2)
+        )
+        told = joints.names, joints.names + joints.passed_through
+        self._written = {
+            (mark, len(names)): Bytes(names, mark) for mark in ("", MARK) for names in told
+        }
         self._desk = desk
         self._diagnostics.hardware = desk.robot.name
         self._listen()
@@ -265,8 +271,7 @@ class CalibrationNode(SafeLifecycleNode):
             return
         self._out.publish(out)
         q, stamp_ns, sent = desk.usual.went()
-        if self._controllers is not None:
-            self._controllers.send(sent.joint, MARK, self._streams)
+        self._control(desk, sent, MARK)
         self._sent(desk, q, stamp_ns, False, now_s)
 
     def _weigh(self, desk: Desk, message: bytes, stamp: Stamp, age_s: float, now_s: float) -> None:
@@ -274,13 +279,13 @@ class CalibrationNode(SafeLifecycleNode):
         try:
             given = self._commands.read(message)
         except CalibrationError as error:
-            self._send(stamp, desk.path.refuse(str(error)))
+            self._send(desk, stamp, desk.path.refuse(str(error)))
             raise
         if given.layout is not None:
             desk.usual.learn(given.layout, message)
         q, stamp_ns, already = given.position, nanoseconds(stamp), given.frame_id == MARK
         sent = desk.send(q, stamp_ns, now_s, already, age_s, desk.usual.seen)
-        self._send(stamp, sent)
+        self._send(desk, stamp, sent)
         self._sent(desk, q, stamp_ns, already, now_s)
         if desk.path.trouble is not None:
             desk.watch.trouble("joint_command", desk.path.trouble, now_s)
@@ -289,15 +294,23 @@ class CalibrationNode(SafeLifecycleNode):
     def _sent(self, desk: Desk, q: Array, stamp_ns: int, already: bool, now_s: float) -> None:
         """Keep what is to be kept of a command that has been followed."""
         desk.keep(q, stamp_ns, already)
-        self._markers.trail.see(q, desk.path)
+        self._markers.trail.see(q[: len(desk.robot.joints.names)], desk.path)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
 
-    def _send(self, stamp: Stamp, sent: Sent | None) -> None:
+    def _send(self, desk: Desk, stamp: Stamp, sent: Sent | None) -> None:
         if sent is not None:
-            mark = MARK if sent.compensated else ""
-            self._out.publish(self._written[mark].message(sent.joint, stamp))
-            if self._controllers is not None:
-                self._controllers.send(sent.joint, mark, self._streams)
+            mark, whole = MARK if sent.compensated else "", sent.whole
+            self._out.publish(self._written[mark, len(whole)].message(whole, stamp))
+            self._control(desk, sent, mark)
+
+    def _control(self, desk: Desk, sent: Sent, mark: str) -> None:
+        """Send what goes to the drives to the controllers as well."""
+        if self._controllers is None:
+            return
+        why = self._controllers.send(sent.whole, mark, self._streams)
+        if why:
+            desk.watch.trouble("command_controller", why, time.monotonic())
+            self._warn(why)
 
     def _age_s(self, desk: Desk, stamp_ns: int) -> float:
         """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it.
@@ -326,12 +339,12 @@ class CalibrationNode(SafeLifecycleNode):
         given = self._states.read(message)
         q, now_s = given.position, time.monotonic()
         desk.watch.heard("joint_states", now_s)
-        desk.path.stand(q, now_s)
+        desk.stand(q, now_s)
         if not self._active:
             return
         nominal = desk.nominal(q, now_s)
-        self._nominal.publish(self._written[""].message(nominal, given.stamp))
-        desk.capture.add_states(nanoseconds(given.stamp), q)
+        self._nominal.publish(self._written["", len(nominal)].message(nominal, given.stamp))
+        desk.measured(q, nanoseconds(given.stamp))
 
     def _on_pose(self, desk: Desk, message: Any) -> None:
         reflector = desk.robot.tracker.measures == "position"

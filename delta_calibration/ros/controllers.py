@@ -26,8 +26,10 @@ class Controllers:
     Args:
         node: that publishes.
         names: (m,) of the robot's joints.
+        passed_through: (k,) of axes that commands may carry behind them.
         commands: name of a forward_command_controller; empty for none.
-        order: joints in its order; empty for the robot's.
+        order: joints in its order, with what is passed through or without; empty for the robot's,
+            with it.
         trajectories: name of a joint_trajectory_controller; empty for none.
 
     Raises:
@@ -38,16 +40,20 @@ class Controllers:
         self,
         node: LifecycleNode,
         names: Sequence[str],
+        passed_through: Sequence[str],
         commands: str,
         order: Sequence[str],
         trajectories: str,
     ) -> None:
-        if order and sorted(order) != sorted(names):
+        every = [*names, *passed_through]
+        if order and sorted(order) not in (sorted(names), sorted(every)):
+            besides = f", with {list(passed_through)} or without" if passed_through else ""
             raise InputError(
-                f"parameter command_joints: {list(order)}; it has to be {list(names)} in any order"
+                f"parameter command_joints: {list(order)}; it has to be {list(names)} in any "
+                f"order{besides}"
             )
-        self._node, self._names = node, list(names)
-        self._order = [self._names.index(name) for name in order or names]
+        self._node, self._names, self._given = node, every, commands
+        self._order = [every.index(name) for name in order or every]
         self._commands = self._trajectories = None
         if commands:
             topic = f"{commands}/commands"
@@ -64,16 +70,30 @@ class Controllers:
             self._node.destroy_lifecycle_publisher(publisher)
         self._commands = self._trajectories = None
 
-    def send(self, joint: Array, mark: str, as_trajectory: bool = True) -> None:
-        """A command (m,) [rad] to each controller, to that of trajectories as one of a point."""
-        if self._commands is not None:
+    def send(self, joint: Array, mark: str, as_trajectory: bool = True) -> str:
+        """A command to each controller, to that of trajectories as one of a point.
+
+        Args:
+            joint: (m,) [rad], or (m + k,) with what is passed through.
+            mark: of a compensated one.
+            as_trajectory: whether that of trajectories gets it.
+
+        Returns:
+            Why it could not be sent to one; else empty.
+        """
+        why = ""
+        if self._commands is not None and max(self._order) >= len(joint):
+            lacking = ", ".join(self._names[len(joint) :])
+            why = f"{self._given}: a command without {lacking} is not sent to it; it wants all"
+        elif self._commands is not None:
             self._commands.publish(Float64MultiArray(data=array("d", joint[self._order])))
         if as_trajectory and self._trajectories is not None:
             # No stamp, which is: from now on. With one, the point would lie in the past by then.
-            message = JointTrajectory(joint_names=self._names)
+            message = JointTrajectory(joint_names=self._names[: len(joint)])
             message.header.frame_id = mark
             message.points = [JointTrajectoryPoint(positions=array("d", joint))]
             self._trajectories.publish(message)
+        return why
 
     def send_all(self, data: bytes) -> None:
         """A trajectory, as a message's bytes, to its controller."""
@@ -102,27 +122,40 @@ def points_of(
     time = np.array([_seconds(point.time_from_start) for point in message.points])
     if time[0] < 0.0 or (np.diff(time) <= 0.0).any():
         raise InputError("JointTrajectory.points: time_from_start has to rise from point to point")
-    joint = _rows(message, "positions")[:, order]
+    m, joint = len(reader.names), _rows(message, "positions")[:, order]
     moving = [len(point.velocities) > 0 for point in message.points]
     if any(moving) and not all(moving):
         raise InputError("JointTrajectory.points: velocities at some points only")
     velocity = _rows(message, "velocities")[:, order] if all(moving) else None
     start_s = now_s + (wait_s if message.header.stamp != Time() else 0.0)
-    return Points(start_s + time, joint, velocity)
+    return points_in_order(start_s + time, joint, velocity, m)
+
+
+def points_in_order(time_s: Array, joint: Array, velocity: Array | None, m: int) -> Points:
+    """Points whose first m columns are the robot's joints, the others what is passed through."""
+    if velocity is None:
+        return Points(time_s, joint[:, :m], carried=joint[:, m:])
+    return Points(
+        time_s, joint[:, :m], velocity[:, :m], carried=joint[:, m:], turning=velocity[:, m:]
+    )
 
 
 def trajectory(
     message: JointTrajectory, points: Points, names: Sequence[str], mark: str
 ) -> JointTrajectory:
-    """The message with other positions and velocities, joints in the order of `names`."""
-    out = JointTrajectory(joint_names=list(names))
+    """The message with other positions and velocities, joints in the order of `names`.
+
+    Of the names as many as the points have.
+    """
+    joint, velocity = points.whole
+    out = JointTrajectory(joint_names=list(names)[: joint.shape[1]])
     out.header.stamp = message.header.stamp
     out.header.frame_id = mark if points.compensated else ""
     for row, point in enumerate(message.points):
         corrected = JointTrajectoryPoint(time_from_start=point.time_from_start)
-        corrected.positions = array("d", points.joint[row])
-        if points.velocity is not None:
-            corrected.velocities = array("d", points.velocity[row])
+        corrected.positions = array("d", joint[row])
+        if velocity is not None:
+            corrected.velocities = array("d", velocity[row])
         out.points.append(corrected)
     return out
 

@@ -14,6 +14,7 @@ from geometry_msgs.msg import InertiaStamped, PointStamped, PoseStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, Temperature
 
+from delta_calibration.cell.usual import named_in
 from delta_calibration.errors import InputError
 from delta_calibration.texts import listed
 
@@ -42,18 +43,20 @@ class JointReader:
 
     Args:
         names: (m,) the robot's joints, in its order.
+        passed_through: (k,) axes that are read behind them where a message has them.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self.names = tuple(names)
+    def __init__(self, names: Sequence[str], passed_through: Sequence[str] = ()) -> None:
+        self.names, self.passed_through = tuple(names), tuple(passed_through)
         self._seen: list[str] | None = None
         self._order: list[int] = []
 
     def positions(self, message: JointState) -> Array:
-        """Positions of the robot's joints, (m,) [rad].
+        """Positions of the robot's joints, (m,) [rad], or with what is passed through, (m + k,).
 
         Raises:
-            InputError: a joint is missing or doubled, sizes differ, or a position is not finite.
+            InputError: a joint is missing or doubled, a part only of what is passed through is
+                there, sizes differ, or a position is not finite.
         """
         if message.name != self._seen:
             self._order = self._find(list(message.name))
@@ -64,13 +67,14 @@ class JointReader:
                 f"{len(message.name)} names {listed(message.name)}"
             )
         angles = [message.position[k] for k in self._order]
-        return _finite(np.array(angles), "JointState.position", self.names)
+        every = self.names + self.passed_through
+        return _finite(np.array(angles), "JointState.position", every)
 
     def order(self, names: Sequence[str]) -> list[int]:
-        """Where each of the robot's joints is among these names.
+        """Where each of the robot's joints, and what is passed through, is among these names.
 
         Raises:
-            InputError: a joint is missing or doubled.
+            InputError: a joint is missing or doubled, or a part of what is passed through.
         """
         return self._find(list(names))
 
@@ -80,7 +84,8 @@ class JointReader:
                 f"JointState: expected each of the joints {list(self.names)} once, "
                 f"found {listed(found)}"
             )
-        return [found.index(name) for name in self.names]
+        told = named_in(found, self.names, self.passed_through)
+        return [found.index(name) for name in told]
 
 
 def joint_state(names: Sequence[str], position: Array, stamp: Time) -> JointState:

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from delta_calibration.cell.joint_bytes import Bytes, Layout, stamp_of
-from delta_calibration.cell.usual import wire_of
+from delta_calibration.cell.usual import named_in, wire_of
 from delta_calibration.errors import InputError
 from delta_calibration.ros.conversions import NANOSECONDS, JointReader
 
@@ -30,7 +30,8 @@ _KEPT = 4  # layouts
 class Joints:
     """What is taken out of a JointState."""
 
-    position: Array  # (m,) [rad] in the robot's order
+    # (m,) [rad] in the robot's order, or (m + k,) with what is passed through behind it
+    position: Array
     stamp: Stamp
     frame_id: str
     layout: Layout | None = None  # where this is the first message laid out so
@@ -43,10 +44,11 @@ class JointIntake:
 
     Args:
         names: (m,) the robot's joints, in its order.
+        passed_through: (k,) axes that a message may have besides, all or none of them.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self._reader = JointReader(names)
+    def __init__(self, names: Sequence[str], passed_through: Sequence[str] = ()) -> None:
+        self._reader = JointReader(names, passed_through)
         self._known: dict[int, tuple[Any, str]] = {}  # by size: what reads them, frame
         example = Bytes(names).message(np.zeros(len(names)), (0, 0))
         for _ in range(2):  # by rclpy, and by the layout that is known then
@@ -63,7 +65,7 @@ class JointIntake:
         known = self._known.get(len(message))
         if known is not None:
             wire, frame_id = known
-            q = np.empty(len(self._reader.names))
+            q = np.empty(len(wire.position))
             stamp = stamp_of(message)
             if stamp is not None and _kernel().read(wire, message, q):
                 return Joints(q, stamp, frame_id)
@@ -87,10 +89,8 @@ class JointIntake:
         layout = Layout.of(message)
         if layout is not None:
             self._known.pop(layout.size, None)
-            self._known[layout.size] = (
-                wire_of(layout, message, self._reader.names),
-                layout.frame_id,
-            )
+            told = named_in(layout.names, self._reader.names, self._reader.passed_through)
+            self._known[layout.size] = wire_of(layout, message, told), layout.frame_id
             if len(self._known) > _KEPT:
                 del self._known[next(iter(self._known))]
         stamp = int(header.stamp.sec), int(header.stamp.nanosec)

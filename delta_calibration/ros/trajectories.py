@@ -29,7 +29,7 @@ from delta_calibration.cell.trajectory_bytes import (
     write_trajectory,
 )
 from delta_calibration.errors import CalibrationError, InputError
-from delta_calibration.ros.controllers import points_of, trajectory
+from delta_calibration.ros.controllers import points_in_order, points_of, trajectory
 from delta_calibration.ros.conversions import JointReader, stamp_to_ns
 
 POLL_S = 0.002  # [s] until the end of the work is noticed
@@ -90,8 +90,9 @@ class Trajectories:
     def _begin(self) -> None:
         assert self._waiting is not None
         (desk, data, came_s, clock_ns), self._waiting = self._waiting, None
-        names = desk.robot.joints.names
-        read = _Reading(data, names, came_s, clock_ns, self._mark)
+        joints = desk.robot.joints
+        reader = JointReader(joints.names, joints.passed_through)
+        read = _Reading(data, reader, came_s, clock_ns, self._mark)
         begun = desk.begin_all(read.points, came_s)
 
         def work() -> tuple[TrajectorySent, Callable[[Points], bytes], bool]:
@@ -127,9 +128,10 @@ class _Reading:
     """A message as it came, read where there is time for it: by arrays, else as a message."""
 
     def __init__(
-        self, data: bytes, names: tuple[str, ...], came_s: float, clock_ns: int, mark: str
+        self, data: bytes, reader: JointReader, came_s: float, clock_ns: int, mark: str
     ) -> None:
-        self._data, self._names, self._mark = data, names, mark
+        self._data, self._reader, self._mark = data, reader, mark
+        self._names = reader.names + reader.passed_through
         self._came_s, self._clock_ns = came_s, clock_ns
         self._plain: TrajectoryBytes | None = None
         self._message: JointTrajectory | None = None
@@ -141,7 +143,7 @@ class _Reading:
         Raises:
             InputError: see `points_of`.
         """
-        reader = JointReader(self._names)
+        reader = self._reader
         self._plain = read_trajectory(self._data)
         if self._plain is None:
             return self._as_message(reader)
@@ -162,7 +164,8 @@ class _Reading:
         wait_s = (seconds * 10**9 + nanoseconds - self._clock_ns) * 1e-9
         start_s = self._came_s + (0.0 if self.at_once else wait_s)
         velocity = None if plain.velocity is None else plain.velocity[:, order]
-        points = Points(start_s + time_s, plain.joint[:, order], velocity)
+        joint, m = plain.joint[:, order], len(reader.names)
+        points = points_in_order(start_s + time_s, joint, velocity, m)
         return points, plain.frame == self._mark
 
     def _as_message(self, reader: JointReader) -> tuple[Points, bool]:
@@ -176,18 +179,22 @@ class _Reading:
         )
 
     def written(self, points: Points) -> bytes:
-        """The message with other positions and velocities, joints in the robot's order."""
+        """The message with other positions and velocities, joints in the robot's order.
+
+        What is passed through stands behind them where the message has it.
+        """
         if self._plain is None:
             out: Any = trajectory(self._message, points, self._names, self._mark)
             return bytes(serialize_message(out))
         plain = self._plain
         frame = self._mark if points.compensated else ""
+        joint, velocity = points.whole
         return write_trajectory(
             plain.stamp,
             frame,
-            self._names,
-            points.joint,
-            points.velocity,
+            self._names[: joint.shape[1]],
+            joint,
+            velocity,
             plain.seconds,
             plain.nanoseconds,
         )
