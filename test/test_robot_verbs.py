@@ -11,11 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from delta_calibration.cli.robot import command
 from delta_calibration.drafting import (
+    OFFERED,
     commented,
+    entries,
     model_for,
     reference,
     review,
     robot_from_urdf,
+    value_at,
     with_value,
 )
 from delta_calibration.drafting.review import _by_tolerances
@@ -25,6 +28,7 @@ from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import tool_points
 from delta_calibration.report.sketch import Pose, _driven, _motion
 from delta_calibration.robot import known_robots, load_robot, robot_document, robot_from
+from other_drives import other_document
 from urdf_reader import Urdf
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -111,6 +115,24 @@ def test_check_says_it_in_words_and_by_its_exit_code(tmp_path: Path) -> None:
     assert "in doubt: geometry.half_width_mm" in bad.output
 
 
+def test_zeros_of_drives_in_radians_are_doubted(tmp_path: Path) -> None:
+    file = tmp_path / "own.yaml"
+    for zero, doubted in ([1.5708, 0.0, 0.0], True), ([90.0, 0.0, 0.0], False):
+        data = robot_document("srbd")[1]
+        low, high = data["joints"]["lower_deg"], data["joints"]["upper_deg"]
+        for path, value in {
+            ("joints", "zero_deg"): zero,
+            ("joints", "lower_deg"): (np.array(low) + zero).tolist(),
+            ("joints", "upper_deg"): (np.array(high) + zero).tolist(),
+            ("geometry", "azimuths_deg"): [0.0, 2.0944 if doubted else 120.0, 240.0],
+        }.items():
+            data = with_value(data, path, value)
+        file.write_text(commented(data), encoding="utf-8")
+        said = run("check", file).output
+        assert ("joints.zero_deg" in said) == doubted
+        assert ("azimuths_deg" in said and "(120 degrees)" in said) == doubted
+
+
 # --- draw
 
 
@@ -130,6 +152,26 @@ def test_an_arrow_points_the_way_a_joint_moves() -> None:
     for joint in _driven(linear, pose):
         way = _motion(pose, joint)
         assert np.sign(way[-1][2] - way[0][2]) == np.sign(high - low)
+
+
+def test_a_drawing_shows_how_drives_read(tmp_path: Path) -> None:
+    """A motor that counts the other way: its arrow goes up, and its zero lies where it reads 0."""
+    robot = robot_from(other_document("srbd"), "srbd")
+    plain, pose = Pose.home(load_robot("srbd")), Pose.home(robot)
+    for known, joint, sign in zip(
+        _driven(load_robot("srbd"), plain), _driven(robot, pose), robot.drives.sense, strict=True
+    ):
+        moved = _motion(plain, known)[-1][2] - _motion(plain, known)[0][2]
+        way = _motion(pose, joint)
+        assert np.sign(way[-1][2] - way[0][2]) == sign * np.sign(moved)
+    file, out = tmp_path / "robot.yaml", tmp_path / "robot.svg"
+    data = with_value(other_document("srbd"), ("joints", "passed_through"), ["joint_4"])
+    file.write_text(commented(data), encoding="utf-8")
+    assert run("draw", file, "--out", out).exit_code == 0
+    text = out.read_text(encoding="utf-8")
+    assert "joint_1 90 (" in text
+    assert "[sign -1, zero 90]" in text
+    assert "passed through: joint_4" in text
 
 
 @pytest.mark.parametrize("name", known_robots())
@@ -181,6 +223,33 @@ def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
     assert robot.dimensions.rod == load_robot("srbd").dimensions.rod
     assert "# L: upper arm, motor axis to elbow" in out.read_text(encoding="utf-8")
     assert isinstance(run("new", "--like", "srbd", "--out", out).exception, InputError)
+
+
+def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
+    """Enter leaves it out; what is typed is checked at once."""
+    out = tmp_path / "mine.yaml"
+    own = {
+        "geometry.azimuths_deg": ["0, 120", "10, 250, 130"],
+        "joints.sign": ["1, 0.5, 1", "1, -1, 1"],
+        "joints.zero_deg": ["0, 5, 0"],
+        "joints.passed_through": ["turn"],
+        "joints.lower_deg": ["-35, -90, -35"],
+        "joints.upper_deg": ["100, 40, 100"],
+    }
+    typed = "mine\n"
+    for entry in entries("rotary_delta"):
+        given = value_at(robot_document("srbd")[1], entry.path) is not None
+        if given or entry.required or entry.path in OFFERED:
+            typed += "".join(f"{text}\n" for text in own.get(entry.name, [""]))
+    done = run("new", "--like", "srbd", "--out", out, typed=typed)
+    assert done.exit_code == 0, done.output
+    assert "joints.sign: 1, 0.5, 1 is not allowed; a list of: 1 or -1" in done.output
+    assert "geometry.azimuths_deg: 0, 120 is not allowed; 3 of: a number" in done.output
+    robot = load_robot(out)
+    np.testing.assert_array_equal(robot.joints.sign, [1, -1, 1])
+    np.testing.assert_allclose(robot.joints.zero, np.radians([0, 5, 0]))
+    np.testing.assert_allclose(robot.dimensions.azimuths, np.radians([10, 250, 130]))
+    assert robot.joints.passed_through == ("turn",)
 
 
 @pytest.mark.parametrize(

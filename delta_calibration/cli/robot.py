@@ -11,6 +11,7 @@ import numpy as np
 
 from delta_calibration.cli.options import require_folder, robots, write_or_print, write_text
 from delta_calibration.drafting import (
+    OFFERED,
     Entry,
     commented,
     entries,
@@ -201,14 +202,17 @@ def _make(folder: Path) -> None:
 def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str, Any]:
     """The file with what somebody says of an entry."""
     proposed = value_at(data, entry.path)
-    if proposed is None and not entry.required:
+    left_out = OFFERED.get(entry.path) if proposed is None else None
+    if proposed is None and not entry.required and left_out is None:
         return data
     unit = f" [{entry.unit}]" if entry.unit else ""
     about = f"\n{entry.about}" if entry.about else ""
     seen = f"\n(picture: {picture})" if picture else ""
     text = f"{about}{seen}\n{entry.name}{unit}"
     while True:
-        said = click.prompt(text, default=_written(proposed), type=str)
+        said = click.prompt(text, default=left_out or _written(proposed), type=str)
+        if said == left_out:
+            return data
         try:
             return with_value(data, entry.path, entry.read(said))
         except InputError as error:

@@ -1,6 +1,7 @@
 """Robot files as people write them: by questions, looked over, taken from a URDF."""
 
 from delta_calibration.drafting.form import (
+    OFFERED,
     Entry,
     commented,
     entries,
@@ -13,6 +14,7 @@ from delta_calibration.drafting.review import Review, review
 from delta_calibration.drafting.serial_urdf import robot_from_urdf
 
 __all__ = [
+    "OFFERED",
     "Entry",
     "Review",
     "commented",

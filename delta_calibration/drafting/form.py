@@ -33,6 +33,15 @@ _WORDS = {
     "px": "px",
 }
 _GIVEN = ("schema", "name", "mechanism")
+# Entries that may be left out and are asked for all the same: what it means to leave them out.
+OFFERED: Mapping[tuple[str, ...], str] = {
+    ("geometry", "azimuths_deg"): "0, 120, 240",
+    ("geometry", "convention"): "modified",
+    ("joints", "passed_through"): "none",
+    ("joints", "sign"): "1 for all",
+    ("joints", "zero_deg"): "0 for all",
+    ("joints", "zero_mm"): "0 for all",
+}
 _WIDTH, _INDENT, _COLUMN = 110, 2, 40
 _HOW_JOINTS_READ = """
 ## How joints are read
@@ -56,6 +65,16 @@ the identified dimensions (`joint_zero_1`) are of the own joint.
 
 `azimuths_deg` of a rotary Delta and `angles_deg` of a linear one say where each leg stands;
 legs may be numbered either way round.
+
+## Axes that are passed through
+
+`passed_through` names axes that the model does not know, as the fourth of a Delta that turns
+the tool. Commands, states and trajectories may carry them, all of them or none; their values
+are handed on as they are, behind the robot's joints in the order of the file, and held with
+them in a hold. A controller whose `command_joints` have them gets commands with them only.
+Targets of `compensate` may have a column of such an axis (`joint_4`, or with a unit behind it),
+which goes on as it came. Fits, diagnoses and exported C leave them out, a calibration does not
+depend on them, and they are not in the URDF: the file does not say how they move.
 
 ## Links of a serial arm, modified or standard
 

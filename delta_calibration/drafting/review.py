@@ -101,8 +101,10 @@ def _lengths(data: Document) -> Iterator[str]:
 
 
 def _angles(data: Document) -> Iterator[str]:
-    """Angles of the drawing that are round ones in radians."""
-    for path, unit, value in entries(data["geometry"], "geometry"):
+    """Angles of the drawing, and zeros of the drives, that are round ones in radians."""
+    zeros = entries(data["joints"].get("zero_deg", []), "joints.zero_deg")
+    drawn = entries(data["geometry"], "geometry")
+    for path, unit, value in (*drawn, *((path, "deg", value) for path, _, value in zeros)):
         if unit != "deg" or not 0.0 < abs(value) <= _FULL_TURN:
             continue
         turned = np.degrees(value)

@@ -110,11 +110,24 @@ def _title(robot: Robot) -> str:
     low, high = limits[1] * robot.joints.lower, limits[1] * robot.joints.upper
     home = limits[1] * robot.detailed.home
     said = (
-        f"{name} {at:.4g} ({least:.6g} to {most:.6g}) {limits[0]}"
-        for name, at, least, most in zip(robot.joints.names, home, low, high, strict=True)
+        f"{name} {at:.4g} ({least:.6g} to {most:.6g}) {limits[0]}{read}"
+        for name, at, least, most, read in zip(
+            robot.joints.names, home, low, high, _read(robot), strict=True
+        )
     )
     rows = [", ".join(row) for row in _rows(list(said), 4)]
+    if robot.joints.passed_through:
+        rows.append(f"passed through: {', '.join(robot.joints.passed_through)}")
     return "\n".join([f"{robot.name} ({robot.mechanism}) in the middle of its workspace", *rows])
+
+
+def _read(robot: Robot) -> list[str]:
+    """How each joint reads, behind its name, where the file says something of it."""
+    joints, drives = robot.joints, robot.drives
+    if joints.sign is None and joints.zero is None:
+        return [""] * len(joints.names)
+    zeros = joints.shown[1] * drives.zero
+    return [f" [sign {s:+.0f}, zero {z:.6g}]" for s, z in zip(drives.sense, zeros, strict=True)]
 
 
 def _rows(items: list[str], size: int) -> list[list[str]]:
@@ -122,7 +135,7 @@ def _rows(items: list[str], size: int) -> list[list[str]]:
 
 
 def _panel(axes: Axes, robot: Robot, pose: Pose, view: tuple[str, Flat], *, plain: bool) -> None:
-    name, both = view
+    seen_from, both = view
     right, up = both
     _machine(axes, pose, both, _COLOURS[2] if plain else "")
     _frame(axes, pose, BASE, both, "base", -11)
@@ -137,7 +150,7 @@ def _panel(axes: Axes, robot: Robot, pose: Pose, view: tuple[str, Flat], *, plai
                 end = 1e3 * way[-1][list(both)]
                 axes.annotate(name, end, xytext=(6, 6), textcoords="offset points")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title(f"{name}: {_AXES[right]} to the right, {_AXES[up]} up")
+    axes.set_title(f"{seen_from}: {_AXES[right]} to the right, {_AXES[up]} up")
     axes.set_xlabel(f"{_AXES[right]} [mm]")
     axes.set_ylabel(f"{_AXES[up]} [mm]")
     axes.grid(visible=True, color="#ececec")

@@ -106,7 +106,8 @@ SPECS = (
     Spec(
         "command_joints",
         ("",),
-        "joints in that controller's order; empty for the robot file's; from configure on",
+        "joints in that controller's order, with what the robot file passes through or without; "
+        "empty for the file's, with it; from configure on",
     ),
     Spec(
         "trajectory_controller",
