@@ -59,9 +59,9 @@ slides). The own joint is, of
 
 A motor that reads 90 degrees where the arm is level, and less as it goes down, has `sign: -1`
 and `zero_deg: 90`. Everything else that tells of joints tells readings: limits, `home_deg`,
-topics, tables, commands and corrections, plots, URDF, exported C; of causes, the phases of
-`encoder_eccentricity` and `transmission_error` and the sign of `joint_zero_drift`. Zeros among
-the identified dimensions (`joint_zero_1`) are of the own joint.
+topics, tables, commands and corrections, plots, URDF, exported C, and of a cause that goes by a
+joint's angle the phase and the sign. Zeros among the identified dimensions (`joint_zero_1`) are
+of the own joint.
 
 `azimuths_deg` of a rotary Delta and `angles_deg` of a linear one say where each leg stands;
 legs may be numbered either way round.
