@@ -29,7 +29,8 @@ _SECTIONS = ("geometry", "joints", "tool")
 def edited_files(data: Document, source: str) -> Iterator[Change]:
     """The robot file with some of its numbers taken for another unit, where that is a robot.
 
-    One entry by itself, all entries of a unit in a section, both limits of the joints.
+    One entry by itself, all entries of a unit in a section, both limits of the joints, their
+    zeros, and all of these.
     """
     for paths in _groups(data):
         unit = _unit(paths[0])
@@ -93,7 +94,9 @@ def _groups(data: Document) -> list[list[Path]]:
         entries = [(section, *path) for path in _entries(data.get(section, {}))]
         if section == "joints":
             limits = [p for p in entries if str(p[-1]).startswith(("lower_", "upper_"))]
+            zeros = [p for p in entries if str(p[-1]).startswith("zero_")]
             found += [limits] if limits else []
+            found += [zeros, limits + zeros] if zeros else []
             continue
         found += [[path] for path in entries]
         for unit in _OTHER:
