@@ -13,15 +13,16 @@ from delta_calibration.compensation import JointCompensator
 from delta_calibration.description import describe
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
-from delta_calibration.effects.base import SENSOR
+from delta_calibration.effects.base import SENSOR, Stage
 from delta_calibration.errors import ConfigError
 from delta_calibration.identification import chain_of, identify
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import OF_INERTIA, OF_WEIGHT
 from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import joints_toward
+from delta_calibration.region import Region
 from delta_calibration.robot import Robot, load_robot, robot_document, robot_from
-from delta_calibration.samples import Conditions, survey
+from delta_calibration.samples import Conditions, at_rest, survey
 from delta_calibration.simulation import draw_machine
 from delta_calibration.simulation.climate import PARTS
 from delta_calibration.simulation.machine import standing
@@ -341,3 +342,25 @@ def test_points_are_asked_for_in_readings() -> None:
     points = np.array([[0.0, 0.0, -0.75], [0.1, -0.05, -0.8]])
     known = joints_toward(plain, points)
     np.testing.assert_allclose(joints_toward(driven, points), driven.drives.read(known), atol=SAME)
+
+
+@pytest.mark.parametrize("method", ["apso", "newton", "table"])
+@pytest.mark.parametrize("burdened", [False, True])
+def test_every_way_of_compensating_answers_alike(method, burdened) -> None:
+    found = []
+    for robot in other("srbd"):
+        effects, values = same_effects(robot, "rotary_delta")
+        count = 2 if burdened else 0
+        region = Region(np.array(list(np.ndindex(2, 2, 2))) * 0.04 + [-0.02, -0.02, -0.74])
+        plain = [k for k, e in enumerate(effects) if e.stage is Stage.DRIVE][:count]
+        given = [effects[k] for k in plain], [values[k] for k in plain]
+        calibration = machine(robot, "rotary_delta", *given, region=region)
+        q = joints_toward(robot, np.array([[0.0, 0.0, -0.72], [0.01, -0.01, -0.715]]))
+        at = replace(at_rest(q), direction=robot.drives.sense * np.ones_like(q))
+        compensator = JointCompensator(calibration, method, seed=3)
+        found.append(compensator.compensate(q, replace(at, payload=np.ones(2))))
+    known, answer = found
+    sense = other("srbd")[1].drives.sense
+    assert [v.value for v in answer.verdicts] == ["corrected"] * 2
+    np.testing.assert_allclose(answer.correction, sense * known.correction, atol=SAME)
+    assert np.abs(known.correction).max() > 1e-4
