@@ -10,6 +10,7 @@ import pytest
 from blind import hide
 from delta_calibration.calibration_file import from_diagnosis
 from delta_calibration.compensation import JointCompensator
+from delta_calibration.compensation.machine import Machine, Swarm
 from delta_calibration.description import describe
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
@@ -364,3 +365,22 @@ def test_every_way_of_compensating_answers_alike(method, burdened) -> None:
     assert [v.value for v in answer.verdicts] == ["corrected"] * 2
     np.testing.assert_allclose(answer.correction, sense * known.correction, atol=SAME)
     assert np.abs(known.correction).max() > 1e-4
+
+
+@pytest.mark.parametrize("burdened", [False, True])
+def test_a_swarm_searches_alike(burdened) -> None:
+    """By itself: what it finds is the same way off, in the drive's sense, to the last places."""
+    found = []
+    for robot in other("srbd"):
+        effects, values = same_effects(robot, "rotary_delta")
+        kept = [k for k, e in enumerate(effects) if e.cause == "backlash"] if burdened else []
+        calibration = machine(
+            robot, "rotary_delta", [effects[k] for k in kept], [values[k] for k in kept]
+        )
+        made = Machine(calibration.chain, calibration.theta, robot.tool_offset)
+        q = joints_toward(robot, np.array([[0.0, 0.0, -0.72], [0.1, -0.1, -0.8]]))
+        target = made.stand(robot.drives.read(robot.drives.own(q) + 2e-4))[0]
+        found.append(Swarm(made).correct(q, target).dq)
+    sense = other("srbd")[1].drives.sense
+    assert np.abs(found[0] - 2e-4).max() < 1e-6
+    np.testing.assert_allclose(found[1], sense * found[0], atol=1e-12)
