@@ -194,6 +194,19 @@ def test_fit_diagnosis_and_check_leave_it_out(session, files, tmp_path: Path) ->
     np.testing.assert_array_equal(*values)
 
 
+def test_info_lists_it_by_its_own_name(session, files, tmp_path: Path, capsys) -> None:
+    gripping = replace(session.states, names=("joint_1", "joint_2", "gripper"))
+    both = replace(session, command=carrying(session.command), states=gripping)
+    write_session(tmp_path / "with", both)
+    assert run(["info", str(tmp_path / "with"), "--robot", str(files[0])]) == 0
+    said = capsys.readouterr().out
+    assert "/joint_command: joints joint_1, joint_2, joint_3; passed through joint_4\n" in said
+    others = "/joint_states: joints joint_1, joint_2; not the robot's gripper; missing joint_3\n"
+    assert others in said
+    assert run(["info", str(tmp_path / "with")]) == 0
+    assert "passed through" not in capsys.readouterr().out
+
+
 def test_compensate_hands_its_column_on(files, tmp_path: Path) -> None:
     targets, out = tmp_path / "targets.csv", tmp_path / "commands.csv"
     head = "name,x_mm,joint_4_deg,y_mm,z_mm"

@@ -1,7 +1,7 @@
 """Recordings of a cell: rosbag2 sessions to streams and back. Needs no ROS."""
 
 from delta_calibration.recording.bag_metadata import LATCHED, Qos
-from delta_calibration.recording.info import SessionInfo, TopicInfo, inspect_session
+from delta_calibration.recording.info import SessionInfo, TopicInfo, inspect_session, joints_in
 from delta_calibration.recording.reader import RawMessage, read_messages, read_session
 from delta_calibration.recording.session_file import write_session
 from delta_calibration.recording.topics import DEFAULT_TOPICS, Topics
@@ -17,6 +17,7 @@ __all__ = [
     "TopicInfo",
     "Topics",
     "inspect_session",
+    "joints_in",
     "read_messages",
     "read_session",
     "write_session",

@@ -10,7 +10,9 @@ from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
 from delta_calibration.errors import RecordingError
 from delta_calibration.recording.files import is_sqlite, load_raw, locate, open_data
+from delta_calibration.recording.layout import UndecodableError, layout_of
 from delta_calibration.recording.mcap_file import read_provenance, read_summary
+from delta_calibration.recording.messages import JOINT_STATE
 from delta_calibration.recording.raw import RawRecording
 
 
@@ -84,6 +86,31 @@ def inspect_session(path: Path | str) -> SessionInfo:
         complete=recording.complete,
         notes=(*files.notes, *recording.notes),
     )
+
+
+def joints_in(path: Path | str) -> dict[str, tuple[str, ...]]:
+    """Names of the joints in each topic of joint states, as its first readable message has them.
+
+    Args:
+        path: of the recording; its joint states are read whole.
+
+    Raises:
+        RecordingError: There is no recording.
+    """
+    recording, _ = load_raw(Path(path), JOINT_STATE.__eq__)
+    return {
+        topic.name: next((names for names in map(_names, topic.records) if names), ())
+        for topic in sorted(recording.topics.values(), key=lambda topic: topic.name)
+        if topic.type_name == JOINT_STATE and topic.count
+    }
+
+
+def _names(record: bytes) -> tuple[str, ...]:
+    """Of one message; none where it is no message."""
+    try:
+        return layout_of(record, JOINT_STATE).names
+    except UndecodableError:
+        return ()
 
 
 def _nothing(_: str) -> bool:
