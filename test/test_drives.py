@@ -208,6 +208,13 @@ def test_what_was_found_corrects_alike(verdicts) -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["linear_delta", "cdpr8", "five_axis", "scara", "ur10"])
+def test_plans_go_to_the_same_places(name) -> None:
+    plain, driven = other(name)
+    known, found = (make_plan("identify", robot, count=20) for robot in (plain, driven))
+    np.testing.assert_allclose(found.joint, driven.drives.read(known.joint), atol=SAME)
+
+
 def test_the_simulator_and_the_plans_speak_of_readings() -> None:
     plain, driven = other("srbd")
     plans = [make_plan("line", robot, count=5) for robot in (plain, driven)]
