@@ -369,3 +369,15 @@ class _Noting(dict):
     def __missing__(self, name: str) -> np.ndarray:
         self._asked.add(name)
         return self._inputs[name]
+
+
+def test_a_law_that_is_listed_joint_by_joint_is_judged_whole():
+    """As a verdict lists it; one joint of it alone is not the law of all."""
+    listed = [
+        said(f"dq_{j} = a_{j} sin(4 q_{j})", f"q_{j}", f"joint_{j}", **{f"a_{j}": 1e-4})[0]
+        for j in (1, 2, 3)
+    ]
+    assert rights(SINE, listed) == [True, True, True, True]
+    assert rights(SINE, listed[:1])[1] is False
+    other = [{**law, "probability": 0.3} for law in listed[1:]]
+    assert rights(SINE, [listed[0], *other])[1] is False

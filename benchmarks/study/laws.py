@@ -81,9 +81,34 @@ def judge_law(
     if not laws or truth is None:
         wrong = dict.fromkeys(("stage", "part", "variables", "form", "right"), False)
         return {"said": bool(laws), **wrong, "r2": None, "problem": ""}
-    every = [_held_against(one, laws[0], ranges) for one in truth.fair]
+    said = _of_all_limbs(laws)
+    every = [_held_against(one, said, ranges) for one in truth.fair]
     keys = ("right", "variables", "form", "stage", "part")
     return max(every, key=lambda one: [bool(one[key]) for key in keys])
+
+
+def _of_all_limbs(laws: Sequence[Said]) -> Said:
+    """The likeliest law, whole: a verdict lists it for each joint, arm or rod that it moves."""
+    first = laws[0]
+    alike = [law for law in laws if _same(law, first)]
+    if len(alike) == 1:
+        return first
+    kind = str(first["part"]).partition("_")[0]
+    return {
+        **first,
+        "part": f"{kind}s",
+        "equation": "; ".join(str(law["equation"]) for law in alike),
+        "variables": [name for law in alike for name in law["variables"]],
+        "values": {name: value for law in alike for name, value in law["values"].items()},
+    }
+
+
+def _same(law: Said, first: Said) -> bool:
+    """Whether it is the same law of another limb: as likely, at the same stage, of such a part."""
+    kinds = [re.sub(r"_?\d+[ab]?$", "", str(one["part"])) for one in (law, first)]
+    return kinds[0] == kinds[1] and all(
+        law.get(key) == first.get(key) for key in ("stage", "probability")
+    )
 
 
 def _held_against(truth: Truth, said: Said, ranges: Mapping[str, Any]) -> dict[str, Any]:
