@@ -90,7 +90,8 @@ def judge_law(
 def _of_all_limbs(laws: Sequence[Said]) -> Said:
     """The likeliest law, whole: a verdict lists it for each joint, arm or rod that it moves."""
     first = laws[0]
-    alike = [law for law in laws if _same(law, first)]
+    by_part = {law["part"]: law for law in reversed(laws) if _same(law, first)}
+    alike = list(reversed(by_part.values()))
     if len(alike) == 1:
         return first
     kind = str(first["part"]).partition("_")[0]
