@@ -3,45 +3,165 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import click
 
 from delta_calibration import __version__
 from delta_calibration.cli.options import robot_option
-from delta_calibration.errors import InputError
+from delta_calibration.cli.options import table as columns_of
+from delta_calibration.documents import write_document
+from delta_calibration.errors import DataError, InputError
 from delta_calibration.files import read_bounded
 from delta_calibration.recording import write_session
-from delta_calibration.recording.table_mapping import read_mapping
+from delta_calibration.recording.presets import Other, mapping_of, overview
+from delta_calibration.recording.table_guess import Guess, guessed
+from delta_calibration.recording.table_mapping import LENGTHS, read_mapping
 from delta_calibration.recording.table_session import session_of_table
-from delta_calibration.robot import load_robot
+from delta_calibration.robot import Robot, load_robot
+
+_FILE = click.Path(path_type=Path)
+
+
+def _list_presets(context: click.Context, _option: click.Parameter, asked: bool) -> None:
+    if asked:
+        click.echo(columns_of(("preset", "gives", "what it is"), overview()))
+        context.exit()
 
 
 @click.command("import", short_help="make a session of anyone's table (CSV)")
-@click.argument("table", type=click.Path(path_type=Path))
+@click.argument("table", type=_FILE)
 @click.option(
     "--mapping",
     "mapping_file",
-    type=click.Path(path_type=Path),
-    required=True,
+    type=_FILE,
+    default=None,
     metavar="YAML",
     help="What the table's columns are, each with its unit; see docs/import.md.",
 )
-@robot_option
+@click.option("--preset", default=None, metavar="NAME", help="Known form of TABLE (--presets).")
+@click.option("--guess", is_flag=True, help="Propose a mapping, with the first rows by it.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder of the session to write."
+    "--presets",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_list_presets,
+    help="List the known forms.",
 )
-def command(table: Path, mapping_file: Path, robot_file: str, out: Path) -> None:
+@click.option("--join", "join_file", type=_FILE, default=None, help="Second table, for --preset.")
+@click.option("--join-preset", default=None, metavar="NAME", help="Known form of the second.")
+@click.option(
+    "--by",
+    type=click.Choice(["row", "name", "nearest"]),
+    default="row",
+    show_default=True,
+    help="How rows of the two go together.",
+)
+@click.option(
+    "--within", type=float, default=0.05, show_default=True, help="[s] apart, with --by nearest."
+)
+@click.option("--shift", type=float, default=0.0, help="[s] of the second's clock.")
+@click.option(
+    "--unit", type=click.Choice(list(LENGTHS)), default=None, help="Of points, by --preset."
+)
+@click.option("--mapping-out", type=_FILE, default=None, help="Mapping to write.")
+@robot_option
+@click.option("--out", type=_FILE, default=None, help="Folder of the session to write.")
+def command(
+    table: Path,
+    mapping_file: Path | None,
+    preset: str | None,
+    guess: bool,
+    join_file: Path | None,
+    join_preset: str | None,
+    by: str,
+    within: float,
+    shift: float,
+    unit: str | None,
+    mapping_out: Path | None,
+    robot_file: str,
+    out: Path | None,
+) -> None:
     """Write the rows of TABLE (CSV) as a session that all other verbs read.
 
     A row is a stop: joints that were commanded, the point or pose that was measured there and,
     where the table has them, time, encoders, payload, temperatures, side and repeats. A column
     has the unit that the mapping says: numbers that the robot cannot reach by it are refused, with
     line, column and the unit they more likely have.
+
+    What the columns are is said by --mapping, or by --preset for tables of known programs; --guess
+    proposes a mapping and shows the first rows by it. A guess writes a session only where nothing
+    about it is in doubt.
     """
     robot = load_robot(robot_file)
-    mapping = read_mapping(mapping_file, robot)
-    session = session_of_table(table, mapping, robot)
+    _require_one(mapping_file, preset, guess)
+    _require_something(out, mapping_out, guess)
+    with TemporaryDirectory() as folder:
+        if mapping_file is None:
+            mapping_file = mapping_out or Path(folder) / "mapping.yaml"
+            if preset is not None:
+                other = _other(join_file, join_preset, by, within, shift)
+                mapping: Mapping[str, Any] = mapping_of(preset, robot, other, unit, mapping_file)
+            else:
+                mapping = _proposed(guessed(table, robot), table, out is not None)
+            _write_mapping(mapping_file, mapping, said=mapping_out is not None)
+        if out is not None:
+            _write(table, mapping_file, robot, out)
+
+
+def _require_one(mapping_file: Path | None, preset: str | None, guess: bool) -> None:
+    if sum((mapping_file is not None, preset is not None, guess)) != 1:
+        raise InputError("say what the columns are by one of --mapping, --preset and --guess")
+
+
+def _require_something(out: Path | None, mapping_out: Path | None, guess: bool) -> None:
+    if out is None and mapping_out is None and not guess:
+        raise InputError("nothing to write: --out for the session, --mapping-out for the mapping")
+
+
+def _other(
+    file: Path | None, preset: str | None, by: str, within: float, shift: float
+) -> Other | None:
+    if (file is None) != (preset is None):
+        raise InputError("--join and --join-preset go together: a second table and its form")
+    return None if file is None or preset is None else Other(file, preset, by, within, shift)
+
+
+def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
+    """The mapping, once it was shown.
+
+    Raises:
+        DataError: a session is to be written, and something is in doubt.
+    """
+    for text in guess.sure:
+        click.echo(text)
+    head = tuple(guess.shown[0])
+    click.echo()
+    click.echo(columns_of(head, [tuple(row.values()) for row in guess.shown]))
+    click.echo()
+    for text in guess.doubts:
+        click.echo(f"in doubt: {text}")
+    if guess.doubts and to_write:
+        raise DataError(
+            f"{table}: not written, as {len(guess.doubts)} of what was guessed is in doubt: write "
+            "the mapping by --mapping-out, put it right, and import with --mapping"
+        )
+    return guess.mapping
+
+
+def _write_mapping(path: Path, mapping: Mapping[str, Any], said: bool) -> None:
+    write_document(path, dict(mapping))
+    if said:
+        click.echo(f"written: {path}")
+
+
+def _write(table: Path, mapping_file: Path, robot: Robot, out: Path) -> None:
+    """The session of a table by its mapping."""
+    session = session_of_table(table, read_mapping(mapping_file, robot), robot)
     tracker = session.tracker
     measured = 0 if tracker is None else len(tracker.stamp_ns)
     if not measured:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.files import MOST_TEXT, read_bounded
+from delta_calibration.recording.presets import preset
 from delta_calibration.tables import Row, require_columns
 from delta_calibration.texts import listed
 
@@ -45,6 +46,9 @@ class Form:
         columns: their names where no line has them.
         sheet: of a workbook; its first where empty.
         comment: what lines begin with that are none; empty where there are none.
+        first_line: line that the numbers begin in, from 1, where `columns` are said.
+        more: whether columns behind those of `columns` are left out.
+        pattern: of a row, where the file is no table: each of its groups is a column.
     """
 
     delimiter: str = ","
@@ -55,6 +59,9 @@ class Form:
     columns: tuple[str, ...] = ()
     sheet: str = ""
     comment: str = ""
+    first_line: int = 0
+    more: bool = False
+    pattern: str = ""
 
     @classmethod
     def of(cls, entry: Mapping[str, Any], delimiter: str, where: str) -> Form:
@@ -63,8 +70,12 @@ class Form:
         Raises:
             ConfigError: one mark for decimals and thousands, or for decimals and columns.
         """
-        columns = tuple(entry.get("columns", ()))
-        form = cls(**{"delimiter": delimiter, **entry, "columns": columns})
+        own = {"delimiter": delimiter, **entry}
+        if "preset" in own:
+            own = {**own, **preset(own.pop("preset"))["table"]}
+        if "pattern" in own:
+            own["columns"] = tuple(re.compile(own["pattern"]).groupindex)
+        form = cls(**{**own, "columns": tuple(own.get("columns", ()))})
         if form.decimal == form.thousands or form.decimal == form.delimiter:
             other = "thousands" if form.decimal == form.thousands else "delimiter"
             raise ConfigError(
@@ -72,6 +83,8 @@ class Form:
             )
         if form.columns and form.header_line:
             raise ConfigError(f"{where}: header_line goes with names in the file, without columns")
+        if form.first_line and not form.columns:
+            raise ConfigError(f"{where}: first_line goes with columns, which it has no line for")
         return form
 
     @property
@@ -162,23 +175,52 @@ def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -
 
 
 def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
-    """Lines that are not empty, with their numbers."""
+    """Lines that are not empty, with their numbers, from the first that counts."""
     data = read_bounded(path)
+    notes: tuple[str, ...] = ()
     if data.startswith(_WORKBOOK):
-        return list(_sheet(path, data, form)), ()
-    text, notes = _text(path, data, form)
-    reader = csv.reader(
-        io.StringIO(text, newline=""), delimiter=form.delimiter, skipinitialspace=True
-    )
-    try:
-        lines = [(reader.line_num, cells) for cells in reader if any(c.strip() for c in cells)]
-    except csv.Error as error:
-        raise InputError(f"{path}: line {reader.line_num}: {error}") from error
-    if form.comment:
-        lines = [line for line in lines if not line[1][0].startswith(form.comment)]
+        lines = list(_sheet(path, data, form))
+    else:
+        text, notes = _text(path, data, form)
+        lines = list(_matches(path, text, form) if form.pattern else _cut(path, text, form))
+    lines = [line for line in lines if line[0] >= form.first_line]
     if not lines:
         raise InputError(f"{path}: no points in it")
     return lines, notes
+
+
+def lines_of_file(path: Path, form: Form) -> list[tuple[int, list[str]]]:
+    """Lines of a table, with their numbers, as they are cut by a form.
+
+    Raises:
+        InputError: no such file, or nothing in it.
+    """
+    return _lines(path, form)[0]
+
+
+def _cut(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]]]:
+    """Lines of a text, at their delimiter; without comments."""
+    stream = io.StringIO(text, newline="")
+    reader = csv.reader(stream, delimiter=form.delimiter, skipinitialspace=True)
+    try:
+        for cells in reader:
+            comment = form.comment and cells and cells[0].startswith(form.comment)
+            if any(cell.strip() for cell in cells) and not comment:
+                yield reader.line_num, cells[: len(form.columns)] if form.more else cells
+    except csv.Error as error:
+        raise InputError(f"{path}: line {reader.line_num}: {error}") from error
+
+
+def _matches(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]]]:
+    """Rows of a program's text, each with the line that it begins in."""
+    matches = list(re.finditer(form.pattern, text, re.IGNORECASE))
+    line, end = 1, 0
+    for match in matches:
+        line += text.count("\n", end, match.start())
+        end = match.start()
+        yield line, [match[name] or "" for name in form.columns]
+    if not matches:
+        raise InputError(f"{path}: nothing in it is written as the preset says")
 
 
 def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:

@@ -1,0 +1,401 @@
+"""What the columns of a table may be: a mapping is proposed, with what is doubtful about it.
+
+By the names of the columns first; then, for what these leave open, by the robot: columns and units
+by which the drawing comes to lie on the measured points are right.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import InputError
+from delta_calibration.recording.table_mapping import ANGLES, LENGTHS
+from delta_calibration.recording.table_placing import FEWEST, Placed
+from delta_calibration.recording.table_source import Form, lines_of_file
+from delta_calibration.robot import Robot
+from delta_calibration.texts import number_of
+
+Array = NDArray[np.float64]
+Lines = Sequence[tuple[int, list[str]]]
+
+_DELIMITERS = (";", "\t", "|", ",", " ")
+_LIES = 0.03  # of the points' spread: a median miss under which the drawing lies on them
+_CLEARLY = 3.0  # times the best: what another reading has to miss by
+_MOST = 300  # rows that are looked at
+_SHOWN = 10  # rows that are shown
+_UNIT = re.compile(
+    r"[\[(/\s_]+(urad|mrad|rad|radians?|deg|degrees?|grad|°|turns?|um|µm|mm|cm|m|inch|in|ms|us|"
+    r"ns|s|sec|seconds?|min|minutes?|h|kg|g|degc|°c|k)[\])]*$",
+    re.IGNORECASE,
+)
+_CALLED = {  # as people write them -> a mapping's word
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("degree", "degrees", "grad", "°"), "deg"),
+    **dict.fromkeys(("sec", "second", "seconds"), "s"),
+    **dict.fromkeys(("minute", "minutes"), "min"),
+    **{"turns": "turn", "µm": "um", "in": "inch", "°c": "degC", "degc": "degC", "k": "K"},
+}
+_JOINT = re.compile(
+    r"(?:(?:actual|target|cmd|command|commanded|soll|ist|joint|axis|axe|achse|motor|theta|angle|"
+    r"pos|drive|rax|phi|q|j|a|e|m|t|d|s)[ _.-]*)+\[?(\d)\]?$"
+)
+_PLACE = re.compile(r"(?:(?:meas|measured|ist|actual|pos|position|point|p|t|tcp)[ _.-]*)?([xyz])$")
+_TURN = re.compile(r"(?:quat|rot|q|orientation)[ _.-]*([xyzw])$")
+_OTHERS = {
+    "time": re.compile(r"(time|timestamp|zeit|stamp|t|clock|date|datetime|minute|seconds?)$"),
+    "payload": re.compile(r"(payload|load|mass|last|masse|zuladung)$"),
+}
+_WARM = re.compile(r"(?:temp(?:erature|eratur)?|t)[ _.-]+([a-z_]+)$")
+_COMMANDED = ("target", "cmd", "command", "soll")
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A mapping and what to look at before it is believed."""
+
+    mapping: Mapping[str, Any]
+    sure: tuple[str, ...]  # what was found, and by what
+    doubts: tuple[str, ...]
+    shown: tuple[Mapping[str, str], ...]  # rows as they would be read
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Numbers of a file as far as it has any."""
+
+    form: Form
+    names: tuple[str, ...]
+    named: bool  # whether a line of the file has them
+    number: Array  # (n, columns), NaN where there is text
+    text: tuple[tuple[str, ...], ...]  # the same cells
+
+    def column(self, name: str) -> Array:
+        return np.asarray(self.number[:, self.names.index(name)])
+
+
+@dataclass
+class _Found:
+    """What is known so far."""
+
+    joints: list[str] = field(default_factory=list)  # columns
+    place: list[str] = field(default_factory=list)
+    joint_unit: str = ""
+    place_units: list[str] = field(default_factory=list)
+    sure: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+
+
+def guessed(path: Path, robot: Robot) -> Guess:
+    """A mapping of a table that has joints and points of a robot.
+
+    Raises:
+        InputError: no such file, no table in it, or no columns that could be the joints and the
+            points.
+    """
+    table = _table(path)
+    found = _by_names(table, robot)
+    _by_robot(path, table, robot, found)
+    mapping = _mapping(table, robot, found)
+    return Guess(mapping, tuple(found.sure), tuple(found.doubts), tuple(_rows(table, found)))
+
+
+# --- the table
+
+
+def _table(path: Path) -> _Table:
+    """The file cut where most of it is numbers in columns of one length."""
+    tried = [(delimiter, decimal) for delimiter in _DELIMITERS for decimal in ".,"]
+    best, most = None, 0
+    for delimiter, decimal in tried:
+        if delimiter != decimal:
+            form = Form(delimiter, decimal)
+            lines = lines_of_file(path, form)
+            body = _body(lines, form)
+            count = sum(_numbers(cells, form) for _, cells in lines[body[0] : body[1]])
+            if count > most:
+                best, most = (form, lines, body), count
+    if best is None:
+        raise InputError(f"{path}: no table in it: no lines of numbers in columns")
+    form, lines, (first, last) = best
+    width = len(lines[first][1])
+    head = _head(lines[:first], form, width)
+    names = (
+        tuple(name.strip() for name in head) if head else tuple(f"c{k + 1}" for k in range(width))
+    )
+    if len(set(names)) != len(names) or not all(names):
+        names, head = tuple(f"c{k + 1}" for k in range(width)), None
+    rows = [cells for _, cells in lines[first:last] if len(cells) == width]
+    number = np.array([[number_of(form.plain(cell)) for cell in cells] for cells in rows])
+    if head is None:
+        form = replace(form, columns=names, first_line=lines[first][0])
+    return _Table(form, names, head is not None, number, tuple(map(tuple, rows)))
+
+
+def _numbers(cells: Sequence[str], form: Form) -> int:
+    return int(np.isfinite([number_of(form.plain(cell)) for cell in cells]).sum())
+
+
+def _body(lines: Lines, form: Form) -> tuple[int, int]:
+    """The longest run of lines of one width that hold four numbers or more."""
+    best = begin = 0, 0
+    for k, (_, cells) in enumerate(lines):
+        good = _numbers(cells, form) >= 4
+        same = begin[1] > begin[0] and len(lines[begin[0]][1]) == len(cells)
+        begin = (begin[0], k + 1) if good and same else (k, k + int(good))
+        best = max(best, begin, key=lambda run: run[1] - run[0])
+    return best
+
+
+def _head(before: Lines, form: Form, width: int) -> list[str] | None:
+    """The last line before the numbers that has as many texts."""
+    for _, cells in reversed(before):
+        if len(cells) == width and _numbers(cells, form) == 0:
+            return list(cells)
+    return None
+
+
+# --- by names
+
+
+def _bare(name: str) -> tuple[str, str]:
+    """A column's name without its unit, in small letters, and the unit."""
+    unit = _UNIT.search(name.strip())
+    bare = name.strip()[: unit.start()] if unit and unit.start() else name.strip()
+    said = unit[1].lower() if unit and unit.start() else ""
+    return bare.strip(" _-[(").lower(), _CALLED.get(said, said)
+
+
+def _by_names(table: _Table, robot: Robot) -> _Found:
+    found = _Found()
+    if not table.named:
+        return found
+    bare = {name: _bare(name)[0] for name in table.names}
+    own = [n for joint in robot.joints.names for n in bare if bare[n] == joint.lower()]
+    found.joints = own if len(own) == len(robot.joints.names) else _numbered(bare, robot)
+    place = [n for axis in "xyz" for n in bare if (m := _PLACE.match(bare[n])) and m[1] == axis]
+    found.place = place if len(place) == 3 else []
+    for what, columns in (("joints", found.joints), ("the point", found.place)):
+        if columns:
+            found.sure.append(f"{what}: columns {', '.join(columns)}, by their names")
+    units = {_bare(name)[1] for name in found.joints} - {""}
+    known = ANGLES if robot.joints.unit == "rad" else LENGTHS
+    found.joint_unit = units.pop() if len(units) == 1 and units <= set(known) else ""
+    told = [_bare(name)[1] for name in found.place]
+    found.place_units = told if told and all(unit in LENGTHS for unit in told) else []
+    return found
+
+
+def _numbered(bare: Mapping[str, str], robot: Robot) -> list[str]:
+    """Columns numbered like joints, from 0 or 1; commanded ones before others."""
+    series: dict[str, dict[int, str]] = {}
+    for name, text in bare.items():
+        match = _JOINT.match(text)
+        if match:
+            series.setdefault(text[: match.start(1)], {})[int(match[1])] = name
+    wanted = len(robot.joints.names)
+    whole = [
+        (stem, [numbers[k] for k in range(first, first + wanted)])
+        for stem, numbers in series.items()
+        for first in (0, 1)
+        if set(range(first, first + wanted)) <= set(numbers)
+    ]
+    whole.sort(key=lambda one: not one[0].startswith(_COMMANDED))
+    return whole[0][1] if whole else []
+
+
+# --- by the robot
+
+
+def _by_robot(path: Path, table: _Table, robot: Robot, found: _Found) -> None:
+    """What names leave open: columns, units; by where the drawing comes to lie."""
+    tried = sorted(_readings(table, robot, found), key=lambda one: one[0])
+    if not tried:
+        raise InputError(
+            f"{path}: no {len(robot.joints.names)} columns of joints and 3 of a point in it; "
+            f"columns: {', '.join(table.names)}"
+        )
+    share, joints, place, joint_unit, place_units = tried[0]
+    found.joints, found.place = list(joints), list(place)
+    open_units = not (found.joint_unit and found.place_units)
+    found.joint_unit, found.place_units = joint_unit, list(place_units)
+    if not np.isfinite(share) or share > _LIES:
+        found.doubts.append(
+            "with no columns and units does the drawing come to lie on the measured points: "
+            "joints of another sign, zero or order, another robot, or too few rows at rest"
+        )
+        return
+    said = f"joints in {joint_unit}, the point in {', '.join(dict.fromkeys(place_units))}"
+    reason = f"the drawing comes to lie on the points to {100 * share:.1f} % of their extent"
+    found.sure.append(f"{said}: {reason}" if open_units else f"{said}, by name; {reason}")
+    near = [one for one in tried[1:] if one[0] < _CLEARLY * share]
+    if near:
+        _, j, p, ju, pu = near[0]
+        found.doubts.append(
+            f"columns {', '.join((*j, *p))} in {ju} and {pu[0]} lie as well: look at the rows"
+        )
+
+
+_Reading = tuple[float, tuple[str, ...], tuple[str, ...], str, tuple[str, ...]]
+
+
+def _readings(table: _Table, robot: Robot, found: _Found) -> Iterator[_Reading]:
+    """Every way to read joints and point, with the share of the extent that it misses by."""
+    count = len(robot.joints.names)
+    turning = robot.joints.unit == "rad"
+    joint_units = (
+        [found.joint_unit] if found.joint_unit else (["deg", "rad"] if turning else ["mm", "m"])
+    )
+    place_units = (
+        [tuple(found.place_units)]
+        if found.place_units
+        else [(unit,) * 3 for unit in ("mm", "m", "inch")]
+    )
+    every = [name for name in table.names if np.isfinite(table.column(name)).mean() > 0.9]
+    joints = [tuple(found.joints)] if found.joints else list(_runs(every, count, found.place))
+    for j in joints:
+        for p in [tuple(found.place)] if found.place else list(_runs(every, 3, j)):
+            if set(j) & set(p):
+                continue
+            for ju, pu in product(joint_units, place_units):
+                yield _share(table, robot, j, p, ju, pu), j, p, ju, pu
+
+
+def _runs(names: Sequence[str], count: int, but: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    for k in range(len(names) - count + 1):
+        run = tuple(names[k : k + count])
+        if not set(run) & set(but):
+            yield run
+
+
+def _share(
+    table: _Table,
+    robot: Robot,
+    joints: Sequence[str],
+    place: Sequence[str],
+    joint_unit: str,
+    place_units: Sequence[str],
+) -> float:
+    factor = (ANGLES if robot.joints.unit == "rad" else LENGTHS)[joint_unit]
+    q = factor * np.column_stack([table.column(name) for name in joints])
+    lengths = [LENGTHS[unit] for unit in place_units]
+    y = np.column_stack([table.column(name) for name in place]) * lengths
+    rows = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(y).all(axis=1))
+    rows = rows[:: -(-len(rows) // _MOST) or 1]
+    inside = (q[rows] >= robot.joints.lower) & (q[rows] <= robot.joints.upper)
+    if len(rows) < FEWEST or inside.all(axis=1).mean() < 0.5:
+        return np.inf
+    placed = Placed.on(robot, [(q[rows], y[rows])])
+    return np.inf if placed is None else placed.share
+
+
+# --- the mapping
+
+
+def _mapping(table: _Table, robot: Robot, found: _Found) -> dict[str, Any]:
+    units = list(found.place_units)
+    form: dict[str, Any] = {}
+    if table.form.decimal != ".":
+        form["decimal"] = table.form.decimal
+    if table.form.columns:
+        form |= {"columns": list(table.names), "first_line": table.form.first_line}
+    mapping: dict[str, Any] = {"schema": 1, "rows": _kind(table, found)}
+    if table.form.delimiter != ",":
+        mapping["delimiter"] = table.form.delimiter
+    if form:
+        mapping["table"] = form
+    mapping["commands"] = [
+        {"joint": joint, "column": column, "unit": found.joint_unit}
+        for joint, column in zip(robot.joints.names, found.joints, strict=True)
+    ]
+    mapping["position"] = {
+        "columns": list(found.place),
+        "unit": units[0] if len(set(units)) == 1 else units,
+    }
+    mapping |= _others(table, found)
+    return mapping
+
+
+def _kind(table: _Table, found: _Found) -> str:
+    """Whether the rows are stops: most of them far from the one before, or alike."""
+    joint = np.column_stack([table.column(name) for name in found.joints])
+    steps = np.abs(np.diff(joint, axis=0)).max(axis=1)
+    extent = float(np.max(np.ptp(joint[np.isfinite(joint).all(axis=1)], axis=0)))
+    still = steps < 1e-4 * extent
+    stream = len(joint) > 200 and float(np.median(steps[~still] if (~still).any() else steps)) < (
+        0.02 * extent
+    )
+    return "stream" if stream else "stops"
+
+
+def _others(table: _Table, found: _Found) -> dict[str, Any]:
+    """Time, payload, temperatures and turns, by their names; what is in doubt is left out."""
+    more: dict[str, Any] = {}
+    if not table.named:
+        return more
+    used = {*found.joints, *found.place}
+    quaternion: dict[str, str] = {}
+    for name in table.names:
+        bare, unit = _bare(name)
+        if name in used:
+            continue
+        if (match := _TURN.match(bare)) is not None:
+            quaternion[match[1]] = name
+        elif _OTHERS["time"].match(bare) and "time" not in more:
+            more |= _time(table, name, unit or ("min" if bare.startswith("min") else ""), found)
+        elif _OTHERS["payload"].match(bare) and "payload" not in more:
+            if unit in ("g", "kg"):
+                more["payload"] = {"column": name, "unit": unit}
+            else:
+                found.doubts.append(f"{name}: a payload, in g or kg? It is left out")
+        elif (match := _WARM.match(bare)) is not None and unit in ("", "degC", "K"):
+            entry = {"part": match[1], "column": name, "unit": unit or "degC"}
+            more.setdefault("temperature", []).append(entry)
+    if set(quaternion) == set("xyzw"):
+        columns = [quaternion[axis] for axis in "xyzw"]
+        more["rotation"] = {"columns": columns, "form": "quaternion_xyzw"}
+    return more
+
+
+_FORMATS = ("%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S", "%d.%m.%Y %H:%M:%S", "%H:%M:%S")
+
+
+def _time(table: _Table, name: str, unit: str, found: _Found) -> dict[str, Any]:
+    """A time by its unit, or by how it is written."""
+    from datetime import datetime
+
+    column = table.names.index(name)
+    if np.isfinite(table.number[:, column]).all():
+        if unit in ("ns", "us", "ms", "s", "min", "h"):
+            return {"time": {"column": name, "unit": unit}}
+        found.doubts.append(f"{name}: a time, in seconds? It is taken so")
+        return {"time": {"column": name, "unit": "s"}}
+    text = table.text[0][column].strip()
+    for form in _FORMATS:
+        try:
+            datetime.strptime(text, form)
+        except ValueError:
+            continue
+        return {"time": {"column": name, "unit": "format", "format": form}}
+    found.doubts.append(f"{name}: {text!r} is no time in a form that is known; it is left out")
+    return {}
+
+
+def _rows(table: _Table, found: _Found) -> Iterator[dict[str, str]]:
+    """The first rows as they would be read."""
+    for row in table.number[:_SHOWN]:
+        value = dict(zip(table.names, row.tolist(), strict=True))
+        yield {
+            **{f"{name} [{found.joint_unit}]": f"{value[name]:.6g}" for name in found.joints},
+            **{
+                f"{name} [{unit}]": f"{value[name]:.7g}"
+                for name, unit in zip(found.place, found.place_units, strict=True)
+            },
+        }
