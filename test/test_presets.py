@@ -121,7 +121,8 @@ def streams(q: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 def test_streams_of_joints_and_points_are_joined_by_time(
     of: str, tmp_path: Path, measured: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    time, joint, place = streams(*measured)
+    q, y = (each[::2] for each in measured)  # every place once
+    time, joint, place = streams(q, y)
     names = [f"{kind}_q_{k}" for kind in ("target", "actual") for k in range(6)]
     rng = np.random.default_rng(1)
     rows = [
@@ -145,19 +146,21 @@ def test_streams_of_joints_and_points_are_joined_by_time(
         text = lines(seen, "Format Version,1.23\n\nType\nName\nID\nRotation\nFrame,Time\n")
     assert both(tmp_path, ("ur_rtde", log), (of, text), "--by", "nearest") == 0
     found = collect(read_session(tmp_path / "session"), ROBOT.joints.names)
-    q, y = measured
     np.testing.assert_allclose(found.command, q, atol=1e-6)
     np.testing.assert_allclose(found.point, y, atol=5e-6)
 
 
-def test_another_unit_of_the_points(
-    tmp_path: Path, measured: tuple[np.ndarray, np.ndarray]
+def test_points_in_another_unit_are_read_by_it_and_refused_without(
+    tmp_path: Path,
+    measured: tuple[np.ndarray, np.ndarray],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     q, y = measured
-    first, second = ("polyworks", points("polyworks", y / 25.4)), ("kuka", joints("kuka", q))
-    assert both(tmp_path, first, second, "--unit", "inch") != 0  # these are mm / 25.4
-    first = ("polyworks", points("polyworks", y / 25.4))
-    assert both(tmp_path, first, second, "--unit", "inch", "--by", "name") in (0, 2)
+    tables = ("polyworks", points("polyworks", y / 25.4)), ("kuka", joints("kuka", q))
+    assert both(tmp_path, *tables) != 0
+    assert "likely inch" in capsys.readouterr().err
+    assert both(tmp_path, *tables, "--unit", "inch") == 0
+    require_same(tmp_path, q, y)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,7 +139,7 @@ def test_ten_rows_and_reasons_are_shown_and_the_mapping_is_written(
     said = capsys.readouterr().out
     assert "joints: columns Achse1 [°], Achse2 [°], Achse3 [°], by their names" in said
     assert "the drawing comes to lie on the points" in said
-    shown = [line for line in said.splitlines() if line.strip()[:1] in "-0123456789"]
+    shown = [line for line in said.splitlines() if re.match(r"-?\d", line)]
     assert len(shown) == 10
     mapping = parse_yaml((tmp_path / "mapping.yaml").read_text(encoding="utf-8"), "mapping")
     assert mapping["delimiter"] == ";"

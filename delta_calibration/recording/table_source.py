@@ -71,8 +71,8 @@ class Form:
             ConfigError: one mark for decimals and thousands, or for decimals and columns.
         """
         own = {"delimiter": delimiter, **entry}
-        if "preset" in own:
-            own = {**own, **preset(own.pop("preset"))["table"]}
+        if "preset" in entry:
+            own |= preset(own.pop("preset"))["table"]
         if "pattern" in own:
             own["columns"] = tuple(re.compile(own["pattern"]).groupindex)
         form = cls(**{**own, "columns": tuple(own.get("columns", ()))})
