@@ -64,6 +64,12 @@ TABLES = {
         "q1 [deg],q2 [deg],q3 [deg],x [mm],y [mm],z [m]\n",
         lambda q, y, k: numbers(np.r_[np.degrees(q), 1e3 * y[:2], y[2]], digits=9),
     ),
+    "where it was to go, beside where it was": Written(
+        "goal_x,goal_y,goal_z,a,b,c,measurement_x,std_x,measurement_y,std_y,measurement_z,std_z\n",
+        lambda q, y, k: numbers(
+            np.r_[0.1, 0.2, 0.3 + k, np.degrees(q), np.c_[1e3 * y, [0.01] * 3].ravel()]
+        ),
+    ),
     "no names": Written("", lambda q, y, k: f"{k}," + numbers(deg_mm(q, y))),
     "points before joints": Written(
         "x|y|z|j1|j2|j3\n",

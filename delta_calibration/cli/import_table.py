@@ -108,7 +108,8 @@ def command(
                 mapping: Mapping[str, Any] = mapping_of(preset, robot, other, unit, mapping_file)
             else:
                 mapping = _proposed(guessed(table, robot), table, out is not None)
-            _write_mapping(mapping_file, mapping, said=mapping_out is not None)
+            write_document(mapping_file, dict(mapping))
+            _tell_of_mapping(mapping_file, out, mapping_out)
         if out is not None:
             _write(table, mapping_file, robot, out)
 
@@ -153,10 +154,13 @@ def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
     return guess.mapping
 
 
-def _write_mapping(path: Path, mapping: Mapping[str, Any], said: bool) -> None:
-    write_document(path, dict(mapping))
-    if said:
+def _tell_of_mapping(path: Path, out: Path | None, mapping_out: Path | None) -> None:
+    """Where it was written; what it is, where neither it nor a session is."""
+    if mapping_out is not None:
         click.echo(f"written: {path}")
+    elif out is None:
+        click.echo("mapping (--mapping-out writes it):")
+        click.echo(path.read_text(encoding="utf-8"))
 
 
 def _write(table: Path, mapping_file: Path, robot: Robot, out: Path) -> None:

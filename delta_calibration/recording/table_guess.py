@@ -47,7 +47,11 @@ _JOINT = re.compile(
     r"(?:(?:actual|target|cmd|command|commanded|soll|ist|joint|axis|axe|achse|motor|theta|angle|"
     r"pos|drive|rax|phi|q|j|a|e|m|t|d|s)[ _.-]*)+\[?(\d)\]?$"
 )
-_PLACE = re.compile(r"(?:(?:meas|measured|ist|actual|pos|position|point|p|t|tcp)[ _.-]*)?([xyz])$")
+_PLACE = re.compile(
+    r"(?:(?:meas|measured|measurement|tracker|ist|actual|pos|position|point|p|t|tcp)[ _.-]*)*"
+    r"([xyz])$"
+)
+_MEANT = ("goal", "target", "nominal", "soll", "cmd", "command", "ref")  # where it was to go
 _TURN = re.compile(r"(?:quat|rot|q|orientation)[ _.-]*([xyzw])$")
 _OTHERS = {
     "time": re.compile(r"(time|timestamp|zeit|stamp|t|clock|date|datetime|minute|seconds?)$"),
@@ -259,9 +263,10 @@ def _readings(table: _Table, robot: Robot, found: _Found) -> Iterator[_Reading]:
         else [(unit,) * 3 for unit in ("mm", "m", "inch")]
     )
     every = [name for name in table.names if np.isfinite(table.column(name)).mean() > 0.9]
+    points = [name for name in every if not _bare(name)[0].startswith(_MEANT)]
     joints = [tuple(found.joints)] if found.joints else list(_runs(every, count, found.place))
     for j in joints:
-        for p in [tuple(found.place)] if found.place else list(_runs(every, 3, j)):
+        for p in [tuple(found.place)] if found.place else list(_runs(points, 3, j)):
             if set(j) & set(p):
                 continue
             for ju, pu in product(joint_units, place_units):
