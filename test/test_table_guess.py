@@ -84,6 +84,10 @@ TABLES = {
             f"2026-03-01 10:{k:02d}:00," + numbers(deg_mm(q, y)) + f",500,{20 + k / 10}"
         ),
     ),
+    "day and time in digits": Written(
+        "timestamp,q1,q2,q3,x,y,z\n",
+        lambda q, y, k: f"2026030110{k:02d}00," + numbers(deg_mm(q, y)),
+    ),
     "joints that slide": Written(
         "s1,s2,s3,x,y,z\n",
         lambda q, y, k: numbers(np.concatenate([1e3 * q, 1e3 * y])),

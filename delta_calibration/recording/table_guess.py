@@ -369,7 +369,14 @@ def _others(table: _Table, found: _Found) -> dict[str, Any]:
     return more
 
 
-_FORMATS = ("%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S", "%d.%m.%Y %H:%M:%S", "%H:%M:%S")
+_DIGITS = r"(?:19|20)\d{12}"  # a day and time that look like a number
+_FORMATS = (
+    "%Y%m%d%H%M%S",
+    "%Y-%m-%d %H:%M:%S",
+    "%Y-%m-%dT%H:%M:%S",
+    "%d.%m.%Y %H:%M:%S",
+    "%H:%M:%S",
+)
 
 
 def _time(table: _Table, name: str, unit: str, found: _Found) -> dict[str, Any]:
@@ -377,12 +384,12 @@ def _time(table: _Table, name: str, unit: str, found: _Found) -> dict[str, Any]:
     from datetime import datetime
 
     column = table.names.index(name)
-    if np.isfinite(table.number[:, column]).all():
+    text = table.text[0][column].strip()
+    if not re.fullmatch(_DIGITS, text) and np.isfinite(table.number[:, column]).all():
         if unit in ("ns", "us", "ms", "s", "min", "h"):
             return {"time": {"column": name, "unit": unit}}
         found.doubts.append(f"{name}: a time, in seconds? It is taken so")
         return {"time": {"column": name, "unit": "s"}}
-    text = table.text[0][column].strip()
     for form in _FORMATS:
         try:
             datetime.strptime(text, form)
