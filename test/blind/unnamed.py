@@ -103,7 +103,7 @@ def hose_weight(rng: np.random.Generator, strength: float, legs: Array) -> Cause
 
 
 def air_conditioning(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The hall's air swings by a degree, and the tracker's stand leans to one side and back with it.
+    """The hall's air swings by a degree, and the tracker's stand sways with it.
 
     Swings of workshop air: ISO/TR 16015.
     """
