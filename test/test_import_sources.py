@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from delta_calibration.cli.main import run
 from delta_calibration.files import MOST_TEXT
 from delta_calibration.recording import read_session
-from import_bench import imported, mapping_of, measured, stops
+from import_bench import JOINTS, imported, mapping_of, measured, refused, stops
 
 DEGREES = 180.0 / np.pi
 
@@ -282,3 +282,70 @@ def test_rotations_in_any_form(cell, tmp_path, capsys, form) -> None:
         path = write(tmp_path / "b.csv", [",".join([*head, *names]), *bad])
         _, said = bring(path, mapping, capsys, 2)
         assert "make no rotation matrix" in said
+
+
+PLACES = np.array([[0.0, 0.0, 0.0], [60.0, 0.0, 10.0], [0.0, 55.0, -5.0], [-40.0, -35.0, 0.0]])
+
+
+def reflected(turn: Rotation, poses) -> tuple[list[str], np.ndarray]:
+    """Names and numbers [mm] of four reflectors on a platform that turns."""
+    names = [f"{axis}{k}" for k in range(4) for axis in "xyz"]
+    point = 1e3 * poses.point[:, None, :]
+    each = point + np.stack([turn.apply(place) for place in PLACES], axis=1)
+    return names, each.reshape(len(poses.point), -1)
+
+
+def with_reflectors(names: list[str], places: np.ndarray = PLACES) -> dict:
+    columns = [names[3 * k : 3 * k + 3] for k in range(len(places))]
+    entries = [
+        {"columns": c, "unit": "mm", "place_mm": p.tolist()}
+        for c, p in zip(columns, places, strict=True)
+    ]
+    return mapping_of(position=entries[0], reflectors=entries[1:])
+
+
+def test_several_reflectors_tell_the_turn_of_the_platform(cell, tmp_path, capsys) -> None:
+    """The point is the first's; whichever is off by more than half a millimetre is refused."""
+    _, _, poses = cell
+    turn = Rotation.random(len(poses.point), np.random.default_rng(3))
+    names, each = reflected(turn, poses)
+    mapping = with_reflectors(names)
+    head, joint = [*JOINTS, *names], np.degrees(poses.joint)
+    rows = [[*map(repr, row)] for row in np.hstack([joint, each]).tolist()]
+    out = imported(tmp_path, head, rows, mapping)
+    seen = read_session(out).tracker
+    np.testing.assert_allclose(seen.position, poses.point, atol=1e-9)
+    difference = Rotation.from_quat(seen.quaternion) * turn.inv()
+    assert difference.magnitude().max() < 1e-7
+    each[4, 6] += 3.0
+    rows = [[*map(repr, row)] for row in np.hstack([joint, each]).tolist()]
+    said = refused(capsys, tmp_path, head, rows, mapping)
+    assert "line 6" in said
+    assert "0.5 mm are allowed" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"reflectors": None}, "position.place_mm goes with reflectors beside it"),
+        (
+            {"rotation": {"columns": ["a", "b", "c"], "form": "rotation_vector", "unit": "rad"}},
+            "rotation is not allowed beside",
+        ),
+    ],
+)
+def test_reflectors_that_tell_no_turn_are_refused(cell, tmp_path, capsys, change, said) -> None:
+    _, _, poses = cell
+    names, each = reflected(Rotation.identity(len(poses.point)), poses)
+    rows = [[*map(repr, row)] for row in np.hstack([np.degrees(poses.joint), each]).tolist()]
+    full = {k: v for k, v in {**with_reflectors(names), **change}.items() if v is not None}
+    assert said in refused(capsys, tmp_path, [*JOINTS, *names], rows, full)
+
+
+def test_reflectors_on_one_line_are_refused(cell, tmp_path, capsys) -> None:
+    _, _, poses = cell
+    names, each = reflected(Rotation.identity(len(poses.point)), poses)
+    rows = [[*map(repr, row)] for row in np.hstack([np.degrees(poses.joint), each]).tolist()]
+    line = np.outer(np.arange(4.0), [10.0, 20.0, 0.0])
+    said = refused(capsys, tmp_path, [*JOINTS, *names], rows, with_reflectors(names, line))
+    assert "the places lie on one line" in said

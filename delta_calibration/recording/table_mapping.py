@@ -23,6 +23,7 @@ MASSES = {"g": 1e-3, "kg": 1.0}
 TIMES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 KELVIN = {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (5 / 9, -160 / 9)}  # to deg C
 _STEPS = "microsteps"
+_THIN = 1e-3  # [m] off one line that three reflectors are at least
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,14 @@ class Turn:
 
 
 @dataclass(frozen=True)
+class Reflector:
+    """One of several on the platform."""
+
+    columns: tuple[Column, ...]  # (3,) measured
+    place: tuple[float, float, float]  # [m] in the platform's frame
+
+
+@dataclass(frozen=True)
 class TableMapping:
     """A mapping file, its joints in the robot's order."""
 
@@ -62,6 +71,7 @@ class TableMapping:
     encoders: tuple[Column, ...]  # (m,) or none
     position: tuple[Column, ...]  # (3,)
     turn: Turn | None
+    reflectors: tuple[Reflector, ...]  # all of them, the one of `position` first; or none
     same_command: str
     payload: Column | None
     temperature: tuple[tuple[str, Column], ...]  # part
@@ -74,7 +84,8 @@ class TableMapping:
         """All columns that are read."""
         turns = self.turn.columns if self.turn else ()
         some = (self.time, self.payload, *(c for _, c in self.temperature))
-        numbers = (*self.commands, *self.encoders, *self.position, *turns, *some)
+        others = [c for reflector in self.reflectors for c in reflector.columns]
+        numbers = (*self.commands, *self.encoders, *self.position, *others, *turns, *some)
         texts = (self.same_command, *self.direction, self.moving)
         single = [c.name for c in numbers if c]
         added = [name for c in numbers if c for name, _ in c.plus]
@@ -103,6 +114,7 @@ def read_mapping(path: Path, robot: Robot) -> TableMapping:
         encoders=_joints(data.get("encoders", ()), robot, f"{path}: encoders"),
         position=_places(data["position"], f"{path}: position"),
         turn=_turn(data.get("rotation"), f"{path}: rotation"),
+        reflectors=_reflectors(data, f"{path}: reflectors"),
         same_command=data.get("same_command", ""),
         payload=_one(data.get("payload"), MASSES),
         temperature=tuple(
@@ -162,6 +174,12 @@ def _require_apart(mapping: TableMapping, joints: Sequence[str]) -> None:
     ]
     uses += [(f"position.columns[{k}]", column) for k, column in enumerate(mapping.position)]
     uses += [(f"rotation.columns[{k}]", column) for k, column in enumerate(turns)]
+    uses += [
+        (f"reflectors[{k - 1}].columns[{axis}]", column)
+        for k, reflector in enumerate(mapping.reflectors)
+        for axis, column in enumerate(reflector.columns)
+        if k > 0
+    ]
     uses += [(f"temperature: {part}", column) for part, column in mapping.temperature]
     first: dict[str, str] = {}
     for use, column in uses:
@@ -254,6 +272,31 @@ def _places(entry: Mapping[str, Any], where: str) -> tuple[Column, ...]:
         Column(name, unit, LENGTHS[unit], plus=more)
         for name, unit, more in zip(entry["columns"], units, plus, strict=True)
     )
+
+
+def _reflectors(data: Mapping[str, Any], where: str) -> tuple[Reflector, ...]:
+    """That of `position` and those beside it, three or more in all; none where there is one."""
+    beside, first = data.get("reflectors", ()), data["position"]
+    if not beside:
+        if "place_mm" in first:
+            raise ConfigError(f"{where}: position.place_mm goes with reflectors beside it")
+        return ()
+    if "rotation" in data:
+        raise ConfigError(f"{where}: rotation is not allowed beside; the turn is that of these")
+    found = tuple(
+        Reflector(
+            _places(entry, where), tuple(1e-3 * v for v in entry.get("place_mm", (0.0,) * 3))
+        )
+        for entry in (first, *beside)
+    )
+    place = np.array([each.place for each in found])
+    spread = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
+    if spread[1] < _THIN:
+        raise ConfigError(
+            f"{where}: place_mm: the places lie on one line, within {1e3 * _THIN:g} mm; three "
+            "that do not are needed to tell a turn"
+        )
+    return found
 
 
 def _join(entry: Mapping[str, Any] | None, path: Path) -> Join | None:

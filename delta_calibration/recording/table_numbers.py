@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.errors import InputError
-from delta_calibration.recording.table_mapping import KELVIN, Column, TableMapping, Turn
+from delta_calibration.geometry import align
+from delta_calibration.recording.table_mapping import (
+    KELVIN,
+    Column,
+    Reflector,
+    TableMapping,
+    Turn,
+)
 from delta_calibration.recording.table_repeats import new_rows
 from delta_calibration.recording.table_source import read_source
 from delta_calibration.tables import Row
@@ -25,6 +32,7 @@ _PAUSE = 1.1  # [s] stops nearer than this would not be told from a stream
 _LATEST = float(2**31)  # [s] a ROS stamp ends there
 _GAPS = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # as programs write them
 _SHOWN = 6  # texts of a column in a message, at most
+_APART = 0.5e-3  # [m] that reflectors lie at most from their places among each other
 _NOT_UNIT = 1e-2  # of a quaternion's length that rounding does not explain
 
 
@@ -87,6 +95,9 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     if mapping.turn is not None:
         quaternion = np.full((len(rows), 4), np.nan)
         quaternion[~moves] = _quaternions(still, mapping.turn)
+    elif mapping.reflectors:
+        quaternion = np.full((len(rows), 4), np.nan)
+        quaternion[~moves] = _turns(still, mapping.reflectors)
     numbers = TableNumbers(
         file=path,
         rows=tuple(rows),
@@ -214,6 +225,25 @@ def _quaternions(rows: Sequence[Row], turn: Turn) -> Array:
         )
     )
     return np.asarray(rotation.as_quat())
+
+
+def _turns(rows: Sequence[Row], reflectors: Sequence[Reflector]) -> Array:
+    """Quaternions (n, 4) of the platform by three reflectors or more on it."""
+    place = np.array([reflector.place for reflector in reflectors])
+    point = np.stack([_columns(rows, reflector.columns) for reflector in reflectors], axis=1)
+    found = np.empty((len(rows), 4))
+    for k, row in enumerate(rows):
+        frame = align(place, point[k])
+        off = np.linalg.norm(frame.apply(place) - point[k], axis=1)
+        worst = int(off.argmax())
+        if off[worst] > _APART:
+            raise row.wrong(
+                reflectors[worst].columns[0].name,
+                f"and those beside it lie {1e3 * off[worst]:.3g} mm from where place_mm has that "
+                f"reflector among the others; {1e3 * _APART:g} mm are allowed",
+            )
+        found[k] = Rotation.from_matrix(frame.rotation).as_quat()
+    return found
 
 
 def _matrices(rows: Sequence[Row], matrix: Array, names: Sequence[str]) -> Array:
