@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from blind.causes import IN_NO_CATALOGUE
-from blind.truths import TRUTHS
-from study.judge import judge
+from blind.truths import TRUTHS, truth_of
+from study.judge import judge, scaled
+from study.laws import judge_law
 from study.trials import Task
 
 _WEAK, _STRONG = 160.0, 3000.0  # lambda
@@ -50,6 +51,7 @@ def outcome(key: str) -> dict[str, Any]:
     """One trial: what was told, and what of it is right."""
     task, found = Task.of_key(key), judge(key)
     named = [f["cause"] for f in found["findings"] if f["confidence"] > 0.8]
+    law = judge_law(truth_of(scaled(task)[0]), found["laws"])
     return {
         "key": key,
         "group": task.group,
@@ -59,8 +61,8 @@ def outcome(key: str) -> dict[str, Any]:
         "error_um": found["error_um"],
         "seconds": found["seconds"],
         "laws": found["laws"],
-        "told": found["law"]["said"],
-        **found["law"],
+        "told": law["said"],
+        **law,
     }
 
 

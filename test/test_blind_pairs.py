@@ -10,7 +10,7 @@ from delta_calibration.diagnosis.scan import scan
 from delta_calibration.diagnosis.search import _without_maps
 from delta_calibration.effects import catalogue
 from delta_calibration.samples import survey
-from study.judge import _scaled
+from study.judge import scaled
 from study.trials import Task
 from trial_bench import ROBOT, trial
 
@@ -46,7 +46,7 @@ def test_two_causes_are_named(seed: int, hidden: tuple[tuple[str, float], ...]):
 
 def test_causes_take_the_places_of_two_maps_that_drew_them():
     """Beside a map over time a drift has no shape of its own to be found by."""
-    trial, _ = _scaled(Task("pair", *PAIRS[0]))
+    trial, _ = scaled(Task("pair", *PAIRS[0]))
     model = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
     effects = catalogue(ROBOT, model.problem.chain.mechanism)
     rng = np.random.default_rng(0)

@@ -18,7 +18,7 @@ from delta_calibration.diagnosis.model import _cost, fit, rested
 from delta_calibration.effects import catalogue
 from delta_calibration.recording import read_session
 from delta_calibration.samples import survey
-from study.judge import _scaled
+from study.judge import scaled
 from study.trials import PRECISE, Task
 from trial_bench import ROBOT, SIGNAL, trial
 
@@ -135,7 +135,7 @@ def test_the_reflector_is_found_where_the_valley_of_its_offset_has_two_floors(se
 
 def test_paths_and_poses_together_set_the_reflector():
     """With its offset held where the poses alone have it, a joint's scale is 4 sigma off."""
-    trial, _ = _scaled(Task("single", 639251, (("joint_scale", 85.0),)))
+    trial, _ = scaled(Task("single", 639251, (("joint_scale", 85.0),)))
     start = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
     every = catalogue(ROBOT, start.problem.chain.mechanism)
     scale = next(subsets(next(e for e in every if e.cause == "joint_scale")))

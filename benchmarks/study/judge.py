@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from blind import Trial, hide
-from blind.truths import truth_of
 from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
 from delta_calibration.diagnosis.fitted import beside
@@ -21,7 +20,6 @@ from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import InputError
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Survey, survey
-from study.laws import judge_law
 from study.trials import Task
 
 _UM = 1e6
@@ -43,7 +41,7 @@ _SAME = {
 def judge(key: str) -> dict[str, Any]:
     """The outcome of a trial, ready for JSON."""
     task = Task.of_key(key)
-    trial, hidden = _scaled(task)
+    trial, hidden = scaled(task)
     robot = load_robot("srbd")
     effects = tuple(e for e in catalogue(robot, robot.model()) if e.cause != task.without)
     begin = time.perf_counter()
@@ -64,7 +62,6 @@ def judge(key: str) -> dict[str, Any]:
         ],
         "unknown": found.verdict.unknown_structure.found,
         "laws": laws,
-        "law": judge_law(truth_of(trial), laws),
         "moves_with": found.verdict.unknown_structure.moves_with,
         "cannot_tell": [list(item.between) for item in found.verdict.cannot_tell],
         "noise_um": 1e3 * (found.verdict.noise_mm or 0.0),
@@ -74,7 +71,7 @@ def judge(key: str) -> dict[str, Any]:
     }
 
 
-def _scaled(task: Task) -> tuple[Trial, dict[str, float]]:
+def scaled(task: Task) -> tuple[Trial, dict[str, float]]:
     """The session, its causes as strong as is wanted, and the lambda of each.
 
     A cause is scaled within what a machine could have; lambda goes with the square of its size.
