@@ -35,7 +35,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainc
-from scipy.stats import binom, chi2, f
+from scipy.special import bdtrc, chdtri, fdtri  # scipy.stats takes long to import
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import Stage
@@ -220,10 +220,10 @@ def radius95(normal: Array, sided: Array | None = None, doubt: Array | None = No
     square = np.sum(normal * _turned_round(normal), axis=(-2, -1))
     with np.errstate(invalid="ignore", divide="ignore"):
         degrees = np.where(square > 0, trace**2 / square, 1.0)
-        sure = quantile = chi2.ppf(COVERED, degrees)
+        sure = quantile = chdtri(degrees, 1 - COVERED)
         if doubt is not None:
             known = np.minimum(2 * (trace / doubt) ** 2, _MANY)
-            quantile = degrees * f.ppf(COVERED, degrees, known)
+            quantile = degrees * fdtri(degrees, known, COVERED)
         scale = np.where(trace > 0, square / trace, 0.0)
     found = np.sqrt(np.maximum(scale * quantile, 0.0))
     found = np.where(np.isfinite(trace), found, np.nan)
@@ -349,6 +349,6 @@ def _counted(excess: Array, beyond: Array, place: Index) -> tuple[Array, float]:
 def _reached(ratio: Array) -> float:
     """By how much the 95 % of ratios (n,) reach beyond 1, where more do than do by chance."""
     above = int(np.sum(ratio > 1.0))
-    if len(ratio) < _FEWEST or binom.sf(above - 1, len(ratio), 1 - COVERED) > _CHANCE:
+    if len(ratio) < _FEWEST or bdtrc(above - 1, len(ratio), 1 - COVERED) > _CHANCE:
         return 1.0
     return max(1.0, float(np.quantile(ratio, COVERED)))

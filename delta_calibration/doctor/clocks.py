@@ -5,12 +5,13 @@ None of this asks what machine it is: one that moves, moves in all of its stream
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
+from scipy.fft import irfft, next_fast_len, rfft
 
 from delta_calibration.doctor.change import (
     COMMAND,
@@ -303,11 +304,16 @@ def _lag(
     one: Array, other: Array, shift: float, near: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Lag [s] of `other`, which begins `shift` [s] later, at the best correlation, and that."""
-    a = one - one.mean()
-    full = correlate(other - other.mean(), a, mode="full", method="fft")
+    a, other = one - one.mean(), other - other.mean()
+    if near is not None:
+        reached = _reached(near, shift, len(a))
+        other, shift = other[reached], shift + reached.start * _BIN
+    if not len(other):
+        return 0.0, 0.0
+    full = _correlated(other, a)
     lag = (np.arange(len(full)) - (len(a) - 1)) * _BIN + shift
     size = np.linalg.norm(a)
-    power = np.cumsum(np.r_[0.0, (other - other.mean()) ** 2])
+    power = np.cumsum(np.r_[0.0, other**2])
     end = np.clip(np.arange(len(full)) + 1, None, len(other))
     begin = np.clip(np.arange(len(full)) + 1 - len(a), 0, None)
     own = np.sqrt(np.maximum(power[end] - power[begin], 0.05 * size**2 + 1e-12))
@@ -324,6 +330,20 @@ def _lag(
         bend = left - 2 * top + right
         fine = 0.5 * (left - right) / bend if bend < 0 else 0.0
     return float(lag[best] + fine * _BIN), float(full[best])
+
+
+def _reached(near: tuple[float, float], shift: float, width: int) -> slice:
+    """Bins of a stream, beginning `shift` [s] later, that a window meets at lags near one."""
+    first = math.floor((near[0] - near[1] - shift) / _BIN) - 1
+    last = math.ceil((near[0] + near[1] - shift) / _BIN) + 1 + width
+    return slice(max(first, 0), max(last, 0))
+
+
+def _correlated(long: Array, short: Array) -> Array:
+    """Sums of products of both at every shift, the first where they barely touch."""
+    size = len(long) + len(short) - 1
+    fast = next_fast_len(size, real=True)
+    return np.asarray(irfft(rfft(long, fast) * rfft(short[::-1], fast), fast)[:size])
 
 
 def _line(at: Array, lag: Array) -> Line | None:
