@@ -39,6 +39,7 @@ _FRAME_STEP = 1e-3  # typical size of a parameter without prior [m, rad]
 _STEPS = 60
 _SETTLING = 3
 _ROUGHLY = 0.5  # while the loss is still being fitted
+_NOTHING = 1e-2  # share of that decrease: a step that promises less is not worth its evaluation
 SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stands still
 _GIVE_UP = 1e9  # damping
 _DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
@@ -377,7 +378,10 @@ def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _St
     damping, steps = _DAMPING, 0
     while steps < _STEPS and damping < _GIVE_UP:
         steps += 1
-        tried = _step(problem, now, every, loss, damping)
+        step, promised = _step(problem, now, every, loss, damping)
+        if promised <= _NOTHING * settled and damping <= _DAMPING:
+            break
+        tried = _state(problem, now.z + step, loss, now.at.pose, now.evaluations)
         if in_two:
             tried = _settle(problem, tried, rest, loss, settled)
         gain = now.cost - tried.cost
@@ -393,7 +397,10 @@ def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _St
 def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: float) -> _State:
     """A few Gauss-Newton steps in some of the unknowns, each kept only if it lowers the cost."""
     for _ in range(_SETTLING):
-        tried = _step(problem, now, moving, loss, _DAMPING)
+        step, promised = _step(problem, now, moving, loss, _DAMPING)
+        if promised <= _NOTHING * settled:
+            break
+        tried = _state(problem, now.z + step, loss, now.at.pose, now.evaluations)
         gain = now.cost - tried.cost
         if not gain >= 0:
             return replace(now, evaluations=tried.evaluations)
@@ -403,16 +410,19 @@ def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: f
     return now
 
 
-def _step(problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: float) -> _State:
+def _step(
+    problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: float
+) -> tuple[Array, float]:
+    """A damped Gauss-Newton step of z (F,), and by how much it promises to lower the cost."""
     normal, gradient = _equations().equations(
         now.at.residual, now.at.rows, now.weight, now.z, problem.expected, loss.spread
     )
     if not moving.all():
         normal, gradient = normal[np.ix_(moving, moving)], gradient[moving]
     normal.flat[:: len(normal) + 1] += damping
-    z = now.z.copy()
-    z[moving] += np.linalg.solve(normal, gradient)
-    return _state(problem, z, loss, now.at.pose, now.evaluations)
+    step = np.zeros(len(now.z))
+    step[moving] = np.linalg.solve(normal, gradient)
+    return step, float(gradient @ step[moving])
 
 
 @dataclass(frozen=True)
