@@ -34,8 +34,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammainc
-from scipy.special import bdtrc, chdtri, fdtri  # scipy.stats takes long to import
+from scipy.special import bdtrc, chdtri, fdtri, gammainc  # scipy.stats takes long to import
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import Stage
