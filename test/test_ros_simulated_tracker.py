@@ -238,6 +238,7 @@ def test_the_truth_is_nowhere_to_be_read(bench: Bench) -> None:
     assert known <= {"robot", "seed", "scatter", "rate", "noise", "effects", "warm_up"} | {
         "data_dir",
         "frame_prefix",
+        "services",
         "use_sim_time",
         "start_type_description_service",
     }

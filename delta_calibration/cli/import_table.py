@@ -13,6 +13,7 @@ import click
 from delta_calibration import __version__
 from delta_calibration.cli.options import robot_option
 from delta_calibration.cli.options import table as columns_of
+from delta_calibration.cli.quantity import Quantity
 from delta_calibration.documents import write_document
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.files import read_bounded
@@ -62,9 +63,15 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     help="How rows of the two go together.",
 )
 @click.option(
-    "--within", type=float, default=0.05, show_default=True, help="[s] apart, with --by nearest."
+    "--within",
+    type=Quantity(0.0, 3600.0),
+    default=0.05,
+    show_default=True,
+    help="[s] apart, with --by nearest.",
 )
-@click.option("--shift", type=float, default=0.0, help="[s] of the second's clock.")
+@click.option(
+    "--shift", type=Quantity(-1e10, 1e10), default=0.0, help="[s] of the second's clock."
+)
 @click.option(
     "--unit", type=click.Choice(list(LENGTHS)), default=None, help="Of points, by --preset."
 )
