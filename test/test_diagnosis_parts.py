@@ -31,15 +31,16 @@ from delta_calibration.effects import EFFECTS, catalogue
 from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
+from delta_calibration.samples import at_rest, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
 
 
-def measured(count=24, both_sides=True, masses=(0.0, 2.0), model=None, **streams):
+def measured(count=24, both_sides=True, masses=(0.0, 2.0), model=None, radius=None, **streams):
     """The evidence of stops by a simulated machine with nothing hidden in it."""
-    plan = make_plan("identify", ROBOT, count=count, both_sides=both_sides)
+    part = {} if radius is None else {"radius": radius}
+    plan = make_plan("identify", ROBOT, count=count, both_sides=both_sides, **part)
     payload = np.array(masses)[np.arange(len(plan)) // 2 % len(masses)]
     session = simulate_session(draw_machine(ROBOT, 5), replace(plan, payload=payload), 5)
     seen = survey(replace(session, **streams), ROBOT.joints.names)
@@ -496,6 +497,27 @@ def test_what_a_session_cannot_tell_is_what_it_did_not_vary(evidence) -> None:
     nobody_knows = reasons(measured(payload=None))
     assert nobody_knows["forearm_compliance"].because == "the payload is not known"
     assert nobody_knows["forearm_compliance"].next == "record it: payload"
+
+
+def test_play_that_weight_holds_shut_is_said_to_be_a_zero(evidence) -> None:
+    """In the middle of a Delta's workspace its drives rest on one flank all over."""
+    backlash = EFFECTS["backlash"](ROBOT, evidence.chain.mechanism)
+    assert "backlash held by weight" not in reasons(evidence)  # its edges lift an arm
+    told = reasons(measured(radius=0.15))["backlash held by weight"]
+    assert told.between == ("backlash held by weight", "joint_zero_offset")
+    assert told.because.startswith("weight turns every joint the same way at all poses")
+    assert "balanced" in told.next
+    hanging, lifted = np.zeros(3), np.array([1.2, 0.0, 0.0])  # [rad] one arm past the vertical
+    because = backlash.disguised(loaded(np.stack([hanging, lifted])))[2]
+    assert because.startswith("weight turns joints joint_2, joint_3 the same way at all poses")
+    assert backlash.disguised(loaded(np.stack([lifted, lifted[[1, 0, 2]], lifted[::-1]]))) is None
+    assert backlash.disguised(at_rest(hanging[None])) is None  # the payload is not known
+
+
+def loaded(joint):
+    """At rest, with nothing on the platform."""
+    nothing = {"payload": np.zeros(len(joint)), "payload_centre": np.zeros((len(joint), 3))}
+    return replace(at_rest(joint), **nothing)
 
 
 def test_exact_equivalences_are_classes_of_their_own(evidence) -> None:

@@ -19,6 +19,7 @@ from delta_calibration.diagnosis.verdict import (
     UnknownStructure,
 )
 from delta_calibration.effects import Effect, Stage
+from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,10 @@ def unseen(
     for effect in effects:
         if effect.cause in found:
             continue
+        disguised = effect.disguised(evidence.at.take(_resting(evidence.at)))
+        if disguised is not None:
+            name, other, because, following = disguised
+            said.append(CannotTell((name, other), because, following))
         blind = _blind(evidence, members, effect, unknown)
         if blind is not None:
             partners, because, following = blind
@@ -136,13 +141,17 @@ def _too_small(evidence: Evidence, effect: Effect, unknown: UnknownStructure) ->
 def _moves_with(evidence: Evidence, effect: Effect) -> set[str]:
     """What the readings of an effect move with, by the words of `UnknownStructure.moves_with`."""
     at = evidence.at
-    resting = at.take(~(at.velocity != 0).any(axis=1))
+    resting = at.take(_resting(at))
     words = {word for need in effect.needs for word in _OF_NEED.get(need, ())}
     if effect.bound_to_session:
         words |= {"time"}
     if effect.stage is not Stage.MEASUREMENT and not effect.columns(resting).any():
         words |= {"speed", "motion"}
     return words or {"position", "joint angle", "joints"}
+
+
+def _resting(at: Conditions) -> NDArray[np.bool_]:
+    return np.asarray(~(at.velocity != 0).any(axis=1))
 
 
 def _covering(
@@ -159,12 +168,12 @@ def _covering(
 def _constant(evidence: Evidence, effect: Effect) -> str:
     """What never changed of the conditions that an effect shows by; empty where all did."""
     at = evidence.at
-    moving = (at.velocity != 0).any(axis=1)
-    at_rest = at.take(~moving)
+    resting = _resting(at)
+    at_rest = at.take(resting)
     cool = not (np.ptp(at.temperature, axis=0) > _WARMER).any()
     if "temperature" in effect.needs and cool:
         return "the temperature hardly changed"
-    if not moving.any() and not effect.columns(at_rest).any():
+    if resting.all() and not effect.columns(at_rest).any():
         return "nothing was measured in motion"
     if "payload" in effect.needs and np.ptp(at.payload) == 0:
         return "one payload only"

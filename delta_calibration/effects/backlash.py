@@ -15,7 +15,9 @@ import numpy as np
 from delta_calibration.effects.base import Array, Effect, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import ADJUST, Remedy
-from delta_calibration.effects.signals import DIRECTION, TRAVEL
+from delta_calibration.effects.signals import DIRECTION, GRAVITY, TRAVEL, nominal
+from delta_calibration.mechanisms.delta_leg import DeltaModel
+from delta_calibration.model.chain_constants import OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, maximum, minimum
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.samples import Conditions
@@ -63,6 +65,27 @@ class Backlash(Effect):
         """Width of the play."""
         width = self.width[joint] if self.width else 0.0
         return (max(width, _LEAST * self.mechanism.joint_size),)
+
+    def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
+        """Play that the weight of the arms holds shut: (gap / 2) sign(torque), a zero offset."""
+        if not isinstance(self.mechanism, DeltaModel) or not len(at):
+            return None
+        torque = nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
+        held = np.abs(np.sign(torque).sum(axis=0)) == len(torque)
+        if not held.any():
+            return None
+        joints = "every joint"
+        if not held.all():
+            names = np.array(self.robot.joints.names)[held]
+            joints = f"joint{'s' if len(names) > 1 else ''} {', '.join(names)}"
+        return (
+            "backlash held by weight",
+            "joint_zero_offset",
+            f"weight turns {joints} the same way at all poses: play that it holds on one flank "
+            "does not show, whichever side a pose is approached from",
+            "measure with the weight balanced or turned round: a spring or a counterweight on "
+            "the arms",
+        )
 
     def wrong(self) -> str:
         """A width for each joint or none, none of them negative."""

@@ -236,6 +236,16 @@ class Effect(ABC):
         """Whether the mechanism has what it acts on."""
         return True
 
+    def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
+        """A form of the cause that such data show as something else, however well they were taken.
+
+        Returns:
+            What it is called, the cause that it is taken for, why, and what would tell; None where
+            there is no such form.
+        """
+        del at
+        return None
+
     @classmethod
     def shaped(cls, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]) -> Effect:
         """The effect in the shape of a file's settings."""
