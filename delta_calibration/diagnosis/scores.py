@@ -27,6 +27,7 @@ from math import log, pi
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv, dpotrf
 from scipy.stats import chi2, f
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
@@ -186,7 +187,7 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
         free = ~held
         if free.any():
             right = b[free] - normal[np.ix_(free, held)] @ value[held]
-            value[free] = np.linalg.solve(normal[np.ix_(free, free)], right)
+            value[free] = _solved(normal[np.ix_(free, free)], right)
         beyond = np.maximum(lower - value, value - upper)
         beyond[held] = 0.0
         if not (beyond > 0).any():
@@ -247,7 +248,21 @@ def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> f
         price += log(_DECADES / np.sqrt(pi / count))
     unlike = float(np.sum((value / size) ** 2)) / 2
     could = np.eye(len(value)) + size[:, None] * information * size
-    return price + unlike + float(np.linalg.slogdet(could)[1]) / 2
+    return price + unlike + _log_determinant(could) / 2
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solution (k,) of what is positive definite but for rounding; half the work of LU."""
+    _, value, failed = dposv(matrix, right)
+    return np.asarray(np.linalg.solve(matrix, right) if failed else value)
+
+
+def _log_determinant(matrix: Array) -> float:
+    """Of what is positive definite but for rounding."""
+    factor, failed = dpotrf(matrix)
+    if failed:
+        return float(np.linalg.slogdet(matrix)[1])
+    return 2 * float(np.log(np.diag(factor)).sum())
 
 
 def _tries(largest: Array, k: int) -> float:

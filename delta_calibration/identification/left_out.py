@@ -6,6 +6,11 @@ A' = I' + P, the place is missed by r_p - S_p z', and the covariance of what was
 S_p A'^-1 (s I' + P) A'^-1 S_p^T, with s by how much the noise is larger than was assumed.
 (Allen 1974, Technometrics 16, 125-127: the residuals of PRESS, here of a place with all its
 visits.)
+
+No place is fitted anew (Woodbury). With the leverage H = S_p A^-1 S_p^T and F = (1 - H)^-1 it is
+missed by F e, e by the fit to all, and the covariance is
+
+    F H + (s - 1) F (S_p A^-1 I A^-1 S_p^T - H H) F
 """
 
 from __future__ import annotations
@@ -31,16 +36,6 @@ class Known:
     def whole(self) -> Array:
         """A = I + P, (P, P)."""
         return self.information + np.diag(self.prior)
-
-    def without(self, slope: Array, residual: Array) -> Known:
-        """Without some of the data: slope (k, P) and residual (k,), whitened."""
-        return Known(
-            self.information - slope.T @ slope, self.along - slope.T @ residual, self.prior
-        )
-
-    def best(self) -> Array:
-        """The most likely z, (P,)."""
-        return np.asarray(np.linalg.solve(self.whole, self.along))
 
     def covariance(self, spread: float) -> Array:
         """Of z (P, P): A^-1 (s I + P) A^-1.
@@ -71,13 +66,19 @@ def left_out(known: Known, slope: Array, residual: Array, place: Index, spread: 
         place: (n,) of each pose.
         spread: by how much the noise is larger than was assumed.
     """
+    inverse = np.linalg.inv(known.whole)
+    wider = max(1.0, spread) - 1.0
+    carried, error = slope @ inverse, residual - slope @ (inverse @ known.along)
     missed = np.empty_like(residual)
     covariance = np.empty((*residual.shape, residual.shape[1]))
     for number in np.unique(place):
-        own = place == number
-        flat = slope[own].reshape(-1, slope.shape[-1])
-        others = known.without(flat, residual[own].reshape(-1))
-        missed[own] = residual[own] - slope[own] @ others.best()
-        carried = slope[own] @ others.covariance(spread)
-        covariance[own] = carried @ np.swapaxes(slope[own], 1, 2)
+        own = np.flatnonzero(place == number)
+        flat, along = (each[own].reshape(-1, slope.shape[-1]) for each in (slope, carried))
+        lever = along @ flat.T
+        freed = np.linalg.inv(np.eye(len(flat)) - lever)
+        missed[own] = (freed @ error[own].reshape(-1)).reshape(error[own].shape)
+        known_of = along @ known.information @ along.T - lever @ lever
+        whole = freed @ (lever + wider * known_of @ freed.T)
+        shape = (len(own), residual.shape[1]) * 2
+        covariance[own] = np.einsum("iaib->iab", whole.reshape(shape))
     return LeftOut(missed, covariance)
