@@ -43,6 +43,7 @@ from delta_calibration.samples import Survey, survey
 from delta_calibration.wording import listed, measured, mm, plain, sure
 
 _FILE = click.Path(path_type=Path)
+_VALUES = 16  # of a cause that are told, the clearest of them
 
 
 @click.command("diagnose", short_help="name what the model gets wrong")
@@ -198,10 +199,12 @@ def _finding(finding: Finding) -> list[str]:
     where = f" at {finding.location}" if finding.location else ""
     values = ", ".join(
         f"{name} {plain(measured(e.value, e.std, e.unit))}"
-        for name, e in finding.parameters.items()
+        for name, e in finding.clearest(_VALUES).items()
     )
+    rest = len(finding.parameters) - _VALUES
+    more = f", and {rest} more (--json)" if rest > 0 else ""
     lines = [
-        f"{finding.cause}{where} ({finding.kind}): {values}",
+        f"{finding.cause}{where} ({finding.kind}): {values}{more}",
         f"  {sure(finding.confidence)} sure; {finding.errors()}: gain {finding.gain:.2f} "
         f"({finding.gain_low:.2f} to {finding.gain_high:.2f}); p {_chance(finding.p_value)}, "
         f"signal lambda = {finding.signal:.0f}",

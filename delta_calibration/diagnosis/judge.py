@@ -98,6 +98,10 @@ def judged(
         start, sought = quiet, find(quiet, effects, rng, sought.model.members)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, effects, rng)
+    if not said and sought.mapped:
+        maps = sought.first.maps
+        named = find(start, effects, rng, gone=maps)
+        found, held, said = _borne_out(named, start, effects, rng, maps)
     found, held, said = _less_than_a_law(found, held, said, effects, rng)
     members = found.model.members
     findings = [f for m, f in said.items() if not m.unexplained]
@@ -191,13 +195,16 @@ def _shipped(
 
 
 def _borne_out(
-    found: Found, start: Fitted, effects: Sequence[Effect], rng: np.random.Generator
+    found: Found,
+    start: Fitted,
+    effects: Sequence[Effect],
+    rng: np.random.Generator,
+    gone: tuple[Candidate, ...] = (),
 ) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
     """Only the members whose names can be trusted and that hold on data not seen, one by one.
 
     A cause that shows beside the others only once those that do not hold are gone is taken in.
     """
-    gone: tuple[Candidate, ...] = ()
     while True:
         sought = found.model.members
         found, held, said = _holding(found, start, rng)

@@ -42,6 +42,11 @@ class Scan:
         """The likeliest map of what is left, where that is plainly something."""
         return next((s for s in self._plain() if s.candidate.unexplained), None)
 
+    @property
+    def maps(self) -> tuple[Candidate, ...]:
+        """All maps that were tried."""
+        return tuple(s.candidate for s in self.scores if s.candidate.unexplained)
+
     def _plain(self) -> Iterator[Score]:
         return (s for s in self.scores if s.log_bayes > PLAIN and self.significant(s))
 

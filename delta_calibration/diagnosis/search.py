@@ -46,6 +46,11 @@ class Found:
     short: tuple[Score, ...]  # the best shape of everything worth a thought
 
     @property
+    def mapped(self) -> bool:
+        """Whether a map is among the members."""
+        return any(member.unexplained for member in self.model.members)
+
+    @property
     def tried(self) -> tuple[Score, ...]:
         """The best shape of each explanation, of maps only those that are worth anything."""
         every = {score.candidate.key: score for score in worth_a_map(self.first)[::-1]}
@@ -57,6 +62,7 @@ def find(
     effects: Sequence[Effect],
     rng: np.random.Generator,
     begin: tuple[Candidate, ...] = (),
+    gone: tuple[Candidate, ...] = (),
 ) -> Found:
     """Search until nothing significant is left.
 
@@ -65,9 +71,10 @@ def find(
         effects: the catalogue.
         rng: of the bootstrap.
         begin: members to begin with, which the search may exchange and drop.
+        gone: explanations that have been refused; nothing of the same cause is tried.
     """
     starts = (model, *(() if begin else model.elsewhere()))
-    scans = [scanned(start, effects, rng) for start in starts]
+    scans = [scanned(start, effects, rng).without(gone) for start in starts]
     bare, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
     model, here, swaps = bare, first, _SWAPS
     short: dict[str, Score] = {}
@@ -77,7 +84,7 @@ def find(
         members, begin = begin or next_members(model, here, tuple(short.values())), ()
         back = seen.get(_keys(members))
         if _keys(members) in seen:
-            members = _without_maps(model, effects, rng)
+            members = _without_maps(model, effects, rng, gone)
         if _keys(members) in seen:
             members = beyond_names(model, here, tuple(short.values()))
         if _keys(members) not in seen:
@@ -93,7 +100,7 @@ def find(
             if swapped is model:
                 return Found(model, first, here, tuple(short.values()))
             model, swaps = swapped, swaps - 1
-        here = scanned(model, effects, rng)
+        here = scanned(model, effects, rng).without(gone)
         seen[_keys(model.members)] = model, here
 
 
@@ -188,7 +195,10 @@ def _keys(members: Sequence[Candidate]) -> tuple[str, ...]:
 
 
 def _without_maps(
-    model: Fitted, effects: Sequence[Effect], rng: np.random.Generator
+    model: Fitted,
+    effects: Sequence[Effect],
+    rng: np.random.Generator,
+    gone: tuple[Candidate, ...],
 ) -> tuple[Candidate, ...]:
     """The members, a cause in the place of a map wherever one is the best beside the others.
 
@@ -200,7 +210,7 @@ def _without_maps(
         if not member.unexplained or not others:
             continue
         bare = model.fitted(others)
-        best = worth_it(scanned(bare, effects, rng).without(others), bare)
+        best = worth_it(scanned(bare, effects, rng).without((*others, *gone)), bare)
         if best is not None and not best.candidate.unexplained:
             members = (*others, best.candidate)
     return members

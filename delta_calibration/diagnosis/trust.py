@@ -20,10 +20,12 @@ def untrusted(model: Fitted) -> tuple[Candidate, ...]:
     """Members whose names rest on too little.
 
     Where much remains that nothing explains, or only a smooth map, a cause that explains less than
-    a quarter as much may be a part of it under a wrong name. Where a map had to be taken in, a
-    cause that explains less than it, and that it could have drawn as well, is a part of the map.
+    a quarter as much may be a part of it under a wrong name. Where a map or a joint's own curve had
+    to be taken in, a cause that explains less than it, and that it could have drawn as well, is a
+    part of it.
     """
     maps = [m for m in model.members if m.unexplained]
+    free = [m for m in model.members if m.effect is not None and m.effect.free_form]
     remains = unexplained(model) + sum(signal_of(model, m) for m in maps)
     return tuple(
         member
@@ -31,7 +33,7 @@ def untrusted(model: Fitted) -> tuple[Candidate, ...]:
         if not member.unexplained
         and (
             signal_of(model, member) < _REMAINS * remains
-            or any(_in_the_shadow(model, member, other) for other in maps)
+            or any(_in_the_shadow(model, member, other) for other in free if other is not member)
         )
     )
 
@@ -59,7 +61,7 @@ def signal_of(model: Fitted, member: Candidate) -> float:
 
 
 def _in_the_shadow(model: Fitted, member: Candidate, other: Candidate) -> bool:
-    """Whether a map explains more than a member and could have made most of its signal."""
+    """Whether a free form explains more than a member and could have made most of its signal."""
     rest = tuple(m for m in model.members if m is not member and m is not other)
     evidence = beside(model.evidence, rest)
     signal = columns_of(member, evidence) @ model.scaled(member)

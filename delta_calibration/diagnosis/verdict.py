@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from math import inf
 from typing import Any
 
 from delta_calibration.wording import capital, listed, mm, spoken, sure
@@ -101,6 +102,16 @@ class Finding:
         """Cause and place, as words."""
         where = f" at {spoken(self.location)}" if self.location else ""
         return f"{spoken(self.cause)}{where}"
+
+    def clearest(self, most: int) -> dict[str, Estimate]:
+        """Of the parameters those that are the most errors off their expectation, in order."""
+
+        def off(name: str) -> float:
+            value = self.parameters[name]
+            return abs(value.value) / value.std if value.std else inf
+
+        chosen = sorted(self.parameters, key=off, reverse=True)[:most]
+        return {name: e for name, e in self.parameters.items() if name in chosen}
 
     def shape_told(self) -> tuple[str, ...]:
         """What was searched, with its errors, in words."""

@@ -71,6 +71,8 @@ class Effect(ABC):
     kind: ClassVar[str]  # drive, structure or measurement, as reported
     stage: ClassVar[Stage]
     needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
+    # whether it is any function of what it moves with: what it could draw as well is a part of it
+    free_form: ClassVar[bool] = False
     asks_pose: ClassVar[bool] = False  # whether what is `missing` depends on the pose as well
     limits: ClassVar[Limits] = {}  # of settings that are numbers
     # those of them in the joints' unit: limits are a Delta's, and wider where its joints need it

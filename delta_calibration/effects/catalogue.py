@@ -15,7 +15,9 @@ from delta_calibration.effects.dynamic_deflection import DynamicDeflection
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
 from delta_calibration.effects.forearm_compliance import ForearmCompliance
 from delta_calibration.effects.found_law import FOUND_LAW, FoundLaw
+from delta_calibration.effects.gravity_sag import GravitySag
 from delta_calibration.effects.joint_compliance import JointCompliance
+from delta_calibration.effects.joint_curve import JointCurve
 from delta_calibration.effects.joint_lag import JointLag
 from delta_calibration.effects.joint_scale import JointScale
 from delta_calibration.effects.joint_zero_drift import JointZeroDrift
@@ -66,6 +68,8 @@ EFFECTS: Registry[Effect] = Registry(
         DrumScale,
         SliderPitch,
         ReducerCompliance,
+        GravitySag,
+        JointCurve,
         ThermalGrowthLink,
     ),
 )

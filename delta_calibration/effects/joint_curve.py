@@ -4,8 +4,8 @@ dq_j = sum_f w_jf B_f(q_j)        B: cubic B-splines, evenly spaced over the joi
 
 Whatever gears and encoders do that comes back with the angle lies in it, at every frequency down
 to two widths: runout, teeth, a wave generator, an encoder's own curve. It says which joint errs
-and how, not which part of it. With so many weights it wants hundreds of poses, and is tried where
-asked for; it is not among what every machine is tried with.
+and how, not which part of it. With so many weights it wants hundreds of poses; it is tried on
+serial arms, whose joints turn far, where the session has readings enough for its weights.
 """
 
 from __future__ import annotations
@@ -20,14 +20,17 @@ import numpy as np
 from delta_calibration.effects.base import SPREAD, Array, Effect, Limits, Stage
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT, Places
-from delta_calibration.mechanisms import Mechanism
+from delta_calibration.mechanisms import Mechanism, SerialArm
 from delta_calibration.model.symbols import Symbol, maximum, minimum, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
+from delta_calibration.samples import Conditions
 
 _DEGREE = 3
 _WIDTH, _SIZE = 0.07, 0.15e-3  # [rad of a Delta] between splines, of a weight
+_WIDTHS = (1.0, 3.0)  # times the usual width, that are tried
+_READINGS = 10.0  # numbers read, for each weight that is tried
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class JointCurve(Effect):
     """Error curves of all joints over their ranges; `lower`, `upper` (m,) in a row.
 
     Outside its range a curve is taken to be nothing. Where width or size are not given they are
-    `_WIDTH` and `_SIZE` times the mechanism's joint size.
+    `_WIDTH` and `_SIZE` times the mechanism's joint size; a range that is not given is that of the
+    robot's limits.
     """
 
     cause: ClassVar[str] = "joint_error_curve"
@@ -47,6 +51,7 @@ class JointCurve(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    free_form: ClassVar[bool] = True
     limits: ClassVar[Limits] = {"width": (1e-4, 10.0), "size": (1e-7, 1e-1)}
     of_joints: ClassVar[tuple[str, ...]] = ("width", "size")
 
@@ -65,6 +70,21 @@ class JointCurve(Effect):
         """Of joints that were seen at these places (n, m); `width` is in the same unit."""
         low, high = joint.min(axis=0), joint.max(axis=0)
         return cls(robot, mechanism, width, lower=tuple(low.tolist()), upper=tuple(high.tolist()))
+
+    @property
+    def suits(self) -> bool:
+        """Whether it is a serial arm."""
+        return isinstance(self.mechanism, SerialArm)
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """Over the session's places, as finely as it has readings for."""
+        if not len(at) or not (np.ptp(at.joint, axis=0) > 0).all():
+            return
+        for times in _WIDTHS:
+            width = times * _WIDTH * self.mechanism.joint_size
+            curve = JointCurve.over(self.robot, self.mechanism, at.joint, width)
+            if 3 * len(at) >= _READINGS * len(curve.parameters):
+                yield curve
 
     @property
     def parameters(self) -> ParameterSet:
@@ -89,12 +109,14 @@ class JointCurve(Effect):
         for j, knots in enumerate(self._knots()):
             step = float(knots[1] - knots[0])
             for first in knots[: len(knots) - _DEGREE - 1].tolist():
-                yield Term((joint + j,), (row,), (j,), (first, step, self.lower[j], self.upper[j]))
+                yield Term((joint + j,), (row,), (j,), (first, step, *self._range[j]))
                 row += 1
 
     def wrong(self) -> str:
         """A range for each joint."""
         m = self.mechanism.joints
+        if not self.lower and not self.upper:
+            return super().wrong()
         for name, value in (("lower", self.lower), ("upper", self.upper)):
             if len(value) != m or not np.isfinite(value).all():
                 return f"{name}: {list(value)} is not allowed; {m} finite numbers, one a joint"
@@ -102,9 +124,16 @@ class JointCurve(Effect):
             return f"upper: {list(self.upper)} is not allowed; each over lower {list(self.lower)}"
         return super().wrong()
 
+    @property
+    def _range(self) -> tuple[tuple[float, float], ...]:
+        """Of each joint."""
+        limits = self.robot.joints
+        lower = self.lower or tuple(limits.lower.tolist())
+        return tuple(zip(lower, self.upper or tuple(limits.upper.tolist()), strict=True))
+
     def _knots(self) -> Iterator[Array]:
         """Of each joint, evenly spaced, three beyond either end."""
-        for low, high in zip(self.lower, self.upper, strict=True):
+        for low, high in self._range:
             inner = np.linspace(low, high, max(2, int(np.ceil((high - low) / self.width)) + 1))
             step = inner[1] - inner[0]
             beyond = step * np.arange(1, _DEGREE + 1)

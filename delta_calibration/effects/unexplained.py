@@ -101,6 +101,7 @@ class Unexplained(Effect):
     kind: ClassVar[str] = "unknown"
     called: ClassVar[str] = "smooth map"
     stage: ClassVar[Stage] = Stage.DRIVE
+    free_form: ClassVar[bool] = True
 
     family: str = POSITION
     # all in the joints' unit

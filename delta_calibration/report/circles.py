@@ -252,8 +252,9 @@ def _value(test: CircleTest, share: Share) -> str:
     finding = test.finding(share.cause, share.location)
     if finding is None:
         return _OTHER[share.cause][1] if share.cause in _OTHER else NO_VALUE
-    every = [estimate(name, e) for name, e in finding.parameters.items()]
-    return ", ".join(every[:3]) + (f" and {len(every) - 3} more" if len(every) > 3 else "")
+    rest = len(finding.parameters) - 3
+    clearest = (estimate(name, e) for name, e in finding.clearest(3).items())
+    return ", ".join(clearest) + (f" and {rest} more" if rest > 0 else "")
 
 
 def _plots(test: CircleTest) -> list[Figure]:

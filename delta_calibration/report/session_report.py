@@ -43,6 +43,8 @@ from delta_calibration.wording import (
     sure,
 )
 
+_VALUES = 6  # of a cause that are told, the clearest of them
+
 
 def report_of(
     diagnosis: Diagnosis,
@@ -137,13 +139,14 @@ def verdict_section(verdict: Verdict) -> Section:
 
 
 def _finding(finding: Finding) -> tuple[str, ...]:
-    every = [estimate(name, e) for name, e in finding.parameters.items()]
-    more = f" and {len(every) - 6} more" if len(every) > 6 else ""
+    clearest = [estimate(name, e) for name, e in finding.clearest(_VALUES).items()]
+    rest = len(finding.parameters) - len(clearest)
+    more = f" and {rest} more" if rest else ""
     same = listed(map(spoken, finding.equivalents))
     part = f"; {finding.separated_by}" if finding.separated_by else ""
     return (
         f"{finding.called()} ({finding.kind})",
-        ", ".join([*every[:6], *finding.shape_told()]) + more,
+        ", ".join([*clearest, *finding.shape_told()]) + more,
         sure(finding.confidence),
         chance(finding.p_value),
         figures(finding.signal),

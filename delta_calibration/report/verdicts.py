@@ -88,7 +88,7 @@ def _findings_table(files: Sequence[VerdictFile]) -> Table:
         (
             file.name,
             finding.called(),
-            "; ".join(estimate(name, e) for name, e in list(finding.parameters.items())[:6]),
+            "; ".join(estimate(name, e) for name, e in finding.clearest(6).items()),
             sure(finding.confidence),
             f"{mm(finding.rms_before_mm)} → {mm(finding.rms_after_mm)}",
         )

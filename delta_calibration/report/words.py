@@ -35,7 +35,7 @@ def _wrong(verdict: Verdict) -> str:
     unknown = verdict.unknown_structure
     parts = []
     for finding in verdict.findings:
-        values = [estimate(name, e) for name, e in finding.parameters.items()][:3]
+        values = [estimate(name, e) for name, e in finding.clearest(3).items()]
         more = len(finding.parameters) - len(values)
         rest = f" and {more} more" if more else ""
         parts.append(f"{finding.called()}: {', '.join(values)}{rest}.")

@@ -1,0 +1,136 @@
+"""Joints of a serial arm that give way to the weight of links whose masses nobody has stated.
+
+    dq_j = -sum_{k >= j} mu_jk . R_k^T (z x a_j)        a_j: axis of joint j, z: up
+
+R_k mu_jk is the first moment of link k and all it carries, by the weight of a kilogram and the
+stiffness of joint j: what an arm's gravity depends on at most (base parameters, Gautier and Khalil
+1990), a free vector for each joint and link. Where the robot file states masses
+`reducer_compliance` tells the stiffness itself. The axes are the drawing's: they are off by
+thousandths, and the sag is small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
+from delta_calibration.effects.signals import JOINT, Places
+from delta_calibration.mechanisms import SerialArm
+from delta_calibration.model import symbols as sy
+from delta_calibration.model.symbols import Symbol
+from delta_calibration.model.terms import Term
+from delta_calibration.parameters import Parameter, ParameterSet
+
+_SIZE, _MOST = 0.2e-3, 0.02  # [rad] expected of a vector's component, and its bound
+_UPRIGHT = 1e-6  # sine of an axis' twist from the one before, under which they are parallel
+
+
+@dataclass(frozen=True)
+class GravitySag(Effect):
+    """Turn of each joint by its own link and by every link beyond it."""
+
+    cause: ClassVar[str] = "gravity_sag"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "drives",
+        "compensate the drives' give, or make them stiffer",
+        "hang a known weight on the arm with the motor held and read a dial gauge at its end",
+    )
+    kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE
+
+    @property
+    def suits(self) -> bool:
+        """Whether it is an arm of links of unknown mass, one of them on an axis not upright."""
+        arm = self.mechanism
+        if not isinstance(arm, SerialArm) or any(link.mass for link in arm.dimensions.links):
+            return False
+        return any(abs(np.sin(link.twist)) > _UPRIGHT for link in arm.dimensions.links)
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Components of every vector [rad]: along its own axis a link has none."""
+        return _components(self.cause, self.mechanism.joints, self.mechanism.joint_size)
+
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-sum mu_jk . R_k^T (z x a_j) of all joints."""
+        joints = int(s.shape[0])
+        angles = [c[joints + i] * s[i] + c[2 * joints + i] for i in range(joints)]
+        frames = list(_frames([c[i] for i in range(joints)], angles))
+        sag, value = [], 0
+        for j, (_, _, axis) in enumerate(frames):
+            across = sy.column(-axis[1], axis[0], 0)
+            turned: Symbol = 0
+            for k in range(j, joints):
+                for along in frames[k][: 2 if k == j else 3]:
+                    turned = turned - v[value] * sy.dot(along, across)
+                    value += 1
+            sag.append(turned)
+        return sy.column(*sag)
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One, of all joints."""
+        m, first = self.mechanism.joints, places.begin(JOINT)
+        joints = tuple(range(m))
+        yield Term(
+            tuple(range(first, first + m)),
+            tuple(range(len(self.parameters))),
+            joints,
+            self.constants(0),
+        )
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """Twist of each link, sense and zero of each joint's reading."""
+        del joint
+        arm = self.mechanism
+        assert isinstance(arm, SerialArm)
+        links, drives = arm.dimensions.links, arm.drives
+        zero = np.array([link.zero for link in links]) - drives.sense * drives.zero
+        return (*(link.twist for link in links), *drives.sense.tolist(), *zero.tolist())
+
+    @property
+    def variant(self) -> str:
+        """By the number of joints."""
+        return f"_{self.mechanism.joints}"
+
+
+def _frames(twists: list[Symbol], angles: list[Symbol]) -> Iterator[tuple[Symbol, Symbol, Symbol]]:
+    """Axes of each link's frame in the base, modified DH."""
+    x, y, z = sy.column(1, 0, 0), sy.column(0, 1, 0), sy.column(0, 0, 1)
+    for twist, angle in zip(twists, angles, strict=True):
+        c, s = sy.cos(twist), sy.sin(twist)
+        y, z = c * y + s * z, c * z - s * y
+        c, s = sy.cos(angle), sy.sin(angle)
+        x, y = c * x + s * y, c * y - s * x
+        yield x, y, z
+
+
+@lru_cache
+def _components(cause: str, joints: int, size: float) -> ParameterSet:
+    """Of each joint's vectors, by the number of the link."""
+    return ParameterSet(
+        tuple(
+            Parameter(
+                f"sag_{j}_{k}{letter}",
+                "rad",
+                0.0,
+                size * _SIZE,
+                cause,
+                f"joint_{j}",
+                -size * _MOST,
+                size * _MOST,
+            )
+            for j in range(1, joints + 1)
+            for k in range(j, joints + 1)
+            for letter in ("xy" if k == j else "xyz")
+        )
+    )
