@@ -13,7 +13,8 @@ from blind import hide
 from delta_calibration.calibration_file import from_diagnosis, load_calibration, save_extended
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.cli.main import run
-from delta_calibration.diagnosis import diagnose
+from delta_calibration.diagnosis import diagnose, judge
+from delta_calibration.diagnosis.scan import scanned
 from delta_calibration.effects import catalogue
 from delta_calibration.errors import DataError
 from delta_calibration.plans import make_plan
@@ -281,3 +282,19 @@ def test_columns_stand_in_line_whatever_the_joints_are_called(
     }
     labels = [row.split("  ")[0] for row in rows]
     assert len(set(labels)) == len(labels)
+
+
+def test_names_are_sought_without_maps_that_foretell_nothing(hidden, monkeypatch) -> None:
+    """A map follows what it has seen better than a cause; held-out data refuse it, not the cause."""
+    sought = judge.find
+
+    def with_a_map(start, effects, rng, begin=(), gone=()):
+        found = sought(start, effects, rng, begin, gone)
+        if gone:
+            return found
+        model = start.fitted((found.first.maps[-1],))  # the worst of them
+        return replace(found, model=model, last=scanned(model, effects, rng))
+
+    monkeypatch.setattr(judge, "find", with_a_map)
+    first = verdict(hidden.session).findings[0]
+    assert "backlash" in (first.cause, *first.equivalents)

@@ -1,0 +1,124 @@
+"""Arms whose joints give way to weights that nobody has stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from delta_calibration.cli.main import run
+from delta_calibration.diagnosis import diagnose
+from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.diagnose import calibrated
+from delta_calibration.diagnosis.findings import HeldOutModels
+from delta_calibration.effects import catalogue
+from delta_calibration.effects.backlash import Backlash
+from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
+from delta_calibration.effects.gravity_sag import GravitySag
+from delta_calibration.effects.joint_curve import JointCurve
+from delta_calibration.plans import make_plan
+from delta_calibration.recording import read_session
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.samples import at_rest, survey
+from delta_calibration.simulation import draw_machine, simulate_session
+from real_machines import DATA
+
+REAL = DATA / "ur5_wam_lasertracker"
+FILES = "benchmarks/real_arms"
+
+
+def heights(arm, q, moments):
+    """Sum of the height of each link's first moment, by rotations of scipy alone."""
+    turn, place, total = Rotation.identity(), np.zeros(3), 0.0
+    for i, link in enumerate(arm.dimensions.links):
+        turn = turn * Rotation.from_rotvec([link.twist, 0.0, 0.0])
+        turn = turn * Rotation.from_rotvec([0.0, 0.0, q[i] + link.zero])
+        total += (place + turn.apply(moments[i]))[2]
+    return total
+
+
+def test_a_joint_turns_by_the_slope_of_the_weights_height():
+    """Torque is the slope of the potential energy: what it does to each joint, by differences."""
+    robot = load_robot("ur10")
+    arm = robot.model()
+    effect = GravitySag(robot, arm)
+    rng = np.random.default_rng(3)
+    moments = rng.normal(size=(6, 3))
+    names = [p.name.split("_")[1:] for p in effect.parameters]
+    # the same moments for all joints, as of one arm whose gears are alike
+    values = np.array([moments[int(k[:-1]) - 1]["xyz".index(k[-1])] for _, k in names])
+    for q in rng.uniform(-3.0, 3.0, (5, 6)):
+        turned = (effect.columns(at_rest(q[None])) @ values)[0]
+        slope = np.zeros(6)
+        for j in range(6):
+            step = np.zeros(6)
+            step[j] = 1e-6
+            more, less = (heights(arm, q + s * step, moments) for s in (1, -1))
+            slope[j] = (more - less) / 2e-6
+        np.testing.assert_allclose(turned, -slope, atol=1e-8)
+
+
+def test_it_suits_arms_of_unknown_mass_that_bear_weight():
+    robots = [load_robot(name) for name in ("scara", "ur10", "linear_delta", "srbd")]
+    have = {r.name for r in robots if "gravity_sag" in {e.cause for e in catalogue(r, r.model())}}
+    assert have == {"ur10"}  # a SCARA's axes are upright, and its masses are known
+
+
+def weighing(robot: Robot, masses: tuple[float, ...]) -> Robot:
+    links = tuple(
+        replace(link, mass=mass) for link, mass in zip(robot.dimensions.links, masses, strict=True)
+    )
+    return replace(robot, dimensions=replace(robot.dimensions, links=links))
+
+
+def test_weight_is_found_and_foretold_without_the_masses():
+    """The machine has masses and springs in its gears; who calibrates it knows of neither."""
+    plain = load_robot("ur10")
+    heavy = weighing(plain, (7.8, 12.9, 4.3, 2.0, 2.0, 0.4))
+    plan = make_plan("identify", plain, count=120, seed=5)
+    machine = draw_machine(heavy, 5, hidden={"reducer_compliance": {"value": "3e-5"}})
+    session = simulate_session(machine, plan, 5)
+    arm = plain.model()
+    effects = (GravitySag(plain, arm), EncoderEccentricity(plain, arm), Backlash(plain, arm))
+    found = diagnose(survey(session, plain.joints.names), plain, effects=effects).verdict
+    assert [f.cause for f in found.findings if f.kind == "drive"] == ["gravity_sag"]
+    assert found.extended.held_out_rms_mm < 1.15 * found.noise_mm
+    assert found.calibrated.held_out_rms_mm > 1.5 * found.noise_mm
+
+
+@pytest.mark.parametrize(("readings", "tried"), [(60, 0), (400, 1), (2000, 2)])
+def test_a_curve_is_tried_as_finely_as_there_are_readings(readings: int, tried: int):
+    robot = load_robot("ur10")
+    joint = np.random.default_rng(0).uniform(-1.0, 1.0, (readings, 6))
+    curve = JointCurve(robot, robot.model())
+    assert len(list(curve.shapes(at_rest(joint)))) == tried
+
+
+def imported(arm: str, folder) -> str:
+    path = str(folder / arm)
+    own = ("--robot", f"{FILES}/{arm}.yaml", "--mapping", f"{FILES}/{arm}_mapping.yaml")
+    assert run(["import", str(REAL / f"{arm}_grid.csv"), *own, "--out", path]) == 0
+    return path
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not REAL.is_dir(), reason="measurements of real machines are not there")
+def test_a_cable_driven_arm_has_play_and_gives_way(tmp_path):
+    """Barrett WAM: published is 2.92 mm on average with a graph network beside the geometry."""
+    robot = load_robot(f"{FILES}/wam.yaml")
+    path = imported("wam", tmp_path)
+    start = calibrated(survey(read_session(path), robot.joints.names), robot)
+    play, sag = (
+        Candidate(e.cause, e.kind, None, e, tuple(range(len(e.parameters))))
+        for e in (Backlash(robot, robot.model()), GravitySag(robot, robot.model()))
+    )
+    models = [(), (play,), (sag,), (play, sag)]
+    errors = {}
+    for members in models:
+        held = HeldOutModels(start.fitted(members) if members else start)
+        errors[members] = held.mm(held.members(members, held.sectors))
+    assert errors[()] < 2.8
+    assert errors[play, sag] < 2.05
+    assert errors[play, sag] < 0.9 * min(errors[play,], errors[sag,])
