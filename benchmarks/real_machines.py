@@ -21,7 +21,7 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 import real_hangprinter
 import real_ur10
 import real_v400
-import ur10_verdict
+import ur10_pictures
 import v400_pictures
 from delta_calibration.report import Report, Section, write_figures
 from delta_calibration.report.drawing import Figure
@@ -42,10 +42,9 @@ def v400(folder: Path, out: Path | None) -> list[Figure]:
 
 
 def ur10(folder: Path, out: Path | None) -> list[Figure]:
-    """A serial arm: blocks of time held out, then the verdicts."""
-    lefts, gains = real_ur10.report(folder)
-    ur10_verdict.report({name: left.series for name, left in lefts.items()}, out)
-    return ur10_verdict.figures(lefts, gains)
+    """A serial arm: blocks of time held out; its verdicts are `delta-cal diagnose`'s."""
+    del out
+    return ur10_pictures.figures(*real_ur10.report(folder))
 
 
 MACHINES: dict[str, tuple[str, Callable[[Path, Path | None], list[Figure]]]] = {

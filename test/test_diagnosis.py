@@ -285,7 +285,7 @@ def test_columns_stand_in_line_whatever_the_joints_are_called(
 
 
 def test_names_are_sought_without_maps_that_foretell_nothing(hidden, monkeypatch) -> None:
-    """A map follows what it has seen better than a cause; held-out data refuse it, not the cause."""
+    """A map follows what it has seen better than a cause; it is refused, and not the cause."""
     sought = judge.find
 
     def with_a_map(start, effects, rng, begin=(), gone=()):

@@ -10,12 +10,14 @@ from scipy.spatial.transform import Rotation
 
 import real_ur10
 import real_v400
-import ur10_verdict
-from delta_calibration.diagnosis import Measured, diagnose_observations
+from delta_calibration.cli.main import run
+from delta_calibration.diagnosis import diagnose
 from delta_calibration.documents import check_document, load_schema
-from delta_calibration.identification.observations import PointMeasured
+from delta_calibration.effects import catalogue
 from delta_calibration.mechanisms.serial_arm import SerialArm
+from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
+from delta_calibration.samples import survey
 from real_machines import DATA
 
 UR10 = load_robot("ur10").dimensions
@@ -173,23 +175,22 @@ def test_without_a_wave_no_extension_helps():
 
 @pytest.mark.real
 @present(ARM)
-def test_the_verdict_on_the_arm_names_the_joints_own_curves():
-    """Of 200 poses and few candidates; the whole of it: `real_machines.py ur10`."""
-    series = sampled(real_ur10.read(ARM / real_ur10.SERIES["C"]), 200)
-    arm, frame = ur10_verdict.arm_before(series)
-    point = PointMeasured(series.joint, series.point, np.zeros(3), ur10_verdict.NOISE)
-    causes = {"joint_error_curve", "joint_compliance", "encoder_eccentricity", "joint_scale"}
-    tried = [e for e in ur10_verdict.candidates(arm, series) if e.cause in causes]
-    found = diagnose_observations(
-        [Measured(point, ur10_verdict.conditions(series))],
-        arm,
-        ur10_verdict.ROBOT,
-        frame,
-        effects=tried,
-    )
+def test_the_verdict_on_the_arm_names_the_joints_own_curves(tmp_path):
+    """Of every seventh pose and few candidates; the whole of it is on the page of the arm."""
+    lines = (ARM / real_ur10.SERIES["C"]).read_text(encoding="utf-8").splitlines(keepends=True)
+    table = tmp_path / "some.csv"
+    table.write_text("".join([lines[0], *lines[1::7]]), encoding="utf-8")
+    mapping = "benchmarks/real_arms/ur10_mapping.yaml"
+    session = str(tmp_path / "session")
+    given = ["--robot", "ur10", "--mapping", mapping, "--out", session]
+    assert run(["import", str(table), *given]) == 0
+    robot = load_robot("ur10")
+    causes = {"joint_error_curve", "gravity_sag", "encoder_eccentricity", "joint_scale"}
+    tried = tuple(e for e in catalogue(robot, robot.model()) if e.cause in causes)
+    seen = survey(read_session(session), robot.joints.names)
+    found = diagnose(seen, robot, effects=tried)
     first = found.verdict.findings[0]
     assert first.cause == "joint_error_curve"
-    assert first.confidence > 0.94
     assert first.gain_low > 0.5
     assert found.verdict.extended.held_out_rms_mm < 0.5 * found.verdict.calibrated.held_out_rms_mm
     check_document(found.verdict.as_dict(), load_schema("verdict"), "verdict")

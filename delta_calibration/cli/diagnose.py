@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from time import monotonic
 
 import click
 from tqdm import tqdm
@@ -148,12 +149,17 @@ def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:
 def diagnosed(
     seen: Survey, robot: Robot, model: str | None, seed: int, calibration: Calibration | None
 ) -> Diagnosis:
-    """The diagnosis, with a bar that names its step."""
+    """The diagnosis, with a bar that names its step; a line a step where nobody watches."""
+    begun = monotonic()
     with tqdm(total=len(STEPS), delay=1.0, disable=None, leave=False, unit="step") as bar:
 
         def step(name: str) -> None:
             bar.update(STEPS.index(name) - bar.n)
             bar.set_description(name)
+            if bar.disable:
+                number, seconds = STEPS.index(name) + 1, monotonic() - begun
+                line = f"step {number} of {len(STEPS)}, {name}: after {seconds:.0f} s"
+                click.echo(line, err=True)
 
         return diagnose(seen, robot, model, seed=seed, calibration=calibration, step=step)
 

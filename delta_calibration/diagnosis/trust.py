@@ -20,8 +20,8 @@ def untrusted(model: Fitted) -> tuple[Candidate, ...]:
     """Members whose names rest on too little.
 
     Where much remains that nothing explains, or only a smooth map, a cause that explains less than
-    a quarter as much may be a part of it under a wrong name. Where a map or a joint's own curve had
-    to be taken in, a cause that explains less than it, and that it could have drawn as well, is a
+    a quarter as much may be a part of it under a wrong name. Where a map or a free curve had to be
+    taken in, a cause that explains less than it, and that it could have drawn as well, is a
     part of it.
     """
     maps = [m for m in model.members if m.unexplained]

@@ -30,7 +30,7 @@ from delta_calibration.samples import Conditions
 _DEGREE = 3
 _WIDTH, _SIZE = 0.07, 0.15e-3  # [rad of a Delta] between splines, of a weight
 _WIDTHS = (1.0, 3.0)  # times the usual width, that are tried
-_READINGS = 10.0  # numbers read, for each weight that is tried
+_READINGS = 5.0  # numbers read, for each weight that is tried
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,10 @@ class JointCurve(Effect):
         return isinstance(self.mechanism, SerialArm)
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Over the session's places, as finely as it has readings for."""
+        """Over its range; else the session's places, as finely as it has readings for."""
+        if self.lower:
+            yield self
+            return
         if not len(at) or not (np.ptp(at.joint, axis=0) > 0).all():
             return
         for times in _WIDTHS:
