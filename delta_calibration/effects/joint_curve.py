@@ -30,7 +30,7 @@ from delta_calibration.samples import Conditions
 _DEGREE = 3
 _WIDTH, _SIZE = 0.07, 0.15e-3  # [rad of a Delta] between splines, of a weight
 _WIDTHS = (1.0, 3.0)  # times the usual width, that are tried
-_READINGS = 5.0  # numbers read, for each weight that is tried
+_READINGS = 2.0  # numbers read, for each weight that is tried
 
 
 @dataclass(frozen=True)
