@@ -66,8 +66,9 @@ By robot:
   scara, ur10           joint_zero_offset joint_axis_tilt link_length
                         link_offset tool_position tool_turn
                         encoder_eccentricity transmission_error joint_scale
-                        thermal_growth_link
+                        thermal_growth_link joint_error_curve
   scara                 reducer_compliance as well
+  ur10                  gravity_sag as well
 An unknown cause or location is answered with those that the robot can have.
 """
 
