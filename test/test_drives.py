@@ -41,7 +41,12 @@ MACHINES = [
     ("ur10", None),
 ]
 # These are told by the drive's own angle, or carry its sign.
-OF_READINGS = ("encoder_eccentricity", "transmission_error", "joint_zero_drift")
+OF_READINGS = (
+    "encoder_eccentricity",
+    "transmission_error",
+    "joint_zero_drift",
+    "joint_error_curve",
+)
 
 
 def pair(name: str, model: str | None = None) -> tuple[Mechanism, Mechanism]:

@@ -198,7 +198,7 @@ def _without_maps(
     model: Fitted,
     effects: Sequence[Effect],
     rng: np.random.Generator,
-    gone: tuple[Candidate, ...],
+    gone: tuple[Candidate, ...] = (),
 ) -> tuple[Candidate, ...]:
     """The members, a cause in the place of a map wherever one is the best beside the others.
 

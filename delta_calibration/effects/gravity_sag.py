@@ -74,7 +74,7 @@ class GravitySag(Effect):
                 for along in frames[k][: 2 if k == j else 3]:
                     turned = turned - v[value] * sy.dot(along, across)
                     value += 1
-            sag.append(turned)
+            sag.append(c[joints + j] * turned)
         return sy.column(*sag)
 
     def terms(self, places: Places) -> Iterator[Term]:
