@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.identification.mixed import MixedFit, fit_observations
+from delta_calibration.identification.mixed import MixedFit
 from delta_calibration.identification.observations import DistanceBetween, HeightAtContact
-from delta_calibration.mechanisms.linear_delta import (
-    LinearDelta,
-    LinearDeltaDimensions,
-    LinearDeltaTolerances,
-)
+from delta_calibration.identification.printer import Touched, fit_printer, left_out, printer
 
 Array = NDArray[np.float64]
 
 MEASURED = "2023-08-20_555230ee"  # the day with caliper distances
 AUGUST = ("2023-08-20_41e2d223", MEASURED)
 MARCH = "2024-03-10_acb53c76"
-# What is expected of a printer sold as a kit; endstops are screws set by hand.
-PRINTER = LinearDelta(
-    LinearDeltaDimensions(0.160, np.radians([210.0, 330.0, 90.0]), 0.345, 0.415),
-    LinearDeltaTolerances(radius=2e-3, angle=5e-3, endstop=10e-3, arm=1e-3),
-)
+PRINTER = printer(0.160, np.radians([210.0, 330.0, 90.0]), 0.345, 0.415)
 NOISE = 75e-6  # [m] of either kind: what the fit leaves on its ten degrees of freedom
 # A turn about z changes no height and no distance: tower 3 stands where it is drawn.
 NINE = np.array([name != "tower_angle_3" for name in PRINTER.parameters.names])
@@ -40,11 +32,11 @@ class Mesh:
     error: Array  # (n,) [m]
 
 
-def observations(folder: Path) -> list[HeightAtContact | DistanceBetween]:
+def observations(folder: Path) -> list[Touched]:
     """Heights and, where there are any, distances of one day."""
     microstep = 1e-3 * np.array(_saved(folder)["microstep_mm"])
     heights = np.loadtxt(folder / "heights.csv", delimiter=",", skiprows=1)
-    seen: list[HeightAtContact | DistanceBetween] = [
+    seen: list[Touched] = [
         HeightAtContact(heights[:, 1:] * microstep, heights[:, 0] * 1e-3, NOISE)
     ]
     if (folder / "distances.csv").exists():
@@ -56,7 +48,7 @@ def observations(folder: Path) -> list[HeightAtContact | DistanceBetween]:
 
 def fit(folder: Path, priors: bool) -> MixedFit:
     """The nine parameters of a day."""
-    return fit_observations(PRINTER, observations(folder), free=NINE, priors=priors)
+    return fit_printer(PRINTER, observations(folder), priors)
 
 
 def mesh(folder: Path) -> Mesh:
@@ -149,7 +141,9 @@ def report(root: Path) -> None:
             print(f"prior {prior * scale:6.3f}  told {told:5.1%}")
         print(f"    told by the data {found.told:.2f} of 9,", end=" ")
         print(f"chi square {found.chi_square:.2f} per degree of freedom", end="; ")
-        heights, distances = (1e3 * rms(each) for each in left_out(root / MEASURED, priors))
+        heights, distances = (
+            1e3 * rms(each) for each in left_out(PRINTER, observations(root / MEASURED), priors)
+        )
         print(f"each left out in turn: {heights:.3f}, {distances:.3f} mm RMS")
     meshes = [mesh(root / day) for day in AUGUST]
     one, two = (beyond_geometry(m) for m in meshes)
@@ -174,36 +168,6 @@ def report(root: Path) -> None:
         share, chance = to_and_fro(meshes[0], error), by_chance(meshes[0], error)
         print(f"  {name}: {share:.0%} goes with the rows' parity", end=", ")
         print(f"by chance {chance:.0%} once in a hundred; {rms(error) * share**0.5 * 1e3:.4f} mm")
-
-
-def left_out(folder: Path, priors: bool) -> list[Array]:
-    """What each datum is missed by when a fit has not seen it, by kind, (n,) [m]."""
-    seen = observations(folder)
-    missed = []
-    for kind, observation in enumerate(seen):
-        errors = np.zeros(len(observation.joint))
-        for row in range(len(errors)):
-            rest = [*seen[:kind], take(observation, row, False), *seen[kind + 1 :]]
-            machine = fit_observations(PRINTER, rest, free=NINE, priors=priors).machine
-            errors[row] = take(observation, row, True).missed(machine)[0, 0]
-        missed.append(errors)
-    return missed
-
-
-def take(
-    observation: HeightAtContact | DistanceBetween, row: int, alone: bool
-) -> HeightAtContact | DistanceBetween:
-    """One datum, or all others."""
-    kept = np.arange(len(observation.joint)) == row
-    rows = kept if alone else ~kept
-    if isinstance(observation, HeightAtContact):
-        return replace(observation, joint=observation.joint[rows], height=observation.height[rows])
-    return replace(
-        observation,
-        joint=observation.joint[rows],
-        other=observation.other[rows],
-        distance=observation.distance[rows],
-    )
 
 
 def nearest(mesh: Mesh, other: Mesh) -> NDArray[np.intp]:

@@ -15,6 +15,7 @@ from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.diagnose import calibrated
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.effects.joint_curve import JointCurve
+from delta_calibration.identification.printer import left_out
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
@@ -52,7 +53,14 @@ def test_19_data_do_not_say_how_long_the_arms_are():
     assert believed.told < 7.5
     assert alone.observability.indices["O2"] < 0.01
     unseen = [
-        np.sqrt(np.mean([real_v400.rms(kind) ** 2 for kind in real_v400.left_out(folder, priors)]))
+        np.sqrt(
+            np.mean(
+                [
+                    real_v400.rms(kind) ** 2
+                    for kind in left_out(real_v400.PRINTER, real_v400.observations(folder), priors)
+                ]
+            )
+        )
         for priors in (False, True)
     ]
     assert unseen[1] < 0.85 * unseen[0]  # with priors the data that were left out are nearer

@@ -31,6 +31,7 @@ VERBS = (
     "iso9283",
     "replay",
     "import",
+    "printer",
     "info",
     "recover",
     "urdf",

@@ -25,6 +25,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
         "fit": "session --robot srbd --out calibration.yaml",
         "diagnose": "session --robot srbd --json verdict.json --out extended.yaml",
         "circle": "session --robot srbd --json circles.json --report circles.html",
+        "printer": "printer.cfg --out identified.cfg",
     },
     "Put right": {
         "compensate": "--robot srbd --calibration extended.yaml points.csv --out joints.csv",

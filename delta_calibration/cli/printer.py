@@ -1,0 +1,158 @@
+"""`delta-cal printer`: a Delta printer by the measurements that its firmware has kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.cli.options import table, write_text
+from delta_calibration.cli.quantity import Quantity
+from delta_calibration.geometry import Frame
+from delta_calibration.identification.mixed import MixedFit
+from delta_calibration.identification.observations import DistanceBetween, HeightAtContact, Machine
+from delta_calibration.identification.printer import (
+    Touched,
+    endstops,
+    fit_printer,
+    left_out,
+    printer,
+)
+from delta_calibration.mechanisms.linear_delta import LinearDelta
+from delta_calibration.recording.klipper import TOWERS, PrinterFile, read_printer
+from delta_calibration.wording import listed, mm
+
+Array = NDArray[np.float64]
+
+_MM = 1e3
+
+
+@click.command("printer", short_help="a Delta printer by its own probe (Klipper's printer.cfg)")
+@click.argument("config", type=click.Path(path_type=Path))
+@click.option(
+    "--noise-um",
+    type=Quantity(1.0, 10_000.0),
+    default=75.0,
+    show_default=True,
+    help="[um] standard deviation of a measured height or distance.",
+)
+@click.option(
+    "--data-alone", is_flag=True, help="Without what parts of a kit may be expected to be off by."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="File to write with the new entries.")
+def command(config: Path, noise_um: float, data_alone: bool, out: Path | None) -> None:
+    """Find the dimensions of the Delta printer whose firmware wrote CONFIG, its printer.cfg.
+
+    DELTA_CALIBRATE has probed the bed, and perhaps a caliper has measured a printed part
+    (DELTA_ANALYZE): SAVE_CONFIG keeps both at the end of the file. From them come radius, towers,
+    endstops and arms with their standard errors, what of them the measurements do not tell, and
+    how well each measurement is foretold by the others. CONFIG is left as it is; --out writes the
+    entries to put in the place of its own.
+    """
+    given = read_printer(config)
+    height = float(given.endstop.mean())
+    machine = printer(given.radius, given.angle, float(given.arm.mean()), height)
+    seen = _observations(given, 1e-6 * noise_um)
+    now = _as_given(given, machine)
+    found = fit_printer(machine, seen, priors=not data_alone)
+    counts = ", ".join(f"{len(o.joint)} {o.kind}s" for o in seen)
+    click.echo(f"{config}: {counts}")
+    click.echo(_errors(seen, now, found, left_out(machine, seen, not data_alone)))
+    click.echo("")
+    click.echo(_dimensions(now, found))
+    click.echo("")
+    click.echo(
+        f"told by the measurements: {found.told:.1f} of {len(found.names)}; chi square per degree "
+        f"of freedom {found.chi_square:.2f} of the stated noise"
+    )
+    if found.unset:
+        click.echo(f"not told: {listed(found.unset)}")
+    if out is not None:
+        write_text(out, _entries(found.machine.geometry))
+        click.echo(f"written: {out}")
+
+
+def _observations(given: PrinterFile, noise: float) -> list[Touched]:
+    """Kinds of which there are any."""
+    every: tuple[Touched, ...] = (
+        HeightAtContact(given.at_height, given.height, noise),
+        DistanceBetween(given.one, given.other, given.distance, noise),
+    )
+    return [o for o in every if len(o.joint)]
+
+
+def _as_given(given: PrinterFile, machine: LinearDelta) -> Machine:
+    """What the firmware works with."""
+    lean = np.sqrt(given.arm**2 - given.radius**2)
+    dimensions = [given.radius, *given.angle, *(given.endstop + lean), *given.arm]
+    return Machine.of(machine, np.array(dimensions), Frame.identity())
+
+
+def _errors(seen: list[Touched], now: Machine, found: MixedFit, unseen: list[Array]) -> str:
+    rows = [
+        (
+            f"{observation.kind}s",
+            mm(_MM * _rms(observation.missed(now))),
+            mm(_MM * _rms(observation.missed(found.machine))),
+            mm(_MM * _rms(apart)),
+        )
+        for observation, apart in zip(seen, unseen, strict=True)
+    ]
+    return table(("RMS [mm]", "as configured", "identified", "each left out"), rows)
+
+
+def _dimensions(now: Machine, found: MixedFit) -> str:
+    """As firmware has them: radius, angles, endstops and arms."""
+    free = [found.machine.chain.mechanism.parameters.row(name) for name in found.names]
+    covariance = np.zeros((10, 10))
+    covariance[np.ix_(free, free)] = found.covariance
+    g = found.machine.geometry
+    slope = np.eye(10)
+    for i in range(3):
+        lean = np.sqrt(g[7 + i] ** 2 - g[0] ** 2)
+        slope[4 + i, 0], slope[4 + i, 7 + i] = g[0] / lean, -g[7 + i] / lean
+    spread = np.sqrt(np.diag(slope @ covariance @ slope.T))
+    rows = [
+        (name, f"{_shown(value, unit):.3f}", f"{_shown(new, unit):.3f}", _error(std, unit), unit)
+        for (name, unit), value, new, std in zip(
+            _names(), _configured(now.geometry), _configured(g), spread, strict=True
+        )
+    ]
+    return table(("entry", "as configured", "identified", "standard error", "unit"), rows)
+
+
+def _entries(g: Array) -> str:
+    """Sections of a printer.cfg with what was identified."""
+    values = [_shown(v, unit) for v, (_, unit) in zip(_configured(g), _names(), strict=True)]
+    lines = ["[printer]", f"delta_radius: {values[0]:.6f}"]
+    for i, tower in enumerate(TOWERS):
+        angle, endstop, arm = (values[n + i] for n in (1, 4, 7))
+        lines += ["", f"[stepper_{tower}]", f"angle: {angle:.6f}"]
+        lines += [f"arm_length: {arm:.6f}", f"position_endstop: {endstop:.6f}"]
+    return "\n".join(lines) + "\n"
+
+
+def _configured(g: Array) -> Array:
+    """Endstops as the firmware counts them, in the place of the carriages' heights, (10,)."""
+    return np.concatenate([g[:4], endstops(g), g[7:]])
+
+
+def _names() -> list[tuple[str, str]]:
+    """Entry and unit."""
+    own = (("angle", "deg"), ("position_endstop", "mm"), ("arm_length", "mm"))
+    each = [(f"stepper_{tower} {name}", unit) for name, unit in own for tower in TOWERS]
+    return [("printer delta_radius", "mm"), *each]
+
+
+def _shown(value: float, unit: str) -> float:
+    return float(np.degrees(value)) if unit == "deg" else _MM * value
+
+
+def _error(std: float, unit: str) -> str:
+    return f"{_shown(std, unit):.3f}" if std > 0 else "held"
+
+
+def _rms(missed: Array) -> float:
+    return float(np.sqrt(np.mean(missed**2)))
