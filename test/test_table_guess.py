@@ -173,6 +173,23 @@ def test_what_is_in_doubt_is_not_written(
     assert not out.exists()
 
 
+def test_columns_that_are_not_used_are_told_and_units_once(
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    q, y = measured["srbd"]
+    heads = ["Point", "J1 [deg]", "J2 [deg]", "J3 [deg]", "X [mm]", "Y [mm]", "Z [mm]", "Remark"]
+    values = np.column_stack([np.arange(len(q)), np.degrees(q), 1e3 * y, np.zeros(len(q))])
+    rows = [",".join(f"{v:.6f}" for v in row) for row in values]
+    path = tmp_path / "table.csv"
+    path.write_text("\n".join([",".join(heads), *rows]), encoding="utf-8")
+    assert guess(path, "srbd") == 0
+    said = capsys.readouterr().out
+    assert "not used: Point, Remark\n" in said
+    assert "[deg] [deg]" not in said
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -366,7 +366,26 @@ def _others(table: _Table, found: _Found) -> dict[str, Any]:
     if set(quaternion) == set("xyzw"):
         columns = [quaternion[axis] for axis in "xyzw"]
         more["rotation"] = {"columns": columns, "form": "quaternion_xyzw"}
+    taken = used | set(_columns_in(more))
+    left = [name for name in table.names if name and name not in taken]
+    if left:
+        found.sure.append(f"not used: {', '.join(left)}")
     return more
+
+
+def _columns_in(mapping: object) -> Iterator[str]:
+    """Names of all columns in a part of a mapping."""
+    if isinstance(mapping, list):
+        for entry in mapping:
+            yield from _columns_in(entry)
+    elif isinstance(mapping, dict):
+        for key, value in mapping.items():
+            if key == "column":
+                yield value
+            elif key == "columns":
+                yield from value
+            else:
+                yield from _columns_in(value)
 
 
 _DIGITS = r"(?:19|20)\d{12}"  # a day and time that look like a number
@@ -402,12 +421,21 @@ def _time(table: _Table, name: str, unit: str, found: _Found) -> dict[str, Any]:
 
 def _rows(table: _Table, found: _Found) -> Iterator[dict[str, str]]:
     """The first rows as they would be read."""
+    joints, places = (
+        {name: _with_unit(name, unit) for name, unit in zip(names, units, strict=True)}
+        for names, units in (
+            (found.joints, [found.joint_unit] * len(found.joints)),
+            (found.place, found.place_units),
+        )
+    )
     for row in table.number[:_SHOWN]:
         value = dict(zip(table.names, row.tolist(), strict=True))
         yield {
-            **{f"{name} [{found.joint_unit}]": f"{value[name]:.6g}" for name in found.joints},
-            **{
-                f"{name} [{unit}]": f"{value[name]:.7g}"
-                for name, unit in zip(found.place, found.place_units, strict=True)
-            },
+            **{told: f"{value[name]:.6g}" for name, told in joints.items()},
+            **{told: f"{value[name]:.7g}" for name, told in places.items()},
         }
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """A column's name with the unit it is read in, once."""
+    return name if _bare(name)[1] == unit else f"{name} [{unit}]"
