@@ -24,7 +24,7 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.estimation import (
+from delta_calibration.papers import (
     Apso,
     Box,
     LinearResidual,

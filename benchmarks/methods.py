@@ -29,14 +29,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from delta_calibration.data import collect
-from delta_calibration.estimation import (
-    METHODS,
-    Method,
-    Problem,
-    chain_of,
-    method_named,
-    prepare,
-)
+from delta_calibration.estimation import Method, Problem, chain_of, prepare
+from delta_calibration.papers import METHODS, method_named
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, standing

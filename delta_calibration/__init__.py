@@ -20,9 +20,10 @@ save_calibration(Path("calibration.yaml"), found, robot, poses)
 ```
 
 - `recording`: sessions (rosbag2 folders), read and written; tables of others
-- `samples`: poses at rest in a session
+- `data`: sessions, their poses at rest and motions
 - `robot`, `mechanisms`: the robot file, and what it draws
-- `identification`, `diagnosis`, `effects`: geometry, what it leaves out, the causes
+- `estimation`, `diagnosis`, `effects`: geometry, what it leaves out, the causes; `papers`: their
+  methods
 - `calibration`, `calibration_file`: what was found, and its file
 - `compensation`: joint commands that put the tool where it was meant to be
 - `simulation`, `plans`, `accuracy`: a machine with errors, where to measure it, ISO 9283

@@ -22,15 +22,10 @@ from cables import (
     workspace,
 )
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.estimation import (
-    JointProblem,
-    alternate,
-    fit_together,
-    joint_covariance,
-    whitening,
-)
+from delta_calibration.estimation import whitening
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import CableRobot, RotaryDelta, SixRodDelta
+from delta_calibration.papers import JointProblem, alternate, fit_together, joint_covariance
 from identification_bench import ROBOT
 
 TURN, PLACE = np.array([0.2, -0.1, 1.0]), np.array([3.0, 0.5, -0.2])

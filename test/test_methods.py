@@ -17,19 +17,15 @@ from delta_calibration.cli.main import run
 from delta_calibration.data import collect
 from delta_calibration.documents import read_document
 from delta_calibration.errors import DataError, InputError, SingularityError
-from delta_calibration.estimation import (
+from delta_calibration.estimation import chain_of, identify, prepare, solution_at, solve
+from delta_calibration.papers import (
     METHODS,
     Box,
     LinearResidual,
     box_of,
-    chain_of,
     error_model,
-    identify,
     in_turn,
     method_named,
-    prepare,
-    solution_at,
-    solve,
 )
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session

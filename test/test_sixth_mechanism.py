@@ -12,10 +12,11 @@ from ruamel.yaml import YAML
 
 import test_every_mechanism as every_robot
 from delta_calibration.compensation import CommandStatus, JointCompensator
-from delta_calibration.estimation import chain_of, identify, method_named, prepare
+from delta_calibration.estimation import chain_of, identify, prepare
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.mechanisms.base import Limb
 from delta_calibration.model.symbols import norm, square
+from delta_calibration.papers import method_named
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import load_robot
 from delta_calibration.sections import length, tolerance

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.estimation import (
+from delta_calibration.estimation import observe
+from delta_calibration.mechanisms import RotaryDelta, SixRodDelta
+from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
+from delta_calibration.papers import (
     Apso,
     Box,
     LinearResidual,
@@ -19,12 +22,9 @@ from delta_calibration.estimation import (
     in_rounds,
     least_squares,
     minimise,
-    observe,
     stepwise,
     stepwise_singular,
 )
-from delta_calibration.mechanisms import RotaryDelta, SixRodDelta
-from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
 from delta_calibration.papers.swarm import Swarm
 from delta_calibration.robot import load_robot
 

@@ -12,20 +12,14 @@ from delta_calibration.chain import Chain
 from delta_calibration.data import at_rest, collect, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.errors import DataError
-from delta_calibration.estimation import (
-    chain_of,
-    identify,
-    method_named,
-    most_evaluations,
-    prepare,
-    whitening,
-)
+from delta_calibration.estimation import chain_of, identify, most_evaluations, prepare, whitening
 from delta_calibration.estimation import solve as solve_problem
 from delta_calibration.estimation.measurements import Measured, PoseMeasured
 from delta_calibration.estimation.problem import MOUNT_NAMES
 from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.base import solve
+from delta_calibration.papers import method_named
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot

@@ -1,4 +1,4 @@
-"""The desk at which a cell is calibrated: capture, fit, save, reload, switch on.
+"""The calibration of a live cell: capture, fit, save, reload, switch on.
 
 Every order answers with a sentence, or raises a CalibrationError with the reason and leaves
 everything as it was.
@@ -46,7 +46,7 @@ AT_ONCE_S = 0.1  # of a ramp that one output makes up for
 
 @dataclass(frozen=True)
 class Settings:
-    """What a desk is set up with."""
+    """Settings of a calibration session."""
 
     robot: str  # file or name
     calibration: str = ""  # file; empty for none

@@ -1,6 +1,6 @@
 """How the commanded joints move, command by command: compiled, for `Surroundings`.
 
-For every joint the direction and the travel since it last turned round (see samples/motion.py);
+For every joint the direction and the travel since it last turned round (see data/motion.py);
 speed and acceleration by a parabola over the last tenth of a second, by the commands' stamps.
 """
 
@@ -86,7 +86,7 @@ def moved(own: Motion, q: Array, stamp_ns: int) -> None:
 
 @compiled(borrows=True)
 def _stroke(own: Motion, i: int, angle: float) -> None:
-    """Joint i has come to an angle [rad]; see `samples.motion.Stroke`."""
+    """Joint i has come to an angle [rad]; see `data.motion.Stroke`."""
     if own.told[BEGUN] == 0:
         own.farthest[i], own.direction[i], own.turn[i] = angle, 0.0, np.nan
         return

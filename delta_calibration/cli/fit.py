@@ -23,15 +23,8 @@ from delta_calibration.cli.options import (
     topics_option,
 )
 from delta_calibration.data import Poses, collect
-from delta_calibration.estimation import (
-    METHODS,
-    ORDERS,
-    Identification,
-    doubts,
-    identify,
-    method_named,
-    most_evaluations,
-)
+from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
+from delta_calibration.papers import METHODS, ORDERS, method_named
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.wording import mm

@@ -5,8 +5,8 @@ About a fit everything is linear,
     r = A z + X v + noise,      z ~ N(0, 1) where a prior is known,
 
 with A the columns of geometry, reflector offset and tracker frame, X those of an effect, and noise
-of covariance C: 1, and the rest errors of the paths (`shared_path_error.py`). Integrated over z the residuals
-have the covariance V = C + A A^T (unbounded for the tracker's frame), and all tests need only
+of covariance C: 1, and the rest errors of the paths (`shared_path_error.py`). Integrated over z the
+residuals have the covariance V = C + A A^T (unbounded for the tracker's frame), and all tests need only
 inner products under it: with a, b and A under the inverse root of C
 
     <a, b> = a^T V^-1 b = a^T b - (A^T a)^T (A^T A + P)^-1 (A^T b)      (Woodbury)

@@ -13,6 +13,7 @@ from delta_calibration.data import Poses, require_poses
 from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.estimation.cross_validation import Known, left_out
 from delta_calibration.estimation.measurements import Measured, PointMeasured, PoseMeasured
+from delta_calibration.estimation.method import LeastSquares, Method, Watch
 from delta_calibration.estimation.noise import Noise, estimate_noise, whitening
 from delta_calibration.estimation.observability import (
     Observability,
@@ -23,7 +24,6 @@ from delta_calibration.estimation.problem import Problem, Solution, build_proble
 from delta_calibration.estimation.registration import registered
 from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
 from delta_calibration.geometry import Frame, align
-from delta_calibration.papers.methods import LeastSquares, Method, Watch
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot

@@ -68,7 +68,7 @@ WAYS = (("fit", fit, FIT_STEPS), ("diagnose", diagnosed, DIAGNOSIS_STEPS))
 
 
 class CalibrationNode(SafeLifecycleNode):
-    """Wires topics and services to a `CalibrationSession`; the command path runs on while a fit does.
+    """Wires topics and services to a `CalibrationSession`; commands run on while a fit does.
 
     Args:
         alone: whether the process is the node's own, to be made fit for commands at 1 kHz.
