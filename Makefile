@@ -19,6 +19,8 @@ FAILURES ?= 200000
 ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
 unexport LD_LIBRARY_PATH
 endif
+# Bytecode is kept: without it every process that a demo or a test starts compiles the package's source anew.
+unexport PYTHONDONTWRITEBYTECODE
 unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .DEFAULT_GOAL := help
