@@ -24,7 +24,7 @@ from delta_calibration.cli.options import (
 from delta_calibration.cli.quantity import Quantity
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
-from delta_calibration.diagnosis.contrast import ALIKE
+from delta_calibration.diagnosis.constants import SAME
 from delta_calibration.diagnosis.experiments import NOTHING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.errors import InputError
@@ -189,7 +189,7 @@ def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | 
         *_timed(parting.levels),
     ]
     if not parting.after.parted:
-        lacking = "more stops" if parting.after.cosine < ALIKE else parting.outside or NOTHING
+        lacking = "more stops" if parting.after.cosine < SAME else parting.outside or NOTHING
         lines.append(f"not enough to tell them apart: {lacking}")
     return "\n".join(lines)
 

@@ -17,15 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.constants import NAMED, SAME
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.predicted_information import Mask, Products
-from delta_calibration.diagnosis.rivals import SAME
 from delta_calibration.diagnosis.scores import PRECISION
 
 Array = NDArray[np.float64]
-
-ALIKE = SAME  # cosine from which two explanations are too much alike to be told apart
-NAMED = 80.0  # lambda from which a cause can be named
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Contrast:
     @property
     def parted(self) -> bool:
         """Whether a typical size of the first would be told from the second."""
-        return self.cosine < ALIKE and self.signal >= NAMED
+        return self.cosine < SAME and self.signal >= NAMED
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.constants import LEARNABLE, PARTS, SURE_QUANTILE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import change, most_likely
 
 Array = NDArray[np.float64]
 
-_PARTS = 5
 _CELL = 0.05  # [m]
-_LEARNABLE = 0.2  # of the information
 _DRAWS = 400
-_SURE = 0.025  # quantile under which the gain's interval begins
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ def stretches(evidence: LinearizedModel) -> NDArray[np.int64]:
 def scattered(evidence: LinearizedModel) -> NDArray[np.int64]:
     """One of five parts for each cell of the workspace, (n,); neighbours are in different ones."""
     cell = np.round(evidence.chain.mechanism.position(evidence.pose) / _CELL).astype(np.int64)
-    return np.asarray((cell @ np.array([1, 2, 4])) % _PARTS)
+    return np.asarray((cell @ np.array([1, 2, 4])) % PARTS)
 
 
 def learnable(evidence: LinearizedModel, columns: Array, part: NDArray[np.int64]) -> bool:
@@ -76,7 +74,7 @@ def learnable(evidence: LinearizedModel, columns: Array, part: NDArray[np.int64]
         if others.size:
             own = evidence.part(columns, others)
             known = np.diag(evidence.take(others).information(own))
-        if (known < _LEARNABLE * whole).any():
+        if (known < LEARNABLE * whole).any():
             return False
     return True
 
@@ -158,7 +156,7 @@ def gain(
     totals = np.stack([np.bincount(which, v) for v in metres], axis=1)
     drawn = totals[rng.integers(0, len(numbers), (_DRAWS, len(numbers)))].sum(axis=1)
     shares = _share(drawn)
-    low, high = np.quantile(shares, [_SURE, 1 - _SURE])
+    low, high = np.quantile(shares, [SURE_QUANTILE, 1 - SURE_QUANTILE])
     return Gain(
         before=before.rms(rows),
         after=after.rms(rows),
@@ -176,5 +174,5 @@ def _share(totals: Array) -> Array:
 
 
 def _parts(value: Array, of_poses: Array) -> NDArray[np.int64]:
-    edges = np.quantile(of_poses, np.linspace(0, 1, _PARTS + 1)[1:-1])
+    edges = np.quantile(of_poses, np.linspace(0, 1, PARTS + 1)[1:-1])
     return np.searchsorted(edges, value).astype(np.int64)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.contrast import ALIKE, NAMED, Contrast, Pair
+from delta_calibration.diagnosis.constants import NAMED, SAME
+from delta_calibration.diagnosis.contrast import Contrast, Pair
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.predicted_information import Foresight, Products, stacked
 from delta_calibration.diagnosis.proposals import Session, proposals
@@ -134,7 +135,7 @@ class Outlook:
         yield ALREADY, now
         columns = pair.columns(self.foreseen)
         added = [self._added(columns, i) for i in range(len(self.sentences))]
-        distrusted = 0.0 if now.cosine < ALIKE else now.signal
+        distrusted = 0.0 if now.cosine < SAME else now.signal
         for times, over in _OVER.items():
             for i, sentence in enumerate(self.sentences):
                 much = max(times, len(self.measured) / int(np.sum(self.number == i)))

@@ -14,6 +14,16 @@ from delta_calibration.diagnosis.candidates import (
     columns_of,
     shape_columns,
 )
+from delta_calibration.diagnosis.constants import (
+    ALPHA,
+    BEYOND,
+    ELSEWHERE,
+    FORETOLD,
+    LEAST_SURE,
+    MOST_OF,
+    MOVING,
+    WORTH,
+)
 from delta_calibration.diagnosis.cross_validation import (
     Gain,
     HeldOut,
@@ -42,7 +52,6 @@ from delta_calibration.diagnosis.rivals import Rivalry, equivalents, named, stan
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import SearchResult
 from delta_calibration.diagnosis.set_aside import set_aside
-from delta_calibration.diagnosis.statement import ALPHA
 from delta_calibration.diagnosis.verdict import Estimate, Finding, Held
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.parameters import Parameter
@@ -51,13 +60,6 @@ from delta_calibration.theta import entries
 Array = NDArray[np.float64]
 
 MM = 1e3
-_MOVING = 0.25  # a signal at rest this small beside the one in motion shows in motion only
-_FORETOLD = 0.25  # of what an explanation explains, that it must foretell of held-out data
-_WORTH = 0.2  # of the avoidable error that a map must take away, as far as held-out data are sure
-_LEAST_SURE = 0.05  # a cause less sure than this is none
-_MOST_OF = 0.5  # of what geometry explains, for one dimension to be named
-_BEYOND = 1.5  # times the tolerances, by which all dimensions scatter
-_ELSEWHERE = 1e-5  # p of a reflector's place; its prior is an expectation, and no tolerance
 
 
 class HeldOutModels:
@@ -120,11 +122,11 @@ class HeldOutModels:
             parts.append(self.stretches)
         if term.unexplained and not self.foretells(rest, model.terms, self._where(columns)):
             return None
-        if any(foretold(evidence, columns, bounds, each) < _FORETOLD for each in parts):
+        if any(foretold(evidence, columns, bounds, each) < FORETOLD for each in parts):
             return None
         before, after = self.terms(rest, part), self.terms(model.terms, part)
         held = self.gain(before, after, columns, rng)
-        good = held.low >= _WORTH if term.unexplained else held.share > 0.0
+        good = held.low >= WORTH if term.unexplained else held.share > 0.0
         return held if good else None
 
     def foretells(
@@ -148,7 +150,7 @@ class HeldOutModels:
         """The poses; the paths where the columns show in motion only."""
         size = np.sum(columns.reshape(len(self.evidence), -1) ** 2, axis=1)
         moving = self.evidence.believed & ~self.poses
-        if moving.any() and size[self.poses].mean() < _MOVING**2 * size[moving].mean():
+        if moving.any() and size[self.poses].mean() < MOVING**2 * size[moving].mean():
             return moving
         return self.poses
 
@@ -170,7 +172,7 @@ def of_term(
         return None
     tried = found.tried
     stand = standing(model, term, tried)
-    if not term.unexplained and stand.confidence < _LEAST_SURE:
+    if not term.unexplained and stand.confidence < LEAST_SURE:
         return None
     items = _items(model, term)
     spread, of_shape = spread_of(evidence, model, term)
@@ -240,7 +242,7 @@ def of_dimension(
     rng: np.random.Generator,
 ) -> Finding | None:
     """What is said of a dimension that stands out from the machine's own scatter, if one does."""
-    if outlier.log_p > np.log(ALPHA) or outlier.share < _MOST_OF or outlier.log_bayes <= 0:
+    if outlier.log_p > np.log(ALPHA) or outlier.share < MOST_OF or outlier.log_bayes <= 0:
         return None
     model, candidate = found.model, outlier.candidate
     evidence = at_scatter(beside(held.evidence, model.terms), tau)
@@ -279,7 +281,7 @@ def of_geometry(
 
     None where the dimensions do not foretell sectors that they were not fitted in.
     """
-    if scatter.log_p > np.log(ALPHA) or scatter.tau < _BEYOND:
+    if scatter.log_p > np.log(ALPHA) or scatter.tau < BEYOND:
         return None
     rows = entries(found.model.bare.layout.geometry)
     said = _of_nuisance(found.model, "geometry", "geometry", rows, scatter.log_p, held, rng)
@@ -292,7 +294,7 @@ def of_reflector(
     """What is said of a reflector that is not where the robot's file has it, by its prior."""
     evidence = found.model.beside
     log_p = displaced(evidence)
-    if log_p > np.log(_ELSEWHERE):
+    if log_p > np.log(ELSEWHERE):
         return None
     rows = offset_rows(evidence)
     return _of_nuisance(found.model, "smr_offset", "measurement", rows, log_p, held, rng)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
+from delta_calibration.diagnosis.constants import HIDDEN, NAMED
 from delta_calibration.diagnosis.experiments import next_experiment, visibility
 from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.geometry import offset_rows, without, without_geometry
@@ -22,9 +23,6 @@ from delta_calibration.diagnosis.verdict import (
 from delta_calibration.effects import Effect, Stage
 
 Array = NDArray[np.float64]
-
-_SHOWS = 80.0  # lambda from which a cause is named
-_HIDDEN = 20.0  # lambda under which it is not even seen
 
 
 def unseen(
@@ -87,7 +85,7 @@ def _reflector(evidence: LinearizedModel) -> list[CannotTell]:
     if not columns.any():  # nothing measured goes by a reflector
         return []
     shown = np.linalg.eigvalsh(without(evidence, rows).information(columns))
-    if shown[-1] >= _HIDDEN:
+    if shown[-1] >= HIDDEN:
         return []
     because = "the platform hardly tilts: an offset moves all readings alike, as the frame does"
     following = "measure where the reflector sits on the platform"
@@ -116,7 +114,7 @@ def _blind(
         return (), lacking, following if "known" in lacking else "measure where that is not so"
     whole = beside(evidence, terms)
     bare, left = visibility(whole, shape)
-    if left >= _HIDDEN:
+    if left >= HIDDEN:
         return None
     candidate = next(subsets(shape))
     covering = _covering(evidence, terms, shape)
@@ -125,7 +123,7 @@ def _blind(
         return (covering.cause,), _COVERED, following
     following = next_experiment(whole, candidate, None)
     constant = _constant(evidence, shape)
-    if bare < _SHOWS:
+    if bare < NAMED:
         return (), constant or _too_small(evidence, shape, unknown), following
     because = constant or "on these poses the geometry can take its place"
     return _partners(whole, candidate), because, following
@@ -160,7 +158,7 @@ def _covering(
     """The cause found that hides an effect: without it, one of typical size would be seen."""
     for term in terms:
         others = tuple(m for m in terms if m is not term)
-        if not term.unexplained and visibility(beside(evidence, others), effect)[1] >= _SHOWS:
+        if not term.unexplained and visibility(beside(evidence, others), effect)[1] >= NAMED:
             return term
     return None
 

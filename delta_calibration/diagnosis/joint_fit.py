@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.constants import SHADOW
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Chance, Score, decrease, log_bayes, most_likely
 
 Array = NDArray[np.float64]
-
-_SHADOW = 0.9  # of what a map explains that a named cause must explain to be preferred
 
 
 @dataclass(frozen=True)
@@ -85,4 +84,4 @@ def as_score(term: Candidate, tried: Sequence[Score]) -> Score:
 
 def shadow(candidate: Candidate, gain: float) -> float:
     """What a map pays beyond its parameters: a tenth of what it explains."""
-    return (1 - _SHADOW) * gain / 2 if candidate.unexplained else 0.0
+    return (1 - SHADOW) * gain / 2 if candidate.unexplained else 0.0

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.constants import LIKELIER, MOST, PART_OF_A_MAP, SOME
 from delta_calibration.diagnosis.cross_validation import HeldOut
 from delta_calibration.diagnosis.findings import (
     MM,
@@ -28,7 +29,7 @@ from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.identifiability import unseen
 from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
 from delta_calibration.diagnosis.law_words import fitted_with, told
-from delta_calibration.diagnosis.model_selection import MOST, worth_it
+from delta_calibration.diagnosis.model_selection import worth_it
 from delta_calibration.diagnosis.name_checks import signal_of, untrusted
 from delta_calibration.diagnosis.residual_tests import ResidualTests, audit
 from delta_calibration.diagnosis.scan import Scan, scanned
@@ -53,9 +54,6 @@ from delta_calibration.effects import Effect
 
 Array = NDArray[np.float64]
 
-_PART = 0.5  # odds that a name beside which a map explains some is not a part of what the map is
-_LIKELIER = 0.9  # probability of a law from which causes that it follows as well are not named
-_SOME = 0.02  # of what a cause explains, that a map may explain beside it: no model is perfect
 STEPS = ("geometry", "causes", "held-out data", "what is left")
 
 
@@ -151,7 +149,7 @@ def _less_than_a_law(
         return found, held, said
     others = tuple(m for m in found.model.terms if m not in named)
     without = beside(found.model.evidence, others)  # about the fit with them: their best view
-    if doubts_of_names(without, named, effects[0].robot) < _LIKELIER:
+    if doubts_of_names(without, named, effects[0].robot) < LIKELIER:
         return found, held, said
     bare = found.model.fitted(tuple(m for m in said if m.effect is None))
     if not likely_laws(bare.beside, effects[0].robot, effects[0], rng):
@@ -239,14 +237,14 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
 def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
     """Findings, at even odds where they are in doubt."""
     return {
-        m: replace(f, confidence=f.confidence * (_PART if _in_doubt(f, last) else 1.0))
+        m: replace(f, confidence=f.confidence * (PART_OF_A_MAP if _in_doubt(f, last) else 1.0))
         for m, f in said.items()
     }
 
 
 def _in_doubt(finding: Finding, last: Scan) -> bool:
     """Whether a map explains some beside a cause, which may be a part of what the map is."""
-    return last.nameless and last.left is not None and last.left.gain > _SOME * finding.signal
+    return last.nameless and last.left is not None and last.left.gain > SOME * finding.signal
 
 
 def _holding(

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.constants import TYPICAL_SHIFT
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, decrease, log_bayes
 from delta_calibration.effects.base import Stage, law_of
@@ -31,7 +32,6 @@ from delta_calibration.model.terms import Term, columns, table_of
 
 Array = NDArray[np.float64]
 
-_TYPICAL = 1e-4  # [m] by which a value of typical size moves the reading
 _NO_COLUMN = 1e-12  # of a displacement, under which it is none
 
 Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
@@ -46,7 +46,7 @@ class Case:
     log_bayes: float
     gain: float  # decrease of chi square
     value: Array  # (k,) most likely, in `size`
-    size: Array  # (k,) units in which each column moves the reading by `_TYPICAL`
+    size: Array  # (k,) units in which each column moves the reading by `TYPICAL_SHIFT`
     information: Array  # (k, k) in those units
 
 
@@ -129,7 +129,7 @@ class Screen:
         information = direct - common @ common.T - along @ self.evidence.solved(along.T)
         left = np.array([factor.left @ own for factor, own in zip(factors, f, strict=True)])
         metres = self._noise * np.sqrt(np.diag(direct) / self._count)
-        size = _TYPICAL / np.maximum(metres, _NO_COLUMN)
+        size = TYPICAL_SHIFT / np.maximum(metres, _NO_COLUMN)
         information, b = size[:, None] * information * size, size * left
         value = np.linalg.solve(information + PRECISION * np.eye(len(b)), b)
         worth = log_bayes(information, b, value, [slice(0, len(b))])

@@ -23,6 +23,18 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, maps
+from delta_calibration.diagnosis.constants import (
+    COMPARED_LAWS,
+    COMPLETE,
+    LAW_ALIKE,
+    LAW_BESIDE,
+    LAW_FORETOLD,
+    LAW_SHOWS,
+    LAW_SURE,
+    PLAIN_WORDS,
+    TEMPER,
+    USUAL,
+)
 from delta_calibration.diagnosis.cross_validation import (
     foretold,
     learnable,
@@ -43,23 +55,13 @@ Array = NDArray[np.float64]
 
 _FINER, _APART = 16, 16  # families whose shapes are made finer, and finer for each target
 _STEPS = 40  # of a search for a shape
-_PLAIN_WORDS = 4.0  # odds of a line against any other function, of none against a second quantity
-_USUAL = 1000.0  # odds of what moves a thing on machines against what does not, as far as known
 _ODD = {
     Stage.STRUCTURE: ("q", "direction", "acceleration"),
     Stage.MEASUREMENT: (),
     Stage.DRIVE: (),
 }
-_TEMPER = 3.0  # by which ln p is divided: what evidence leaves out
-_SURE = 0.6  # probability from which a law is told
-_COMPLETE = 0.95  # no grammar has every law, as no catalogue has every cause
-_ALIKE = 0.98  # share of a signal that another law makes as well, for the two to be one
-_FORETOLD = 0.5  # share of what a law explains that it has to foretell
-_BESIDE = 0.1  # of a law's ln B, that a map may have beside it
 _COORDINATES = 3  # of a reading that says where a reflector is
-_COMPARED = 40  # laws that are held against one another
 _DRAWS = 16
-_SHOWS = 10.0  # ln B under which no law is looked for further
 
 
 @dataclass(frozen=True)
@@ -105,17 +107,17 @@ def likely_laws(
     signals = signals_of(evidence, robot)
     screen = Screen(evidence, signals)
     guesses = _finer(screen, list(Grammar(robot, evidence, signals).laws()))
-    if not guesses or guesses[0].case.log_bayes < _SHOWS:
+    if not guesses or guesses[0].case.log_bayes < LAW_SHOWS:
         return ()
     mapped = _best_map(evidence, effect, rng)
     classes = _classes(screen, guesses)
     top = max(guesses[0].log_p, mapped, 0.0)
-    weights = [np.exp((own[0].log_p - top) / _TEMPER) for own in classes]
-    total = sum(weights) + sum(np.exp((other - top) / _TEMPER) for other in (mapped, 0.0))
+    weights = [np.exp((own[0].log_p - top) / TEMPER) for own in classes]
+    total = sum(weights) + sum(np.exp((other - top) / TEMPER) for other in (mapped, 0.0))
     found = []
     for own, weight in zip(classes, weights, strict=True):
-        probability = _COMPLETE * float(weight / total)
-        if probability >= _SURE and _holds(evidence, screen, own[0], effect, rng):
+        probability = COMPLETE * float(weight / total)
+        if probability >= LAW_SURE and _holds(evidence, screen, own[0], effect, rng):
             others = (g for other in classes if other is not own for g in other[:1])
             found.append(Likely(own[0], probability, tuple(own[1:]), next(others, None)))
     return tuple(found)
@@ -137,7 +139,7 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
     signals = signals_of(evidence, robot)
     laws = list(Grammar(robot, evidence, signals).laws())
     guesses = _finer(Screen(evidence, signals), laws)
-    return float(expit((guesses[0].log_p - worth(evidence, named)) / _TEMPER))
+    return float(expit((guesses[0].log_p - worth(evidence, named)) / TEMPER))
 
 
 def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:
@@ -198,7 +200,7 @@ class _Priors:
             shapes[key] = shapes.get(key, 0) + 1
             words = (law.function != "line") + (law.by is not None) + (law.of.ahead > 0)
             odd = law.of.name in _ODD[law.stage]
-            weight[key] = _PLAIN_WORDS**-words / (_USUAL if odd else 1.0)
+            weight[key] = PLAIN_WORDS**-words / (USUAL if odd else 1.0)
         total = float(np.log(sum(weight.values())))
         return cls({key: float(np.log(w)) - total for key, w in weight.items()}, shapes)
 
@@ -274,14 +276,14 @@ def _classes(screen: Screen, guesses: Sequence[Guess]) -> list[list[Guess]]:
     """Laws that make the same of these readings together, likeliest first."""
     classes: list[tuple[Array, float, list[Guess]]] = []
     evidence, top = screen.evidence, guesses[0].log_p
-    for guess in guesses[:_COMPARED]:
-        if guess.log_p < top - 10 * _TEMPER:
+    for guess in guesses[:COMPARED_LAWS]:
+        if guess.log_p < top - 10 * TEMPER:
             break
         signal = screen.signal(guess.parts, guess.case)
         weighed = evidence.weigh(signal[:, None])[:, 0]
         length = float(signal @ weighed)
         for first, own, terms in classes:
-            if float(first @ weighed) ** 2 > _ALIKE * own * length:
+            if float(first @ weighed) ** 2 > LAW_ALIKE * own * length:
                 terms.append(guess)
                 break
         else:
@@ -302,7 +304,7 @@ def _holds(
     every = (sectors(evidence), stretches(evidence), scattered(evidence))
     parts = [part for part in every if learnable(evidence, columns, part)]
     shares = [foretold(evidence, columns, free, part) for part in parts]
-    if not shares or min(shares) < _FORETOLD:
+    if not shares or min(shares) < LAW_FORETOLD:
         return False
     beside = evidence.beside(columns, np.full(columns.shape[1], PRECISION))
-    return _best_map(beside, effect, rng) < _BESIDE * guess.case.log_bayes
+    return _best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes

@@ -5,9 +5,9 @@ About a fit everything is linear,
     r = A z + X v + noise,      z ~ N(0, 1) where a prior is known,
 
 with A the columns of geometry, reflector offset and tracker frame, X those of an effect, and noise
-of covariance C: 1, and the rest errors of the paths (`shared_path_error.py`). Integrated over z the
-residuals have the covariance V = C + A A^T (unbounded for the tracker's frame), and all tests need only
-inner products under it: with a, b and A under the inverse root of C
+of covariance C: 1, and the rest errors of the paths (`shared_path_error.py`). Integrated over z
+the residuals have the covariance V = C + A A^T (unbounded for the tracker's frame), and all tests
+need only inner products under it: with a, b and A under the inverse root of C
 
     <a, b> = a^T V^-1 b = a^T b - (A^T a)^T (A^T A + P)^-1 (A^T b)      (Woodbury)
 
@@ -26,6 +26,7 @@ from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions, Paths, Survey
+from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.signals import Signals, recorded
@@ -43,11 +44,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _AROUND = 9  # readings, about each on a path
-_SPIKE = 6.0  # standard deviations from them beyond which a reading is an outlier
 _TURNING = 2e-3  # [rad of a Delta] of travel after a turn
 _SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
-_EXCEPTION = 0.3  # share of the poses under which such stops are left out
-_CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 
 
 @dataclass(frozen=True)
@@ -401,7 +399,7 @@ def on_the_way(survey: Survey) -> NDArray[np.bool_]:
     since = time - moving[np.clip(after - 1, 0, None)]
     until = moving[np.clip(after, None, len(moving) - 1)] - time
     within = (since >= 0) & (until >= 0) & (np.maximum(since, until) < _SHORTLY)
-    return np.asarray(within & (within.mean() < _EXCEPTION))
+    return np.asarray(within & (within.mean() < EXCEPTION))
 
 
 def _whiten_paths(paths: Paths, slope: Array, cell: Cell) -> Array:
@@ -429,6 +427,6 @@ def _believed(whiten: Array, missed: Array, paths: Paths, turning_travel: float)
         rows = np.flatnonzero(path == number)
         around = median_filter(whitened[rows], size=(_AROUND, 1), mode="mirror")
         distance[rows] = np.linalg.norm(whitened[rows] - around, axis=1)
-    typical = max(1.0, float(np.median(distance)) / _CHI3_MEDIAN) if len(path) else 1.0
-    good = (distance <= _SPIKE * typical) & ~turning
+    typical = max(1.0, float(np.median(distance)) / CHI3_MEDIAN) if len(path) else 1.0
+    good = (distance <= SPIKE * typical) & ~turning
     return np.asarray(good.astype(float)[:, None, None])

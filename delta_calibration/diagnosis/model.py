@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Survey
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, typical_of
+from delta_calibration.diagnosis.constants import FAIR, LACKING, QUIETER, STRAYED
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -22,10 +23,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _ROUNDS = 4
-_QUIETER = 0.8  # of the noise before, from which a smaller one is worth another search
-_FAIR = 0.1  # of the information
-_LACKING = 1.1  # misfit of a model without a strong cause
-_STRAYED = 1.0  # standard deviations of where the file expects the reflector
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
 _SETTLING = 2  # steps at a new offset of the reflector
@@ -87,7 +84,7 @@ class Model(Fitted):
         """
         offset, problem = _offset(self), self.problem
         off = (self.theta - problem.theta0)[offset] / np.diag(problem.basis)[offset]
-        if self.misfit < _LACKING or np.abs(off).max() < _STRAYED:
+        if self.misfit < LACKING or np.abs(off).max() < STRAYED:
             return ()
         free = np.ones(len(self.theta), dtype=bool)
         free[offset] = False
@@ -108,7 +105,7 @@ class Model(Fitted):
             return self
         poses, robot = self.survey.poses, self.cell.robot
         _, noise, problem = prepare(poses, robot, self.problem.chain, moved)
-        if noise.floor > _QUIETER * self.floor:
+        if noise.floor > QUIETER * self.floor:
             return self
         return solved(self.survey, robot, noise, problem)
 
@@ -238,7 +235,7 @@ def _shows_at_rest(evidence: LinearizedModel, term: Candidate) -> bool:
     whole = np.diag(evidence.information(columns_of(term, evidence)))
     resting = evidence.take(np.arange(evidence.poses))
     alone = np.diag(resting.information(columns_of(term, resting)))
-    return bool((alone > _FAIR * whole).all())
+    return bool((alone > FAIR * whole).all())
 
 
 def _moved(model: Model, held: Index = _NOTHING) -> Model:

@@ -14,16 +14,11 @@ from itertools import combinations
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.constants import ALPHA, IMPERFECT, MOST, NAMED, SHORT_LIST
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, shadow
 from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Score
-from delta_calibration.diagnosis.statement import ALPHA
-
-MOST = 4  # effects at a time
-_SHORT = 30  # explanations that swaps and pairs are made of
-_IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
-_NAMED = 80.0  # lambda that a cause beside another must have, to be told from its traces
 
 
 def shortlist(here: Scan) -> list[Score]:
@@ -31,7 +26,7 @@ def shortlist(here: Scan) -> list[Score]:
     best: dict[str, Score] = {}
     for score in worth_a_map(here):
         best.setdefault(score.candidate.key, score)
-    return list(best.values())[:_SHORT][::-1]
+    return list(best.values())[:SHORT_LIST][::-1]
 
 
 def worth_a_map(here: Scan) -> list[Score]:
@@ -63,7 +58,7 @@ def worth_it(here: Scan, model: Fitted) -> Score | None:
 
 def _least(explained: float) -> float:
     """lambda that one more explanation must have beside what the others explain."""
-    return max(_NAMED, _IMPERFECT * explained) if explained > _NAMED else 0.0
+    return max(NAMED, IMPERFECT * explained) if explained > NAMED else 0.0
 
 
 def decrease_of(model: Fitted) -> float:

@@ -6,14 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.constants import CLEAR, REMAINS, SHADOWED
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.rivals import reached
 
 Array = NDArray[np.float64]
-
-_SHADOWED = 0.5  # of a signal that a map could make, for the signal to be in its shadow
-_REMAINS = 0.25  # of what remains unexplained, that a cause must explain at least
-_CLEAR = 3.0  # standard deviations by which chi square exceeds its degrees of freedom
 
 
 def untrusted(model: Fitted) -> tuple[Candidate, ...]:
@@ -32,7 +29,7 @@ def untrusted(model: Fitted) -> tuple[Candidate, ...]:
         for term in model.terms
         if not term.unexplained
         and (
-            signal_of(model, term) < _REMAINS * remains
+            signal_of(model, term) < REMAINS * remains
             or any(_in_the_shadow(model, term, other) for other in free if other is not term)
         )
     )
@@ -49,7 +46,7 @@ def unexplained(model: Fitted) -> float:
         degrees = evidence.coordinates * share * rows.sum()
         excess = float(np.sum(left[rows] ** 2)) - degrees
         spread = np.sqrt(2 * degrees + 2 * degrees**2 / known)
-        total += excess if excess > _CLEAR * spread else 0.0
+        total += excess if excess > CLEAR * spread else 0.0
     return total
 
 
@@ -69,4 +66,4 @@ def _in_the_shadow(model: Fitted, term: Candidate, other: Candidate) -> bool:
     columns = columns_of(other, evidence)
     drawn = reached(evidence.information(columns), columns.T @ weighed)
     less = signal_of(model, term) < signal_of(model, other)
-    return less and drawn > _SHADOWED * float(signal @ weighed)
+    return less and drawn > SHADOWED * float(signal @ weighed)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.constants import GROSS
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import LinearizedModel, linearized_about
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
@@ -37,7 +38,6 @@ _STEP = 1e-3  # [m, rad] typical size of an unknown without prior
 _DIFFERENCE = 1e-6  # [rad] of a joint, or what does the same
 _STILL = 1e-4  # of their typical sizes by which no unknown moves any more
 _ROUNDS = 60
-_GROSS = 12.0  # standard deviations from which a sample is set aside
 
 
 @dataclass(frozen=True)
@@ -195,4 +195,4 @@ def _gross(evidence: LinearizedModel) -> Array:
     """1 for samples that lie out of the common, (N,)."""
     size = np.linalg.norm(evidence.left(), axis=1)
     usual = float(np.median(size) / np.sqrt(chi2.ppf(0.5, evidence.coordinates)))
-    return np.asarray((size > _GROSS * max(usual, 1.0)).astype(float))
+    return np.asarray((size > GROSS * max(usual, 1.0)).astype(float))

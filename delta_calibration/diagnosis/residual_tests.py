@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2, pearson3, skew
 
 from delta_calibration.data import Conditions
+from delta_calibration.diagnosis.constants import SLIGHT, SLIGHT_MOVING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
 
@@ -37,9 +38,6 @@ _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
 _SOON = 30.0  # [s]
-# of the noise, that structure must exceed to matter: at rest, and in motion, where thousands of
-# readings show what no model of friction and loads has
-_SLIGHT, _SLIGHT_MOVING = 0.05, 0.15
 _FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike
 _TURNS = 2000  # draws of their directions
 
@@ -72,14 +70,14 @@ def audit(
     square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
-    usual = (1 + _SLIGHT**2) * squares.mean()
+    usual = (1 + SLIGHT**2) * squares.mean()
     p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
-        p[f"moran_{name}"] = _alike(left, chance, near, _SLIGHT)
+        p[f"moran_{name}"] = _alike(left, chance, near, SLIGHT)
     moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
     along = _along(evidence.rest.path[moving])
     if along[1].any():
-        p[MOTION] = _alike(every[moving], drawn[moving], along, _SLIGHT_MOVING)
+        p[MOTION] = _alike(every[moving], drawn[moving], along, SLIGHT_MOVING)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
     whole = np.linalg.solve(evidence.whiten[rows], left[..., None])[..., 0]
     around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)

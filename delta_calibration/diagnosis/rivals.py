@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.constants import KNOWN, NAMING, SAME, SEPARATED
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -30,10 +31,6 @@ from delta_calibration.diagnosis.scores import Score
 
 Array = NDArray[np.float64]
 
-SAME = 0.95  # cosine beyond which two explanations are one class
-_PARTED = 20.0  # chi square by which data tell two explanations apart beyond doubt
-_NAMING = 25.0
-_KNOWN = 0.95  # of what does as a cause of the catalogue does, that is that cause
 _RANK = 1e-9
 _NOTHING = ""
 
@@ -66,7 +63,7 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
 
 def named(signal: float) -> float:
     """How far a signal of this lambda is enough for a name."""
-    return _KNOWN * float(1 - np.exp(-signal / _NAMING))
+    return KNOWN * float(1 - np.exp(-signal / NAMING))
 
 
 def equivalents(
@@ -81,7 +78,7 @@ def equivalents(
             continue
         columns = columns_of(candidate, evidence)
         share = reached(evidence.information(columns), columns.T @ weighed) / length
-        if share < SAME**2 or (1 - share) * length > _PARTED * misfit:
+        if share < SAME**2 or (1 - share) * length > SEPARATED * misfit:
             continue
         if share > near.get(candidate.cause, (0.0, candidate))[0]:
             near[candidate.cause] = share, candidate

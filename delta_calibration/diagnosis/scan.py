@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, dimensions, maps, subsets
+from delta_calibration.diagnosis.constants import ALPHA, PLAIN
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Score, Weighed
-from delta_calibration.diagnosis.statement import ALPHA
 from delta_calibration.effects import Effect
 
-PLAIN = 3.0  # ln B from which there is no doubt that something is left, or likelier
 THREADS = min(4, os.cpu_count() or 1)
 _DRAWS = 64
 

@@ -31,15 +31,14 @@ from scipy.linalg.lapack import dposv, dpotrf
 from scipy.stats import chi2, f
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
+from delta_calibration.diagnosis.constants import DECADES, EULER
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import SPREAD
 
 Array = NDArray[np.float64]
 
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
-_DECADES = log(1000.0)  # of a cause's size, up to SPREAD times the typical one
 _AT_A_TIME = 8  # shapes
-_EULER = 0.5772
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
 
 
@@ -244,8 +243,8 @@ def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> f
     for span in spans:
         count = len(value[span])
         rms = float(np.sqrt(np.mean(value[span] ** 2)))
-        size[span] = np.clip(rms, SPREAD * np.exp(-_DECADES), SPREAD)
-        price += log(_DECADES / np.sqrt(pi / count))
+        size[span] = np.clip(rms, SPREAD * np.exp(-log(DECADES)), SPREAD)
+        price += log(log(DECADES) / np.sqrt(pi / count))
     unlike = float(np.sum((value / size) ** 2)) / 2
     could = np.eye(len(value)) + size[:, None] * information * size
     return price + unlike + _log_determinant(could) / 2
@@ -272,4 +271,4 @@ def _tries(largest: Array, k: int) -> float:
         largest: D over all shapes in each draw of chance, (draws,).
         k: parameters of a shape.
     """
-    return float(max(1.0, np.exp(np.mean(-chi2.logsf(largest, k)) - _EULER)))
+    return float(max(1.0, np.exp(np.mean(-chi2.logsf(largest, k)) - EULER)))

@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.constants import LOOKED_AT, MOST, NEARLY, PLAIN, RIVAL, SWAPS
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, sizes
 from delta_calibration.diagnosis.model_selection import (
-    MOST,
     Worth,
     next_terms,
     shortlist,
@@ -26,14 +26,9 @@ from delta_calibration.diagnosis.model_selection import (
     worth_it,
     worth_of,
 )
-from delta_calibration.diagnosis.scan import PLAIN, THREADS, Scan, scanned
+from delta_calibration.diagnosis.scan import THREADS, Scan, scanned
 from delta_calibration.diagnosis.scores import Score, price_of
 from delta_calibration.effects import Effect
-
-# of the ln B of a map, or of a cause, that another cause must have to be fitted in its place
-_RIVAL, _NEARLY = 0.25, 0.8
-_LOOKED_AT = 3  # such others, at most
-_SWAPS = 2  # rounds of them, at most
 
 
 @dataclass(frozen=True)
@@ -76,7 +71,7 @@ def find(
     starts = (model, *(() if begin else model.elsewhere()))
     scans = [scanned(start, effects, rng).without(gone) for start in starts]
     bare, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
-    model, here, swaps = bare, first, _SWAPS
+    model, here, swaps = bare, first, SWAPS
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
     while True:
@@ -113,9 +108,9 @@ def _first_fit(bare: Fitted, best: Score, scans: Sequence[Scan]) -> Fitted:
     for score in sorted((s for here in scans for s in here.scores), key=lambda s: -s.log_bayes):
         if not score.candidate.unexplained:
             named.setdefault(score.candidate.cause, score)
-    enough = _RIVAL if best.candidate.unexplained else np.inf
+    enough = RIVAL if best.candidate.unexplained else np.inf
     rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
-    sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:_LOOKED_AT])]
+    sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:LOOKED_AT])]
     sets += _pairs(bare, scans[0], list(named.values()), worth_of(best))
     return _likeliest(bare, sets, (best, *named.values()))
 
@@ -126,7 +121,7 @@ def _pairs(
     """The best two of some explanations, where both hold and are worth more than enough."""
     worth = Worth(JointFit.of(model.evidence, scores), here, model.noise_degrees)
     pairs = sorted(combinations(range(len(scores)), 2), key=worth, reverse=True)
-    good = [pair for pair in pairs[:_LOOKED_AT] if worth(pair) > enough]
+    good = [pair for pair in pairs[:LOOKED_AT] if worth(pair) > enough]
     return [tuple(scores[i].candidate for i in pair) for pair in good]
 
 
@@ -156,12 +151,12 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)
         least = together.fit(kept)[2]
-        enough = -np.inf if term.unexplained else least + _NEARLY * (whole - least)
+        enough = -np.inf if term.unexplained else least + NEARLY * (whole - least)
         new = range(count, count + len(others))
         one = [(together.fit((*kept, k))[2], (*kept, k)) for k in new]
         two = [(worth((*kept, *pair)), (*kept, *pair)) for pair in combinations(new, 2)]
         for near, least in ((one, enough), (two if len(kept) + 2 <= MOST else [], whole)):
-            chosen = sorted((c for c in near if c[0] > least), reverse=True)[:_LOOKED_AT]
+            chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(bare, sets, short, model)
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-ALPHA = 0.002  # chance that a clean session raises any alarm
+from delta_calibration.diagnosis.constants import ALPHA
+
 LACK_OF_FIT, MOTION, MAP, SET_ASIDE = "lack_of_fit", "moran_motion", "map", "set_aside"
 _NEIGHBOURS = "moran_"
 

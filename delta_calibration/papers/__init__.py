@@ -1,8 +1,8 @@
 """The methods of the papers as identifiers, complete and tested; nothing in the core needs them.
 
 In turn (cable robot), swarms (Delta, five-axis machine), stepwise (five-axis machine). The swarm
-as a way to joint corrections is `compensation/apso.py`, the search on measured errors alone (SCARA)
-`compensation/grid_search.py`.
+as a way to joint corrections is `compensation/apso.py`, the search on measured errors alone
+(SCARA) `compensation/grid_search.py`.
 """
 
 from delta_calibration.papers.alternating import (
