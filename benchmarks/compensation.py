@@ -149,7 +149,7 @@ def point(task: Task) -> Callable[[Array], Array]:
 
 @compiled(alone=True)
 def places(
-    machine: backward_kernel.Machine, signals: Array, room: backward_kernel.Place, q: Array
+    machine: backward_kernel.MachineRecord, signals: Array, room: backward_kernel.Place, q: Array
 ) -> Array:
     """Places of the tool (n, 3) [m] by the compiled chain, NaN where it cannot stand."""
     found = np.full(q.shape, np.nan)

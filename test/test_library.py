@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import pickle
 import subprocess
 import sys
 from functools import partial
+from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -158,3 +161,32 @@ def test_a_full_disk_is_no_reason_to_stop(folder, monkeypatch):
     monkeypatch.setattr(library, "_write", full)
     assert value(times(7.0)) == pytest.approx(14.0)
     assert [*folder.iterdir()] == []
+
+
+KEPT = """
+from delta_calibration.model.jit import compiled
+
+
+@compiled()
+def twice(value):
+    return 2.0 * value
+"""
+
+
+def test_machine_code_of_another_version_is_made_anew(tmp_path: Path) -> None:
+    """What names a class that is gone cannot even be loaded, to see that it is stale."""
+    path = tmp_path / "kept_before.py"
+    path.write_text(KEPT)
+    run = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import kept_before as k; "
+    run += "print(k.twice(2.0), len(k.twice.stats.cache_hits))"
+
+    def told() -> str:
+        command = [sys.executable, "-c", run]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    assert told() == "4.0 0\n"
+    assert told() == "4.0 1\n"
+    (index,) = (tmp_path / "__pycache__").glob("*.nbi")
+    index.write_bytes(pickle.dumps(numba.__version__) + b"cno_such_module\nGone\n.")
+    assert told() == "4.0 0\n"
+    assert told() == "4.0 1\n"

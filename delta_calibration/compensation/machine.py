@@ -107,9 +107,9 @@ class IdentifiedMachine:
 
     @cached_property
     def compiled(self) -> Any:
-        """As the compiled functions take it: `backward_kernel.Machine`."""
+        """As the compiled functions take it: `backward_kernel.MachineRecord`."""
         kernel = _kernel()
-        aim = kernel.Aimed(
+        aim = kernel.TaskRecord(
             np.array(self.tool, dtype=float), np.array(self.aim.axes), bool(self.aim.turns), ARM
         )
         theta = np.array(self.theta, dtype=float)
@@ -118,7 +118,9 @@ class IdentifiedMachine:
         reshaped = bool(self.reshaping)
         body = self.mechanism.body(self.masses)
         exact = bool(self.mechanism.exact)
-        return kernel.Machine(body, stages, g, theta, aim, self.by_pose, reshaped, exact, STRAY)
+        return kernel.MachineRecord(
+            body, stages, g, theta, aim, self.by_pose, reshaped, exact, STRAY
+        )
 
     def with_parts(self, parts: tuple[str, ...]) -> IdentifiedMachine:
         """The same where the temperatures of these parts are known."""

@@ -114,8 +114,8 @@ def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
     names, laws = _laws(calibration, effects, single.own.places)
     given = _given(calibration, effects, single.drawn.places, single.own.places)
     numbers = [
-        constant("Machine", "drawn", single.drawn.compiled, names),
-        constant("Machine", "own", single.own.compiled, names),
+        constant("MachineRecord", "drawn", single.drawn.compiled, names),
+        constant("MachineRecord", "own", single.own.compiled, names),
         constant("Guards", "guards", single.guards, names),
         constant("Search", "search", single.search, names),
         constant("Given", "given", given, names),

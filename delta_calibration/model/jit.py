@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from functools import cache, cached_property
 from hashlib import blake2s
 from pathlib import Path
+from pickle import UnpicklingError
 from types import ModuleType
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -15,6 +16,7 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils, datamodel
+from numba.core.caching import FunctionCache
 from numba.core.extending import lower_getattr_generic
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import CPUDispatcher
@@ -128,11 +130,32 @@ def _taken_from(module: ModuleType) -> tuple[str, ...]:
     return tuple(sorted(others - {__name__, module.__name__}))
 
 
+class _Kept(FunctionCache):  # type: ignore[misc,unused-ignore]
+    """Machine code that is kept for later processes, unless another version made it.
+
+    numba looks who made it after it has loaded it, and cannot load what names a class or a module
+    that there is no more.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What was kept for a signature; None where there is nothing, or nothing of use."""
+        try:
+            kept: Any = super()
+            return kept.load_overload(sig, target_context)
+        except (AttributeError, ImportError, EOFError, UnpicklingError):
+            cast(Any, self)._cache_file.flush()
+            return None
+
+
 def _kept(make: Any, function: Any, signature: Any, **options: Any) -> Any:
     try:
-        return make(signature, cache=True, **options)(function)
+        made = make(signature, cache=True, **options)(function)
     except RuntimeError:  # no folder to keep it in
         return make(signature, **options)(function)
+    if isinstance(made, CPUDispatcher):
+        keep: Any = _Kept  # typed in some of numba's versions, in others not
+        cast(Any, made)._cache = keep(function)
+    return made
 
 
 def _call(typing: Any, address: Any, workspace: Any) -> Any:

@@ -68,7 +68,7 @@ void conditions_at_rest(conditions *at) {
 }
 
 /* Give the scratch of a machine its constants and dimensions. */
-static void begin_machine(const Machine *me, const Place *own) {
+static void begin_machine(const MachineRecord *me, const Place *own) {
     const Limbs *limbs = &me->body.limbs;
     const Opening *opening = &me->body.opening;
     const Rows work = own->state.room.work;
