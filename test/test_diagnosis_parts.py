@@ -14,15 +14,15 @@ from scipy.stats import chi2, f_oneway, kstest, multivariate_normal
 from blind.session import hide
 from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import (
-    audit,
     calibrated,
-    confirm,
+    cross_validation,
     findings,
+    identifiability,
     model,
+    model_selection,
+    residual_tests,
     rivals,
     scores,
-    sets,
-    unseen,
 )
 from delta_calibration.diagnosis.candidates import columns_of, maps, subsets
 from delta_calibration.diagnosis.joint_fit import as_score
@@ -102,7 +102,7 @@ def test_a_finer_map_takes_the_place_of_a_coarse_one_of_the_same_name() -> None:
     )
     here = Scan((as_score(fine, ()),), 1)
     model = model.fitted((coarse,))
-    terms = sets.improved(model, here, here.scores[0], here.scores)
+    terms = model_selection.improved(model, here, here.scores[0], here.scores)
     assert terms == (fine,)
 
 
@@ -302,7 +302,7 @@ def test_effects_that_move_everything_alike_are_one_class(evidence, dense) -> No
 def test_parts_are_disjoint_cover_and_lie_together(evidence) -> None:
     place = evidence.chain.mechanism.position(evidence.pose)
     bearing = np.arctan2(place[:, 1], place[:, 0])
-    parts = confirm.sectors(evidence), confirm.stretches(evidence)
+    parts = cross_validation.sectors(evidence), cross_validation.stretches(evidence)
     for part, along in zip(parts, (bearing, evidence.at.time), strict=True):
         numbers, sizes = np.unique(part, return_counts=True)
         assert numbers.tolist() == [0, 1, 2, 3, 4]
@@ -312,12 +312,14 @@ def test_parts_are_disjoint_cover_and_lie_together(evidence) -> None:
         assert all(end < begin for (_, end), (begin, _) in pairwise(ends))
     cells = np.round(place / 0.05)
     for cell in np.unique(cells, axis=0):
-        assert len(np.unique(confirm.scattered(evidence)[(cells == cell).all(axis=1)])) == 1
+        assert (
+            len(np.unique(cross_validation.scattered(evidence)[(cells == cell).all(axis=1)])) == 1
+        )
 
 
 def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
     """Ridge regression by rows on what is left; its own readings may be anything."""
-    part = confirm.sectors(evidence)
+    part = cross_validation.sectors(evidence)
     out = part == 2
     others = np.repeat(~out, 3)
     flat = evidence.nuisance.reshape(evidence.size, -1)
@@ -326,10 +328,10 @@ def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
     z = np.linalg.lstsq(rows, y, rcond=None)[0]
     missed = evidence.residual[out] - evidence.nuisance[out] @ z
     missed = np.linalg.solve(evidence.whiten[out], missed[..., None])[..., 0]
-    found = confirm.held_out(evidence, part)
+    found = cross_validation.held_out(evidence, part)
     np.testing.assert_allclose(found.square[out], np.sum(missed**2, axis=1), rtol=1e-4)
     wild = with_residual(evidence, evidence.residual + 1e3 * out[:, None])
-    assert (confirm.held_out(wild, part).square[out] > 1e3 * found.square[out]).all()
+    assert (cross_validation.held_out(wild, part).square[out] > 1e3 * found.square[out]).all()
 
 
 def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense) -> None:
@@ -340,7 +342,7 @@ def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense
     X = columns_of(candidate(proper, "joint_compliance"), proper)
     r = proper.draw(1, np.random.default_rng(12))[:, 0] + X @ np.array([0.1, 0.2, -0.1])
     proper, free = with_residual(proper, r), (np.full(3, -np.inf), np.full(3, np.inf))
-    part, total = confirm.sectors(proper), 0.0
+    part, total = cross_validation.sectors(proper), 0.0
     every = np.ones(len(r), dtype=bool)
 
     def learned(rows):
@@ -357,28 +359,30 @@ def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense
         v = learned(others)[1]
         total += fallen(every, v) - fallen(others, v)
     share = total / fallen(every, learned(every)[1])
-    assert confirm.foretold(proper, X, free, part) == pytest.approx(share, rel=1e-6)
+    assert cross_validation.foretold(proper, X, free, part) == pytest.approx(share, rel=1e-6)
 
 
 def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
     """A scale that is there in one sector only, and one that is there in all."""
-    part = confirm.sectors(evidence)
+    part = cross_validation.sectors(evidence)
     columns = columns_of(candidate(evidence, "joint_scale"), evidence)
     bounds = (np.full(3, -np.inf), np.full(3, np.inf))
     noise = evidence.draw(1, np.random.default_rng(13))
     signal = columns @ np.full((3, 1), 2.0)
     everywhere = with_residual(evidence, noise + signal)
-    assert confirm.foretold(everywhere, columns, bounds, part) > 0.8
+    assert cross_validation.foretold(everywhere, columns, bounds, part) > 0.8
     here = np.repeat(part == 2, 3)[:, None]
     somewhere = with_residual(evidence, noise + 3 * signal * here)
-    assert confirm.foretold(somewhere, columns, bounds, part) < 0.25
+    assert cross_validation.foretold(somewhere, columns, bounds, part) < 0.25
 
 
 # What is left, and what cannot be told
 
 
 def audited(evidence, residual):
-    return audit.audit(with_residual(evidence, residual), np.inf, np.random.default_rng(8)).p
+    return residual_tests.audit(
+        with_residual(evidence, residual), np.inf, np.random.default_rng(8)
+    ).p
 
 
 def test_an_audit_is_quiet_where_there_is_noise(evidence) -> None:
@@ -429,7 +433,7 @@ def test_an_audit_sees_what_goes_along_with_motions_only(moving) -> None:
     assert quiet["moran_motion"] > 5e-3
     assert loud["moran_motion"] < 1e-4
     assert loud["moran_position"] > 5e-3
-    left = audit.audit(with_residual(moving, noise + ripple), np.inf, rng)
+    left = residual_tests.audit(with_residual(moving, noise + ripple), np.inf, rng)
     rows = np.flatnonzero(on & moving.believed)
     moved = np.linalg.solve(moving.whiten[rows], ripple[rows, :, None])[..., 0]
     share = left.in_motion / np.sqrt(np.mean(np.sum(moved**2, axis=1)))
@@ -481,7 +485,7 @@ def test_an_interval_counts_how_far_a_sensor_is_behind_its_part() -> None:
 
 def reasons(evidence):
     """Why each cause cannot be told, and what would."""
-    said = unseen.unseen(evidence, (), catalogue(ROBOT, evidence.chain.mechanism), ())
+    said = identifiability.unseen(evidence, (), catalogue(ROBOT, evidence.chain.mechanism), ())
     return {name: entry for entry in said for name in entry.between}
 
 

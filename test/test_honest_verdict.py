@@ -9,10 +9,9 @@ import pytest
 
 from blind import hide
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation import CommandStatus as Outcome
-from delta_calibration.compensation import JointCompensator
+from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.data import Survey, at_rest, collect, survey
-from delta_calibration.diagnosis import CommandStatus, calibrated, diagnose
+from delta_calibration.diagnosis import Verdict, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, maps
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.identifiability import _too_small
@@ -169,7 +168,7 @@ def corrected(q, single):
     if single:
         return compensator.compensate(q, replace(at_rest(q), payload=np.zeros(1)))
     several = compensator.compensate(np.concatenate([q, np.full((1, 3), 0.4)]))
-    assert several.verdicts[1] is Outcome.CORRECTED
+    assert several.verdicts[1] is CommandStatus.CORRECTED
     return several
 
 
@@ -177,14 +176,14 @@ def corrected(q, single):
 def test_joints_beyond_those_measured_are_not_corrected(single):
     """Whatever the place: an arm reaches one with joints that nobody has measured."""
     inside = corrected([[0.4, 0.4, 0.95]], single)  # as places among those measured may ask for
-    assert inside.verdicts[0] is Outcome.CORRECTED
+    assert inside.verdicts[0] is CommandStatus.CORRECTED
     assert inside.share[0] == 1.0
     slack = 0.1 * 1.0
     margin = ROBOT.limits.region_margin / ROBOT.commanded.typical_gain
     edge = corrected([[0.4, 0.4, 0.9 + slack + 0.5 * margin]], single)
     assert edge.share[0] == pytest.approx(0.5, abs=1e-6)
     beyond = corrected([[0.4, 0.4, 0.9 + slack + 1.1 * margin]], single)
-    assert beyond.verdicts[0] is Outcome.OUTSIDE_REGION
+    assert beyond.verdicts[0] is CommandStatus.OUTSIDE_REGION
     assert not beyond.correction[0].any()
 
 
@@ -257,7 +256,7 @@ def test_an_unknown_reflector_is_no_error_of_the_robot():
 # What is set aside
 
 
-def knocked(session, points: int, alike: bool) -> CommandStatus:
+def knocked(session, points: int, alike: bool) -> Verdict:
     """Stops at the outer edge off by 12 mm, all in one direction or each in its own."""
     poses = collect(session, ROBOT.joints.names)
     far = np.argsort(-poses.joint[:, 0])[:points]
