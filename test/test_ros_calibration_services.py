@@ -31,7 +31,7 @@ from calibration_bench import (  # noqa: F401
     session_fixture,
 )
 from delta_calibration.calibration_file import load_calibration, save_calibration
-from delta_calibration.cell import desk as desk_module
+from delta_calibration.cell import calibration_session
 from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.fitting import FittedCalibration
 from delta_calibration.compensation import JointCompensator, save_table
@@ -147,13 +147,14 @@ def test_no_command_waits_for_a_file(
     cell = Cell(bench, calibration=file, output=tmp_path / "saved.yaml", ramp_s=0.0)
     cell.node._desk.fitted = desk.fitted
     assert cell.call("enable", True)[0]
-    gate = {"save": Gate(FittedCalibration.save), "reload": Gate(desk_module.load_calibration)}[
-        service
-    ]
+    gate = {
+        "save": Gate(FittedCalibration.save),
+        "reload": Gate(calibration_session.load_calibration),
+    }[service]
     if service == "save":
         monkeypatch.setattr(FittedCalibration, "save", lambda *arguments: gate(*arguments))
     else:
-        monkeypatch.setattr(desk_module, "load_calibration", gate)
+        monkeypatch.setattr(calibration_session, "load_calibration", gate)
     answer = cell.ask(service)
     assert bench.until(lambda: gate.threads)
     for k in range(100):  # the file is not done as long as the gate is closed
