@@ -16,6 +16,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from importlib.util import find_spec
 from threading import Lock, Thread
 from time import monotonic
 from typing import Any
@@ -42,6 +43,7 @@ ORDERS: Mapping[str, tuple[str, str]] = {  # order: what is done, what to know b
     "disable": ("Switch compensation off", "Commands go to the drives as they come."),
     "save": ("Save the calibration", "It is written to the file that the node was started with."),
 }
+NO_ROS = "this Python has no rclpy; source a ROS 2 Jazzy setup before delta-cal serve is started"
 _SERVICES = {"enable": ("enable", "true"), "disable": ("enable", "false")}
 _NODE = re.compile(r"(/[A-Za-z_]\w*)+", re.ASCII)
 _WAIT_S = 3600  # that a diagnosis may take
@@ -93,9 +95,10 @@ class Cell:
         self._heard: dict[str, tuple[float, dict[str, Any]]] = {}
         self._answers: list[Answer] = []
         self._children: set[subprocess.Popen[str]] = set()
-        self.trouble = ""
         self._closed = False
-        Thread(target=self._watch, daemon=True).start()
+        self.trouble = "" if find_spec("rclpy") else NO_ROS
+        if not self.trouble:
+            Thread(target=self._watch, daemon=True).start()
 
     def nodes(self) -> tuple[Node, ...]:
         """Every calibration node that was heard, by name."""
