@@ -45,6 +45,11 @@ ORDERS: Mapping[str, tuple[str, str]] = {  # order: what is done, what to know b
 }
 NO_ROS = "this Python has no rclpy; source a ROS 2 Jazzy setup before delta-cal serve is started"
 _SERVICES = {"enable": ("enable", "true"), "disable": ("enable", "false")}
+_GROUPS = {  # title: what the names of its figures begin with; the rest in the last
+    "Captured": "captured",
+    "Commands and guards": "command",
+    "Calibration and state": "",
+}
 _NODE = re.compile(r"(/[A-Za-z_]\w*)+", re.ASCII)
 _WAIT_S = 3600  # that a diagnosis may take
 _OLD_S = 5.0  # after which what was heard is old
@@ -73,6 +78,15 @@ class Node:
     values: Mapping[str, str]
     doing: tuple[str, ...]
     old: bool
+
+    def groups(self) -> dict[str, dict[str, str]]:
+        """The figures that say something, by what they are about."""
+        found: dict[str, dict[str, str]] = {title: {} for title in _GROUPS}
+        for name, value in self.values.items():
+            title = next(t for t, begins in _GROUPS.items() if name.startswith(begins))
+            if value:
+                found[title][name] = {"True": "yes", "False": "no"}.get(value, value)
+        return {title: figures for title, figures in found.items() if figures}
 
 
 @dataclass(frozen=True)

@@ -168,9 +168,9 @@ def last_line(text: str) -> str:
 
 def _on(case: Case) -> Case:
     """To the next step, or done."""
-    skipped = _not_kept(case)
-    waiting = tuple(step for step in case.waiting if step != "keep" or not skipped)
-    said = skipped if waiting != case.waiting else case.said
+    waiting, said = case.waiting, case.said
+    if waiting[:1] == ("keep",) and (why := _not_kept(case)):
+        waiting, said = waiting[1:], why
     return replace(case, waiting=waiting, said=said, state=WORKING if waiting else DONE)
 
 
