@@ -442,7 +442,13 @@ def test_an_export_that_fails_takes_nothing_from_the_verdict(tmp_path: Path) -> 
     _, last = walk(wanted, tmp_path, {"certificate": 1})
     assert (last.state, last.said) == (DONE, "why")
     with pytest.raises(MistakeError, match="is worked on"):
-        flow.wanted(case(state=WORKING), "c", {})
+        flow.wanted(case(state=WORKING, step="fit"), "c", {})
+
+
+def test_exports_wait_for_one_another() -> None:
+    first = begun(flow.wanted(case(state=DONE), "certificate", {}))
+    both = flow.wanted(flow.wanted(first, "c", {}), "c", {})
+    assert (both.step, both.waiting) == ("certificate", ("c",))
 
 
 # --- work
@@ -507,6 +513,25 @@ def test_work_can_be_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     until(lambda: not working._children)
     working.close()
     assert (cases.get(id_).state, cases.get(id_).waiting) == ("stopped", ())
+
+
+def test_one_worker_a_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Handed over again and again while it is worked on, with workers to spare."""
+    scripted(monkeypatch, "import time; time.sleep(0.1)")
+    cases = Cases(tmp_path)
+    id_ = cases.new_id()
+    cases.add(case(id=id_, state=DONE))
+    working = Runner(cases, tmp_path / "h.sqlite", workers=3)
+    for step in ("c", "urdf", "certificate", "c", "urdf", "certificate"):
+        cases.change(id_, lambda now, step=step: flow.wanted(now, step, {}))
+        working.take(id_)
+        time.sleep(0.02)
+    until(lambda: cases.get(id_).state == DONE)
+    working.close()
+    steps = [line.split()[-1] for line in runner.commands(cases.folder(id_))]
+    assert sorted(set(steps)) == ["--out=certificate.pdf", "--out=machine.c", "--out=machine.urdf"]
+    assert len(steps) < 7
+    assert cases.get(id_).waiting == ()
 
 
 def test_how_far_a_step_is_comes_from_its_verb(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[1]
 BAG = ROOT / "bags" / "srbd_plain"
 TABLE = ROOT / "bags" / "srbd_plain.csv"
 WIDE, NARROW = 1280, 400
-PATIENCE_MS = 60_000
+PATIENCE_MS = 120_000
 DELTA_CAL = (sys.executable, "-m", "delta_calibration.cli.main")
 OTHERS = ("", "machines", "machine?name=press+3", "cell", "cell/confirm?node=/n&order=enable")
 OPTIONS = ("--no-cell", "--most=20")

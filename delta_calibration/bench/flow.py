@@ -234,16 +234,18 @@ def answered(case: Case, answer: str) -> Case:
 
 
 def wanted(case: Case, step: str, options: dict[str, str]) -> Case:
-    """The case with an export to be made.
+    """The case with an export to be made, after those that are made already.
 
     Raises:
-        MistakeError: it is worked on.
-        InputError: there is no such export, or no calibration to make it from.
+        MistakeError: the session itself is still worked on, or asks something.
+        InputError: there is no such export.
     """
     if step not in EXTRAS:
         raise InputError(f"export {step!r}: there is none; there are: {', '.join(EXTRAS)}")
-    if not case.at_rest:
+    exporting = case.state == WORKING and {case.step, *case.waiting} <= {*EXTRAS}
+    if not case.at_rest and not exporting:
         raise MistakeError("the session is worked on; ask again when that is done")
-    return replace(
-        case, state=WORKING, waiting=(step,), said="", options={**(case.options or {}), **options}
-    )
+    before = case.waiting if exporting else ()
+    waiting = before if step in before else (*before, step)
+    options = {**(case.options or {}), **options}
+    return replace(case, state=WORKING, waiting=waiting, said="", options=options)

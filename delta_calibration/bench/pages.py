@@ -9,7 +9,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
-from delta_calibration.bench.cases import LOG, Case
+from delta_calibration.bench.cases import LOG
 from delta_calibration.bench.cell import ORDERS
 from delta_calibration.bench.flow import EXTRAS
 from delta_calibration.bench.guard import APART
@@ -28,7 +28,7 @@ from delta_calibration.bench.state import Bench
 from delta_calibration.recording.presets import overview
 from delta_calibration.robot import known_robots
 
-_NOT_KEPT = ("written: ", "added: ")
+_ASIDE = ("written: ",)  # what a verb says beside the change log
 
 
 def bench_of(request: Request) -> Bench:
@@ -151,13 +151,8 @@ def _case_of(bench: Bench, path: Path) -> str:
 def _sentences(folder: Path) -> list[str]:
     """The change log, as the verb told it."""
     lines = told(folder, "log").splitlines()
-    return [line for line in lines if line.strip() and not line.startswith(_NOT_KEPT)]
+    return [line for line in lines if line.strip() and not line.startswith(_ASIDE)]
 
 
 def _quoted(text: str) -> str:
     return quote(text, safe="")
-
-
-def called(case: Case) -> str:
-    """A case by its name."""
-    return case.name or case.machine

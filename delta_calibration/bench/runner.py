@@ -57,6 +57,7 @@ class Runner:
         self._waiting: SimpleQueue[str | None] = SimpleQueue()
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._lock, self._closed = Lock(), False
+        self._active: set[str] = set()  # cases that a worker has
         self._threads = [Thread(target=self._work, daemon=True) for _ in range(workers)]
         for case in reversed(cases.all()):
             if case.state == WORKING:
@@ -91,8 +92,22 @@ class Runner:
 
     def _work(self) -> None:
         while (id_ := self._waiting.get()) is not None:
+            while self._work_on(id_):
+                pass
+
+    def _work_on(self, id_: str) -> bool:
+        """Do the steps of a case, unless another worker does; whether some have come since."""
+        with self._lock:
+            if id_ in self._active:
+                return False
+            self._active.add(id_)
+        try:
             while not self._closed and self._step(id_):
                 pass
+        finally:
+            with self._lock:
+                self._active.discard(id_)
+        return not self._closed and _has_work(self._cases.get(id_))
 
     def _step(self, id_: str) -> bool:
         """Do one step; whether there may be another."""
