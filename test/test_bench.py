@@ -37,8 +37,10 @@ from delta_calibration.bench.flow import Said, answered, arguments, begun, ended
 from delta_calibration.bench.guard import HEADERS, Secrets
 from delta_calibration.bench.runner import Runner
 from delta_calibration.bench.state import Bench
+from delta_calibration.bench.upload import Dropped, take_all
 from delta_calibration.cli.main import group
 from delta_calibration.errors import InputError, MistakeError
+from delta_calibration.report import read_about
 
 HOST = "127.0.0.1:8765"
 HOME = f"http://{HOST}"
@@ -220,7 +222,7 @@ REFUSED: dict[str, tuple[str, bytes, str]] = {
     "nothing in it": ("a.zip", packed(("s/readme.md", b"x")), "no .mcap or .db3 file"),
     "two recordings": ("a.zip", packed(("s/a.mcap", b"x"), ("t/b.mcap", b"x")), "in 2 folders"),
     "unpacks too large": ("a.zip", packed(("s/data.mcap", bytes(2 * MOST))), "more than"),
-    "list that lies": ("a.zip", lying(), "in it is empty, or more|no zip that can be read"),
+    "list that lies": ("a.zip", lying(), "unpacked: .* more than|no zip that can be read"),
     "too many files": ("a.zip", packed(*((f"s/{k}.mcap", b"x") for k in range(201))), "201 files"),
     "up and out": ("a.zip", packed(("../../x.mcap", b"x")), "leads out of the folder"),
     "out, beside": ("a.zip", packed(("s/a.mcap", b"x"), ("s/../../y", b"x")), "leads out"),
@@ -247,6 +249,38 @@ def test_what_is_dropped_may_be_refused_and_leaves_nothing(
     assert "Traceback" not in answer.text
     assert bench.cases.all() == ()
     assert list((bench.data / "cases").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("files", "there"),
+    [
+        ([("night.mcap", b"x")], {"night.mcap"}),
+        ([("night_0.mcap", b"x"), ("metadata.yaml", b"y")], {"night_0.mcap", "metadata.yaml"}),
+        (
+            [
+                (
+                    "a.zip",
+                    packed(
+                        ("deep/night_0/night_0.mcap", b"x"),
+                        ("deep/night_0/metadata.yaml", b"y"),
+                        ("deep/notes.txt", b"z"),
+                        ("__MACOSX/deep/night_0/._night_0.mcap", b"z"),
+                    ),
+                )
+            ],
+            {"night_0.mcap", "metadata.yaml"},
+        ),
+        ([("night_0.zip", packed(("data.mcap", b"x")))], {"data.mcap"}),
+    ],
+)
+def test_what_is_taken_is_the_recording_alone(
+    tmp_path: Path, files: list[tuple[str, bytes]], there: set[str]
+) -> None:
+    found = take_all([(io.BytesIO(content), name) for name, content in files], tmp_path, MOST)
+    assert found == Dropped(BAG, Path(found.path).name, found.path)
+    assert found.name in ("night", "night_0")
+    assert {path.name for path in (tmp_path / found.path).iterdir()} == there
+    assert {path.name for path in tmp_path.iterdir()} == {"bag"}
 
 
 @pytest.mark.parametrize(
@@ -443,6 +477,23 @@ def test_an_export_that_fails_takes_nothing_from_the_verdict(tmp_path: Path) -> 
     assert (last.state, last.said) == (DONE, "why")
     with pytest.raises(MistakeError, match="is worked on"):
         flow.wanted(case(state=WORKING, step="fit"), "c", {})
+
+
+def test_a_certificate_states_what_was_given(
+    bench: Bench, browser: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripted(monkeypatch, "pass")
+    id_ = bench.cases.new_id()
+    bench.cases.add(case(id=id_, state=DONE))
+    path = f"/sessions/{id_}/exports/certificate"
+    fields = {"key": bench.secrets.key, "number": "7", "machine_serial": "SN 1"}
+    assert browser.post(path, data={**fields, "ambient": "warm"}).status_code == 400
+    assert not (bench.cases.folder(id_) / "about.yaml").exists()
+    assert browser.post(path, data={**fields, "tolerance_mm": "0,05"}).status_code == 303
+    about = read_about(bench.cases.folder(id_) / "about.yaml", {})
+    assert about.text("machine", "serial") == "SN 1"
+    assert (about.text("number"), about.tolerance) == ("7", 5e-5)
+    until(lambda: bench.cases.get(id_).state == DONE)
 
 
 def test_exports_wait_for_one_another() -> None:

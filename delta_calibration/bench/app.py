@@ -132,7 +132,8 @@ def serve(
         port = listening.getsockname()[1]
         shown = f"[{address}]" if ":" in address else address
         known = (*_LOOPBACK, shown, *names)
-        hosts = frozenset(f"{name.lower()}:{port}" for name in known)
+        # a proxy before it may listen on the usual port, which no browser tells
+        hosts = frozenset(f"{name}:{port}".lower() for name in known) | {n.lower() for n in names}
         told(f"http://{names[0] if names else shown}:{port}/?token={bench.secrets.token}")
         # no access log: the first line of every browser would have the token in it
         config = uvicorn.Config(

@@ -226,6 +226,7 @@ def answered(case: Case, answer: str) -> Case:
     return replace(
         case,
         state=WORKING,
+        step="",
         question="",
         said="",
         waiting=follows[case.question][answer],
@@ -242,10 +243,11 @@ def wanted(case: Case, step: str, options: dict[str, str]) -> Case:
     """
     if step not in EXTRAS:
         raise InputError(f"export {step!r}: there is none; there are: {', '.join(EXTRAS)}")
-    exporting = case.state == WORKING and {case.step, *case.waiting} <= {*EXTRAS}
+    exporting = case.state == WORKING and {case.step, *case.waiting} <= {"keep", *EXTRAS}
     if not case.at_rest and not exporting:
         raise MistakeError("the session is worked on; ask again when that is done")
     before = case.waiting if exporting else ()
     waiting = before if step in before else (*before, step)
     options = {**(case.options or {}), **options}
-    return replace(case, state=WORKING, waiting=waiting, said="", options=options)
+    step = case.step if exporting else ""
+    return replace(case, state=WORKING, step=step, waiting=waiting, said="", options=options)

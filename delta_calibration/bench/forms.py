@@ -7,8 +7,9 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from datetime import datetime, timezone
+from math import isnan
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
@@ -22,7 +23,7 @@ from delta_calibration.bench.state import Bench
 from delta_calibration.bench.upload import MOST_SMALL, copy, take_all
 from delta_calibration.documents import write_document
 from delta_calibration.errors import InputError
-from delta_calibration.files import written_whole
+from delta_calibration.files import MOST_TEXT, written_whole
 from delta_calibration.recording.presets import preset
 from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.texts import number_of
@@ -205,30 +206,30 @@ def _table_options(form: FormData, folder: Path) -> dict[str, str]:
     if other:
         stream, given = other[0]
         name = f"second_{file_name(given, 'table.csv')}"
-        copy(stream, given, folder / name, MOST_SMALL * 100)
+        copy(stream, given, folder / name, MOST_TEXT)
         options["other"] = name
     return options
 
 
-def _about(form: FormData) -> dict[str, object]:
-    """What the certificate is to state, as the file of `--about` has it; empty fields left out."""
-    told: dict[str, object] = {}
-    for name, place in _STATED.items():
-        if value := _line(form, name):
-            _put(told, place, value)
-    for name, place in _STATED_NUMBERS.items():
+def _about(form: FormData) -> dict[str, Any]:
+    """What the certificate is to state, as the file of `--about` has it; empty fields left out.
+
+    Raises:
+        InputError: a field that is to be a number, and is none.
+    """
+    told: dict[str, Any] = {}
+    for name, (*outer, last) in {**_STATED, **_STATED_NUMBERS}.items():
         if text := _line(form, name):
-            _put(told, place, number_of(text.replace(",", ".")))
+            into = told.setdefault(outer[0], {}) if outer else told
+            into[last] = _number(name, text) if name in _STATED_NUMBERS else text
     return told
 
 
-def _put(into: dict[str, object], place: tuple[str, ...], value: object) -> None:
-    *outer, last = place
-    for name in outer:
-        inner = into.setdefault(name, {})
-        assert isinstance(inner, dict)
-        into = inner
-    into[last] = value
+def _number(name: str, text: str) -> float:
+    value = number_of(text.replace(",", "."))
+    if isnan(value):
+        raise InputError(f"{name}: {text!r} is no number")
+    return value
 
 
 def _write_mapping(path: Path, text: str) -> None:

@@ -11,7 +11,6 @@ from starlette.responses import FileResponse, Response
 
 from delta_calibration.bench.cases import LOG
 from delta_calibration.bench.cell import ORDERS
-from delta_calibration.bench.flow import EXTRAS
 from delta_calibration.bench.guard import APART
 from delta_calibration.bench.runner import told
 from delta_calibration.bench.shown import (
@@ -70,7 +69,6 @@ def session(request: Request) -> Response:
         files=files(folder),
         outputs=outputs(folder),
         commands=history_of_commands(folder),
-        exported=case.step in EXTRAS,
     )
 
 

@@ -108,17 +108,21 @@ def copy(stream: IO[bytes], given: str, path: Path, most: int) -> int:
     """Write a stream to a new file; its bytes.
 
     Raises:
-        InputError: it has more bytes than are allowed, or is empty.
+        InputError: it has more bytes than are allowed, is empty, or cannot be written.
     """
     size = 0
-    with path.open("xb") as file:
-        while chunk := stream.read(_CHUNK):
-            size += len(chunk)
-            if size > most:
-                raise InputError(
-                    f"{_called(given)}: has more than {_told(most)}, and no more is taken"
-                )
-            file.write(chunk)
+    try:
+        with path.open("xb") as file:
+            while chunk := stream.read(_CHUNK):
+                size += len(chunk)
+                if size > most:
+                    raise InputError(
+                        f"{_called(given)}: has more than {_told(most)}, and no more is taken"
+                    )
+                file.write(chunk)
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise InputError(f"{_called(given)}: cannot be kept: {why}") from error
     if not size:
         raise InputError(f"{_called(given)}: is empty")
     return size
@@ -202,15 +206,13 @@ def _unpack(
                 f"{_called(given)}: {_called(name)} in it: letters, digits, . _ and - are allowed"
             )
         with archive.open(entry) as stream:
+            path = home / name
+            if path.exists():
+                raise InputError(f"{_called(given)}: holds {_called(name)} twice")
             try:
-                left -= copy(stream, name, home / name, left)
-            except FileExistsError as error:
-                raise InputError(f"{_called(given)}: holds {_called(name)} twice") from error
+                left -= copy(stream, name, path, left)
             except InputError as error:
-                raise InputError(
-                    f"{_called(given)}: {_called(name)} in it is empty, or more than "
-                    f"{_told(most)} would come out of the zip, which is the most allowed"
-                ) from error
+                raise InputError(f"{_called(given)}, unpacked: {error}") from error
 
 
 def _made(folder: Path) -> Path:
