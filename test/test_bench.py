@@ -21,7 +21,7 @@ pytest.importorskip("sqlalchemy", reason="needs the extra [serve]")
 from starlette.testclient import TestClient
 
 from delta_calibration.bench import flow, runner
-from delta_calibration.bench.app import application, opened
+from delta_calibration.bench.app import application, opened, write_door
 from delta_calibration.bench.cases import (
     ASKING,
     BAG,
@@ -378,7 +378,7 @@ def test_every_step_is_a_verb_that_takes_these_options(step: str) -> None:
     form = "" if step == "columns" else "kuka"
     options = {"table": "t.csv", "targets": "targets.csv", "preset": form}
     given = case(machine="--store=x", options=options, topics=("states=/a",), forced=True)
-    verb, *rest = arguments(given, step, Path("/data/history.sqlite"))
+    verb, *rest = arguments(given, step, "/data/history.sqlite")
     command = group.get_command(None, verb)
     if verb == "history":
         name, *rest = rest
@@ -433,7 +433,7 @@ def test_going_on_by_force_keeps_nothing(tmp_path: Path) -> None:
     done, last = walk(forced, tmp_path, {})
     assert done == ["fit", "diagnose"]
     assert "over a mistake" in last.said
-    assert "--force" in arguments(last, "diagnose", tmp_path)
+    assert "--force" in arguments(last, "diagnose", "h.sqlite")
 
 
 def test_a_check_that_cannot_be_made_is_no_question(tmp_path: Path) -> None:
@@ -524,7 +524,7 @@ def test_work_is_done_in_order_and_its_commands_are_kept(
     cases = Cases(tmp_path)
     id_ = cases.new_id()
     cases.add(case(id=id_, waiting=("check", "fit")))
-    working = Runner(cases, tmp_path / "h.sqlite")
+    working = Runner(cases, str(tmp_path / "h.sqlite"))
     until(lambda: cases.get(id_).state == DONE)
     working.close()
     folder = cases.folder(id_)
@@ -542,12 +542,12 @@ def test_what_a_server_left_unfinished_the_next_one_begins_again(
     cases = Cases(tmp_path)
     id_ = cases.new_id()
     cases.add(case(id=id_, waiting=("check", "fit")))
-    first = Runner(cases, tmp_path / "h.sqlite")
+    first = Runner(cases, str(tmp_path / "h.sqlite"))
     until(lambda: cases.get(id_).step == "check" and first._children)
     first.close()
     assert cases.get(id_).state == WORKING
     scripted(monkeypatch, "pass")
-    second = Runner(cases, tmp_path / "h.sqlite")
+    second = Runner(cases, str(tmp_path / "h.sqlite"))
     until(lambda: cases.get(id_).state == DONE)
     second.close()
     assert len(runner.commands(cases.folder(id_))) == 3
@@ -558,7 +558,7 @@ def test_work_can_be_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     cases = Cases(tmp_path)
     id_ = cases.new_id()
     cases.add(case(id=id_, waiting=("check", "fit")))
-    working = Runner(cases, tmp_path / "h.sqlite")
+    working = Runner(cases, str(tmp_path / "h.sqlite"))
     until(lambda: working._children)
     working.stop(id_)
     until(lambda: not working._children)
@@ -572,7 +572,7 @@ def test_one_worker_a_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     cases = Cases(tmp_path)
     id_ = cases.new_id()
     cases.add(case(id=id_, state=DONE))
-    working = Runner(cases, tmp_path / "h.sqlite", workers=3)
+    working = Runner(cases, str(tmp_path / "h.sqlite"), workers=3)
     for step in ("c", "urdf", "certificate", "c", "urdf", "certificate"):
         cases.change(id_, lambda now, step=step: flow.wanted(now, step, {}))
         working.take(id_)
@@ -591,6 +591,13 @@ def test_how_far_a_step_is_comes_from_its_verb(tmp_path: Path) -> None:
     )
     assert runner.doing(tmp_path, "diagnose") == runner.Doing(2, 4, "causes")
     assert runner.doing(tmp_path, "fit") is None
+
+
+def test_the_page_that_opens_the_browser_is_its_owners(tmp_path: Path) -> None:
+    for link in (f"{HOME}/?token=1", f"{HOME}/?token=2"):
+        path = write_door(tmp_path, link)
+        assert link in path.read_text()
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
 def test_one_server_a_folder(tmp_path: Path) -> None:

@@ -69,7 +69,9 @@ def application(bench: Bench, hosts: frozenset[str]) -> Starlette:
 
 
 @contextmanager
-def opened(data: Path, most: int, workers: int = 1, watch: bool = True) -> Iterator[Bench]:
+def opened(
+    data: Path, most: int, workers: int = 1, watch: bool = True, store: str | None = None
+) -> Iterator[Bench]:
     """A bench on a data folder, its work going on as long as this lasts.
 
     Args:
@@ -77,6 +79,7 @@ def opened(data: Path, most: int, workers: int = 1, watch: bool = True) -> Itera
         most: bytes of an upload.
         workers: how many sessions are worked on at once.
         watch: whether to look for a running cell.
+        store: the history, a file or a URL; `history.sqlite` of the folder where not given.
 
     Raises:
         InputError: the folder cannot be made, or another server uses it.
@@ -91,12 +94,12 @@ def opened(data: Path, most: int, workers: int = 1, watch: bool = True) -> Itera
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise InputError(f"{data}: another `delta-cal serve` uses this folder") from error
-        cases, store = Cases(data / "cases"), (data / "history.sqlite").resolve()
-        runner = Runner(cases, store, workers)
+        cases, url = Cases(data / "cases"), _url(store or str(data / "history.sqlite"))
+        runner = Runner(cases, url, workers)
         cell = Cell() if watch else None
         try:
             key = Secrets(_token(data / "token"))
-            yield Bench(data, cases, runner, store, key, cell, most, environment())
+            yield Bench(data, cases, runner, url, key, cell, most, environment())
         finally:
             runner.close()
             if cell is not None:
@@ -145,6 +148,26 @@ def serve(
             timeout_graceful_shutdown=2,
         )
         uvicorn.Server(config).run(sockets=[listening])
+
+
+def write_door(data: Path, link: str) -> Path:
+    """A page that leads to the link, for its owner only: command lines are read by everybody.
+
+    Args:
+        data: folder to write it to.
+        link: with the token.
+    """
+    path = data / "open.html"
+    path.unlink(missing_ok=True)
+    descriptor = os.open(path, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="ascii") as file:
+        file.write(f'<meta http-equiv="refresh" content="0; url={link}">\n')
+    return path
+
+
+def _url(store: str) -> str:
+    """A store as the verbs find it from another folder."""
+    return store if "://" in store else str(Path(store).resolve())
 
 
 def _token(path: Path) -> str:

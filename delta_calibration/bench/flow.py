@@ -58,7 +58,7 @@ def first_steps(kind: str, preset: str) -> tuple[str, ...]:
     return FINDING_OUT if kind == BAG else ("log",)
 
 
-def arguments(case: Case, step: str, store: Path) -> list[str]:
+def arguments(case: Case, step: str, store: str) -> list[str]:
     """The command line of a step, behind `delta-cal`; every value stays behind its option."""
     robot, store_, machine = (
         f"--robot={case.robot}",

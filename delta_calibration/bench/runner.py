@@ -45,12 +45,12 @@ class Doing:
 class Runner:
     """Works through what is handed to it until it is closed."""
 
-    def __init__(self, cases: Cases, store: Path, workers: int = 1) -> None:
+    def __init__(self, cases: Cases, store: str, workers: int = 1) -> None:
         """Begin, with whatever was left unfinished.
 
         Args:
             cases: to work on.
-            store: the history, a file.
+            store: the history, a file by its full path or a URL.
             workers: how many cases are worked on at once.
         """
         self._cases, self._store = cases, store

@@ -27,7 +27,7 @@ class Bench:
         data: folder of everything that it keeps.
         cases: what was dropped.
         runner: works on them.
-        store: file of the history.
+        store: the history, a file or a URL.
         secrets: of this server.
         cell: watches a running cell; None where it was told not to.
         most: bytes of an upload.
@@ -37,7 +37,7 @@ class Bench:
     data: Path
     cases: Cases
     runner: Runner
-    store: Path
+    store: str
     secrets: Secrets
     cell: Cell | None
     most: int
@@ -52,9 +52,9 @@ class Bench:
 
     def machines(self) -> tuple[tuple[str, str], ...]:
         """Name and robot of every machine of the history."""
-        if not self.store.is_file():
-            return ()
-        with open_store(str(self.store)) as store:
+        if "://" not in self.store and not Path(self.store).is_file():
+            return ()  # it is made with the first session
+        with open_store(self.store) as store:
             return store.machines()
 
     def sessions(self, machine: str) -> Sequence[Entry]:
@@ -63,7 +63,7 @@ class Bench:
         Raises:
             InputError: no such machine.
         """
-        with open_store(str(self.store)) as store:
+        with open_store(self.store) as store:
             return store.sessions(machine)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import webbrowser
 from pathlib import Path
 
 import click
@@ -20,6 +21,12 @@ _MEGABYTE = 1 << 20
     default=Path("bench"),
     show_default=True,
     help="Folder of everything that is kept: sessions, results, the history.",
+)
+@click.option(
+    "--store",
+    default=None,
+    metavar="FILE|URL",
+    help="The history, as `delta-cal history` takes it.  [default: history.sqlite in --data]",
 )
 @click.option(
     "--address",
@@ -63,14 +70,17 @@ _MEGABYTE = 1 << 20
     show_default=True,
     help="Whether to look for a running cell on the ROS domain of this terminal.",
 )
+@click.option("--open", "show", is_flag=True, help="Open the page in this machine's browser.")
 def command(
     data: Path,
+    store: str | None,
     address: str,
     port: int,
     names: tuple[str, ...],
     most: int,
     workers: int,
     cell: bool,
+    show: bool,
 ) -> None:
     """Serve a page on which sessions are dropped, checked, fitted, diagnosed and certified.
 
@@ -81,17 +91,19 @@ def command(
     Needs Starlette and others: pip install 'delta_calibration[serve]'.
     """
     try:
-        from delta_calibration.bench.app import opened, serve
+        from delta_calibration.bench.app import opened, serve, write_door
     except ModuleNotFoundError as error:
         raise InputError(
             f"the page needs {error.name}: pip install 'delta_calibration[serve]'"
         ) from error
     for number in (signal.SIGTERM, signal.SIGHUP):  # to the end, so that the work is ended too
         signal.signal(number, signal.default_int_handler)
-    with opened(data, most * _MEGABYTE, workers, cell) as bench:
-        serve(bench, address, port, names, _tell)
+    with opened(data, most * _MEGABYTE, workers, cell, store) as bench:
 
+        def tell(link: str) -> None:
+            click.echo(f"open in a browser on this machine (Ctrl-C ends it):\n  {link}")
+            sys.stdout.flush()
+            if show:
+                webbrowser.open(write_door(data, link).resolve().as_uri())
 
-def _tell(link: str) -> None:
-    click.echo(f"open in a browser on this machine (Ctrl-C ends it):\n  {link}")
-    sys.stdout.flush()
+        serve(bench, address, port, names, tell)
