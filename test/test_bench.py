@@ -417,6 +417,8 @@ def test_a_mistake_is_asked_about_and_mended(tmp_path: Path) -> None:
     assert (done, asking.state, asking.question) == (["check"], ASKING, "mistakes")
     (tmp_path / "mended-1" / "night").mkdir(parents=True)
     (tmp_path / "mended-1" / "night_robot.yaml").write_text("")
+    mended = ended(begun(answered(asking, "mend")), Said(1, "", ""), tmp_path)
+    assert flow.again(mended) == mended  # a server that ends here does not mend it twice
     done, last = walk(answered(asking, "mend"), tmp_path, {"mend": 1})
     assert done == ["mend", "check", "fit", "diagnose"]
     assert (last.session, last.robot) == ("mended-1/night", "mended-1/night_robot.yaml")

@@ -41,7 +41,7 @@ class Case:
         robot: name of a robot, or path of its file, from the case's folder.
         began: when it was dropped, ISO 8601 in UTC.
         state: `working`, `asking` (a question waits), `done`, `failed` or `stopped`.
-        step: that is worked on; the last one where nothing is. Empty before the first.
+        step: that is worked on; empty where none is.
         waiting: steps to come, in order.
         session: path of the session in force, from the case's folder; empty while there is none.
         topics: where streams were recorded under another name, as STREAM=TOPIC.

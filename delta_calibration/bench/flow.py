@@ -139,7 +139,10 @@ def ended(case: Case, said: Said, folder: Path) -> Case:
         said: how.
         folder: of the case.
     """
-    step = case.step
+    return replace(_after(case, case.step, said, folder), step="")
+
+
+def _after(case: Case, step: str, said: Said, folder: Path) -> Case:
     if step == "columns" and said.code == 0:
         return _asking(case, COLUMNS)
     if step == "check" and said.code == DataError.exit_code and _found(case, folder):
