@@ -283,6 +283,12 @@ def test_what_is_taken_is_the_recording_alone(
     assert {path.name for path in tmp_path.iterdir()} == {"bag"}
 
 
+@pytest.mark.parametrize("name", ["commands.txt", "commands.csv", "check.log"])
+def test_a_table_is_never_taken_for_a_file_of_the_bench(tmp_path: Path, name: str) -> None:
+    taken = take_all([(io.BytesIO(b"1,2"), name)], tmp_path, MOST)
+    assert (taken.path, taken.name) == (f"table/{name}", name.split(".")[0])
+
+
 @pytest.mark.parametrize(
     ("fields", "why"),
     [
@@ -566,6 +572,22 @@ def test_work_can_be_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     until(lambda: not working._children)
     working.close()
     assert (cases.get(id_).state, cases.get(id_).waiting) == ("stopped", ())
+
+
+def test_what_an_export_wrote_before_is_gone_where_it_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripted(monkeypatch, "raise SystemExit(2)")
+    cases = Cases(tmp_path)
+    id_ = cases.new_id()
+    cases.add(case(id=id_, waiting=("commands",), options={"targets": "targets.csv"}))
+    for name in ("commands.csv", "machine.c"):
+        (cases.folder(id_) / name).write_text("old")
+    working = Runner(cases, str(tmp_path / "h.sqlite"))
+    until(lambda: cases.get(id_).state == DONE)
+    working.close()
+    assert not (cases.folder(id_) / "commands.csv").exists()
+    assert (cases.folder(id_) / "machine.c").exists()
 
 
 def test_one_worker_a_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,7 +33,12 @@ STEPS = {
     "log": "Comparing all sessions of the machine",
 }
 FINDING_OUT = ("check", "fit", "diagnose", "keep")
-EXTRAS = ("certificate", "commands", "c", "urdf")
+EXTRAS = {  # and what they write
+    "certificate": ("certificate.html", "certificate.pdf", "certificate.json"),
+    "commands": ("commands.csv",),
+    "c": ("machine.c", "machine.h"),
+    "urdf": ("machine.urdf",),
+}
 
 
 @dataclass(frozen=True)

@@ -205,9 +205,10 @@ def _table_options(form: FormData, folder: Path) -> dict[str, str]:
     other = _files(form, "other")
     if other:
         stream, given = other[0]
-        name = f"second_{file_name(given, 'table.csv')}"
-        copy(stream, given, folder / name, MOST_TEXT)
-        options["other"] = name
+        path = f"other/{file_name(given, 'table.csv')}"
+        (folder / "other").mkdir()
+        copy(stream, given, folder / path, MOST_TEXT)
+        options["other"] = path
     return options
 
 

@@ -23,7 +23,16 @@ from queue import SimpleQueue
 from threading import Lock, Thread
 
 from delta_calibration.bench.cases import STOPPED, WORKING, Case, Cases
-from delta_calibration.bench.flow import Said, again, arguments, begun, ended, last_line, made_anew
+from delta_calibration.bench.flow import (
+    EXTRAS,
+    Said,
+    again,
+    arguments,
+    begun,
+    ended,
+    last_line,
+    made_anew,
+)
 from delta_calibration.processes import child_environment
 
 _PATIENCE_S = 5.0  # that a step has to end in after it was told to
@@ -157,7 +166,9 @@ class Runner:
 
 
 def clear(case: Case, folder: Path) -> None:
-    """Make the folders that a step's verb wants, without what an earlier try left in them."""
+    """Make the folders that a step's verb wants; let go of what an earlier try left."""
+    for name in EXTRAS.get(case.step, ()):
+        (folder / name).unlink(missing_ok=True)
     for name in made_anew(case):
         shutil.rmtree(folder / name, ignore_errors=True)
         (folder / name).mkdir()

@@ -99,8 +99,8 @@ def take(stream: IO[bytes], given: str, folder: Path, most: int) -> Dropped:
         return Dropped(BAG, session, f"bag/{session}")
     if lower.endswith(TABLES):
         name = file_name(given, "table.csv")
-        copy(stream, given, folder / name, min(most, MOST_TEXT))
-        return Dropped(TABLE, Path(name).stem, name)
+        copy(stream, given, _made(folder / "table") / name, min(most, MOST_TEXT))
+        return Dropped(TABLE, Path(name).stem, f"table/{name}")
     raise InputError(f"{_called(given)}: is none of what can be dropped here: {KINDS}")
 
 
