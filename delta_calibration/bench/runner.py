@@ -145,8 +145,8 @@ class Runner:
             clear(case, folder)
             verb = arguments(case, case.step, self._store)
             with self._lock:
-                if self._closed:
-                    return Said(-signal.SIGINT, "", "the bench was closed")
+                if self._closed or self._cases.get(case.id).state != WORKING:
+                    return Said(-signal.SIGINT, "", "stopped before it began")
                 child = subprocess.Popen(
                     command(verb),
                     cwd=folder,
