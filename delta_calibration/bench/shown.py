@@ -19,11 +19,9 @@ from delta_calibration.wording import capital, listed, measured, mm, plain, spok
 
 _VALUES = 16  # of a cause that are told, the clearest of them
 DOWNLOADS = {
-    "verdict.json": "Verdict, for programs",
     "report.html": "Report, a page to read and sign",
     "certificate.pdf": "Certificate, to print",
     "certificate.html": "Certificate, as a page",
-    "certificate.json": "Certificate, for programs",
     "calibration.yaml": "Calibration, geometry only",
     "extended.yaml": "Extended calibration, with the causes that were found",
     "commands.csv": "Corrected joint commands",
@@ -31,6 +29,8 @@ DOWNLOADS = {
     "machine.h": "The machine as C, header",
     "machine.urdf": "The machine as URDF",
     "log.html": "Change log, as a page",
+    "verdict.json": "Verdict, for programs",
+    "certificate.json": "Certificate, for programs",
     MAPPING: "Mapping of the table",
 }
 
@@ -104,7 +104,7 @@ def shown(verdict: Verdict, robot: Robot) -> Shown:
         tuple(_cause(finding, robot) for finding in verdict.findings),
         tuple(map(named, _unknown(verdict))),
         tuple(
-            named(f"{listed(map(spoken, e.between))}: {e.because}; {e.next}")
+            named(capital(f"{listed(map(spoken, e.between))}: {e.because}; {e.next}"))
             for e in verdict.cannot_tell
         ),
     )
@@ -115,7 +115,7 @@ def _cause(finding: Finding, robot: Robot) -> Cause:
         f"{name} {plain(measured(e.value, e.std, e.unit))}"
         for name, e in finding.clearest(_VALUES).items()
     )
-    lines = [values, finding.errors(), *finding.found_in_full()]
+    lines = [f"found: {values}", finding.errors(), *finding.found_in_full()]
     if finding.equivalents:
         others = listed(map(spoken, finding.equivalents))
         lines.append(f"indistinguishable here: {others}; to separate them: {finding.separated_by}")
