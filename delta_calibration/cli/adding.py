@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
 from delta_calibration.cli.diagnose import diagnosed
+from delta_calibration.data import Survey
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.errors import InputError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.report import read_verdict
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Survey
 from delta_calibration.texts import read_text
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
