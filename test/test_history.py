@@ -163,6 +163,32 @@ def test_what_cannot_be_added_is_refused(
     assert "no machine 'x'; there are: press_3" in capsys.readouterr().err
 
 
+def test_a_diagnosis_that_was_made_is_kept_as_it_is(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the very session only; and never half of it."""
+    verdict, calibration = tmp_path / "verdict.json", tmp_path / "extended.yaml"
+    made = ["--json", str(verdict), "--out", str(calibration)]
+    assert run(["diagnose", str(folder / "day_1"), "--robot", "srbd", *made]) == 0
+    known = ["--verdict", str(verdict), "--calibration", str(calibration)]
+    assert run([*add(folder, 1, "press_4"), *known]) == 0
+    with open_store(str(folder / "h.sqlite")) as store:
+        (entry,) = store.sessions("press_4")
+    assert entry.verdict == json.loads(verdict.read_text())
+    assert entry.calibration["provenance"]["method"] == "diagnosis"
+    capsys.readouterr()
+    for day, options, why in (
+        (2, known, "was made from other poses"),
+        (2, known[:2], "go together"),
+        (2, [*known, "--quick"], "makes no verdict"),
+        (2, [*known[:2], "--calibration", str(tmp_path / "none.yaml")], "none.yaml"),
+    ):
+        assert run([*add(folder, day, "press_4"), *options]) == 2
+        assert why in capsys.readouterr().err
+    with open_store(str(folder / "h.sqlite")) as store:
+        assert len(store.sessions("press_4")) == 1
+
+
 def test_a_bag_that_moved_or_changed_is_told(
     folder: Path, robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

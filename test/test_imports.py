@@ -61,6 +61,7 @@ LAYERS = [
     "report",
     "notebook",
     "access",
+    "bench",
     "cli",
     "ros",
 ]
@@ -68,6 +69,7 @@ ONLY_IN = {
     "ros": re.compile(r"rclpy|\w+_msgs|\w+_interfaces|std_srvs|(rosidl|ament|tf2)_\w+|launch"),
     "report": re.compile(r"matplotlib|plotly|seaborn|bokeh|altair|pyvista"),
     "history": re.compile(r"sqlalchemy"),
+    "bench": re.compile(r"starlette|uvicorn|fastapi|flask|multipart"),
     "cli": re.compile(r"click|argparse|optparse|getopt|typer|rich"),
 }
 
@@ -139,6 +141,8 @@ def test_every_module_has_a_layer() -> None:
         ("from sensor_msgs.msg import JointState", "recording/mcap.py", "sensor_msgs is imported"),
         ("import matplotlib.pyplot as plt", "cli/fit.py", "imported outside report/"),
         ("import argparse", "ros/node.py", "argparse is imported outside cli/"),
+        ("from starlette.routing import Route", "cli/serve.py", "imported outside bench/"),
+        ("from ..cli.fit import describe", "bench/pages.py", "imports cli, which"),
         ("print('x')", "ros/node.py", "print outside cli/"),
     ],
 )

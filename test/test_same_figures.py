@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -68,6 +69,18 @@ def diagnosis(name: str) -> Diagnosis:
 
 def report(name: str):
     return report_of(diagnosis(name), ROBOT, PROVENANCE)
+
+
+@pytest.mark.parametrize("way", [fitted, by_node])
+def test_the_node_tells_the_errors_of_the_last_poses(
+    way: Callable[[str], FittedCalibration],
+) -> None:
+    """Those that their root mean square, over all poses, is told of as the error left."""
+    made = way("srbd_plain")
+    told = [float(each) for each in made.last_errors().split(", ")]
+    every = 1e3 * np.linalg.norm(made.found.missed, axis=1)
+    np.testing.assert_allclose(told, every[-5:], atol=1e-4)
+    assert np.isclose(np.sqrt(np.mean(every**2)), 1e3 * made.found.full.held_out)
 
 
 def numbers(text: str) -> set[str]:

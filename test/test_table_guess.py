@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -155,6 +156,20 @@ def test_ten_rows_and_reasons_are_shown_and_the_mapping_is_written(
     assert mapping["delimiter"] == ";"
     assert mapping["table"]["decimal"] == ","
     assert mapping["position"]["unit"] == "mm"
+
+
+def test_programs_read_what_is_proposed(
+    tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
+) -> None:
+    file = write(tmp_path, TABLES["German Excel"], *measured["srbd"])
+    out, mapping = tmp_path / "guess.json", tmp_path / "mapping.yaml"
+    assert guess(file, "srbd", "--json", str(out), "--mapping-out", str(mapping)) == 0
+    told = json.loads(out.read_text(encoding="utf-8"))
+    assert list(told) == ["schema", "mapping", "sure", "doubts", "rows"]
+    assert len(told["rows"]) == 10
+    assert told["mapping"] == parse_yaml(mapping.read_text(encoding="utf-8"), "mapping")
+    wrong = ["import", str(file), "--mapping", str(mapping), "--robot", "srbd"]
+    assert run([*wrong, "--json", str(out), "--mapping-out", str(mapping)]) == 2
 
 
 def test_what_is_in_doubt_is_not_written(

@@ -376,7 +376,7 @@ class CalibrationSession:
         return f"{state}, capturing" if self.capture.running else state
 
     def _values(self) -> dict[str, object]:
-        calibration = self.calibration
+        calibration, fitted = self.calibration, self.fitted
         return {
             "robot": self.robot.name,
             "enabled": self.path.enabled,
@@ -387,6 +387,7 @@ class CalibrationSession:
             if calibration is None
             else ", ".join(effect.cause for effect, _ in calibration.live),
             "effects left out": self.left_out,
+            "error left of the last poses fitted [mm]": fitted.last_errors() if fitted else "",
             f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
             "command took longer than its period": self.watch.late,

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import (
     from_diagnosis,
@@ -24,6 +26,7 @@ CHECK, POSES, GEOMETRY, COMPENSATOR = "check", "still moments", "geometry", "com
 FIT_STEPS = (CHECK, POSES, GEOMETRY, COMPENSATOR)
 DIAGNOSIS_STEPS = (CHECK, POSES, *STEPS, COMPENSATOR)
 Step = Callable[[str], None]
+_LAST = 5  # poses whose errors are told one by one
 
 
 def silent(step: str) -> None:
@@ -56,6 +59,11 @@ class FittedCalibration:
         if self.diagnosis is not None:
             return self.diagnosis.doubts
         return doubts(self.found)
+
+    def last_errors(self) -> str:
+        """Held-out errors of the poses measured last [mm], the newest at the end."""
+        left = 1e3 * np.linalg.norm(self.found.missed[-_LAST:], axis=1)
+        return ", ".join(mm(float(each)) for each in left)
 
     def sentence(self) -> str:
         """The result in a line: rank, the error left and the noise beside it."""

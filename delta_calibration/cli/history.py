@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
-from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.adding import Found, entry_of, found_of, known_of
 from delta_calibration.cli.check import warn_of_mistakes
-from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.options import (
     progress,
     require_folder,
@@ -25,9 +25,7 @@ from delta_calibration.cli.options import (
     write_text,
 )
 from delta_calibration.data import Survey, survey
-from delta_calibration.documents import load_schema, read_document
 from delta_calibration.errors import InputError
-from delta_calibration.estimation import identify
 from delta_calibration.history import Dated, History, find_changes
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
@@ -69,6 +67,20 @@ def command() -> None:
 @click.option(
     "--quick", is_flag=True, help="Fit the geometry only; no causes are looked for, no verdict."
 )
+@click.option(
+    "--verdict",
+    "verdict_file",
+    type=_FILE,
+    default=None,
+    help="Of a single session: what `diagnose --json` wrote of it; it is not diagnosed again.",
+)
+@click.option(
+    "--calibration",
+    "calibration_file",
+    type=_FILE,
+    default=None,
+    help="With --verdict: what `diagnose --out` wrote beside it.",
+)
 @seed_option
 @topics_option
 def add(
@@ -78,6 +90,8 @@ def add(
     url: str,
     name: str | None,
     quick: bool,
+    verdict_file: Path | None,
+    calibration_file: Path | None,
     seed: int,
     topics: tuple[str, ...],
 ) -> None:
@@ -92,13 +106,15 @@ def add(
     for session in sessions:
         if not session.is_dir():
             raise InputError(f"{session}: no folder of a session")
+    known = known_of(sessions, verdict_file, calibration_file, quick)
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
     with _opened(url, make=True) as store:
         for session in sessions:
             path = session.resolve()
-            _add(store, machine, path, name or path.name, robot, given, topics, seed, quick)
-        known = len(store.sessions(machine))
-    click.echo(f"{url}: {machine} has {known} session{'' if known == 1 else 's'}")
+            make = partial(found_of, known=known, robot=robot, seed=seed, quick=quick)
+            _add(store, machine, path, name or path.name, robot, given, topics, make)
+        count = len(store.sessions(machine))
+    click.echo(f"{url}: {machine} has {count} session{'' if count == 1 else 's'}")
 
 
 def _add(
@@ -109,8 +125,7 @@ def _add(
     robot: Robot,
     given: str,
     topics: tuple[str, ...],
-    seed: int,
-    quick: bool,
+    make: Callable[[Survey], Found],
 ) -> None:
     """Add one session, or note where it is now."""
     from delta_calibration.history.store import folder_hash
@@ -123,9 +138,9 @@ def _add(
     recorded = read_session(path, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, given, False, True)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    entry = _entry(machine, name, path, digest, topics, seen, robot, seed, quick)
+    entry = entry_of(machine, name, path, digest, topics, seen, make(seen))
     store.add(entry, given, robot.machine_hash)
-    click.echo(f"added: {name} of {entry.began:%Y-%m-%d %H:%M}; {_found(entry)}")
+    click.echo(f"added: {name} of {entry.began:%Y-%m-%d %H:%M}; {entry.found}")
 
 
 @command.command("list")
@@ -139,7 +154,7 @@ def list_(machine: str | None, url: str) -> None:
             click.echo(table(("machine", "robot", "sessions"), rows))
             return
         entries = store.sessions(machine)
-    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(_held_out(e)), _found(e)) for e in entries]
+    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(e.held_out_mm), e.found) for e in entries]
     click.echo(table(("session", "began", "held-out error [mm]", "found"), lines))
 
 
@@ -160,7 +175,7 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     click.echo(
         f"{machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M}\n"
         f"path: {entry.path}\nsha256: {entry.sha256}\nadded: {entry.added:%Y-%m-%d %H:%M}\n"
-        f"held-out error: {mm(_held_out(entry))} mm; {_found(entry)}"
+        f"held-out error: {mm(entry.held_out_mm)} mm; {entry.found}"
     )
     if verdict_file is not None:
         if entry.verdict is None:
@@ -210,7 +225,7 @@ def report(machine: str, url: str, out: Path) -> None:
     require_folder(out)
     require_libraries()
     with _opened(url) as store:
-        errors = [(e.id, e.began, _held_out(e)) for e in store.sessions(machine)]
+        errors = [(e.id, e.began, e.held_out_mm) for e in store.sessions(machine)]
     found = _changes(machine, url)
     write_page(out, page_of_history(machine, found, errors))
     click.echo(plain("\n".join((*found.sentences(), f"written: {out}"))))
@@ -230,60 +245,6 @@ def _opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
 
 def _all(store: Store) -> Iterable[tuple[str, str]]:
     return store.machines()
-
-
-def _entry(
-    machine: str,
-    name: str,
-    path: Path,
-    digest: str,
-    topics: tuple[str, ...],
-    seen: Survey,
-    robot: Robot,
-    seed: int,
-    quick: bool,
-) -> Entry:
-    """The session with what a fit or a diagnosis makes of it."""
-    from delta_calibration.history.store import Entry
-
-    verdict = None
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.yaml"
-        if quick:
-            save_calibration(file, identify(seen.poses, robot, seed=seed), robot, seen.poses)
-        else:
-            found = diagnosed(seen, robot, None, seed, None)
-            save_extended(file, found, robot, seen.poses)
-            verdict = found.verdict.as_dict()
-        calibration = read_document(file, lambda _: load_schema("calibration"))
-    return Entry(
-        machine=machine,
-        id=name,
-        path=path,
-        sha256=digest,
-        began=datetime.fromtimestamp(seen.poses.start_ns * 1e-9, timezone.utc),
-        added=datetime.now(timezone.utc),
-        topics=topics,
-        calibration=json.loads(json.dumps(calibration, default=str)),
-        verdict=verdict,
-    )
-
-
-def _found(entry: Entry) -> str:
-    if entry.verdict is None:
-        return "no causes looked for"
-    named = [
-        f["cause"] + (f" at {f['location']}" if f["location"] else "")
-        for f in entry.verdict["findings"]
-    ]
-    return f"found: {', '.join(named) or 'nothing beyond geometry'}"
-
-
-def _held_out(entry: Entry) -> float:
-    """Error left of the model of a session [mm]."""
-    if entry.verdict is not None:
-        return float(entry.verdict["extended"]["held_out_rms_mm"])
-    return float(entry.calibration["residuals"]["full"]["error_left_rms_mm"])
 
 
 def _changes(machine: str, url: str) -> History:

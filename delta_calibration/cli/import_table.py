@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from delta_calibration import __version__
-from delta_calibration.cli.options import robot_option
+from delta_calibration.cli.options import robot_option, write_json
 from delta_calibration.cli.options import table as columns_of
 from delta_calibration.cli.quantity import Quantity
 from delta_calibration.documents import write_document
@@ -76,6 +76,13 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     "--unit", type=click.Choice(list(LENGTHS)), default=None, help="Of points, by --preset."
 )
 @click.option("--mapping-out", type=_FILE, default=None, help="Mapping to write.")
+@click.option(
+    "--json",
+    "json_file",
+    type=_FILE,
+    default=None,
+    help="File of what --guess proposes, to write: mapping, first rows, what is in doubt.",
+)
 @robot_option
 @click.option("--out", type=_FILE, default=None, help="Folder of the session to write.")
 def command(
@@ -90,6 +97,7 @@ def command(
     shift: float,
     unit: str | None,
     mapping_out: Path | None,
+    json_file: Path | None,
     robot_file: str,
     out: Path | None,
 ) -> None:
@@ -107,6 +115,8 @@ def command(
     robot = load_robot(robot_file)
     _require_one(mapping_file, preset, guess)
     _require_something(out, mapping_out, guess)
+    if json_file is not None and not guess:
+        raise InputError("--json goes with --guess: it tells what was guessed")
     with TemporaryDirectory() as folder:
         if mapping_file is None:
             mapping_file = mapping_out or Path(folder) / "mapping.yaml"
@@ -114,7 +124,10 @@ def command(
                 other = _other(join_file, join_preset, by, within, shift)
                 mapping: Mapping[str, Any] = mapping_of(preset, robot, other, unit, mapping_file)
             else:
-                mapping = _proposed(guessed(table, robot), table, out is not None)
+                proposed = guessed(table, robot)
+                if json_file is not None:
+                    write_json(json_file, proposed.as_dict())
+                mapping = _proposed(proposed, table, out is not None)
             write_document(mapping_file, dict(mapping))
             _tell_of_mapping(mapping_file, out, mapping_out)
         if out is not None:

@@ -26,6 +26,7 @@ VERBS = (
     "certificate",
     "compare",
     "history",
+    "serve",
     "compensate",
     "export",
     "iso9283",

@@ -43,6 +43,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
     },
     "Begin": {
         "demo": "--out out/demo",
+        "serve": "--data bench",
         "completion": "bash",
     },
 }

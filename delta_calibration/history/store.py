@@ -80,6 +80,24 @@ class Entry:
     calibration: dict[str, Any]
     verdict: dict[str, Any] | None
 
+    @property
+    def found(self) -> str:
+        """The causes that its verdict names, as words."""
+        if self.verdict is None:
+            return "no causes looked for"
+        named = [
+            f["cause"] + (f" at {f['location']}" if f["location"] else "")
+            for f in self.verdict["findings"]
+        ]
+        return f"found: {', '.join(named) or 'nothing beyond geometry'}"
+
+    @property
+    def held_out_mm(self) -> float:
+        """Error that its model leaves on data it has not seen [mm]."""
+        if self.verdict is not None:
+            return float(self.verdict["extended"]["held_out_rms_mm"])
+        return float(self.calibration["residuals"]["full"]["error_left_rms_mm"])
+
     def require_unchanged(self) -> None:
         """Refuse a session that is not where it was, or not what it was.
 

@@ -70,6 +70,16 @@ class Guess:
     doubts: tuple[str, ...]
     shown: tuple[Mapping[str, str], ...]  # rows as they would be read
 
+    def as_dict(self) -> dict[str, Any]:
+        """As `delta-cal import --guess --json` writes it."""
+        return {
+            "schema": 1,
+            "mapping": dict(self.mapping),
+            "sure": list(self.sure),
+            "doubts": list(self.doubts),
+            "rows": [dict(row) for row in self.shown],
+        }
+
 
 @dataclass(frozen=True)
 class _Table:

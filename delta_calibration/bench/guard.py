@@ -1,0 +1,214 @@
+"""Who may ask, and what: the host's name, the token, the page that a form came from, and headers.
+
+Before anything is answered:
+
+- the `Host` must be one of the server's own names: a page elsewhere whose name is pointed at this
+  machine (DNS rebinding) gets nothing;
+- the browser must have been opened with the token once, which gave it a cookie; the token itself
+  is not kept in the cookie, nor in any link or log;
+- what changes anything must come from a page of this server (`Origin`), and carry the word that
+  its forms have (`key_of`), which no other page can read;
+- a body may be no larger than said.
+
+Source: OWASP cheat sheets "Cross-Site Request Forgery Prevention" and "HTTP Headers".
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qsl, urlencode
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+_KEPT_S = 30 * 24 * 3600  # [s] for which a browser stays known
+_READING = ("GET", "HEAD")
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+# Pages that the verbs write carry their script in themselves: they are shown apart from the bench.
+APART = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'"
+)
+HEADERS: Mapping[str, str] = {
+    "content-security-policy": POLICY,
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=()",
+    "cache-control": "no-store",
+}
+
+
+@dataclass(frozen=True)
+class Secrets:
+    """What is made of the token: the token opens, the cookie stays, the key goes with forms."""
+
+    token: str
+
+    def opens(self, token: str) -> bool:
+        """Whether this is the token."""
+        return hmac.compare_digest(token.encode(), self.token.encode())
+
+    @property
+    def cookie(self) -> str:
+        """Value of the cookie of a browser that was opened with the token."""
+        return self._word("cookie")
+
+    @property
+    def key(self) -> str:
+        """The word that forms carry."""
+        return self._word("form")
+
+    def knows(self, cookie: str) -> bool:
+        """Whether this is the cookie."""
+        return hmac.compare_digest(cookie.encode(), self.cookie.encode())
+
+    def require_key(self, given: str) -> None:
+        """Refuse a form that is not of this server.
+
+        Raises:
+            HTTPException: 403.
+        """
+        if not hmac.compare_digest(given.encode(), self.key.encode()):
+            raise HTTPException(403, "this form is of no page of this bench: load it again")
+
+    def _word(self, use: str) -> str:
+        return hmac.new(self.token.encode(), use.encode(), hashlib.sha256).hexdigest()
+
+
+class Guard:
+    """ASGI middleware that lets through what is said above, and puts headers on every answer."""
+
+    def __init__(self, app: ASGIApp, secrets: Secrets, hosts: frozenset[str], most: int) -> None:
+        """Guard an application.
+
+        Args:
+            app: what is guarded.
+            secrets: of this server.
+            hosts: what `Host` may be, in small letters, with the port.
+            most: bytes of a body.
+        """
+        self._app, self._secrets, self._hosts, self._most = app, secrets, hosts, most
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or hand on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    own.setdefault(name, value)
+            await send(message)
+
+        try:
+            answer = self._let_through(scope) or self._app
+        except HTTPException as refused:
+            answer = PlainTextResponse(f"{refused.detail}\n", refused.status_code)
+        await answer(scope, self._bounded(receive), with_headers)
+
+    def _let_through(self, scope: Scope) -> Response | None:
+        """None where the application may answer; to a right token, the cookie.
+
+        Raises:
+            HTTPException: it may not.
+        """
+        headers = Headers(scope=scope)
+        host = self._require_host(headers)
+        name = _cookie_name(host)
+        if scope["method"] in _READING and (given := _token(scope)):
+            if not self._secrets.opens(given):
+                raise HTTPException(403, "the token of this link is not, or no longer, right")
+            return self._opened(scope, name)
+        self._require_known(headers, name)
+        if scope["method"] not in _READING:
+            self._require_own_page(headers, host)
+            self._require_small(headers)
+        return None
+
+    def _require_host(self, headers: Headers) -> str:
+        host = headers.get("host", "").lower()
+        if host not in self._hosts:
+            raise HTTPException(421, "this server is not known by that name")
+        return host
+
+    def _require_known(self, headers: Headers, name: str) -> None:
+        if not self._secrets.knows(_cookie(headers, name)):
+            raise HTTPException(
+                403,
+                "this browser is not known here: open the link that delta-cal serve showed when "
+                "it was started",
+            )
+
+    def _require_own_page(self, headers: Headers, host: str) -> None:
+        if headers.get("origin", "") not in (f"http://{host}", f"https://{host}"):
+            raise HTTPException(403, "this was not asked from a page of this bench")
+
+    def _require_small(self, headers: Headers) -> None:
+        length = headers.get("content-length", "0")
+        if not length.isdigit() or int(length) > self._most:
+            raise HTTPException(413, too_large(self._most))
+
+    def _bounded(self, receive: Receive) -> Receive:
+        """What comes in, as long as it is not too much, whatever was announced."""
+        taken = 0
+
+        async def bounded() -> Message:
+            nonlocal taken
+            message = await receive()
+            taken += len(message.get("body", b""))
+            if taken > self._most:
+                raise HTTPException(413, too_large(self._most))
+            return message
+
+        return bounded
+
+    def _opened(self, scope: Scope, name: str) -> RedirectResponse:
+        """To the same page without the token, with the cookie."""
+        rest = urlencode([(k, v) for k, v in _query(scope) if k != "token"])
+        path = "/" + scope["path"].lstrip("/")  # two slashes would lead to another server
+        answer = RedirectResponse(path + (f"?{rest}" if rest else ""), 303)
+        answer.set_cookie(
+            name, self._secrets.cookie, max_age=_KEPT_S, httponly=True, samesite="lax"
+        )
+        return answer
+
+
+def too_large(most: int) -> str:
+    """Why a body is refused."""
+    return f"more than {most / (1 << 20):.0f} MB, and no more is taken (delta-cal serve --most)"
+
+
+def _query(scope: Scope) -> list[tuple[str, str]]:
+    return parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)
+
+
+def _token(scope: Scope) -> str:
+    return dict(_query(scope)).get("token", "")
+
+
+def _cookie_name(host: str) -> str:
+    """Cookies know no ports: two servers on one machine must not take each other's."""
+    return f"delta_cal_{host.rpartition(':')[2]}"
+
+
+def _cookie(headers: Headers, name: str) -> str:
+    jar: SimpleCookie = SimpleCookie()
+    try:
+        jar.load(headers.get("cookie", ""))
+    except CookieError:
+        return ""
+    return jar[name].value if name in jar else ""

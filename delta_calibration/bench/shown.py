@@ -1,0 +1,179 @@
+"""What a page shows of a case: the verdict in words, what was found, and the files to take."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from delta_calibration.bench.cases import Case
+from delta_calibration.bench.flow import MAPPING, STEPS, check_file
+from delta_calibration.bench.runner import commands, doing, told
+from delta_calibration.diagnosis import Finding, Verdict
+from delta_calibration.report import read_verdict
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.texts import read_text
+from delta_calibration.wording import capital, listed, measured, mm, plain, spoken, sure
+
+_VALUES = 16  # of a cause that are told, the clearest of them
+DOWNLOADS = {
+    "report.html": "Report, a page to read and sign",
+    "certificate.pdf": "Certificate, to print",
+    "certificate.html": "Certificate, as a page",
+    "calibration.yaml": "Calibration, geometry only",
+    "extended.yaml": "Extended calibration, with the causes that were found",
+    "commands.csv": "Corrected joint commands",
+    "machine.c": "The machine as C, source",
+    "machine.h": "The machine as C, header",
+    "machine.urdf": "The machine as URDF",
+    "log.html": "Change log, as a page",
+    "verdict.json": "Verdict, for programs",
+    "certificate.json": "Certificate, for programs",
+    MAPPING: "Mapping of the table",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of a table of two columns."""
+
+    name: str
+    value: str
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A finding, in words."""
+
+    title: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A verdict, in words."""
+
+    sentence: str
+    models: tuple[Row, ...]
+    causes: tuple[Cause, ...]
+    unknown: tuple[str, ...]
+    cannot_tell: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a case is, in words and as a share."""
+
+    sentence: str
+    number: int = 0
+    of: int = 0
+
+
+def progress(case: Case, folder: Path) -> Progress | None:
+    """What is worked on now; None where nothing is."""
+    if case.state != "working":
+        return None
+    if not case.step:
+        return Progress("Waiting for what was dropped before")
+    part = doing(folder, case.step)
+    if part is None:
+        return Progress(STEPS[case.step])
+    return Progress(f"{STEPS[case.step]}: {part.name}", part.number, part.of)
+
+
+def verdict_of(case: Case, folder: Path) -> Shown | None:
+    """The verdict of a case; None where there is none yet."""
+    path = folder / "verdict.json"
+    if not path.is_file():
+        return None
+    return shown(read_verdict(path).verdict, _robot(case, folder))
+
+
+def shown(verdict: Verdict, robot: Robot) -> Shown:
+    """A verdict in words, with the robot's own names."""
+    named = robot.named
+    noise = () if verdict.noise_mm is None else (Row("noise of a pose", mm(verdict.noise_mm)),)
+    return Shown(
+        named(verdict.sentence()),
+        (
+            *(Row(named(f"{n}: {m.model}"), mm(m.held_out_rms_mm)) for n, m in verdict.models()),
+            *noise,
+        ),
+        tuple(_cause(finding, robot) for finding in verdict.findings),
+        tuple(map(named, _unknown(verdict))),
+        tuple(
+            named(capital(f"{listed(map(spoken, e.between))}: {e.because}; {e.next}"))
+            for e in verdict.cannot_tell
+        ),
+    )
+
+
+def _cause(finding: Finding, robot: Robot) -> Cause:
+    values = ", ".join(
+        f"{name} {plain(measured(e.value, e.std, e.unit))}"
+        for name, e in finding.clearest(_VALUES).items()
+    )
+    lines = [f"found: {values}", finding.errors(), *finding.found_in_full()]
+    if finding.equivalents:
+        others = listed(map(spoken, finding.equivalents))
+        lines.append(f"indistinguishable here: {others}; to separate them: {finding.separated_by}")
+    title = f"{capital(finding.called())}, {sure(finding.confidence)} sure"
+    return Cause(robot.named(title), tuple(robot.named(capital(line)) for line in lines))
+
+
+def _unknown(verdict: Verdict) -> list[str]:
+    left = verdict.unknown_structure
+    if not left.found:
+        return []
+    size = f", {left.rms_mm:.4f} mm RMS" if left.rms_mm is not None else ""
+    where = f"; {left.where}" if left.where else ""
+    laws = [
+        f"Law at {law.part} ({law.stage}), {sure(law.probability)} likely: {law.equation}"
+        for law in left.laws
+    ]
+    return [f"Unexplained structure{size}: moves with {left.moves()}{where}", *laws]
+
+
+def mistakes(case: Case, folder: Path) -> list[dict[str, Any]]:
+    """What the check of the session in force found."""
+    found: list[dict[str, Any]] = json.loads(read_text(folder / check_file(case)))["found"]
+    return [{**m, "title": _mistake_title(m)} for m in found]
+
+
+def _mistake_title(mistake: Mapping[str, Any]) -> str:
+    part = f" ({spoken(mistake['part'])})" if mistake["part"] else ""
+    size = ""
+    if mistake["value"] is not None:
+        unit = mistake["unit"] if mistake["unit"] != "1" else ""
+        size = f": {mistake['value']:.6g} {unit}".rstrip()
+    title = f"{spoken(mistake['mistake'])} in {spoken(mistake['stream'])}{part}{size}"
+    return capital(title)
+
+
+def columns(folder: Path) -> dict[str, Any]:
+    """What was guessed of a table, with the mapping as it stands in its file."""
+    guessed: dict[str, Any] = json.loads(read_text(folder / "columns.json"))
+    return {**guessed, "text": read_text(folder / MAPPING)}
+
+
+def files(folder: Path) -> list[tuple[str, str]]:
+    """Name and meaning of every file that can be taken."""
+    return [(name, said) for name, said in DOWNLOADS.items() if (folder / name).is_file()]
+
+
+def outputs(folder: Path) -> list[tuple[str, str]]:
+    """What the verbs said, by the name of their step."""
+    said = [(STEPS[step], told(folder, step)) for step in STEPS]
+    return [(title, text) for title, text in said if text]
+
+
+def history_of_commands(folder: Path) -> str:
+    """What was run, a line each."""
+    return "\n".join(commands(folder))
+
+
+def _robot(case: Case, folder: Path) -> Robot:
+    own = folder / case.robot
+    return load_robot(own if own.is_file() else case.robot)
