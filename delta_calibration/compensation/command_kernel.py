@@ -16,10 +16,12 @@ from delta_calibration.compensation.backward_kernel import (
     Place,
     Search,
     begin,
+    begin_near,
     correct,
     reached,
     scratch,
     stands,
+    verified,
 )
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import FULL, K, M, T, copy_into, moved, place
@@ -295,8 +297,7 @@ def finished(
     for i in range(len(q)):
         room.told[i] = q[i] + dq[i]
         bounded = bounded and abs(dq[i]) <= guards.correction
-    begin(room.own)
-    error = reached(machine, room.told, signals, target, room.own)
+    error = verified(machine, room.told, signals, target, room.own)
     good = error <= guards.reached or (machine.reshaped and error <= guards.stepped)
     code = PASSED if good and bounded else NOT_REACHED
     if code == PASSED:
@@ -345,6 +346,7 @@ def commanded(
     code = judged(drawn, guards, q, payload, centre, target, told, room)
     if code != PASSED or not usable:
         return code
+    begin_near(drawn, room.drawn, machine, room.own)
     _, told[COUNT] = correct(machine, search, q, signals, target, dq, room.own)
     return finished(machine, guards, q, signals, target, dq, told, room)
 
@@ -389,6 +391,7 @@ def every(
     room, code = command_room(drawn, machine, of_drawn, signals.shape[1]), np.zeros(n, np.int64)
     for row in range(n):
         if mode == VERIFIED:
+            begin(room.own)
             code[row] = finished(
                 machine, guards, q[row], signals[row], target[row], dq[row], told[row], room
             )
