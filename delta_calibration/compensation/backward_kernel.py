@@ -9,7 +9,8 @@ Where every joint moves the tool by itself, Newton's method on the commands find
 the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where effects
 take loads, steps and rounds of the effects take turns: a step with what effects do as it is, then
 that anew at the pose it has led to, so that loads are found three times and not at every pose
-that is tried. Where this does not settle, the whole chain stands at every pose. Where all of
+that is tried. Where this does not settle, or effects have steps, the whole chain stands at every
+pose. Where all of
 the pose is aimed at and turns with it, or more joints pull than there are freedoms, the pose is
 found first and the joints that come to it with no joint working against another; then what the
 drives are to be told for these.
@@ -242,6 +243,7 @@ def verified(machine: Machine, q: Array, signals: Array, target: Array, room: Pl
 
     Found from the beginning, in the machine's own assembly mode; infinite where it cannot stand
     there. Where it stands there already, effects and all, only the assembly mode is found anew.
+    Effects that are not gentle have their rounds from the beginning: they may lead elsewhere.
     """
     state = room.state
     if room.settled[0] > 0.0:
@@ -249,7 +251,7 @@ def verified(machine: Machine, q: Array, signals: Array, target: Array, room: Pl
         for i in range(len(room.x)):
             opening = opening and abs(state.before[i] - room.x[i]) <= SAME_POSE
         return distance(room, target) if opening else np.inf
-    if len(machine.body.opening.law) or room.near[0] == 0.0:
+    if len(machine.body.opening.law) or not machine.stages.gentle:
         begin(room)
     return reached(machine, q, signals, target, room)
 
@@ -335,7 +337,8 @@ def taking_turns(
 ) -> tuple[float, int]:
     """Correct one command (m,) as `newton` does, steps and rounds of the effects in turn.
 
-    Ends `settled`, or with an infinite distance and `best` as it was.
+    Ends `settled`, or with an infinite distance and `best` as it was. The last step, by less than
+    the tolerance, is only added: answers do not depend on how far within it the others came.
     """
     body, stages, state = machine.body, machine.stages, room.state
     m, at, dq, step = len(q), stages.at[JOINT], room.dq, room.step
@@ -374,7 +377,10 @@ def taking_turns(
         error, swing = distance(room, target), state.swing[0]
         left = swing * min(swing / before, 1.0)  # by which the next round would move the pose
         if error <= search.tolerance and left <= SETTLED_POSE:
-            copy_into(best, dq)
+            _slope(machine, room)
+            more = _least_squares(room.by_q, room.place, target, room.normal, step)
+            for i in range(m):
+                best[i] = dq[i] - (step[i] if more else 0.0)
             room.settled[0] = 1.0
             return error, 2 * turn + 1
         if not swing < before:
@@ -556,7 +562,7 @@ def correct(
     if machine.by_pose:
         error, count = by_pose(machine, q, signals, target, best, room)
     else:
-        if machine.stages.stands:
+        if machine.stages.stands and machine.stages.gentle:
             error, count = taking_turns(machine, search, q, signals, target, best, room)
         if not error <= search.tolerance:
             error, more = newton(machine, search, q, signals, target, best, room)

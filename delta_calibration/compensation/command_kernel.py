@@ -290,7 +290,9 @@ def finished(
     """What becomes of a correction that was found, dq (m,): its share is applied, or nothing.
 
     Judged by the whole chain run forward. The distance from the target that is left goes into
-    `told`, and the turn.
+    `told`, and the turn. Where the effects do not settle the machine may stand a swing aside.
+    About a clearance that is crossed by crossing it this is at most its size, and either side
+    counts as reached; where it is more, or nothing has a clearance, there is no correction.
     """
     share, bounded = told[SHARE], True
     told[LEFT], told[TURN] = np.inf, np.inf
@@ -298,7 +300,8 @@ def finished(
         room.told[i] = q[i] + dq[i]
         bounded = bounded and abs(dq[i]) <= guards.correction
     error = verified(machine, room.told, signals, target, room.own)
-    good = error <= guards.reached or (machine.reshaped and error <= guards.stepped)
+    most = guards.stepped if machine.reshaped else guards.reached
+    good = max(error, room.own.state.swing[0]) <= most
     code = PASSED if good and bounded else NOT_REACHED
     if code == PASSED:
         for i in range(len(q)):

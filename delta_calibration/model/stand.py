@@ -95,6 +95,7 @@ class Stages(NamedTuple):
     structure: Table
     asked: int  # loads
     stands: bool  # whether they need the pose
+    gentle: bool  # whether all that do change little with it, so that any rounds settle
     at: Index  # places of signals, see chain_constants.py
 
 
