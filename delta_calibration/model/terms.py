@@ -105,7 +105,7 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
 
 @compiled(borrows=True)
 def idle_at(table: Table, term: int, signals: Array) -> bool:
-    """Whether a term does nothing at a sample; of a signal that is no number it does not say so."""
+    """Whether a term does nothing at a sample; where its signal is not a number it may."""
     led = signals[table.lead[term]]
     return bool(led < table.reach[term, 0] or led > table.reach[term, 1])
 
@@ -140,9 +140,7 @@ def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: A
 
 
 @compiled(borrows=True)
-def slopes_into(
-    table: Table, signals: Array, work: Array, by_stage: Array, slopes: Array
-) -> None:
+def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slopes: Array) -> None:
     """Add to `slopes` (d, K) how what goes with a stage as `by_stage` (d, size) goes with values.
 
     The terms have been evaluated on these signals; their derivatives are in the workspaces.
