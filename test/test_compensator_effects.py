@@ -342,3 +342,19 @@ def test_effects_that_do_not_settle_get_no_correction(size: float, settles: bool
     expected = Verdict.CORRECTED if settles else Verdict.NOT_REACHED
     assert found.verdicts == (expected,)
     assert found.correction.any() == settles
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("cause", ["joint_compliance", "forearm_compliance", "dynamic_deflection"])
+def test_steps_and_rounds_in_turn_end_where_newton_through_the_whole_chain_does(
+    cause: str, model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, at = calibration(cause, model=model), conditions(Q)
+    (effect,) = made.chain.effects
+    assert effect.gentle
+    in_turn = JointCompensator(made).compensate(Q, at)
+    monkeypatch.setattr(type(effect), "gentle", False)
+    whole = JointCompensator(made).compensate(Q, at)
+    assert not np.array_equal(in_turn.correction, whole.correction)  # by other steps
+    assert set(in_turn.verdicts) == set(whole.verdicts) == {Verdict.CORRECTED}
+    np.testing.assert_allclose(in_turn.correction, whole.correction, rtol=0, atol=5e-9)
