@@ -68,7 +68,7 @@ Index = NDArray[np.int64]
 
 
 @record
-class Aimed(NamedTuple):
+class TaskRecord(NamedTuple):
     """What of the tool is aimed at, see aim.py."""
 
     tool: Array  # (3,) [m] in the platform
@@ -78,14 +78,14 @@ class Aimed(NamedTuple):
 
 
 @record
-class Machine(NamedTuple):
+class MachineRecord(NamedTuple):
     """A machine as identified, or as drawn, and how it is to be asked."""
 
     body: Body
     stages: Stages
     g: Array  # (p,)
     theta: Array  # in which the effects' values are
-    aim: Aimed
+    aim: TaskRecord
     by_pose: bool  # whether the pose is found before the joints
     reshaped: bool  # whether dimensions change from command to command
     exact: bool  # whether the mechanism's opening is the pose itself
@@ -124,7 +124,7 @@ class Place(NamedTuple):
 
 
 @compiled()
-def scratch(machine: Machine, signals: int) -> Place:
+def scratch(machine: MachineRecord, signals: int) -> Place:
     """Scratch for places of a machine; `signals` is the length of a sample's row."""
     sizes = machine.body.limbs.sizes
     count = len(machine.aim.axes) + (9 if machine.aim.turns else 0)
@@ -151,7 +151,7 @@ def scratch(machine: Machine, signals: int) -> Place:
 
 
 @compiled(borrows=True)
-def place_of(machine: Machine, x: Array, room: Place) -> None:
+def place_of(machine: MachineRecord, x: Array, room: Place) -> None:
     """Place of the tool at pose x (k,), and its slope by the pose."""
     bearing, aim, k = machine.body.bearing, machine.aim, len(x)
     point_at(bearing, x, aim.tool, room.point)
@@ -175,7 +175,7 @@ def place_of(machine: Machine, x: Array, room: Place) -> None:
 
 
 @compiled(borrows=True)
-def stands(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
+def stands(machine: MachineRecord, q: Array, signals: Array, room: Place) -> bool:
     """Bring the machine to a command under a sample's signals; its place with it.
 
     From the pose before, where it stood already; see `begin`.
@@ -207,7 +207,7 @@ def begin(room: Place) -> None:
 
 
 @compiled(borrows=True)
-def begin_near(drawn: Machine, stood: Place, machine: Machine, room: Place) -> None:
+def begin_near(drawn: MachineRecord, stood: Place, machine: MachineRecord, room: Place) -> None:
     """Begin where the drawing's machine stood, if the machine is of its kind.
 
     Where a law gives a pose near the machine's own, that is asked: see `begin`.
@@ -229,7 +229,7 @@ def distance(room: Place, target: Array) -> float:
 
 
 @compiled(borrows=True)
-def reached(machine: Machine, q: Array, signals: Array, target: Array, room: Place) -> float:
+def reached(machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place) -> float:
     """Distance from the target after a command [m]; infinite where the machine cannot stand."""
     if not stands(machine, q, signals, room):
         return np.inf
@@ -238,7 +238,9 @@ def reached(machine: Machine, q: Array, signals: Array, target: Array, room: Pla
 
 
 @compiled(borrows=True)
-def verified(machine: Machine, q: Array, signals: Array, target: Array, room: Place) -> float:
+def verified(
+    machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place
+) -> float:
     """Distance from the target after a command that `correct` has found [m].
 
     Found from the beginning, in the machine's own assembly mode; infinite where it cannot stand
@@ -257,7 +259,7 @@ def verified(machine: Machine, q: Array, signals: Array, target: Array, room: Pl
 
 
 @compiled(borrows=True)
-def _slope(machine: Machine, room: Place) -> None:
+def _slope(machine: MachineRecord, room: Place) -> None:
     """d(place)/dq of the mechanism where it stands, into by_q."""
     state = room.state
     place(machine.body.limbs, state.joint, room.x, FULL, state.room)
@@ -287,7 +289,7 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
 
 @compiled(borrows=True)
 def newton(
-    machine: Machine,
+    machine: MachineRecord,
     search: Search,
     q: Array,
     signals: Array,
@@ -327,7 +329,7 @@ def newton(
 
 @compiled(borrows=True)
 def taking_turns(
-    machine: Machine,
+    machine: MachineRecord,
     search: Search,
     q: Array,
     signals: Array,
@@ -390,7 +392,7 @@ def taking_turns(
 
 
 @compiled(borrows=True)
-def _posed(machine: Machine, target: Array, room: Place) -> bool:
+def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
     """Bring the pose x to the target, whatever the joints say."""
     step = room.step
     for _ in range(ROUNDS):
@@ -409,7 +411,7 @@ def _posed(machine: Machine, target: Array, room: Place) -> bool:
 
 
 @compiled(borrows=True)
-def _joined(machine: Machine, room: Place) -> bool:
+def _joined(machine: MachineRecord, room: Place) -> bool:
     """Bring the joints behind the drives to the pose x."""
     limbs, state = machine.body.limbs, room.state
     own, step = state.room, room.step
@@ -430,7 +432,7 @@ def _joined(machine: Machine, room: Place) -> bool:
 
 
 @compiled(borrows=True)
-def _started(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
+def _started(machine: MachineRecord, q: Array, signals: Array, room: Place) -> bool:
     """A pose and joints to begin at: those where the machine stands, or a pose nearby."""
     if room.near[0] == 0.0:
         return stands(machine, q, signals, room)
@@ -443,7 +445,7 @@ def _started(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
 
 @compiled(borrows=True)
 def by_pose(
-    machine: Machine, q: Array, signals: Array, target: Array, best: Array, room: Place
+    machine: MachineRecord, q: Array, signals: Array, target: Array, best: Array, room: Place
 ) -> tuple[float, int]:
     """Correct one command by first finding the pose that has the place, then joints and command.
 
@@ -491,7 +493,7 @@ def by_pose(
 
 
 @compiled()
-def targets(machine: Machine, signals: Array) -> tuple[Array, Array]:
+def targets(machine: MachineRecord, signals: Array) -> tuple[Array, Array]:
     """Places (n, a) and poses (n, k) of a machine; NaN rows where it cannot stand."""
     n, room = len(signals), scratch(machine, signals.shape[1])
     found = np.full((n, len(room.place)), np.nan)
@@ -506,7 +508,7 @@ def targets(machine: Machine, signals: Array) -> tuple[Array, Array]:
 
 
 @compiled()
-def slopes(machine: Machine, signals: Array) -> Array:
+def slopes(machine: MachineRecord, signals: Array) -> Array:
     """d(place)/dq of the mechanism at every sample, (n, a, m); NaN where it cannot stand."""
     n, room = len(signals), scratch(machine, signals.shape[1])
     at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
@@ -521,7 +523,7 @@ def slopes(machine: Machine, signals: Array) -> Array:
 
 @compiled()
 def corrections(
-    machine: Machine, search: Search, signals: Array, target: Array, start: Array
+    machine: MachineRecord, search: Search, signals: Array, target: Array, start: Array
 ) -> tuple[Array, Array, Index]:
     """Corrections dq (n, m), distances (n,) [m], evaluations (n,) of commands under signals.
 
@@ -546,7 +548,7 @@ def corrections(
 
 @compiled(borrows=True)
 def correct(
-    machine: Machine,
+    machine: MachineRecord,
     search: Search,
     q: Array,
     signals: Array,
