@@ -17,7 +17,8 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.documents import parse_yaml
 from delta_calibration.errors import InputError
 from delta_calibration.plans.target_file import read_rows
-from delta_calibration.recording import read_session
+from delta_calibration.recording import inspect_session, read_session
+from delta_calibration.recording.klipper import read_printer
 from delta_calibration.recording.table_mapping import read_mapping
 from delta_calibration.robot import load_robot
 from recording_helpers import both, foreign_mcap
@@ -32,6 +33,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "mapping": lambda path: read_mapping(path, SRBD),
     "targets": lambda path: read_rows(path, SRBD),
     "bag": read_session,
+    "index of a bag": inspect_session,
+    "printer": read_printer,
 }
 
 
@@ -39,12 +42,12 @@ READERS: dict[str, Callable[[Path], Any]] = {
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("what", ["pipe", "device"])
 def test_pipes_and_devices_are_refused(tmp_path: Path, reader: str, what: str) -> None:
-    path = tmp_path / ("a.mcap" if reader == "bag" else "a.yaml")
+    path = tmp_path / ("a.mcap" if "bag" in reader else "a.yaml")
     if what == "pipe":
         os.mkfifo(path)
     else:
         path.symlink_to("/dev/full")  # as endless as /dev/zero
-    with pytest.raises(InputError, match="regular file"):
+    with pytest.raises(InputError, match=rf"{path.name}.* regular file"):
         READERS[reader](path)
 
 

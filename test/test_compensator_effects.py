@@ -7,7 +7,8 @@ growth as a longer arm of that machine; play and lag by hand.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -17,8 +18,10 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.compensation import CommandStatus, Compensated, JointCompensator
 from delta_calibration.data import Conditions, at_rest
-from delta_calibration.effects import effect_named
+from delta_calibration.effects import Effect, Stage, effect_named
+from delta_calibration.effects.signals import POSE
 from delta_calibration.geometry import Frame
+from delta_calibration.model.symbols import tanh
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from six_rods import SixRods, drawing_joints
@@ -301,3 +304,59 @@ def test_effects_of_no_size_are_no_effects() -> None:
     np.testing.assert_allclose(
         compensated(none, at).joint, compensated(calibration(), at).joint, atol=1e-12
     )
+
+
+@dataclass(frozen=True)
+class Yielding(Effect):
+    """Drives that yield the more the lower the tool is, within a tenth of a millimetre."""
+
+    cause: ClassVar[str] = "yielding_drive"
+    kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE
+    takes: ClassVar[tuple[str, ...]] = (POSE,)
+    height: float = 0.0  # [m] about which it is
+
+    @property
+    def parameters(self) -> Any:
+        return self.shared("yield", "rad", 1e-3)
+
+    @staticmethod
+    def law(s: Any, v: Any, c: Any) -> Any:
+        return v[0] * tanh((s[2] - c[0]) / 1e-4)
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        del joint
+        return (self.height,)
+
+
+@pytest.mark.parametrize(("size", "settles"), [(1e-4, True), (1e-3, False)])
+def test_effects_that_do_not_settle_get_no_correction(size: float, settles: bool) -> None:
+    """Each round turns the drives by up to 1 mrad, and that moves the tool by three times the
+    0.1 mm over which they yield: the rounds swing between two poses, either as good as the other.
+    """
+    made = calibration(model="rotary_delta", scatter=0.3)
+    q, mechanism = np.full((1, 3), 0.2), made.chain.mechanism
+    height = float(mechanism.forward(q, mechanism.parameters.nominal)[0, 2])
+    effect = Yielding(ROBOT, mechanism, height=height)
+    chain = made.chain.with_effects((effect,))
+    done = JointCompensator(replace(made, chain=chain, theta=np.append(made.theta, size)))
+    found = done.compensate(q, conditions(q))
+    expected = CommandStatus.CORRECTED if settles else CommandStatus.NOT_REACHED
+    assert found.verdicts == (expected,)
+    assert found.correction.any() == settles
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("cause", ["joint_compliance", "forearm_compliance", "dynamic_deflection"])
+def test_steps_and_rounds_in_turn_end_where_newton_through_the_whole_chain_does(
+    cause: str, model: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, at = calibration(cause, model=model), conditions(Q)
+    (effect,) = made.chain.effects
+    assert effect.gentle
+    in_turn = JointCompensator(made).compensate(Q, at)
+    monkeypatch.setattr(type(effect), "gentle", False)
+    whole = JointCompensator(made).compensate(Q, at)
+    assert not np.array_equal(in_turn.correction, whole.correction)  # by other steps
+    assert set(in_turn.verdicts) == set(whole.verdicts) == {CommandStatus.CORRECTED}
+    np.testing.assert_allclose(in_turn.correction, whole.correction, rtol=0, atol=5e-9)

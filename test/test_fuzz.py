@@ -12,25 +12,29 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from openpyxl import Workbook
 from ruamel.yaml import YAML
 
 from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.data import collect
 from delta_calibration.documents import content_hash
+from delta_calibration.drafting import robot_from_urdf
 from delta_calibration.errors import CalibrationError
 from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan, read_plan
 from delta_calibration.plans.target_file import read_rows, targets_of
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.recording.info import inspect_session
+from delta_calibration.recording.klipper import read_printer
 from delta_calibration.recording.reader import read_messages
 from delta_calibration.recording.table_mapping import read_mapping
 from delta_calibration.recording.table_session import session_of_table
@@ -339,3 +343,84 @@ def test_plans_and_targets(tmp_path: Path, data: bytes) -> None:
     file = tmp_path / "points.csv"
     attempt(file, data, lambda path: targets_of(read_rows(path, SRBD), SRBD))
     attempt(file, data, lambda path: read_plan(path, SRBD, 1.0, (0.0,), 0.0))
+
+
+PRINTER = b"""[printer]
+kinematics: delta
+delta_radius: 160.0
+[stepper_a]
+rotation_distance = 40
+microsteps: 16
+arm_length: 345.0
+position_endstop = 415.0
+
+#*# <---------------------- SAVE_CONFIG ---------------------->
+#*# [delta_calibrate]
+#*# height0 = 0.1
+#*# height0_pos = 33000.000,33001.000,33002.000
+#*# distance0 = 60.0
+#*# distance0_pos1 = 33000.000,33001.000,33002.000
+#*# distance0_pos2 = 33100.000,32901.000,33002.000
+"""
+ARM = b"""<robot name="arm">
+<link name="l0"/><link name="l1"><inertial><mass value="2"/></inertial></link><link name="l2"/>
+<joint name="j1" type="revolute"><parent link="l0"/><child link="l1"/>
+<origin xyz="0 0 0.3" rpy="0 0 0.1"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" velocity="1"/></joint>
+<joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/>
+<origin xyz="0.2 0 0"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1"/></joint>
+</robot>
+"""
+FORGED_XML = [
+    b'<!DOCTYPE a [<!ENTITY b "x"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;">]>',
+    b'<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>',
+    b"<link>" * 5000,
+    b"&b;",
+    b'xyz="nan inf 1e999"',
+]
+
+
+@seeded(80)
+@given(damaged(PRINTER))
+def test_a_damaged_configuration_of_a_printer(tmp_path: Path, data: bytes) -> None:
+    attempt(tmp_path / "printer.cfg", data, read_printer)
+
+
+@seeded(60)
+@given(damaged(ARM), st.sampled_from([b"", *FORGED_XML]))
+def test_a_damaged_urdf(tmp_path: Path, data: bytes, front: bytes) -> None:
+    attempt(tmp_path / "arm.urdf", front + data, robot_from_urdf)
+
+
+@seeded(40)
+@given(st.data())
+def test_a_damaged_workbook(tmp_path: Path, data: st.DataObject) -> None:
+    """Bytes of the packed file, or of a sheet that is packed soundly again."""
+    book, packed = Workbook(), BytesIO()
+    for line in TABLE.decode().splitlines():
+        book.active.append(line.split(","))
+    book.save(packed)
+    content = data.draw(st.one_of(damaged(packed.getvalue()), repacked(packed.getvalue())))
+    (tmp_path / "t.xlsx").write_bytes(content)
+    (tmp_path / "m.yaml").write_bytes(text_of(MAPPING))
+    with bounded():
+        session_of_table(tmp_path / "t.xlsx", read_mapping(tmp_path / "m.yaml", SRBD), SRBD)
+
+
+def repacked(packed: bytes) -> st.SearchStrategy[bytes]:
+    """A workbook with one of its parts damaged."""
+    with ZipFile(BytesIO(packed)) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+
+    def with_part(name: str) -> st.SearchStrategy[bytes]:
+        return damaged(parts[name]).map(lambda content: _packed({**parts, name: content}))
+
+    return st.sampled_from(sorted(parts)).flatmap(with_part)
+
+
+def _packed(parts: dict[str, bytes]) -> bytes:
+    out = BytesIO()
+    with ZipFile(out, "w", ZIP_DEFLATED) as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    return out.getvalue()

@@ -132,6 +132,33 @@ def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, capsys) -> No
     assert f"unpacks to {MOST_TEXT + 1} bytes; {MOST_TEXT} are allowed" in said
 
 
+FAR = {b'<row r="1"': b'<row r="999999999"', b"A1:B1": b"A1:B999999999"}
+
+
+@pytest.mark.parametrize(
+    ("forged", "told"),
+    [
+        (FAR, "has more than 1048576 lines or 50000000 cells"),
+        ({b"</row>": b""}, "line 1 cannot be read"),
+        ({b"<c ": b"<c><c "}, "line 1 cannot be read"),
+        ({b"</worksheet>": b""}, "line 2 cannot be read"),
+    ],
+)
+def test_a_damaged_workbook_is_refused_in_a_line(forged, told, tmp_path, capsys) -> None:
+    sound, path, book = tmp_path / "sound.xlsx", tmp_path / "forged.xlsx", Workbook()
+    book.active.append(["q1", "x"])
+    book.save(sound)
+    with zipfile.ZipFile(sound) as archive, zipfile.ZipFile(path, "w") as out:
+        for name in archive.namelist():
+            content = archive.read(name)
+            for old, new in forged.items() if name.endswith("sheet1.xml") else ():
+                assert old in content
+                content = content.replace(old, new)
+            out.writestr(name, content)
+    _, said = bring(path, mapping_of(), capsys, 2)
+    assert told in said
+
+
 def test_columns_without_names_and_comments(cell, plain, tmp_path, capsys) -> None:
     _, _, poses = cell
     head, rows = stops(poses)

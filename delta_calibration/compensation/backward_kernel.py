@@ -6,10 +6,17 @@ is the command q + dq with
     place(stand(q + dq)) = p*      stand: the whole identified chain, see model/stand.py
 
 Where every joint moves the tool by itself, Newton's method on the commands finds it: the slope of
-the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where all of
+the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where effects
+take loads, steps and rounds of the effects take turns: a step with what effects do as it is, then
+that anew at the pose it has led to, so that loads are found three times and not at every pose
+that is tried. Where this does not settle, or effects have steps, the whole chain stands at every
+pose. Where all of
 the pose is aimed at and turns with it, or more joints pull than there are freedoms, the pose is
 found first and the joints that come to it with no joint working against another; then what the
 drives are to be told for these.
+
+The pose of the drawing's machine at a command is a start for the machine as identified, which is
+millimetres off: it stands in the same assembly mode.
 
 The play of a drive is crossed as soon as a command turns round, as the correction itself takes the
 joint across: travel since the turn does not count here.
@@ -22,14 +29,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_constants import JOINED, JOINT, ROUNDS, SETTLED_POSE
+from delta_calibration.model.chain_constants import JOINED, JOINT, ROUNDS, SAME_POSE, SETTLED_POSE
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
     BESIDE,
     FULL,
+    NEAR,
     K,
     M,
     R,
+    assemble,
     copy_into,
     least_step,
     moved,
@@ -44,6 +53,9 @@ from delta_calibration.model.stand import (
     Stages,
     State,
     add_signals,
+    begin_at,
+    next_round,
+    opened,
     stand,
     state_of,
     take_dimensions,
@@ -108,6 +120,7 @@ class Place(NamedTuple):
     step: Array  # of joints or of the pose
     there: Array  # (m,)
     near: Array  # (1,) 1 where x is a pose nearby, 0 where it is to be sought from the beginning
+    settled: Array  # (1,) 1 where it stands at the command that was found, effects and all
 
 
 @compiled()
@@ -130,6 +143,7 @@ def scratch(machine: MachineRecord, signals: int) -> Place:
         np.zeros(sizes[M]),
         np.zeros(wide + sizes[R]),
         np.zeros(sizes[M]),
+        np.zeros(1),
         np.zeros(1),
     )
     take_dimensions(machine.body, machine.g, made.state)
@@ -189,7 +203,20 @@ def stands(machine: MachineRecord, q: Array, signals: Array, room: Place) -> boo
 @compiled(borrows=True)
 def begin(room: Place) -> None:
     """Forget the pose before: what is found of a command does not depend on others."""
-    room.near[0] = 0.0
+    room.near[0] = room.settled[0] = 0.0
+
+
+@compiled(borrows=True)
+def begin_near(drawn: MachineRecord, stood: Place, machine: MachineRecord, room: Place) -> None:
+    """Begin where the drawing's machine stood, if the machine is of its kind.
+
+    Where a law gives a pose near the machine's own, that is asked: see `begin`.
+    """
+    begin(room)
+    same = drawn.body.limbs.law[NEAR] == machine.body.limbs.law[NEAR]
+    if same and len(machine.body.opening.law) == 0:
+        copy_into(room.x, stood.x)
+        room.near[0] = 1.0
 
 
 @compiled(borrows=True)
@@ -208,6 +235,27 @@ def reached(machine: MachineRecord, q: Array, signals: Array, target: Array, roo
         return np.inf
     far = distance(room, target)
     return far if far < np.inf else np.inf
+
+
+@compiled(borrows=True)
+def verified(
+    machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place
+) -> float:
+    """Distance from the target after a command that `correct` has found [m].
+
+    Found from the beginning, in the machine's own assembly mode; infinite where it cannot stand
+    there. Where it stands there already, effects and all, only the assembly mode is found anew.
+    Effects that are not gentle have their rounds from the beginning: they may lead elsewhere.
+    """
+    state = room.state
+    if room.settled[0] > 0.0:
+        opening = opened(machine.body, state.joint, state.before, machine.stray, state)
+        for i in range(len(room.x)):
+            opening = opening and abs(state.before[i] - room.x[i]) <= SAME_POSE
+        return distance(room, target) if opening else np.inf
+    if len(machine.body.opening.law) or not machine.stages.gentle:
+        begin(room)
+    return reached(machine, q, signals, target, room)
 
 
 @compiled(borrows=True)
@@ -253,7 +301,6 @@ def newton(
     m, dq, step, there = len(q), room.dq, room.step, room.there
     for i in range(m):
         there[i] = q[i] + best[i]
-    begin(room)
     error, evaluations = reached(machine, there, signals, target, room), 1
     for _ in range(search.iterations):
         before = error
@@ -278,6 +325,70 @@ def newton(
         if not error < before:
             break
     return error, evaluations
+
+
+@compiled(borrows=True)
+def taking_turns(
+    machine: MachineRecord,
+    search: Search,
+    q: Array,
+    signals: Array,
+    target: Array,
+    best: Array,
+    room: Place,
+) -> tuple[float, int]:
+    """Correct one command (m,) as `newton` does, steps and rounds of the effects in turn.
+
+    Ends `settled`, or with an infinite distance and `best` as it was. The last step, by less than
+    the tolerance, is only added: answers do not depend on how far within it the others came.
+    """
+    body, stages, state = machine.body, machine.stages, room.state
+    m, at, dq, step = len(q), stages.at[JOINT], room.dq, room.step
+    copy_into(room.signals, signals)
+    for i in range(m):
+        dq[i] = best[i]
+        room.signals[at + i] = q[i] + dq[i]
+    if not begin_at(body, stages, room.signals, machine.g, machine.stray, room.x, state):
+        return np.inf, 1
+    place_of(machine, room.x, room)
+    before = np.inf
+    for turn in range(1, ROUNDS + 1):
+        _slope(machine, room)
+        if not _least_squares(room.by_q, room.place, target, room.normal, step):
+            return np.inf, 2 * turn
+        for i in range(m):
+            dq[i] -= step[i]
+            state.joint[i] -= step[i]
+            room.signals[at + i] = q[i] + dq[i]
+            if not abs(dq[i]) <= search.bound:
+                return np.inf, 2 * turn
+        if not assemble(body.limbs, state.joint, room.x, machine.stray, state.room):
+            return np.inf, 2 * turn
+        if not next_round(
+            body,
+            stages,
+            room.signals,
+            machine.g,
+            machine.theta,
+            machine.stray,
+            room.x,
+            state,
+        ):
+            return np.inf, 2 * turn + 1
+        place_of(machine, room.x, room)
+        error, swing = distance(room, target), state.swing[0]
+        left = swing * min(swing / before, 1.0)  # by which the next round would move the pose
+        if error <= search.tolerance and left <= SETTLED_POSE:
+            _slope(machine, room)
+            more = _least_squares(room.by_q, room.place, target, room.normal, step)
+            for i in range(m):
+                best[i] = dq[i] - (step[i] if more else 0.0)
+            room.settled[0] = 1.0
+            return error, 2 * turn + 1
+        if not swing < before:
+            return np.inf, 2 * turn + 1
+        before = swing
+    return np.inf, 2 * ROUNDS + 1
 
 
 @compiled(borrows=True)
@@ -321,6 +432,18 @@ def _joined(machine: MachineRecord, room: Place) -> bool:
 
 
 @compiled(borrows=True)
+def _started(machine: MachineRecord, q: Array, signals: Array, room: Place) -> bool:
+    """A pose and joints to begin at: those where the machine stands, or a pose nearby."""
+    if room.near[0] == 0.0:
+        return stands(machine, q, signals, room)
+    copy_into(room.signals, signals)
+    copy_into(room.state.joint, q)
+    if machine.reshaped:
+        take_dimensions(machine.body, machine.g, room.state)
+    return True
+
+
+@compiled(borrows=True)
 def by_pose(
     machine: MachineRecord, q: Array, signals: Array, target: Array, best: Array, room: Place
 ) -> tuple[float, int]:
@@ -332,20 +455,20 @@ def by_pose(
     limbs, state, stages = machine.body.limbs, room.state, machine.stages
     m, told, shift = limbs.sizes[M], room.there, room.dq
     copy_into(told, q)
-    begin(room)
-    if not stands(machine, q, signals, room) or not _posed(machine, target, room):
+    if not _started(machine, q, signals, room) or not _posed(machine, target, room):
         return np.inf, 1
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         if machine.reshaped:
+            add_signals(machine.body, stages, room.signals, room.x, state)
             copy_into(state.geometry, machine.g)
-        add_signals(machine.body, stages, room.signals, room.x, state)
-        if machine.reshaped:
             add_shift(
                 stages.structure, room.signals, machine.theta, state.structure, state.geometry
             )
             take_shape(machine.body, state)
-        if not _joined(machine, room):
+        if (machine.reshaped or number == 0) and not _joined(machine, room):
             return np.inf, 1
+        if stages.stands and not machine.reshaped and number == 0:
+            add_signals(machine.body, stages, room.signals, room.x, state)
         most = 0.0
         for i in range(m):
             room.signals[stages.at[JOINT] + i] = told[i]
@@ -410,6 +533,7 @@ def corrections(
     dq, error, count = start.copy(), np.empty(n), np.empty(n, dtype=np.int64)
     room = scratch(machine, signals.shape[1])
     for row in range(n):
+        begin(room)
         error[row], count[row] = correct(
             machine,
             search,
@@ -432,11 +556,19 @@ def correct(
     best: Array,
     room: Place,
 ) -> tuple[float, int]:
-    """Correct one command the way that goes with the mechanism; never beyond the bound."""
+    """Correct one command the way that goes with the mechanism; never beyond the bound.
+
+    From where `begin` or `begin_near` let it begin.
+    """
+    error, count = np.inf, 0
     if machine.by_pose:
         error, count = by_pose(machine, q, signals, target, best, room)
     else:
-        error, count = newton(machine, search, q, signals, target, best, room)
+        if machine.stages.stands and machine.stages.gentle:
+            error, count = taking_turns(machine, search, q, signals, target, best, room)
+        if not error <= search.tolerance:
+            error, more = newton(machine, search, q, signals, target, best, room)
+            count += more
     for i in range(len(q)):
         if not abs(best[i]) <= search.bound:
             error = np.inf

@@ -16,10 +16,12 @@ from delta_calibration.compensation.backward_kernel import (
     Place,
     Search,
     begin,
+    begin_near,
     correct,
     reached,
     scratch,
     stands,
+    verified,
 )
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import FULL, K, M, T, copy_into, moved, place
@@ -290,16 +292,18 @@ def finished(
     """What becomes of a correction that was found, dq (m,): its share is applied, or nothing.
 
     Judged by the whole chain run forward. The distance from the target that is left goes into
-    `told`, and the turn.
+    `told`, and the turn. Where the effects do not settle the machine may stand a swing aside.
+    About a clearance that is crossed by crossing it this is at most its size, and either side
+    counts as reached; where it is more, or nothing has a clearance, there is no correction.
     """
     share, bounded = told[SHARE], True
     told[LEFT], told[TURN] = np.inf, np.inf
     for i in range(len(q)):
         room.told[i] = q[i] + dq[i]
         bounded = bounded and abs(dq[i]) <= guards.correction
-    begin(room.own)
-    error = reached(machine, room.told, signals, target, room.own)
-    good = error <= guards.reached or (machine.reshaped and error <= guards.stepped)
+    error = verified(machine, room.told, signals, target, room.own)
+    most = guards.stepped if machine.reshaped else guards.reached
+    good = max(error, room.own.state.swing[0]) <= most
     code = PASSED if good and bounded else NOT_REACHED
     if code == PASSED:
         for i in range(len(q)):
@@ -347,6 +351,7 @@ def commanded(
     code = judged(drawn, guards, q, payload, centre, target, told, room)
     if code != PASSED or not usable:
         return code
+    begin_near(drawn, room.drawn, machine, room.own)
     _, told[COUNT] = correct(machine, search, q, signals, target, dq, room.own)
     return finished(machine, guards, q, signals, target, dq, told, room)
 
@@ -391,6 +396,7 @@ def every(
     room, code = command_room(drawn, machine, of_drawn, signals.shape[1]), np.zeros(n, np.int64)
     for row in range(n):
         if mode == VERIFIED:
+            begin(room.own)
             code[row] = finished(
                 machine, guards, q[row], signals[row], target[row], dq[row], told[row], room
             )

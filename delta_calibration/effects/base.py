@@ -74,6 +74,8 @@ class Effect(ABC):
     # whether it is any function of what it moves with: what it could draw as well is a part of it
     free_form: ClassVar[bool] = False
     asks_pose: ClassVar[bool] = False  # whether what is `missing` depends on the pose as well
+    # whether it changes by hundredths of what it moves the tool by: no steps, no steep slopes
+    gentle: ClassVar[bool] = False
     limits: ClassVar[Limits] = {}  # of settings that are numbers
     # those of them in the joints' unit: limits are a Delta's, and wider where its joints need it
     of_joints: ClassVar[tuple[str, ...]] = ()
@@ -353,7 +355,9 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
         table_of_stage(stage, effects, each, places) for stage in (Stage.DRIVE, Stage.STRUCTURE)
     ]
     at = np.array([places.begin(name) for name in chain_constants.NAMES])
-    return _stand().Stages(*tables, asked_of_stages(effects), standing_asked(_taken(effects)), at)
+    asked, stands = asked_of_stages(effects), standing_asked(_taken(effects))
+    gentle = all(e.gentle for e in effects if standing_asked(e.takes))
+    return _stand().Stages(*tables, asked, stands, gentle, at)
 
 
 def asked_of_stages(effects: Sequence[Effect]) -> int:

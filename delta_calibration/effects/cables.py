@@ -36,6 +36,7 @@ class CableEffect(Effect):
     """Base of the effects on cables; one parameter for all of them."""
 
     stage: ClassVar[Stage] = Stage.DRIVE
+    gentle: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = (JOINT, PULL, PULL_HOME, POSE, GEOMETRY)
 
     @property

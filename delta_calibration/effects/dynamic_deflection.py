@@ -31,6 +31,7 @@ class DynamicDeflection(Effect):
     )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.DRIVE
+    gentle: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
 
     @property

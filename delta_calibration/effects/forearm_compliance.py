@@ -35,6 +35,7 @@ class ForearmCompliance(Effect):
     )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
+    gentle: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
 
     @property

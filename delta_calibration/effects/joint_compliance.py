@@ -31,6 +31,7 @@ class JointCompliance(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    gentle: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
 
     @property

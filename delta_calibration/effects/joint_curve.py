@@ -112,7 +112,9 @@ class JointCurve(Effect):
         for j, knots in enumerate(self._knots()):
             step = float(knots[1] - knots[0])
             for first in knots[: len(knots) - _DEGREE - 1].tolist():
-                yield Term((joint + j,), (row,), (j,), (first, step, *self._range[j]))
+                constants = first, step, *self._range[j]
+                reach = first, first + (_DEGREE + 1) * step
+                yield Term((joint + j,), (row,), (j,), constants, reach)
                 row += 1
 
     def wrong(self) -> str:

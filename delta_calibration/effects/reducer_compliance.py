@@ -33,6 +33,7 @@ class ReducerCompliance(Effect):
     )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.DRIVE
+    gentle: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
     demo: ClassVar[Demo | None] = Demo("rich", 12)
 

@@ -53,5 +53,7 @@ SIDES = 12  # that may be derived at once: a place of a tool that is turned has 
 ROUNDS = 12  # of effects at the pose that they lead to, and of poses that are aimed at
 STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
 SETTLED_STEP = 1e-11  # [m, rad] last of Newton's; what is left is of the order of its square
+ON_THE_WAY = 1e-2  # [m, rad] the same of a pose that only leads on to the next
 SETTLED_POSE = 1e-12  # [m, rad] by which a round moves a pose
+SAME_POSE = 1e-6  # [m, rad] by which poses that are one differ at most
 JOINED = 1e-9  # [rad, m] by which joints that are brought to a pose still move

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_constants import SETTLED_STEP, SIDES, STEPS
+from delta_calibration.model.chain_constants import ON_THE_WAY, SETTLED_STEP, SIDES, STEPS
 from delta_calibration.model.jit import call, compiled, record
 
 Array = NDArray[np.float64]
@@ -272,9 +272,12 @@ def closed(limbs: Limbs, room: Room, stray: float) -> bool:
 
 @compiled(borrows=True)
 def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool:
-    """Bring the pose x (k,) to joints q (m,), from where it is; NaN and False where none is."""
+    """Bring the pose x (k,) to joints q (m,), from where it is; NaN and False where none is.
+
+    Nearly, where it is only on the way: where `stray` is infinite, see `closed`.
+    """
     r, k = limbs.sizes[R], limbs.sizes[K]
-    good = False
+    good, settled = False, ON_THE_WAY if stray == np.inf else SETTLED_STEP
     for _ in range(STEPS):
         place(limbs, q, x, NEAR, room)
         good = False
@@ -287,7 +290,7 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
         if not most < np.inf:
             break
         good = closed(limbs, room, stray)
-        if most <= SETTLED_STEP:
+        if most <= settled:
             break
     if good:
         return True

@@ -7,7 +7,8 @@ For one sample, with D what the effects of the drives add and S those of the str
 Loads, and what else an effect takes of the machine, are those at the pose itself: it is sought in
 rounds, each with the effects at the pose of the round before. Effects do hundredths of what the
 joints do, so that a few rounds settle it. Where a clearance is crossed by the very motion that
-crossing it makes, no side of it is the machine's own, and the last one tried is taken.
+crossing it makes, no side of it is the machine's own, and the last one tried is taken; `State`
+says how far the last round moved the pose.
 """
 
 from __future__ import annotations
@@ -94,6 +95,7 @@ class Stages(NamedTuple):
     structure: Table
     asked: int  # loads
     stands: bool  # whether they need the pose
+    gentle: bool  # whether all that do change little with it, so that any rounds settle
     at: Index  # places of signals, see chain_constants.py
 
 
@@ -109,7 +111,7 @@ class State(NamedTuple):
     joint: Array  # (m,) behind the drives
     geometry: Array  # (p,) under these conditions
     before: Array  # (k,)
-    said: Array  # (m,)
+    swing: Array  # (1,) [m, rad] by which the last round of effects moved the pose
 
 
 @compiled()
@@ -129,7 +131,7 @@ def state_of(body: Body, stages: Stages) -> State:
         np.zeros(limbs.sizes[M]),
         np.zeros(limbs.sizes[P]),
         np.zeros(limbs.sizes[K]),
-        np.zeros(limbs.sizes[M]),
+        np.zeros(1),
     )
 
 
@@ -220,6 +222,42 @@ def _shift(
 
 
 @compiled(borrows=True)
+def begin_at(
+    body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
+) -> bool:
+    """Bring the pose x (k,) to a sample's readings of the joints, as if there were no effects."""
+    if len(stages.structure.law):
+        take_dimensions(body, g, state)
+    copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
+    return opened(body, state.joint, x, stray, state)
+
+
+@compiled(borrows=True)
+def next_round(
+    body: Body,
+    stages: Stages,
+    signals: Array,
+    g: Array,
+    values: Array,
+    stray: float,
+    x: Array,
+    state: State,
+) -> bool:
+    """Bring the pose x (k,) to where the effects at it lead; see `stand`."""
+    copy_into(state.before, x)
+    add_signals(body, stages, signals, x, state)
+    _shift(body, stages, signals, g, values, state)
+    if not assemble(body.limbs, state.joint, x, stray, state.room):
+        state.swing[0] = np.inf
+        return False
+    most = 0.0
+    for i in range(len(x)):
+        most = max(most, abs(x[i] - state.before[i]))
+    state.swing[0] = most
+    return True
+
+
+@compiled(borrows=True)
 def stand(
     body: Body,
     stages: Stages,
@@ -244,26 +282,21 @@ def stand(
         x: the pose; NaN where there is none.
         state: scratch, and where joints and dimensions end.
     """
-    if len(stages.structure.law):
-        take_dimensions(body, g, state)
+    state.swing[0] = 0.0
     if not stages.stands:
         _shift(body, stages, signals, g, values, state)
         if near:
             return assemble(body.limbs, state.joint, x, stray, state.room)
         return opened(body, state.joint, x, stray, state)
-    for i in range(len(state.joint)):
-        state.joint[i] = signals[stages.at[JOINT] + i]
-    if not near and not opened(body, state.joint, x, stray, state):
+    if near:
+        if len(stages.structure.law):
+            take_dimensions(body, g, state)
+        copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
+    elif not begin_at(body, stages, signals, g, stray, x, state):
         return False
     for _ in range(ROUNDS):
-        copy_into(state.before, x)
-        add_signals(body, stages, signals, x, state)
-        _shift(body, stages, signals, g, values, state)
-        if not assemble(body.limbs, state.joint, x, stray, state.room):
+        if not next_round(body, stages, signals, g, values, stray, x, state):
             return False
-        most = 0.0
-        for i in range(len(x)):
-            most = max(most, abs(x[i] - state.before[i]))
-        if most <= SETTLED_POSE:
+        if state.swing[0] <= SETTLED_POSE:
             break
     return True

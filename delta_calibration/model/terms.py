@@ -6,6 +6,9 @@ dimensions or the reading). A table holds the terms of any number of effects; la
 their addresses, so no set of effects has to be compiled.
 
     law (T,)        addresses
+    lead (T,)       where its first signal is
+    reach (T, 2)    least and largest value of that with which the term does anything: beyond it is
+                    passed over
     span (T, 9)     begin and number of a term's signals, values and outputs in `signal`, `value`,
                     `output`; where its workspace begins, its size, where f stands in it
     work            the workspaces, constants already in their places
@@ -35,6 +38,7 @@ class Term:
     values: tuple[int, ...]  # places among the effect's parameters
     outputs: tuple[int, ...]  # places in the stage; negative: nowhere
     constants: tuple[float, ...] = ()
+    reach: tuple[float, float] = (-np.inf, np.inf)  # of its first signal, beyond which it is zero
 
 
 @record
@@ -42,6 +46,8 @@ class Table(NamedTuple):
     """Terms as the compiled loops take them."""
 
     law: Index
+    lead: Index
+    reach: Array
     span: Index
     signal: Index
     value: Index
@@ -54,7 +60,7 @@ S_AT, S_COUNT, V_AT, V_COUNT, O_AT, O_COUNT, W_AT, W_SIZE, F_AT = range(9)
 
 def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
     """The table of some effects: law, terms, and where the effect's values begin."""
-    law, span, work = [], [], []
+    law, lead, reach, span, work = [], [], [], [], []
     signal: list[int] = []
     value: list[int] = []
     output: list[int] = []
@@ -63,6 +69,8 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
         code, offsets = own.compiled, own.offsets
         for term in terms:
             law.append(code.addresses[-1])
+            lead.append(term.signals[0] if term.signals else 0)
+            reach.append(term.reach)
             span.append(
                 [
                     len(signal),
@@ -85,12 +93,21 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
             size += code.size
     return Table(
         np.array(law, dtype=np.int64),
+        np.array(lead, dtype=np.int64),
+        np.array(reach, dtype=float).reshape(-1, 2),
         np.array(span, dtype=np.int64).reshape(-1, 9),
         np.array(signal, dtype=np.int64),
         np.array(value, dtype=np.int64),
         np.array(output, dtype=np.int64),
         np.concatenate([np.zeros(0), *work]),
     )
+
+
+@compiled(borrows=True)
+def idle_at(table: Table, term: int, signals: Array) -> bool:
+    """Whether a term does nothing at a sample; where its signal is not a number it may."""
+    led = signals[table.lead[term]]
+    return bool(led < table.reach[term, 0] or led > table.reach[term, 1])
 
 
 @compiled(borrows=True)
@@ -111,6 +128,8 @@ def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array
 def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: Array) -> None:
     """Add what all terms do to a stage, (size of the stage,)."""
     for term in range(len(table.law)):
+        if idle_at(table, term, signals):
+            continue
         evaluate(table, term, signals, values, work)
         span = table.span[term]
         first = span[W_AT] + span[F_AT]
@@ -121,12 +140,14 @@ def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: A
 
 
 @compiled(borrows=True)
-def slopes_into(table: Table, work: Array, by_stage: Array, slopes: Array) -> None:
+def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slopes: Array) -> None:
     """Add to `slopes` (d, K) how what goes with a stage as `by_stage` (d, size) goes with values.
 
-    The terms have been evaluated; their derivatives are in the workspaces.
+    The terms have been evaluated on these signals; their derivatives are in the workspaces.
     """
     for term in range(len(table.law)):
+        if idle_at(table, term, signals):
+            continue
         span = table.span[term]
         count = span[V_COUNT]
         first = span[W_AT] + span[F_AT] + span[O_COUNT]
@@ -168,8 +189,10 @@ def _columns(
 ) -> None:
     for row in range(len(signals)):
         for term in range(len(table.law)):
-            evaluate(table, term, signals[row], values, work)
-        slopes_into(table, work, by_stage[min(row, len(by_stage) - 1)], found[row])
+            if not idle_at(table, term, signals[row]):
+                evaluate(table, term, signals[row], values, work)
+        of_row = by_stage[min(row, len(by_stage) - 1)]
+        slopes_into(table, signals[row], work, of_row, found[row])
 
 
 @compiled()

@@ -121,6 +121,7 @@ def _derive(
     stages: Stages,
     device: Device,
     asked: int,
+    sample: Array,
     x: Array,
     own: State,
     slope: Array,
@@ -134,8 +135,8 @@ def _derive(
     _by_pose(body, device, asked, own, slope)
     place(body.limbs, own.joint, x, FULL, own.room)
     moved(body.limbs, slope, own.room, by_joints, jacobian)
-    slopes_into(stages.drive, own.drive, by_joints, jacobian)
-    slopes_into(stages.structure, own.structure, jacobian, jacobian)
+    slopes_into(stages.drive, sample, own.drive, by_joints, jacobian)
+    slopes_into(stages.structure, sample, own.structure, jacobian, jacobian)
 
 
 @compiled(borrows=True)
@@ -182,7 +183,8 @@ def _see_each(
         some = row if asked != NOTHING else 0
         if asked != NOTHING or moving:
             by_joints, jacobian = found.by_joints[some], found.jacobian[some]
-            _derive(body, stages, device, asked, x, own, room.slope, by_joints, jacobian)
+            slope = room.slope
+            _derive(body, stages, device, asked, sample, x, own, slope, by_joints, jacobian)
             for i in range(3):
                 if moving and asked != POSES:
                     for j in range(m):
@@ -193,7 +195,7 @@ def _see_each(
         add_shift(last, sample, theta, room.last, reading)
         if asked == READINGS:
             _by_device(body, device, own, found.jacobian[row])
-            slopes_into(last, room.last, room.unit, found.jacobian[row])
+            slopes_into(last, sample, room.last, room.unit, found.jacobian[row])
 
 
 @compiled()

@@ -61,6 +61,8 @@ def inspect_session(path: Path | str) -> SessionInfo:
         indexed = all([_read_index(file, recording) for file in files.data])
         size = sum(file.stat().st_size for file in files.data)
         storage = _storage(files.data[0])
+    except RecordingError as error:
+        raise RecordingError(f"{source} {error}") from error
     except (OSError, ValueError) as error:
         raise RecordingError(f"{source} cannot be read: {error}") from error
     if not indexed:

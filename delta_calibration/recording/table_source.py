@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -30,6 +31,7 @@ _WORKBOOK = b"PK\x03\x04"
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 # of what instruments and their computers write; the first that fits is not always the likeliest
 _LIKELY = ["utf_16_le", "utf_16_be", "cp1252", "gb18030", "shift_jis", "euc_kr"]
+_MOST_ROWS, _MOST_CELLS = 1 << 20, 50_000_000  # of a sheet, empty ones between others as well
 _PREAMBLE = 200  # lines that may stand before the names of the columns
 
 
@@ -265,10 +267,31 @@ def _sheet(path: Path, data: bytes, form: Form) -> Iterator[tuple[int, list[str]
         raise
     except Exception as error:  # whatever is wrong with an archive that somebody renamed
         raise InputError(f"{path}: is no workbook (xlsx): {error}") from error
-    if form.sheet and form.sheet not in book.sheetnames:
-        raise InputError(f"{path}: no sheet {form.sheet!r}; there are: {listed(book.sheetnames)}")
-    sheet = book[form.sheet] if form.sheet else book[book.sheetnames[0]]
-    for number, row in enumerate(sheet.iter_rows(values_only=True), 1):
+    sheets = {sheet.title: sheet for sheet in book.worksheets}
+    if not sheets:
+        raise InputError(f"{path}: has no sheet of cells")
+    if form.sheet and form.sheet not in sheets:
+        raise InputError(f"{path}: no sheet {form.sheet!r}; there are: {listed(list(sheets))}")
+    sheet = sheets[form.sheet] if form.sheet else next(iter(sheets.values()))
+    return _rows_of(path, sheet)
+
+
+def _rows_of(path: Path, sheet: Any) -> Iterator[tuple[int, list[str]]]:
+    """Rows of a sheet that have anything in them, each with its number."""
+    rows, size = sheet.iter_rows(values_only=True), 0
+    for number in count(1):
+        try:
+            row = next(rows, None)
+        except Exception as error:  # it is read as it goes, whatever is in it
+            raise InputError(f"{path}: line {number} cannot be read: {error}") from error
+        if row is None:
+            return
+        size += len(row)
+        if number > _MOST_ROWS or size > _MOST_CELLS:
+            raise InputError(
+                f"{path}: has more than {_MOST_ROWS} lines or {_MOST_CELLS} cells; export a text "
+                "file of those that are wanted"
+            )
         cells = ["" if value is None else _cell(value) for value in row]
         while cells and not cells[-1]:
             cells.pop()
