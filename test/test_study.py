@@ -17,6 +17,8 @@ from study.page import page
 from study.statistics import Rate, calibration_error
 from study.trials import Task, tasks
 
+COMMAND = "make study"
+
 
 def test_no_alarm_in_500_leaves_up_to_three_quarters_of_a_percent():
     """Zero of n: the upper end solves (1 - p)^n = 0.025."""
@@ -101,7 +103,7 @@ def test_the_page_counts_what_was_said():
         outcome("unknown", {"unknown": 200.0}, [], unknown=True),
         outcome("unknown", {"unknown": 200.0}, [finding("backlash", confidence=0.4)], True),
     ]
-    text = page(outcomes, len(outcomes), 1, 1.0)
+    text = page(outcomes, len(outcomes), COMMAND)
     assert "Alarms: 50.0% (1.3% to 98.7%, n = 2). By name: backlash 1." in text
     _, seen, in_class, named, wrong = row_of(text, ">= 80")
     assert (seen[:5], in_class[:5], named[:5], wrong[:5]) == ("75.0%", "50.0%", "25.0%", "25.0%")
@@ -118,9 +120,9 @@ def test_the_page_tells_what_an_extension_is_worth():
         outcome("single", {"backlash": 200.0}, [finding("backlash")], error_um=error)
         for error in (better, worse)
     ]
-    quiet = page([{**o, "noise_um": 1.5} for o in outcomes], len(outcomes), 1, 1.0)
+    quiet = page([{**o, "noise_um": 1.5} for o in outcomes], len(outcomes), COMMAND)
     assert "of a pose (about 1 um) 50.0%" in quiet
-    text = page(outcomes, len(outcomes), 1, 1.0)
+    text = page(outcomes, len(outcomes), COMMAND)
     share = ((1 - 0.36) + (1 - 1.21)) / (2 * 0.75)
     assert f"take away {share:.1%} of the mean square error" in text
     assert "of a pose (about 1 um) 0.0%" in text
@@ -141,7 +143,7 @@ def test_the_page_counts_true_values_within_stated_intervals():
     items = [
         {"of": "backlash.gap_1", "true": 0.0, "value": value, "std": 1.0} for value in (1.9, 2.1)
     ]
-    text = page([outcome("single", {"backlash": 200.0}, [], intervals=items)], 1, 1, 1.0)
+    text = page([outcome("single", {"backlash": 200.0}, [], intervals=items)], 1, COMMAND)
     assert "hold the true value: 50.0%" in text
 
 

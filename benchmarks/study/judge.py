@@ -37,6 +37,11 @@ _SAME = {
     "forearm_compliance": {"give": "rod_compliance"},
     "reducer_compliance": {"give": "compliance"},
     "thermal_growth_link": {"expansion": "expansion"},
+    "slider_pitch": {"pitch": "pitch"},
+    "cable_elasticity": {"give": "compliance"},
+    "cable_sag": {"weight_squared": "weight_squared"},
+    "pulley_radius": {"radius": "radius"},
+    "drum_build_up": {"build_up": "build_up"},
 }
 
 

@@ -55,7 +55,26 @@ POOR = ("poor", "one_sided", "one_payload", "no_sweeps", "still", "no_temperatur
 # what other machines hide: causes, then dimensions
 OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "scara": ((*_ARM, "reducer_compliance"), ("joint_zero_offset", "link_length")),
+    "linear_delta": (
+        (*_GEARED, "transmission_error", "slider_pitch", "thermal_growth_arm"),
+        ("joint_zero_offset", "arm_length"),
+    ),
     "ur10": ((*_ARM, "gravity_sag"), ("joint_zero_offset", "link_length")),
+    "five_axis": (
+        (*_GEARED, "transmission_error", "slider_pitch"),
+        ("joint_zero_offset", "base_joint_position", "platform_joint_position"),
+    ),
+    "cdpr8": (
+        (
+            *_GEARED,
+            "encoder_eccentricity",
+            "cable_elasticity",
+            "cable_sag",
+            "pulley_radius",
+            "drum_build_up",
+        ),
+        ("base_joint_position", "platform_joint_position", "drum_scale"),
+    ),
 }
 OTHER_KINDS = ("bump", "grip", "ripple", "cross_talk")
 ROBOTS = ("srbd", *OF_ROBOT)
