@@ -100,6 +100,7 @@ class Arm(Kind):
 
     def _lines(self, geometry: Any) -> None:
         """Directions of the lines, points on them, and how the tool is turned, at zero."""
+        self.lengths = [i for i, row in enumerate(geometry["links"]) if row["length_mm"]]
         frame, points, axes = np.eye(4), [np.zeros(3)], []
         for row in geometry["links"]:
             before, after = np.eye(4), np.eye(4)
@@ -252,7 +253,9 @@ def arm_causes(kind: Arm) -> tuple[dict[str, Draw], dict[str, Draw]]:
     """What an arm can hide: causes by name, and kinds of what no catalogue has."""
     m = len(kind.joints)
     long = [int(np.argmax(np.abs(link))) for link in kind.links]
-    lengths = {i: [("link", (i, long[i]))] for i in range(1, m) if np.linalg.norm(kind.links[i])}
+    # what leads to a joint's line is told at that joint; the last ones are the tool's as well
+    lengths = {i + 1: [("link", (i, long[i]))] for i in kind.lengths}
+    zeros = {i + 1: [("zero", (i,))] for i in range(1, max(2, m - 1))}
     return {
         "timestamp_latency": timestamp_latency,
         "tracker_drift": tracker_drift,
@@ -271,8 +274,6 @@ def arm_causes(kind: Arm) -> tuple[dict[str, Draw], dict[str, Draw]]:
             "reducer_compliance" if m == 2 else "gravity_sag"
         ),
         "thermal_growth_link": thermal_growth_link,
-        "joint_zero_offset": dimension(
-            "joint_zero_offset", "joint", 1e-3, {i + 1: [("zero", (i,))] for i in range(1, m)}
-        ),
+        "joint_zero_offset": dimension("joint_zero_offset", "joint", 1e-3, zeros),
         "link_length": dimension("link_length", "joint", 0.5e-3, lengths),
     }, in_no_catalogue(kind)

@@ -63,7 +63,7 @@ class Sliders(Kind):
         self.rest = 1e-6 * file["joints"]["repeatability_um"]
         self.encoder = 1e-6 * file["joints"]["encoder_um"]
         turns = 2 * np.pi * file["joints"]["gear_ratio_turns_per_m"]
-        self.gears = (turns, 0.75 * turns)
+        self.gears = (turns, turns)  # the screw itself, once or twice a turn
         self.beside = np.full(len(self.joints), 0.015)
         self._draw(file["geometry"], file["tolerances"])
 
