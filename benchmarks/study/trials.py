@@ -54,7 +54,8 @@ KINDS = ("bump", "ripple", "drag", "cross_talk", "grip", "rub", "rocking")
 POOR = ("poor", "one_sided", "one_payload", "no_sweeps", "still", "no_temperatures")
 # what other machines hide: causes, then dimensions
 OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "scara": ((*_ARM, "reducer_compliance"), ("joint_zero_offset", "link_length")),
+    # of its zeros the first is the frame's, the second the tool's
+    "scara": ((*_ARM, "reducer_compliance"), ("link_length",)),
     "linear_delta": (
         (*_GEARED, "transmission_error", "slider_pitch", "thermal_growth_arm"),
         ("joint_zero_offset", "arm_length"),

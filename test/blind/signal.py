@@ -19,6 +19,7 @@ _FREE = 1.0  # [m], [rad] how far off the frame may be: no matter
 _THIN = 4  # of the readings in motion every fourth is looked at, and stands for all four
 _ALONG, _ACROSS, _PER_METRE = 3e-6, 2e-6, 2e-6  # [m], [m], [m/m] of a tracker's reading
 _READ = 20  # readings of a stop
+_RESTING = 0.02  # of the fastest in its motion: at rest for a moment
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,9 @@ def lefts(cell: Cell, every: Sequence[Measured]) -> list[Left]:
     rows, still = _looked_at(every[0])
     sigma = _sigmas(cell, every[0], rows, still)
     known = list(_columns(cell, world.command[rows]))
-    known += _rest_errors(cell, world.command[rows], np.where(still, -1, world.item[rows]))
+    known += _rest_errors(
+        cell, world.command[rows], np.where(still, -1, _motions(cell, world)[rows])
+    )
     columns = np.stack(known, axis=-1)
     slopes = _divided(columns, sigma).reshape(3 * len(rows), -1)
     moved = np.stack([(one.reading - one.plain)[rows] for one in every], axis=-1)
@@ -103,6 +106,19 @@ def _looked_at(measured: Measured) -> tuple[NDArray[np.int64], NDArray[np.bool_]
     motion = np.flatnonzero(_in_motion(world))[::_THIN]
     rows = np.sort(np.append(np.flatnonzero(last), motion))
     return rows, world.still[rows]
+
+
+def _motions(cell: Cell, world: World) -> Array:
+    """Number of the motion, (n,): between two moments of rest, each with a rest error of its own.
+
+    The Delta's were counted item by item, a sweep there and back as one; its lambda stays.
+    """
+    if cell.kind.noise is not None:
+        return world.item
+    speed = np.abs(world.velocity / cell.kind.size).max(axis=1)
+    fastest = np.maximum.reduceat(speed, np.flatnonzero(np.diff(world.item, prepend=-1)))
+    slow = speed < _RESTING * fastest[world.item]
+    return np.asarray(np.cumsum(np.diff(slow.astype(int), prepend=0) > 0))
 
 
 def _sigmas(cell: Cell, measured: Measured, rows: Array, still: Array) -> Array:
