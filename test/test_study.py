@@ -15,7 +15,7 @@ import pytest
 from study.judge import _true_value
 from study.page import page
 from study.statistics import Rate, calibration_error
-from study.trials import Task, tasks
+from study.trials import OF_ROBOT, ROBOTS, Task, tasks
 
 COMMAND = "make study"
 
@@ -55,6 +55,18 @@ def test_a_whole_study_has_500_clean_machines_and_every_cause():
     hidden = {cause for task in every for cause, _ in task.causes}
     assert len([name for name in hidden if name.startswith("unknown:")]) == 7
     assert len(hidden) == 7 + 22
+
+
+def test_other_robots_have_trials_of_their_own_and_the_delta_keeps_its():
+    both = tasks(1, 0.05, ("srbd", "scara"))
+    assert both[: -len(tasks(1, 0.05, ("scara",)))] == tasks(1, 0.05)
+    assert "robot" not in json.loads(both[0].key)
+    assert [Task.of_key(task.key) for task in both] == both
+    for robot in ROBOTS[1:]:
+        own = tasks(1, 0.05, (robot,))
+        hidden = {cause for task in own for cause, _ in task.causes}
+        assert {task.robot for task in own} == {robot}
+        assert {*OF_ROBOT[robot][0], *OF_ROBOT[robot][1]} <= hidden
 
 
 def outcome(group: str, hidden: dict, findings: list, unknown: bool = False, **more) -> dict:
@@ -111,6 +123,23 @@ def test_the_page_counts_what_was_said():
     assert row_of(text, "backlash + joint_lag") == ["backlash + joint_lag", "backlash"]
     assert "nothing named with 50% confidence or more 100.0%" in text
     assert "nothing named at all 50.0%" in text
+
+
+def test_the_page_has_a_row_for_each_robot():
+    named = [finding("backlash")]
+    outcomes = [
+        outcome("single", {"backlash": 200.0}, named, robot="scara", processor=4.0),
+        outcome("single", {"backlash": 100.0}, [], robot="scara", processor=12.0),
+        outcome("none", {}, [], robot="ur10", processor=30.0),
+        outcome("unknown", {"unknown": 200.0}, [], unknown=True, robot="ur10", processor=8.0),
+    ]
+    text = page(outcomes, len(outcomes), COMMAND)
+    scara, ur10 = row_of(text, "scara"), row_of(text, "ur10")
+    assert [cell[:6] for cell in scara[1:6]] == ["2", "50.0% ", "100.0%", "50.0% ", "100.0%"]
+    assert scara[-1] == "8.0, 11.6, 12.0"
+    assert ur10[7].startswith("0.0%")
+    assert ur10[8].startswith("100.0%")
+    assert "By mechanism" not in page([outcome("none", {}, [])], 1, COMMAND)
 
 
 def test_the_page_tells_what_an_extension_is_worth():
