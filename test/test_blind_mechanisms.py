@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from blind import hide
 from blind.kinds import KINDS, OTHERS
 from blind.winches import CDPR8
+from delta_calibration.data import collect
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from study.judge import judge
 from study.trials import OF_ROBOT, Task
 

@@ -16,7 +16,7 @@ from blind.kinds import KINDS
 from blind.plans import PLANS, held_out
 from blind.signal import Left, Signal, left, lefts, signal
 from blind.world import State, World
-from delta_calibration.samples import (
+from delta_calibration.data import (
     JointStream,
     PayloadStream,
     Session,
