@@ -11,10 +11,11 @@ from numpy.testing import assert_allclose
 
 from blind import hide
 from blind.causes import CAUSES
+from blind.delta import DELTA, ROD_KG
 from blind.machine import Changed, assemble, drawing, manufactured
-from blind.plans import PLANS, joints_at, places, rich
+from blind.plans import PLANS, rich
 from blind.unknown import UNKNOWN
-from blind.weight import GRAVITY, ROD_KG, energy, inertia, tensions, torques
+from blind.weight import GRAVITY, energy, inertia, torques
 from blind.world import CENTRE, Warming, World
 from delta_calibration.data import Session, collect
 from delta_calibration.estimation import identify
@@ -110,13 +111,13 @@ def test_rods_keep_their_lengths() -> None:
 
 def test_machine_as_drawn_goes_where_it_is_commanded() -> None:
     points = np.random.default_rng(2).uniform([-0.25, -0.25, -0.85], [0.25, 0.25, -0.65], (50, 3))
-    stand = assemble(joints_at(points), drawing())
+    stand = assemble(DELTA.at(points), drawing())
     assert_allclose(stand.place, points, atol=1e-12)
     assert_allclose(stand.gibbs, 0, atol=1e-12)
 
 
 def test_places_keep_within_the_limits_of_the_joints() -> None:
-    q = places(np.random.default_rng(31), 500)
+    q = DELTA.places(np.random.default_rng(31), 500)
     assert q.shape == (500, 3)
     assert np.degrees(q.min()) > -31
     assert np.degrees(q.max()) < 97
@@ -125,9 +126,12 @@ def test_places_keep_within_the_limits_of_the_joints() -> None:
 
 def test_rods_carry_platform_payload_and_half_their_own_weight() -> None:
     """Balance of forces at the platform, of tensions that come from energies."""
-    q, build = places(np.random.default_rng(3), 20), manufactured(np.random.default_rng(4), 1.0)
+    q, build = (
+        DELTA.places(np.random.default_rng(3), 20),
+        manufactured(np.random.default_rng(4), 1.0),
+    )
     stand, payload = assemble(q, build), np.full(20, 2.0)
-    pulled = tensions(q, build, Changed.nothing(), payload, CENTRE, stand)
+    pulled = DELTA.pulls(q, build, Changed.nothing(), payload, CENTRE, stand)
     rods = stand.elbows - stand.ends()
     unit = rods / np.linalg.norm(rods, axis=-1, keepdims=True)
     lifted = np.sum(pulled[..., None] * unit, axis=(1, 2))
@@ -138,10 +142,12 @@ def test_rods_carry_platform_payload_and_half_their_own_weight() -> None:
 def test_gravity_works_as_much_as_the_energy_changes() -> None:
     q, build = np.full((1, 3), 0.3), manufactured(np.random.default_rng(5), 1.0)
     stand, payload = assemble(q, build), np.full(1, 2.0)
-    moment = torques(q, build, Changed.nothing(), payload, CENTRE, stand)
+    moment = torques(DELTA, q, build, Changed.nothing(), payload, CENTRE, stand)
     step = np.array([[1e-3, -2e-3, 1e-3]])
     before, after = (assemble(q + s * step / 2, build) for s in (-1, 1))
-    work = energy(after, build, payload, CENTRE) - energy(before, build, payload, CENTRE)
+    work = energy(DELTA, after, build, payload, CENTRE) - energy(
+        DELTA, before, build, payload, CENTRE
+    )
     assert_allclose(work, np.sum(moment * step, axis=1), rtol=1e-4)
     assert (moment < 0).all()  # the arms go down by themselves
 
@@ -151,7 +157,7 @@ def test_inertia_at_rest_is_a_mass_matrix() -> None:
     stand, payload, still = assemble(q, build), np.zeros(1), np.zeros((1, 3))
 
     def push(acceleration: np.ndarray) -> np.ndarray:
-        return inertia(q, still, acceleration, build, payload, CENTRE, stand)
+        return inertia(DELTA, q, still, acceleration, build, payload, CENTRE, stand)
 
     mass = np.stack([push(axis[None])[0] for axis in np.eye(3)])
     assert_allclose(mass, mass.T, atol=1e-6)
@@ -193,7 +199,7 @@ def test_plans_leave_out_what_they_say() -> None:
 
 
 def test_commands_are_smooth_and_known_with_their_rates() -> None:
-    world = World(rich(np.random.default_rng(8)), drawing(), Warming({}, {}, 0.0), 7200.0)
+    world = World(rich(np.random.default_rng(8), DELTA), drawing(), Warming({}, {}, 0.0), 7200.0)
     assert (np.diff(world.time) > 0).all()
     within = np.diff(world.item) == 0
     mean = (world.velocity[1:] + world.velocity[:-1]) / 2

@@ -15,7 +15,9 @@ import pytest
 from study.judge import _true_value
 from study.page import page
 from study.statistics import Rate, calibration_error
-from study.trials import Task, tasks
+from study.trials import OF_ROBOT, ROBOTS, Task, tasks
+
+COMMAND = "make study"
 
 
 def test_no_alarm_in_500_leaves_up_to_three_quarters_of_a_percent():
@@ -53,6 +55,18 @@ def test_a_whole_study_has_500_clean_machines_and_every_cause():
     hidden = {cause for task in every for cause, _ in task.causes}
     assert len([name for name in hidden if name.startswith("unknown:")]) == 7
     assert len(hidden) == 7 + 22
+
+
+def test_other_robots_have_trials_of_their_own_and_the_delta_keeps_its():
+    both = tasks(1, 0.05, ("srbd", "scara"))
+    assert both[: -len(tasks(1, 0.05, ("scara",)))] == tasks(1, 0.05)
+    assert "robot" not in json.loads(both[0].key)
+    assert [Task.of_key(task.key) for task in both] == both
+    for robot in ROBOTS[1:]:
+        own = tasks(1, 0.05, (robot,))
+        hidden = {cause for task in own for cause, _ in task.causes}
+        assert {task.robot for task in own} == {robot}
+        assert {*OF_ROBOT[robot][0], *OF_ROBOT[robot][1]} <= hidden
 
 
 def outcome(group: str, hidden: dict, findings: list, unknown: bool = False, **more) -> dict:
@@ -101,7 +115,7 @@ def test_the_page_counts_what_was_said():
         outcome("unknown", {"unknown": 200.0}, [], unknown=True),
         outcome("unknown", {"unknown": 200.0}, [finding("backlash", confidence=0.4)], True),
     ]
-    text = page(outcomes, len(outcomes), 1, 1.0)
+    text = page(outcomes, len(outcomes), COMMAND)
     assert "Alarms: 50.0% (1.3% to 98.7%, n = 2). By name: backlash 1." in text
     _, seen, in_class, named, wrong = row_of(text, ">= 80")
     assert (seen[:5], in_class[:5], named[:5], wrong[:5]) == ("75.0%", "50.0%", "25.0%", "25.0%")
@@ -111,6 +125,23 @@ def test_the_page_counts_what_was_said():
     assert "nothing named at all 50.0%" in text
 
 
+def test_the_page_has_a_row_for_each_robot():
+    named = [finding("backlash")]
+    outcomes = [
+        outcome("single", {"backlash": 200.0}, named, robot="scara", processor=4.0),
+        outcome("single", {"backlash": 100.0}, [], robot="scara", processor=12.0),
+        outcome("none", {}, [], robot="ur10", processor=30.0),
+        outcome("unknown", {"unknown": 200.0}, [], unknown=True, robot="ur10", processor=8.0),
+    ]
+    text = page(outcomes, len(outcomes), COMMAND)
+    scara, ur10 = row_of(text, "scara"), row_of(text, "ur10")
+    assert [cell[:6] for cell in scara[1:6]] == ["2", "50.0% ", "100.0%", "50.0% ", "100.0%"]
+    assert scara[-1] == "8.0, 11.6, 12.0"
+    assert ur10[7].startswith("0.0%")
+    assert ur10[8].startswith("100.0%")
+    assert "By mechanism" not in page([outcome("none", {}, [])], 1, COMMAND)
+
+
 def test_the_page_tells_what_an_extension_is_worth():
     better = {"calibrated": 2.0, "extended": 1.2, "oracle": 1.0}
     worse = {"calibrated": 2.0, "extended": 2.2, "oracle": 1.0}
@@ -118,9 +149,9 @@ def test_the_page_tells_what_an_extension_is_worth():
         outcome("single", {"backlash": 200.0}, [finding("backlash")], error_um=error)
         for error in (better, worse)
     ]
-    quiet = page([{**o, "noise_um": 1.5} for o in outcomes], len(outcomes), 1, 1.0)
+    quiet = page([{**o, "noise_um": 1.5} for o in outcomes], len(outcomes), COMMAND)
     assert "of a pose (about 1 um) 50.0%" in quiet
-    text = page(outcomes, len(outcomes), 1, 1.0)
+    text = page(outcomes, len(outcomes), COMMAND)
     share = ((1 - 0.36) + (1 - 1.21)) / (2 * 0.75)
     assert f"take away {share:.1%} of the mean square error" in text
     assert "of a pose (about 1 um) 0.0%" in text
@@ -141,7 +172,7 @@ def test_the_page_counts_true_values_within_stated_intervals():
     items = [
         {"of": "backlash.gap_1", "true": 0.0, "value": value, "std": 1.0} for value in (1.9, 2.1)
     ]
-    text = page([outcome("single", {"backlash": 200.0}, [], intervals=items)], 1, 1, 1.0)
+    text = page([outcome("single", {"backlash": 200.0}, [], intervals=items)], 1, COMMAND)
     assert "hold the true value: 50.0%" in text
 
 

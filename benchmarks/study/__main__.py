@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from study.judge import judge
 from study.page import page
-from study.trials import tasks
+from study.trials import ROBOTS, tasks
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -34,6 +34,14 @@ from study.trials import tasks
 )
 @click.option("--only", multiple=True, metavar="GROUP", help="Kinds of trials; may be repeated.")
 @click.option(
+    "--robots",
+    default="srbd",
+    show_default=True,
+    metavar="NAMES",
+    help=f"Machines, with commas between, or all: {', '.join(ROBOTS)}.",
+)
+@click.option("--most", type=click.IntRange(1), help="Trials of each robot at most.")
+@click.option(
     "--out",
     type=click.Path(path_type=Path),
     default=Path("out/study.jsonl"),
@@ -47,22 +55,44 @@ def study(
     seed: int,
     share: float,
     only: tuple[str, ...],
+    robots: str,
+    most: int | None,
     out: Path,
     document: Path | None,
 ) -> None:
     """Put the diagnosis on trial."""
-    wanted = [t for t in tasks(seed, share) if not only or t.group in only]
+    named = ROBOTS if robots == "all" else tuple(robots.split(","))
+    odd = [name for name in named if name not in ROBOTS]
+    if odd:
+        known = ", ".join(ROBOTS)
+        raise click.BadParameter(
+            f"{odd[0]!r} is not known; there are: {known}, all", param_hint="--robots"
+        )
+    wanted = [
+        task
+        for name in named
+        for task in [t for t in tasks(seed, share, (name,)) if not only or t.group in only][:most]
+    ]
     known = {line["key"] for line in _lines(out)}
     todo = [task.key for task in wanted if task.key not in known]
     if todo:
         _cut_to_whole_lines(out)
         _run(todo, out, scheduler, workers)
     keys = {task.key for task in wanted}
-    text = page([line for line in _lines(out) if line["key"] in keys], len(keys), seed, share)
+    seen = [line for line in _lines(out) if line["key"] in keys]
+    text = page(seen, len(keys), _command(seed, share, only, robots, most))
     if document is None:
         click.echo(text)
     else:
         document.write_text(text, encoding="utf-8")
+
+
+def _command(seed: int, share: float, only: tuple[str, ...], robots: str, most: int | None) -> str:
+    """What made the page."""
+    said = f"--seed {seed} --share {share:g}"
+    said += "".join(f" --only '{group}'" if " " in group else f" --only {group}" for group in only)
+    said += f" --robots {robots}" if robots != "srbd" else ""
+    return f'make study STUDY_ARGS="{said}{"" if most is None else f" --most {most}"}"'
 
 
 def _lines(path: Path) -> list[dict[str, object]]:

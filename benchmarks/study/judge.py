@@ -35,6 +35,13 @@ _SAME = {
     "thermal_growth_base": {"expansion": "expansion"},
     "joint_scale": {"scale": "scale"},
     "forearm_compliance": {"give": "rod_compliance"},
+    "reducer_compliance": {"give": "compliance"},
+    "thermal_growth_link": {"expansion": "expansion"},
+    "slider_pitch": {"pitch": "pitch"},
+    "cable_elasticity": {"give": "compliance"},
+    "cable_sag": {"weight_squared": "weight_squared"},
+    "pulley_radius": {"radius": "radius"},
+    "drum_build_up": {"build_up": "build_up"},
 }
 
 
@@ -42,16 +49,17 @@ def judge(key: str) -> dict[str, Any]:
     """The outcome of a trial, ready for JSON."""
     task = Task.of_key(key)
     trial, hidden = scaled(task)
-    robot = load_robot("srbd")
+    robot = load_robot(task.robot)
     effects = tuple(e for e in catalogue(robot, robot.model()) if e.cause != task.without)
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     seen = survey(trial.session, robot.joints.names)
     found = diagnose(seen, robot, effects=effects, seed=task.seed)
-    took = time.perf_counter() - begin
+    took, worked = time.perf_counter() - begin, time.process_time() - busy
     laws = [asdict(law) for law in found.verdict.unknown_structure.laws]
     return {
         "key": key,
         "group": task.group,
+        "robot": task.robot,
         "plan": task.plan,
         "seed": task.seed,
         "hidden": hidden,
@@ -68,6 +76,7 @@ def judge(key: str) -> dict[str, Any]:
         "error_um": _errors(trial, seen, robot, found),
         "intervals": _intervals(trial, found),
         "seconds": took,
+        "processor": worked,  # [s] of all threads
     }
 
 
@@ -87,7 +96,7 @@ def scaled(task: Task) -> tuple[Trial, dict[str, float]]:
 
 
 def _hide(task: Task, causes: Mapping[str, float]) -> Trial:
-    return hide(causes, task.seed, task.plan, task.scatter)
+    return hide(causes, task.seed, task.plan, task.scatter, robot=task.robot)
 
 
 def _said(finding: Finding) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -35,9 +35,50 @@ STRUCTURE = (
     "forearm_compliance",
     "ball_joint_clearance",
 )
+_GEARED = (
+    *MEASUREMENT,
+    "backlash",
+    "stick_slip",
+    "joint_lag",
+    "joint_zero_drift",
+)
+_ARM = (
+    *_GEARED,
+    "encoder_eccentricity",
+    "transmission_error",
+    "joint_scale",
+    "thermal_growth_link",
+)
 BEYOND_GEOMETRY = MEASUREMENT + DRIVES + STRUCTURE
 KINDS = ("bump", "ripple", "drag", "cross_talk", "grip", "rub", "rocking")
 POOR = ("poor", "one_sided", "one_payload", "no_sweeps", "still", "no_temperatures")
+# what other machines hide: causes, then dimensions
+OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    # of its zeros the first is the frame's, the second the tool's
+    "scara": ((*_ARM, "reducer_compliance"), ("link_length",)),
+    "linear_delta": (
+        (*_GEARED, "transmission_error", "slider_pitch", "thermal_growth_arm"),
+        ("joint_zero_offset", "arm_length"),
+    ),
+    "ur10": ((*_ARM, "gravity_sag"), ("joint_zero_offset", "link_length")),
+    "five_axis": (
+        (*_GEARED, "transmission_error", "slider_pitch"),
+        ("joint_zero_offset", "base_joint_position", "platform_joint_position"),
+    ),
+    "cdpr8": (
+        (
+            *_GEARED,
+            "encoder_eccentricity",
+            "cable_elasticity",
+            "cable_sag",
+            "pulley_radius",
+            "drum_build_up",
+        ),
+        ("base_joint_position", "platform_joint_position", "drum_scale"),
+    ),
+}
+OTHER_KINDS = ("bump", "grip", "ripple", "cross_talk")
+ROBOTS = ("srbd", *OF_ROBOT)
 PRECISE = 0.1  # of the tolerances: scatter of machines of which one dimension is wrong
 _WEAK, _STRONG, _TELLING = 20.0, 5000.0, 160.0  # lambda
 
@@ -52,11 +93,15 @@ class Task:
     plan: str = "rich"
     scatter: float = 1.0
     without: str = ""  # cause taken out of the catalogue
+    robot: str = "srbd"
 
     @property
     def key(self) -> str:
         """What tells it from all others, and brings it back."""
-        return json.dumps(asdict(self), sort_keys=True)
+        said = asdict(self)
+        if self.robot == "srbd":  # as keys were when there was no other
+            del said["robot"]
+        return json.dumps(said, sort_keys=True)
 
     @classmethod
     def of_key(cls, key: str) -> Task:
@@ -66,13 +111,20 @@ class Task:
         return cls(causes=causes, **fields)
 
 
-def tasks(seed: int, share: float) -> list[Task]:
+def tasks(seed: int, share: float, robots: Sequence[str] = ("srbd",)) -> list[Task]:
     """The whole study, or a share of it, in an order in which any part of it is fair.
 
     Args:
         seed: of the study; each trial has its own from it.
         share: of the number of trials; more than 1 where there is a cluster.
+        robots: of `ROBOTS`; each has trials of its own, whatever others there are.
     """
+    return [task for robot in robots for task in _of_robot(robot, seed, share)]
+
+
+def _of_robot(robot: str, seed: int, share: float) -> list[Task]:
+    if robot != "srbd":
+        return _of_other(robot, np.random.default_rng([seed, ROBOTS.index(robot)]), share)
     rng = np.random.default_rng(seed)
     groups = (_none, _single, _one_dimension, _pair, _unknown, _taken_out, _poor)
     every = [task for group in groups for task in group(rng, share)]
@@ -80,6 +132,30 @@ def tasks(seed: int, share: float) -> list[Task]:
         Task(t.group, int(number), t.causes, t.plan, t.scatter, t.without)
         for number, t in zip(rng.permutation(10**6)[: len(every)], every, strict=True)
     ]
+    return [numbered[k] for k in rng.permutation(len(numbered))]
+
+
+def _of_other(robot: str, rng: np.random.Generator, share: float) -> list[Task]:
+    """A quarter of what the Delta has of each kind, of causes that such a machine can have."""
+    causes, dimensions = OF_ROBOT[robot]
+    every: list[Task] = []
+    for _ in _many(60, share):
+        every.append(Task("none", 0, robot=robot))
+    for _ in _many(3, share):
+        for cause in causes:
+            every.append(Task("single", 0, ((cause, _strength(rng)),), robot=robot))
+        for cause in dimensions:
+            hidden = ((cause, _strength(rng)),)
+            every.append(Task("dimension", 0, hidden, scatter=PRECISE, robot=robot))
+        for kind in OTHER_KINDS:
+            hidden = ((f"unknown:{kind}", _strength(rng)),)
+            every.append(Task("unknown", 0, hidden, robot=robot))
+    for _ in _many(12, share):
+        two = rng.choice(causes, 2, replace=False).tolist()
+        hidden = tuple((cause, _strength(rng, _TELLING)) for cause in two)
+        every.append(Task("pair", 0, hidden, robot=robot))
+    seeds = rng.permutation(10**6)[: len(every)]
+    numbered = [replace(t, seed=int(k)) for k, t in zip(seeds, every, strict=True)]
     return [numbered[k] for k in rng.permutation(len(numbered))]
 
 

@@ -71,7 +71,10 @@ def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:
     rows = list(candidate.rows)
     if candidate.effect is None:
         return np.asarray(evidence.geometry[:, rows])
-    return np.asarray(evidence.columns(candidate.effect)[:, rows])
+    columns = evidence.columns(candidate.effect)
+    # all of a map's, in their order, are taken as they are: a copy would cost as much memory again
+    whole = rows == list(range(columns.shape[1]))
+    return columns if whole else np.asarray(columns[:, rows])
 
 
 def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:

@@ -147,8 +147,12 @@ class HeldOutModels:
         return with_ <= without
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:
-        """The poses; the paths where the columns show in motion only."""
-        size = np.sum(columns.reshape(len(self.evidence), -1) ** 2, axis=1)
+        """The poses; the paths where the columns show in motion only.
+
+        What does to a path as its own rest error does shows at rest: a drift between two stops.
+        """
+        shown = self.evidence.rest.without(columns)
+        size = np.sum(shown.reshape(len(self.evidence), -1) ** 2, axis=1)
         moving = self.evidence.believed & ~self.poses
         if moving.any() and size[self.poses].mean() < MOVING**2 * size[moving].mean():
             return moving

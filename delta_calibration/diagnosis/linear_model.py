@@ -211,7 +211,8 @@ class LinearizedModel:
         """Whitened columns of an effect, in units of its parameters' priors, (d n, k)."""
         slope = self.by_stage(effect.stage)
         columns = effect.columns_of(self._signals(effect), by_stage=slope)
-        return np.asarray((columns * effect.parameters.prior).reshape(self.size, -1))
+        own = columns if effect.free_form else None  # a map's are hundreds of megabytes: in place
+        return np.multiply(columns, effect.parameters.prior, out=own).reshape(self.size, -1)
 
     def by_stage(self, stage: Stage) -> Array:
         """How the whitened reading goes with what a stage hands on, (n, d, size of the stage)."""

@@ -129,7 +129,7 @@ class Weighed:
                 rows = np.searchsorted(group[0].rows, candidate.rows)
                 ratio = (typical_of(candidate) / unit[rows])[:, None]
                 own = ratio * information[np.ix_(rows, rows)] * ratio.T
-                here = self._shape(candidate, own, ratio * b[rows])
+                here = self._shape(candidate, own, ratio * b[rows], len(shapes) > 1)
                 if len(best) <= i:
                     best.append(here)
                 else:
@@ -143,16 +143,17 @@ class Weighed:
         for first in range(0, len(shapes), _AT_A_TIME):
             some = shapes[first : first + _AT_A_TIME]
             columns = [columns_of(group[0], self.evidence) for group in some]
-            every = np.concatenate(columns, axis=1)
+            every = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
             information, b = self.evidence.information(every), every.T @ self.weighed
             ends = np.cumsum([0, *(c.shape[1] for c in columns)]).tolist()
             for group, (begin, end) in zip(some, pairwise(ends), strict=True):
                 yield group, information[begin:end, begin:end], b[begin:end]
 
-    def _shape(self, candidate: Candidate, information: Array, b: Array) -> _Best:
+    def _shape(self, candidate: Candidate, information: Array, b: Array, searched: bool) -> _Best:
+        """A shape's case; what chance makes of it counts only where it is one of several."""
         value = most_likely(information, b[:, 0], *bounds_of(candidate, self.evidence))
         gain = decrease(information, b[:, 0], value)
-        chance = free_decrease(information, b[:, 1:])
+        chance = free_decrease(information, b[:, 1:]) if searched else np.zeros(b.shape[1] - 1)
         return _Best(gain, candidate, value, information, b[:, 0], chance, 1)
 
     def _charged(self, best: _Best) -> Score:

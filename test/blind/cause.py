@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blind.machine import Build
 from blind.truth import Truth
 from blind.world import Act, State, World
 
@@ -19,7 +19,7 @@ def nothing(world: World, state: State) -> None:
     """For what is in the build already."""
 
 
-def as_built(build: Build) -> Build:
+def as_built(build: Any) -> Any:
     """For what leaves the build as it is."""
     return build
 
@@ -32,11 +32,11 @@ class Cause:
     act: Act = nothing
     values: Mapping[str, float | str] = field(default_factory=dict)  # SI
     location: str | None = None  # joint_1, ... where it is not shared
-    rebuild: Callable[[Build], Build] = as_built
+    rebuild: Callable[[Any], Any] = as_built
     truth: Truth | None = None  # of what no catalogue has; of the others see `truths`
 
 
-# (rng, strength, legs that have it (3,) of 0 and 1) -> the cause
+# (rng, strength, legs that have it (m,) of 0 and 1) -> the cause
 Draw = Callable[[np.random.Generator, float, Array], Cause]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from blind.cause import Cause, Draw
 from blind.drives import DRIVES
 from blind.geometry import GEOMETRY
+from blind.kinds import KINDS, OTHERS
 from blind.measurement import MEASUREMENT
 from blind.structure import STRUCTURE
 from blind.unknown import UNKNOWN
@@ -24,18 +25,23 @@ CAUSES: dict[str, Draw] = {**GEOMETRY, **MEASUREMENT, **DRIVES, **STRUCTURE}
 IN_NO_CATALOGUE: dict[str, Draw] = {**UNKNOWN, **UNNAMED}
 
 
-def draw(asked: str, strength: float, rng: np.random.Generator) -> Cause:
-    """The cause that `asked` names, its sizes drawn.
+def draw(asked: str, strength: float, rng: np.random.Generator, robot: str = "srbd") -> Cause:
+    """The cause that `asked` names, in a machine of this robot's, its sizes drawn.
 
     Raises:
         KeyError: there is no such cause.
     """
     name, _, leg = asked.partition("@")
-    legs = np.ones(3) if not leg else np.eye(3)[int(leg) - 1]
+    joints = len(KINDS[robot].joints)
+    legs = np.ones(joints) if not leg else np.eye(joints)[int(leg) - 1]
+    named, any_unknown, unknown = CAUSES, list(UNKNOWN), IN_NO_CATALOGUE
+    if robot in OTHERS:
+        named, unknown = OTHERS[robot]
+        any_unknown = list(unknown)
     if name == "unknown":
-        name = f"unknown:{rng.choice(list(UNKNOWN))}"
+        name = f"unknown:{rng.choice(any_unknown)}"
     kind = name.removeprefix("unknown:")
-    drawn = (CAUSES if kind == name else IN_NO_CATALOGUE)[kind](rng, strength, legs)
+    drawn = (named if kind == name else unknown)[kind](rng, strength, legs)
     if leg and drawn.location is None:
         return replace(drawn, location=f"joint_{leg}")
     return drawn

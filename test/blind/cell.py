@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blind.cause import Cause
-from blind.machine import Build, manufactured
+from blind.delta import DELTA
+from blind.kind import Kind
 from blind.plans import Item
 from blind.tracker import Tracker
 from blind.world import State, Warming, World
@@ -31,25 +33,32 @@ class Measured:
 class Cell:
     """One machine, and how long its session takes: what drifts drifts over that."""
 
-    build: Build
-    plain: Build  # before the causes
+    build: Any
+    plain: Any  # before the causes
     causes: tuple[Cause, ...]
     tracker: Tracker
     warming: Warming
     length: float  # [s]
     scatter: float  # manufacturing errors in units of the tolerances
+    kind: Kind = DELTA
 
     @classmethod
     def drawn(
-        cls, causes: tuple[Cause, ...], rng: np.random.Generator, scatter: float, length: float
+        cls,
+        causes: tuple[Cause, ...],
+        rng: np.random.Generator,
+        scatter: float,
+        length: float,
+        kind: Kind = DELTA,
     ) -> Cell:
         """A machine of the workshop, the causes put in."""
-        plain = manufactured(rng, scatter)
+        plain = kind.manufactured(rng, scatter)
         build = plain
         for cause in causes:
             build = cause.rebuild(build)
-        tracker, warming = Tracker.drawn(rng), Warming.drawn(rng)
-        return cls(build, plain, causes, tracker, warming, length, scatter)
+        tracker = Tracker.drawn(rng, kind)
+        warming = Warming.drawn(rng, kind.rise, kind.constant)
+        return cls(build, plain, causes, tracker, warming, length, scatter, kind)
 
     def only(self, cause: Cause) -> Cell:
         """The same machine with one of its causes alone."""
@@ -65,5 +74,5 @@ class Cell:
         without = self.tracker.sees(plain, State.untouched(plain))
         return Measured(world, state, self.tracker.sees(world, state), without)
 
-    def _world(self, items: Sequence[Item], build: Build) -> World:
-        return World(items, build, self.warming, self.length)
+    def _world(self, items: Sequence[Item], build: Any) -> World:
+        return World(items, build, self.warming, self.length, self.kind)

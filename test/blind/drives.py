@@ -7,6 +7,8 @@ strength 1 are those of a real drive; each of the three has its own.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +35,32 @@ _GIVE = 1 / 2.5e4  # [rad/(N m)]
 _FINE = 8  # steps between two samples
 
 
+@dataclass(frozen=True)
+class Drive:
+    """What drives the joints of a machine: its sizes are those of a Delta's, times `size`."""
+
+    size: float = 1.0  # of the joints' unit, that does what one radian does on a Delta
+    gears: tuple[float, float] = (_GEAR, _WAVE)  # motor's turns, or radians, a joint's unit
+
+
+ROTARY = Drive()
+
+
 def uneven(rng: np.random.Generator, legs: Array) -> Array:
-    """One drive is not like the other: 0.7 to 1.3 of the typical, (3,)."""
-    return legs * rng.uniform(0.7, 1.3, 3)
+    """One drive is not like the other: 0.7 to 1.3 of the typical, (m,)."""
+    return legs * rng.uniform(0.7, 1.3, len(legs))
 
 
 def either(rng: np.random.Generator, legs: Array) -> Array:
-    """The same with either sign, (3,)."""
-    return uneven(rng, legs) * rng.choice([-1.0, 1.0], 3)
+    """The same with either sign, (m,)."""
+    return uneven(rng, legs) * rng.choice([-1.0, 1.0], len(legs))
 
 
-def backlash(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+def backlash(
+    rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
+) -> Cause:
     """Play: the joint stays until the motor has crossed the gap, then goes with it."""
-    gap = strength * _GAP * uneven(rng, legs)
+    gap = strength * _GAP * uneven(rng, legs) * drive.size
 
     def act(world: World, state: State) -> None:
         for leg in np.flatnonzero(gap):
@@ -63,13 +78,15 @@ def _play(motor: Array, half: float) -> Array:
     return np.array(result)
 
 
-def stick_slip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+def stick_slip(
+    rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
+) -> Cause:
     """LuGre friction twists the drive: bristles bend as it creeps, and let go with speed."""
-    size = strength * _FRICTION * uneven(rng, legs)
+    size = strength * _FRICTION * uneven(rng, legs) * drive.size
 
     def act(world: World, state: State) -> None:
         for leg in np.flatnonzero(size):
-            bent = _bristles(world.time, world.command[:, leg])
+            bent = _bristles(world.time, world.command[:, leg] / drive.size)
             state.joint[:, leg] -= size[leg] * bent
 
     # at speed friction is all level, which is a play: as wide as the bend one way and the other
@@ -93,7 +110,7 @@ def _bristles(time: Array, motor: Array) -> Array:
 
 def joint_lag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     """Each servo trails its command: T y' = u - y, stepped finely through time."""
-    constant = strength * _LAG * legs * rng.uniform(0.3, 1.7, 3)
+    constant = strength * _LAG * legs * rng.uniform(0.3, 1.7, len(legs))
 
     def act(world: World, state: State) -> None:
         for number in range(len(world.items)):
@@ -115,9 +132,12 @@ def _behind(u: Array, step: float, constant: float) -> Array:
     return np.asarray(lfilter([constant * (1 - keeps)], [1.0, -keeps], slope))
 
 
-def encoder_eccentricity(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+def encoder_eccentricity(
+    rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
+) -> Cause:
     """A code disc off its axis: the read head sees the circle's points from beside its centre."""
-    size, bearing = strength * _ECCENTRIC * uneven(rng, legs), rng.uniform(0, 2 * np.pi, 3)
+    size = strength * _ECCENTRIC * uneven(rng, legs) * drive.size
+    bearing = rng.uniform(0, 2 * np.pi, len(legs))
 
     def act(world: World, state: State) -> None:
         angle = world.command - bearing
@@ -126,11 +146,14 @@ def encoder_eccentricity(rng: np.random.Generator, strength: float, legs: Array)
     return Cause("encoder_eccentricity", act, of_legs("size", size) | of_legs("bearing", bearing))
 
 
-def transmission_error(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+def transmission_error(
+    rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
+) -> Cause:
     """A gear that is not round: once and twice a turn of the motor, on and on as it turns."""
-    size, phase = strength * _RIPPLE * uneven(rng, legs), rng.uniform(0, 2 * np.pi, (2, 3))
+    size = strength * _RIPPLE * uneven(rng, legs) * drive.size
+    phase = rng.uniform(0, 2 * np.pi, (2, len(legs)))
     wave = bool(rng.random() < 0.5)
-    ratio, main = (_WAVE, 2) if wave else (_GEAR, int(rng.integers(1, 3)))
+    ratio, main = (drive.gears[1], 2) if wave else (drive.gears[0], int(rng.integers(1, 3)))
     shares = np.where(np.array([1, 2]) == main, 1.0, 0.25)
 
     def act(world: World, state: State) -> None:
@@ -141,7 +164,9 @@ def transmission_error(rng: np.random.Generator, strength: float, legs: Array) -
     said = {"cycles": ratio * main, **of_legs("size", size)}
     for turns in (1, 2):  # every order with its share, for who judges an equation
         said[f"order_{turns}"], said[f"share_{turns}"] = ratio * turns, shares[turns - 1]
-        said |= {f"phase_{turns}_{leg + 1}": float(phase[turns - 1, leg]) for leg in range(3)}
+        said |= {
+            f"phase_{turns}_{leg + 1}": float(phase[turns - 1, leg]) for leg in range(len(legs))
+        }
     return Cause("transmission_error", act, said)
 
 
@@ -155,9 +180,12 @@ def joint_scale(rng: np.random.Generator, strength: float, legs: Array) -> Cause
     return Cause("joint_scale", act, of_legs("scale", scale))
 
 
-def joint_zero_drift(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+def joint_zero_drift(
+    rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
+) -> Cause:
     """A coupling that creeps all the while, or slips once."""
-    size, slips, when = strength * _CREEP * either(rng, legs), rng.random() < 0.5, rng.random()
+    size = strength * _CREEP * either(rng, legs) * drive.size
+    slips, when = rng.random() < 0.5, rng.random()
 
     def act(world: World, state: State) -> None:
         share = world.time / world.length
@@ -199,3 +227,9 @@ DRIVES: dict[str, Draw] = {
     "joint_compliance": joint_compliance,
     "dynamic_deflection": dynamic_deflection,
 }
+
+
+def drives_of(drive: Drive, *names: str) -> dict[str, Draw]:
+    """Some of these causes in other drives."""
+    sized = (backlash, stick_slip, encoder_eccentricity, transmission_error, joint_zero_drift)
+    return {n: partial(DRIVES[n], drive=drive) if DRIVES[n] in sized else DRIVES[n] for n in names}

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from blind.machine import Changed
 from blind.world import State, World
 
 Array = NDArray[np.float64]
@@ -35,7 +34,7 @@ class Inputs(Mapping[str, Array]):
                 values = _OF_JOINTS[word](self._world)
                 self._known |= {f"{word}_{leg + 1}": values[:, leg] for leg in range(3)}
             elif word == "force" and which in _RODS:
-                pulls = self._world.pulls(Changed.nothing()).reshape(-1, 6)
+                pulls = self._world.pulls(self._world.kind.nothing()).reshape(-1, 6)
                 self._known |= {f"force_{rod}": pulls[:, k] for k, rod in enumerate(_RODS)}
             elif word == "temperature" and which in _PARTS:
                 warm = self._world.warming.of(which, self._world.time)
@@ -101,7 +100,7 @@ def _speed(world: World) -> Array:
 
 
 def _torque(world: World) -> Array:
-    return world.moments(Changed.nothing()) + world.pushes()
+    return world.moments(world.kind.nothing()) + world.pushes()
 
 
 _OF_JOINTS: dict[str, Callable[[World], Array]] = {

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from blind.cause import Cause
 from blind.causes import draw
 from blind.cell import Cell, Measured
+from blind.kinds import KINDS
 from blind.plans import PLANS, held_out
 from blind.signal import Left, Signal, left, lefts, signal
-from blind.world import CENTRE, State, World
+from blind.world import State, World
 from delta_calibration.data import (
     JointStream,
     PayloadStream,
@@ -25,11 +26,8 @@ from delta_calibration.data import (
 
 Array = NDArray[np.float64]
 
-NAMES = ("joint_1", "joint_2", "joint_3")
 _START_NS = 1_750_000_000_000_000_000
 _ROOM = 20.0  # [deg C]
-_REST = 12e-6  # [rad] where a joint comes to rest, one draw a move
-_ENCODER = 3e-6  # [rad]
 _SENSOR = 0.02  # [K]
 _SENSED = 30.0  # [s] between two temperatures
 _STIRRED = 1e-9  # [m]
@@ -45,8 +43,8 @@ class Truth:
 
     session: Session  # the same as streams; readings that repeat exactly would look frozen
     time: Array  # (n,) [s]
-    command: Array  # (n, 3) [rad]
-    velocity: Array  # (n, 3) [rad/s]
+    command: Array  # (n, m) [rad]
+    velocity: Array  # (n, m) [rad/s]
     side: Array  # (n,) -1 or 1 from where approached, 0 in motion
     payload: Array  # (n,) [kg]
     point: Array  # (n, 3) [m]
@@ -119,7 +117,8 @@ def hide(
     seed: int,
     plan: str = "rich",
     scatter: float = 1.0,
-    sensors: tuple[str, ...] = ("arm", "base"),
+    sensors: tuple[str, ...] | None = None,
+    robot: str = "srbd",
 ) -> Trial:
     """A session of a machine with these causes in it; the same for the same arguments.
 
@@ -131,19 +130,25 @@ def hide(
         seed: of the machine, the plan, the causes and the noise.
         plan: one of `plans.PLANS`.
         scatter: size of the manufacturing errors in units of the tolerances.
-        sensors: parts whose temperature is recorded: arm, base, forearm.
+        sensors: parts whose temperature is recorded (of a Delta arm, base, forearm); those that
+            such a machine usually has where not given.
+        robot: one of `kinds.KINDS`.
     """
     asked = causes if isinstance(causes, Mapping) else dict.fromkeys(causes, 1.0)
     of_cell, of_plan, of_causes, of_noise = (np.random.default_rng([seed, k]) for k in range(4))
-    hidden = tuple(draw(name, strength, of_causes) for name, strength in asked.items())
-    items = PLANS[plan](of_plan)
-    cell = Cell.drawn(hidden, of_cell, scatter, items[-1].begin)
+    kind = KINDS[robot]
+    hidden = tuple(draw(name, strength, of_causes, robot) for name, strength in asked.items())
+    items = PLANS[plan](of_plan, kind)
+    cell = Cell.drawn(hidden, of_cell, scatter, items[-1].begin, kind)
     measured = cell.measure(items)
-    rest = _REST * of_noise.standard_normal((len(items), 3))[measured.world.item]
+    rest = (
+        kind.rest * of_noise.standard_normal((len(items), len(kind.joints)))[measured.world.item]
+    )
     seen = cell.tracker.sees(measured.world, _moved(measured.state, rest))
     noisy = seen + cell.tracker.noise(seen, of_noise)
-    sensors = () if plan == "no_temperatures" else sensors
-    session = _streams(measured.world, noisy, _ENCODER, sensors, of_noise)
+    usual = kind.sensors if sensors is None else sensors
+    sensors = () if plan == "no_temperatures" else usual
+    session = _streams(measured.world, noisy, kind.encoder, sensors, of_noise)
     return Trial(session, hidden, signal(measured), cell, measured, seed, sensors)
 
 
@@ -156,7 +161,7 @@ def _moved(state: State, by: Array) -> State:
 def _truth(
     cell: Cell, payloads: Sequence[float], sensors: tuple[str, ...], rng: np.random.Generator
 ) -> Truth:
-    measured = cell.measure(held_out(rng, cell.length / 3600, payloads))
+    measured = cell.measure(held_out(rng, cell.kind, cell.length / 3600, payloads))
     world = measured.world
     stirred = _STIRRED * rng.standard_normal(measured.reading.shape)
     last = np.diff(world.item, append=-1) != 0
@@ -180,7 +185,7 @@ def _streams(
     sensors: tuple[str, ...],
     rng: np.random.Generator,
 ) -> Session:
-    stamp = _stamps(world.time)
+    stamp, kind = _stamps(world.time), world.kind
     angle = world.command + encoder * rng.standard_normal(world.command.shape)
     carried = np.flatnonzero(np.diff(world.payload, prepend=-1.0))
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (int(world.seen.sum()), 1))
@@ -188,8 +193,8 @@ def _streams(
     noise = _SENSOR * (encoder > 0) * rng.standard_normal((len(sensors), len(sensed)))
     return Session(
         source="blind",
-        command=JointStream(stamp, NAMES, world.command),
-        states=JointStream(stamp, NAMES, angle),
+        command=JointStream(stamp, kind.joints, world.command),
+        states=JointStream(stamp, kind.joints, angle),
         tracker=TrackerStream(stamp[world.seen], reading[world.seen], upright),
         temperature=tuple(
             TemperatureStream(
@@ -198,7 +203,7 @@ def _streams(
             for k, part in enumerate(sensors)
         ),
         payload=PayloadStream(
-            stamp[carried], world.payload[carried], np.tile(CENTRE, (len(carried), 1))
+            stamp[carried], world.payload[carried], np.tile(kind.centre, (len(carried), 1))
         ),
     )
 

@@ -10,30 +10,16 @@ from numpy.typing import NDArray
 from scipy.linalg import lstsq
 
 from blind.cell import Cell, Measured
-from blind.machine import Build, assemble
 from blind.world import World
 
 Array = NDArray[np.float64]
 
 _STEP = 1e-5  # [m], [rad] of the differences
-_OFFSET = 0.05  # [m] how far off the centre a reflector is expected
 _FREE = 1.0  # [m], [rad] how far off the frame may be: no matter
 _THIN = 4  # of the readings in motion every fourth is looked at, and stands for all four
-# [m], [rad] how far off each dimension is expected to be
-_EXPECTED = {
-    "hinge": 0.25e-3,
-    "tilt": 0.5e-3,
-    "zero": 0.8e-3,
-    "arm": 0.15e-3,
-    "rod": 0.2e-3,
-    "elbow": 0.03e-3,
-    "elbow_line": 0.5e-3,
-    "platform": 0.25e-3,
-    "ball": 0.03e-3,
-    "platform_line": 0.5e-3,
-}
-_AT_REST, _IN_MOTION = 5e-6, 8e-6  # [m] an axis, of a stop's mean and of a reading in motion
-_REST = 12e-6  # [rad] of each joint, the same all along a motion
+_ALONG, _ACROSS, _PER_METRE = 3e-6, 2e-6, 2e-6  # [m], [m], [m/m] of a tracker's reading
+_READ = 20  # readings of a stop
+_RESTING = 0.02  # of the fastest in its motion: at rest for a moment
 
 
 @dataclass(frozen=True)
@@ -74,18 +60,20 @@ def lefts(cell: Cell, every: Sequence[Measured]) -> list[Left]:
     """The same of several causes of a machine, measured one by one by the same plan."""
     world = every[0].world
     rows, still = _looked_at(every[0])
-    sigma = np.where(still, _AT_REST, _IN_MOTION / np.sqrt(_THIN))
+    sigma = _sigmas(cell, every[0], rows, still)
     known = list(_columns(cell, world.command[rows]))
-    known += _rest_errors(cell, world.command[rows], np.where(still, -1, world.item[rows]))
+    known += _rest_errors(
+        cell, world.command[rows], np.where(still, -1, _motions(cell, world)[rows])
+    )
     columns = np.stack(known, axis=-1)
-    slopes = (columns / sigma[:, None, None]).reshape(3 * len(rows), -1)
+    slopes = _divided(columns, sigma).reshape(3 * len(rows), -1)
     moved = np.stack([(one.reading - one.plain)[rows] for one in every], axis=-1)
-    effect = (moved / sigma[:, None, None]).reshape(3 * len(rows), -1)
+    effect = _divided(moved, sigma).reshape(3 * len(rows), -1)
     slopes = np.vstack([slopes, np.eye(slopes.shape[1])])
     effect = np.vstack([effect, np.zeros((slopes.shape[1], len(every)))])
     # by QR: the scatter's rows leave no direction open, and it is ten times as quick as by SVD
     remains = effect - slopes @ lstsq(slopes, effect, lapack_driver="gelsy")[0]
-    metres = remains[: 3 * len(rows)].reshape(len(rows), 3, -1) * sigma[:, None, None]
+    metres = _multiplied(remains[: 3 * len(rows)].reshape(len(rows), 3, -1), sigma)
     return [
         Left(_rms(metres[still, :, k]), _rms(metres[~still, :, k]), float(one @ one))
         for k, one in enumerate(remains.T)
@@ -120,11 +108,53 @@ def _looked_at(measured: Measured) -> tuple[NDArray[np.int64], NDArray[np.bool_]
     return rows, world.still[rows]
 
 
+def _motions(cell: Cell, world: World) -> Array:
+    """Number of the motion, (n,): between two moments of rest, each with a rest error of its own.
+
+    The Delta's were counted item by item, a sweep there and back as one; its lambda stays.
+    """
+    if cell.kind.noise is not None:
+        return world.item
+    speed = np.abs(world.velocity / cell.kind.size).max(axis=1)
+    fastest = np.maximum.reduceat(speed, np.flatnonzero(np.diff(world.item, prepend=-1)))
+    slow = speed < _RESTING * fastest[world.item]
+    return np.asarray(np.cumsum(np.diff(slow.astype(int), prepend=0) > 0))
+
+
+def _sigmas(cell: Cell, measured: Measured, rows: Array, still: Array) -> Array:
+    """Standard deviation of each row an axis, (n,) [m]; or its Cholesky factor, (n, 3, 3) [m]."""
+    if cell.kind.noise is not None:
+        at_rest, in_motion = cell.kind.noise
+        return np.where(still, at_rest, in_motion / np.sqrt(_THIN))
+    reading = measured.plain[rows]
+    distance = np.linalg.norm(reading, axis=1)[:, None, None]
+    beam = (reading / distance[:, 0])[..., None]
+    along = beam @ np.swapaxes(beam, 1, 2)
+    one = _ALONG**2 * along + (_ACROSS + _PER_METRE * distance) ** 2 * (np.eye(3) - along)
+    slopes = list(_slopes(cell, measured.world.command[rows], "zero"))
+    moves = cell.kind.rest * np.stack(slopes, axis=-1)
+    rest = moves @ np.swapaxes(moves, 1, 2)
+    together = np.where(still[:, None, None], one / _READ + rest, one / _THIN)
+    return np.asarray(np.linalg.cholesky(together))
+
+
+def _divided(values: Array, sigma: Array) -> Array:
+    """Values (n, 3, k) in standard deviations."""
+    if sigma.ndim == 1:
+        return np.asarray(values / sigma[:, None, None])
+    return np.asarray(np.linalg.solve(sigma, values))
+
+
+def _multiplied(values: Array, sigma: Array) -> Array:
+    """Back to metres."""
+    return values * sigma[:, None, None] if sigma.ndim == 1 else sigma @ values
+
+
 def _rest_errors(cell: Cell, command: Array, motion: NDArray[np.int64]) -> list[Array]:
     """How the reading moves with each motion's own error of each joint, (n, 3) each."""
     slopes = list(_slopes(cell, command, "zero"))
     return [
-        np.where((motion == number)[:, None], _REST * slope, 0.0)
+        np.where((motion == number)[:, None], cell.kind.rest * slope, 0.0)
         for number in np.unique(motion[motion >= 0])
         for slope in slopes
     ]
@@ -133,24 +163,25 @@ def _rest_errors(cell: Cell, command: Array, motion: NDArray[np.int64]) -> list[
 def _columns(cell: Cell, command: Array) -> Iterator[Array]:
     """How the reading moves with all that is fitted, in units of what is expected, (n, 3) each."""
     build, tracker, turn = cell.plain, cell.tracker, cell.tracker.turn.as_matrix().T
-    stand = assemble(command, build)
+    stand = cell.kind.assemble(command, build)
     here = stand.point(tracker.reflector)
     for axis in np.eye(3):
         yield np.tile(_FREE * axis, (len(here), 1))
         yield _FREE * np.cross(axis, here) @ turn
-        yield _OFFSET * (stand.point(tracker.reflector + axis) - here) @ turn
-    for part in (field.name for field in fields(Build)):
-        for slope in _slopes(cell, command, part):
-            yield cell.scatter * _EXPECTED[part] * slope
+        yield cell.kind.offset * (stand.point(tracker.reflector + axis) - here) @ turn
+    for part in (field.name for field in fields(build)):
+        expected = np.broadcast_to(cell.kind.expected[part], getattr(build, part).shape)
+        for size, slope in zip(expected.ravel(), _slopes(cell, command, part), strict=True):
+            yield cell.scatter * size * slope
 
 
 def _slopes(cell: Cell, command: Array, part: str) -> Iterator[Array]:
     """d(reading) by each number of a part of the build, (n, 3)."""
     build, tracker, turn = cell.plain, cell.tracker, cell.tracker.turn.as_matrix().T
-    stand = assemble(command, build)
+    stand = cell.kind.assemble(command, build)
     here, value = stand.point(tracker.reflector), getattr(build, part)
     for where in np.ndindex(value.shape):
         off = value.copy()
         off[where] += _STEP
-        moved = assemble(command, replace(build, **{part: off}), None, stand)
+        moved = cell.kind.assemble(command, replace(build, **{part: off}), None, stand)
         yield (moved.point(tracker.reflector) - here) @ turn / _STEP

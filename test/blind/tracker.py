@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from blind.machine import assemble
+from blind.delta import DELTA
+from blind.kind import Kind
 from blind.world import State, World
 
 Array = NDArray[np.float64]
@@ -27,17 +28,16 @@ class Tracker:
     reflector: Array  # (3,) [m] in the platform's frame
 
     @classmethod
-    def drawn(cls, rng: np.random.Generator) -> Tracker:
+    def drawn(cls, rng: np.random.Generator, kind: Kind = DELTA) -> Tracker:
         """Somewhere around the cell, level to a degree or so; a reflector off the centre."""
-        bearing, far = rng.uniform(0, 2 * np.pi), rng.uniform(2.6, 3.2)
+        bearing, far = rng.uniform(0, 2 * np.pi), rng.uniform(*kind.far)
         turn = Rotation.from_euler("zyx", [rng.uniform(0, 2 * np.pi), *rng.normal(0, 0.02, 2)])
         where = np.array([far * np.cos(bearing), far * np.sin(bearing), rng.uniform(-0.3, 0.5)])
-        reflector = rng.uniform([-0.03, -0.03, -0.06], [0.03, 0.03, -0.02])
-        return cls(turn, -turn.apply(where), reflector)
+        return cls(turn, -turn.apply(where), kind.reflector(rng))
 
     def sees(self, world: World, state: State) -> Array:
         """Readings without noise, (n, 3) [m]."""
-        stand = assemble(state.joint, world.build, state.changed, world.stand)
+        stand = world.kind.assemble(state.joint, world.build, state.changed, world.stand)
         local = self.reflector if state.offset is None else self.reflector + state.offset
         reading = self.turn.apply(stand.point(local) + state.shift) + self.place
         if state.late:

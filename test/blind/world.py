@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blind.machine import Build, Changed, Stand, assemble
+from blind.delta import DELTA
+from blind.kind import Kind, Span, Stand
 from blind.plans import Item
-from blind.weight import inertia, tensions, torques
+from blind.weight import inertia, torques
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-CENTRE = np.array([0.0, 0.0, -0.03])  # [m] of the payload, below the platform
-_RISE = {"arm": (11, 15), "base": (3.5, 6), "forearm": (6, 9)}  # [K]
-_CONSTANT = {"arm": (2000, 2800), "base": (3000, 4500), "forearm": (1200, 1800)}  # [s]
-_KNOT = 0.05  # [rad] loads bend by 1 in 3000 of themselves over so much travel
+CENTRE = DELTA.centre
+_KNOT = 0.05  # [rad of a Delta] loads bend by 1 in 3000 of themselves over so much travel
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,16 @@ class Warming:
     lag: float  # [s] a sensor behind its part
 
     @classmethod
-    def drawn(cls, rng: np.random.Generator) -> Warming:
-        """A machine that warms by 11 to 15 K at the arms, less elsewhere."""
+    def drawn(
+        cls,
+        rng: np.random.Generator,
+        rise: Mapping[str, Span] = DELTA.rise,
+        constant: Mapping[str, Span] = DELTA.constant,
+    ) -> Warming:
+        """A machine of which each part warms as far and as fast as such parts do."""
         return cls(
-            {part: rng.uniform(*span) for part, span in _RISE.items()},
-            {part: rng.uniform(*span) for part, span in _CONSTANT.items()},
+            {part: rng.uniform(*span) for part, span in rise.items()},
+            {part: rng.uniform(*span) for part, span in constant.items()},
             rng.uniform(20, 90),
         )
 
@@ -55,9 +60,10 @@ class World:
     """All samples of a session, moves between poses included."""
 
     items: Sequence[Item]
-    build: Build
+    build: Any
     warming: Warming
     length: float  # [s] of the session of this machine
+    kind: Kind = DELTA
 
     def _all(self, name: str) -> Array:
         return np.concatenate([getattr(item, name) for item in self.items])
@@ -77,17 +83,17 @@ class World:
 
     @cached_property
     def command(self) -> Array:
-        """(n, 3) [rad]."""
+        """(n, m) [rad]."""
         return self._all("command")
 
     @cached_property
     def velocity(self) -> Array:
-        """(n, 3) [rad/s]."""
+        """(n, m) [rad/s]."""
         return self._all("velocity")
 
     @cached_property
     def acceleration(self) -> Array:
-        """(n, 3) [rad/s^2]."""
+        """(n, m) [rad/s^2]."""
         return self._all("acceleration")
 
     @cached_property
@@ -113,13 +119,13 @@ class World:
     @cached_property
     def stand(self) -> Stand:
         """The machine as built at its commands."""
-        return assemble(self.command, self.build)
+        return self.kind.assemble(self.command, self.build)
 
     @cached_property
     def travel(self) -> Array:
         """Joint travel so far; a step between items, so that nothing is interpolated across."""
         step = np.linalg.norm(np.diff(self.command, axis=0, prepend=self.command[:1]), axis=1)
-        return np.cumsum(step) + self.item
+        return np.cumsum(step) / self.kind.size + self.item
 
     def spread(self, of_rows: Callable[[Index], Array]) -> Array:
         """A slow function of the joints, worked out at some rows and interpolated in between."""
@@ -131,35 +137,38 @@ class World:
         filled = [np.interp(self.travel, self.travel[rows], column) for column in flat]
         return np.stack(filled, axis=1).reshape(-1, *values.shape[1:])
 
-    def moments(self, changed: Changed) -> Array:
-        """Of gravity at the joints, (n, 3) [N m]."""
+    def moments(self, changed: Any) -> Array:
+        """Of gravity at the joints, (n, m) [N m]."""
 
         def at(rows: Index) -> Array:
             q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
-            return torques(q, self.build, changed.take(rows), payload, CENTRE, near)
+            changed_here, centre = changed.take(rows), self.kind.centre
+            return torques(self.kind, q, self.build, changed_here, payload, centre, near)
 
         return self.spread(at)
 
-    def pulls(self, changed: Changed) -> Array:
-        """Tension of the rods, (n, 3, 2) [N]."""
+    def pulls(self, changed: Any) -> Array:
+        """Tension of the rods, (n, 3, 2), or of the cables, (n, m) [N]."""
 
         def at(rows: Index) -> Array:
             q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
-            return tensions(q, self.build, changed.take(rows), payload, CENTRE, near)
+            changed_here, centre = changed.take(rows), self.kind.centre
+            return self.kind.pulls(q, self.build, changed_here, payload, centre, near)
 
         return self.spread(at)
 
     def pushes(self) -> Array:
-        """Moments of inertia forces at the joints, (n, 3) [N m]."""
+        """Moments of inertia forces at the joints, (n, m) [N m]."""
         rows = np.flatnonzero(~self.still)
         result = np.zeros_like(self.command)
         result[rows] = inertia(
+            self.kind,
             self.command[rows],
             self.velocity[rows],
             self.acceleration[rows],
             self.build,
             self.payload[rows],
-            CENTRE,
+            self.kind.centre,
             self.stand.take(rows),
         )
         return result
@@ -169,8 +178,8 @@ class World:
 class State:
     """What the causes act on, one after the other."""
 
-    joint: Array  # (n, 3) behind the drives [rad]
-    changed: Changed
+    joint: Array  # (n, m) behind the drives [rad]
+    changed: Any
     late: float = 0.0  # [s] how much older than its stamp a reading is
     offset: Array | None = None  # (3,) [m] more of the reflector's offset
     shift: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (n, 3) [m] in the base
@@ -180,7 +189,7 @@ class State:
     @classmethod
     def untouched(cls, world: World) -> State:
         """A machine that does what it is told."""
-        return cls(world.command.copy(), Changed.nothing())
+        return cls(world.command.copy(), world.kind.nothing())
 
 
 Act = Callable[[World, State], None]

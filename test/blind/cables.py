@@ -1,0 +1,139 @@
+"""What hides in cables, pulleys and drums, beside what hides in any drive."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.cause import Cause, Draw
+from blind.drives import Drive, drives_of
+from blind.measurement import timestamp_latency, tracker_drift, tracker_scale
+from blind.shared import dimension, in_no_catalogue
+from blind.winches import CDPR8
+from blind.world import State, World
+
+Array = NDArray[np.float64]
+
+_STRETCH = 1 / 4e5  # [1/N] of steel cables
+_WEIGHT = 0.6  # [N/m] of 4 mm of steel
+_PULLEY = 20e-3  # [m]
+_DRUM = 1e-3
+_LAYER = 30e-6  # [m^2/m]
+
+
+def _lets_out(state: State, more: Array) -> None:
+    """More cable, (n, 8) [m]."""
+    state.changed = state.changed.plus("cable", more)
+
+
+def _here_and_home(world: World) -> tuple[Array, Array, Array, Array]:
+    """Cables as vectors, and their pulls, in each sample and at home with no payload."""
+    build, stand, home = world.build, world.stand, CDPR8.home[None]
+    here = CDPR8.away(np.append(stand.place, stand.gibbs, axis=1), build)
+    at_home = CDPR8.tensions(home, build, np.zeros(1), CDPR8.centre)
+    return here, world.pulls(CDPR8.nothing()), CDPR8.away(home, build), at_home
+
+
+def cable_elasticity(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Cables stretch under their pull; what was let out is what is not stretched."""
+    give = strength * _STRETCH
+
+    def act(world: World, state: State) -> None:
+        _, pull, home, pull_home = _here_and_home(world)
+        at_home, let_out = np.linalg.norm(home, axis=2), world.build.gain * world.command
+        free = at_home / (1 + give * pull_home) + let_out
+        _lets_out(state, free * (1 + give * pull) - at_home - let_out)
+
+    return Cause("cable_elasticity", act, {"give": give})
+
+
+def _arc(away: Array, pull: Array, weight: float) -> Array:
+    """Length of a cable that hangs between its ends: the parabola's arc, by its own quadrature."""
+    level = np.hypot(away[..., 0], away[..., 1])
+    chord = np.linalg.norm(away, axis=-1)
+    bend = weight * chord / (pull * level) * level / chord  # of the slope, end to end, per metre
+    nodes, shares = np.polynomial.legendre.leggauss(8)
+    total = np.zeros_like(chord)
+    for node, share in zip(nodes, shares, strict=True):
+        slope = away[..., 2] / level + bend * chord * node / 2
+        total = total + share / 2 * level * np.sqrt(1 + slope**2)
+    return total
+
+
+def cable_sag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Cables hang through under their own weight: their arcs are longer than their chords."""
+    weight = np.sqrt(strength) * _WEIGHT
+
+    def act(world: World, state: State) -> None:
+        here, pull, home, pull_home = _here_and_home(world)
+        more = _arc(here, pull, weight) - np.linalg.norm(here, axis=2)
+        less = _arc(home, pull_home, weight) - np.linalg.norm(home, axis=2)
+        _lets_out(state, less - more)
+
+    return Cause("cable_sag", act, {"weight_squared": weight**2})
+
+
+def _over_pulley(away: Array, radius: float) -> Array:
+    """Cable from the swivel axis round the groove and straight to the platform joint [m].
+
+    In the pulley's plane it leaves where it is tangent; that angle is where the line from the
+    groove is at right angles to the radius there.
+    """
+    level, above = np.hypot(away[..., 0], away[..., 1]) - radius, away[..., 2]
+    far = np.hypot(level, above)
+    free = np.sqrt(far**2 - radius**2)
+    towards = np.arctan2(above, level)  # of the joint seen from the pulley's middle
+    leaves = towards + np.arccos(radius / far)
+    return radius * (np.pi - leaves) + free
+
+
+def pulley_radius(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Cables run over swivelling pulleys that the controller takes for points."""
+    radius = strength * _PULLEY
+
+    def act(world: World, state: State) -> None:
+        here, _, home, _ = _here_and_home(world)
+        more = _over_pulley(here, radius) - np.linalg.norm(here, axis=2)
+        less = _over_pulley(home, radius) - np.linalg.norm(home, axis=2)
+        _lets_out(state, less - more)
+
+    return Cause("pulley_radius", act, {"radius": radius})
+
+
+def drum_build_up(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Cable lies over cable: the radius shrinks by as much of its square as leaves the drum."""
+    layer = strength * _LAYER
+
+    def act(world: World, state: State) -> None:
+        radius = CDPR8.gain * CDPR8.gear
+        drum = world.command / CDPR8.gear
+        # d(r^2) = -layer d(out), d(out) = r d(drum): r falls evenly with the turn
+        out = radius * drum - layer * drum**2 / 4
+        _lets_out(state, out - radius * drum)
+
+    return Cause("drum_build_up", act, {"build_up": layer})
+
+
+def winch_causes() -> tuple[dict[str, Draw], dict[str, Draw]]:
+    """What it can hide: causes by name, and kinds of what no catalogue has."""
+    geared = ("backlash", "stick_slip", "joint_lag", "encoder_eccentricity", "joint_zero_drift")
+    drives = drives_of(Drive(CDPR8.size), *geared)
+
+    def wrong(name: str, part: str, typical: float) -> Draw:
+        where = {i + 1: [(part, (i, axis)) for axis in range(3)] for i in range(8)}
+        return dimension(name, "cable", typical, where)
+
+    drums = {i + 1: [("gain", (i,))] for i in range(8)}
+    return {
+        "timestamp_latency": timestamp_latency,
+        "tracker_drift": tracker_drift,
+        "tracker_scale": tracker_scale,
+        **drives,
+        "cable_elasticity": cable_elasticity,
+        "cable_sag": cable_sag,
+        "pulley_radius": pulley_radius,
+        "drum_build_up": drum_build_up,
+        "base_joint_position": wrong("base_joint_position", "anchor", 10e-3),
+        "platform_joint_position": wrong("platform_joint_position", "joint", 3e-3),
+        "drum_scale": dimension("drum_scale", "cable", _DRUM * float(CDPR8.gain[0]), drums),
+    }, in_no_catalogue(CDPR8)
