@@ -22,7 +22,7 @@ from delta_calibration.robot import Robot, robot_document
 from delta_calibration.samples import Session
 
 
-@click.command("check", short_help="find mistakes of units, wiring, clocks and frames")
+@click.command("check", short_help="find mistakes in units, wiring, clocks and frames")
 @SESSION
 @robot_option
 @click.option(
@@ -30,14 +30,14 @@ from delta_calibration.samples import Session
     "json_file",
     type=click.Path(path_type=Path),
     default=None,
-    help="File of what was found, to write.",
+    help="JSON file to write with the mistakes that were found.",
 )
 @click.option(
     "--fix",
     type=click.Path(path_type=Path),
     default=None,
     metavar="OUT",
-    help="Folder of the mended session to write; a mended robot file goes beside it.",
+    help="Folder to write the corrected session to; a corrected robot file is written beside it.",
 )
 @topics_option
 def command(
@@ -47,12 +47,12 @@ def command(
     fix: Path | None,
     topics: tuple[str, ...],
 ) -> None:
-    """Hold SESSION against the robot before anything is fitted.
+    """Check SESSION for recording mistakes before anything is fitted.
 
-    Hypotheses about units, swapped and reversed joints, left-handed frames, clocks, a tracker
-    that was moved, a reflector that was changed, values that a logger held, and the robot file
-    are each fitted to the data. What explains the session by a clear margin is named, with the
-    evidence and what mends it. Leaves with 1 where anything is found.
+    Possible mistakes are each fitted to the data: wrong units, swapped or reversed joints,
+    left-handed frames, clock errors, a tracker that was moved, a reflector that was changed,
+    values held by a logger, a wrong robot file. A mistake that explains the session by a clear
+    margin is reported with the evidence and the remedy. The exit code is 1 if a mistake is found.
     """
     for path in (json_file, fix):
         if path is not None:

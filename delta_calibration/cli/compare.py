@@ -29,14 +29,14 @@ from delta_calibration.robot import load_robot
 KINDS = (".yaml", ".yml", ".json")
 
 
-@click.command("compare", short_help="drift of calibrations or verdicts over months")
+@click.command("compare", short_help="how calibrations or verdicts drift over months")
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option(
     "--robot",
     "robot_file",
     default=None,
     metavar="FILE|NAME",
-    help="The robot of the calibrations; verdicts need none.",
+    help="Robot of the calibrations; not needed for verdicts.",
 )
 @click.option("--out", type=PATH, default=None, help="HTML page to write; it opens offline.")
 @figures_option
@@ -50,9 +50,9 @@ def command(
 ) -> None:
     """Compare FILES: calibrations (YAML) by the dates of their sessions, or verdicts (JSON).
 
-    Calibrations: how far the machine of each stands from that of the first at the same joint
-    angles, over the region that both cover, whatever stood the tracker. Verdicts: errors, noise
-    and findings in the order given. One verdict by itself makes a page as well.
+    For calibrations: how far each machine's tool is from that of the first one at the same joint
+    angles, over the region that both cover, wherever the tracker stood. For verdicts: errors,
+    noise and findings, in the order given. A single verdict also makes a page.
     """
     if out is not None:
         require_folder(out)

@@ -47,16 +47,18 @@ _FILE = click.Path(path_type=Path)
 _VALUES = 16  # of a cause that are told, the clearest of them
 
 
-@click.command("diagnose", short_help="name what the model gets wrong")
+@click.command("diagnose", short_help="name the causes of the errors that calibration leaves")
 @SESSION
 @robot_option
 @in_force_option
-@click.option("--json", "json_file", type=_FILE, default=None, help="Verdict to write.")
+@click.option(
+    "--json", "json_file", type=_FILE, default=None, help="JSON file to write the verdict to."
+)
 @click.option(
     "--out",
     type=_FILE,
     default=None,
-    help="Calibration file to write, extended by what was found.",
+    help="Calibration file to write, including the effects that were found.",
 )
 @click.option(
     "--report",
@@ -70,13 +72,16 @@ _VALUES = 16  # of a cause that are told, the clearest of them
     "law_file",
     type=_FILE,
     default=None,
-    help="Effect file to write of the likeliest law of what has no name: FILE.py.",
+    help="Python file to write (FILE.py): the most likely equation of an unexplained error, as "
+    "an effect of your own.",
 )
 @model_option
 @seed_option
 @topics_option
 @force_option
-@click.option("-v", "--verbose", is_flag=True, help="Everything that was tried, and how it did.")
+@click.option(
+    "-v", "--verbose", is_flag=True, help="Also list everything that was tried, with its score."
+)
 def command(
     session: Path,
     robot_file: str,
@@ -91,12 +96,13 @@ def command(
     force: bool,
     verbose: bool,
 ) -> None:
-    """Say what SESSION shows that the calibrated model does not, and what causes it.
+    """Find the causes of the errors in SESSION that geometric calibration does not explain.
 
-    The geometry is identified first. Every effect of the catalogue is then tried on what is left,
-    alone and together; what chance could not have done is named, with its values, how sure the
-    name is and what it gains on data that the fit has not seen. What fits no cause is reported as
-    unknown, and what this session cannot tell is said, with the measurement that would.
+    The geometry is identified first. Then every effect of the catalogue is tried on the remaining
+    errors, alone and in combination. An effect that chance does not explain is named, with its
+    values, the confidence in the name, and the improvement on held-out poses. Errors that match no
+    cause are reported as unknown. Causes that this session cannot distinguish are listed with the
+    measurement that would.
     """
     for path in (json_file, out, report_file, law_file):
         if path is not None:

@@ -41,7 +41,7 @@ _SHOWN = 5  # of a long list, without -v
 _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawing to be listed
 
 
-@click.command("fit", short_help="find what the machine really is")
+@click.command("fit", short_help="identify the real geometry of the machine")
 @SESSION
 @robot_option
 @click.option(
@@ -52,33 +52,41 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     type=click.Choice(METHODS),
     default=METHODS[0],
     show_default=True,
-    help="How the fit (MAP: whitened residuals, robust, parts by their tolerances) is solved; "
-    "docs/methods.md says what each costs and finds.",
+    help="Solver of the fit; docs/methods.md compares them. All minimise the same sum: whitened "
+    "residuals with robust weights, and deviations of the parts weighted by their "
+    "tolerances.",
 )
 @click.option(
     "--particles",
     type=click.IntRange(min=2),
     default=None,
-    help="Of a swarm.  [default: 80, as in the five-axis paper]",
+    help="Number of particles of a swarm.  [default: 80, as in the five-axis paper]",
 )
 @click.option(
     "--iterations",
     type=click.IntRange(min=1),
     default=None,
-    help="Of each search of a swarm.  [default: 300, as in that paper; 120 of one direction]",
+    help="Iterations of each swarm search.  [default: 300, as in the five-axis paper; 120 along "
+    "a single direction]",
 )
 @click.option(
     "--order",
     type=click.Choice(ORDERS),
     default=None,
-    help="How stepwise_qpso goes: by singular direction, or by parameter as soon as it has "
-    "settled, as in that paper.  [default: singular]",
+    help="Order in which stepwise_qpso searches: one singular direction after the other "
+    "(singular), or each parameter as soon as it has settled (settled, as in the five-axis "
+    "paper).  [default: singular]",
 )
 @model_option
 @seed_option
 @topics_option
 @force_option
-@click.option("-v", "--verbose", is_flag=True, help="All combinations and correlations.")
+@click.option(
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="Also list all unidentified combinations and all strong correlations.",
+)
 def command(
     session: Path,
     robot_file: str,
@@ -93,7 +101,7 @@ def command(
     force: bool,
     verbose: bool,
 ) -> None:
-    """Identify geometry, reflector offset and tracker frame from the still moments of SESSION."""
+    """Identify geometry, reflector offset and tracker frame from the poses at rest in SESSION."""
     if out is not None:
         require_folder(out)
     chosen = method_named(method, particles, iterations, order)

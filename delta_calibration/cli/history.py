@@ -45,14 +45,16 @@ _STORE = click.option(
     default="history.sqlite",
     show_default=True,
     metavar="FILE|URL",
-    help="The history: a file of SQLite, or a database as SQLAlchemy names it.",
+    help="The history: an SQLite file, or the URL of a database as in SQLAlchemy.",
 )
-_MACHINE = click.option("--machine", required=True, metavar="NAME", help="Which machine.")
+_MACHINE = click.option("--machine", required=True, metavar="NAME", help="Name of the machine.")
 
 
-@click.group("history", short_help="keep sessions of a machine, and tell what changed and when")
+@click.group(
+    "history", short_help="keep the sessions of a machine and report what changed, and when"
+)
 def command() -> None:
-    """Keep the sessions of a machine together, and tell what changed between them.
+    """Keep the sessions of a machine together and report what changed between them.
 
     Needs SQLAlchemy: pip install 'delta_calibration[history]'.
     """
@@ -64,10 +66,15 @@ def command() -> None:
 @_MACHINE
 @_STORE
 @click.option(
-    "--id", "name", default=None, help="Of a single session.  [default: its folder's name]"
+    "--id",
+    "name",
+    default=None,
+    help="Name of the session, if only one is added.  [default: its folder's name]",
 )
 @click.option(
-    "--quick", is_flag=True, help="Fit the geometry only; no causes are looked for, no verdict."
+    "--quick",
+    is_flag=True,
+    help="Only fit the geometry; do not look for causes and store no verdict.",
 )
 @seed_option
 @topics_option
@@ -81,10 +88,10 @@ def add(
     seed: int,
     topics: tuple[str, ...],
 ) -> None:
-    """Diagnose SESSIONS and add them to the history of a machine, with calibration and verdict.
+    """Diagnose SESSIONS and add them, with calibration and verdict, to the history of a machine.
 
-    The bags stay where they are: the history knows their paths and their hashes. What was added
-    before an error stays added.
+    The bags stay where they are; the history stores their paths and hashes. After an error, the
+    sessions added before it remain in the history.
     """
     robot = load_robot(robot_file)
     if name is not None and len(sessions) > 1:
@@ -129,10 +136,15 @@ def _add(
 
 
 @command.command("list")
-@click.option("--machine", default=None, metavar="NAME", help="Which machine; all if not given.")
+@click.option(
+    "--machine",
+    default=None,
+    metavar="NAME",
+    help="Name of the machine; all machines if not given.",
+)
 @_STORE
 def list_(machine: str | None, url: str) -> None:
-    """List machines, or the sessions of one."""
+    """List all machines, or the sessions of one."""
     with _opened(url) as store:
         if machine is None:
             rows = [(name, robot, str(len(store.sessions(name)))) for name, robot in _all(store)]
@@ -147,9 +159,15 @@ def list_(machine: str | None, url: str) -> None:
 @click.argument("name", metavar="ID")
 @_MACHINE
 @_STORE
-@click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
+@click.option(
+    "--verdict",
+    "verdict_file",
+    type=_FILE,
+    default=None,
+    help="JSON file to write the session's verdict to.",
+)
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
-    """Show one session: where it is, what was found, whether the bag is still the same."""
+    """Show one session: its folder, its findings, and whether the bag is unchanged."""
     with _opened(url) as store:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:
@@ -180,13 +198,13 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     is_flag=False,
     flag_value="-",
     metavar="[FILE]",
-    help="As JSON, to a file or, where none is named, to the standard output alone.",
+    help="Write JSON to FILE, or print only JSON if no file is given.",
 )
 def changes(machine: str, url: str, json_file: str | None) -> None:
-    """Tell what changed of the machine, between which sessions, and from what to what.
+    """Report what changed on the machine, between which sessions, and from what value to what.
 
-    All its sessions are fitted together; where the tracker stood and how the reflector was mounted
-    is each session's own, and never a change.
+    All sessions are fitted together. The tracker's place and the reflector's mounting belong to
+    each session; they are never reported as a change.
     """
     if json_file not in (None, "-"):
         require_folder(Path(str(json_file)))

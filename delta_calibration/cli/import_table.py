@@ -33,7 +33,7 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
         context.exit()
 
 
-@click.command("import", short_help="make a session of anyone's table (CSV)")
+@click.command("import", short_help="make a session from your own table (CSV, Excel)")
 @click.argument("table", type=_FILE)
 @click.option(
     "--mapping",
@@ -41,41 +41,64 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     type=_FILE,
     default=None,
     metavar="YAML",
-    help="What the table's columns are, each with its unit; see docs/import.md.",
+    help="YAML file that says what each column is and its unit; see docs/import.md.",
 )
-@click.option("--preset", default=None, metavar="NAME", help="Known form of TABLE (--presets).")
-@click.option("--guess", is_flag=True, help="Propose a mapping, with the first rows by it.")
+@click.option(
+    "--preset", default=None, metavar="NAME", help="Known format of TABLE; --presets lists them."
+)
+@click.option(
+    "--guess",
+    is_flag=True,
+    help="Propose a mapping, and show the first ten rows as it reads them.",
+)
 @click.option(
     "--presets",
     is_flag=True,
     is_eager=True,
     expose_value=False,
     callback=_list_presets,
-    help="List the known forms.",
+    help="List the known formats and exit.",
 )
-@click.option("--join", "join_file", type=_FILE, default=None, help="Second table, for --preset.")
-@click.option("--join-preset", default=None, metavar="NAME", help="Known form of the second.")
+@click.option(
+    "--join",
+    "join_file",
+    type=_FILE,
+    default=None,
+    help="Second table to join to TABLE, with --preset.",
+)
+@click.option(
+    "--join-preset", default=None, metavar="NAME", help="Known format of the second table."
+)
 @click.option(
     "--by",
     type=click.Choice(["row", "name", "nearest"]),
     default="row",
     show_default=True,
-    help="How rows of the two go together.",
+    help="How rows of the two tables are matched: by row number, by point name, or by nearest "
+    "time.",
 )
 @click.option(
     "--within",
     type=Quantity(0.0, 3600.0),
     default=0.05,
     show_default=True,
-    help="[s] apart, with --by nearest.",
+    help="Largest time difference of matched rows, with --by nearest [s].",
 )
 @click.option(
-    "--shift", type=Quantity(-1e10, 1e10), default=0.0, help="[s] of the second's clock."
+    "--shift",
+    type=Quantity(-1e10, 1e10),
+    default=0.0,
+    help="Time to add to the second table's clock [s].",
 )
 @click.option(
-    "--unit", type=click.Choice(list(LENGTHS)), default=None, help="Of points, by --preset."
+    "--unit",
+    type=click.Choice(list(LENGTHS)),
+    default=None,
+    help="Unit of the points, with --preset.",
 )
-@click.option("--mapping-out", type=_FILE, default=None, help="Mapping to write.")
+@click.option(
+    "--mapping-out", type=_FILE, default=None, help="Write the mapping to this YAML file."
+)
 @robot_option
 @click.option("--out", type=_FILE, default=None, help="Folder of the session to write.")
 def command(
@@ -93,16 +116,16 @@ def command(
     robot_file: str,
     out: Path | None,
 ) -> None:
-    """Write the rows of TABLE (CSV) as a session that all other verbs read.
+    """Convert TABLE (CSV or xlsx) into a session that all other verbs can read.
 
-    A row is a stop: joints that were commanded, the point or pose that was measured there and,
-    where the table has them, time, encoders, payload, temperatures, side and repeats. A column
-    has the unit that the mapping says: numbers that the robot cannot reach by it are refused, with
-    line, column and the unit they more likely have.
+    Each row is one stop: the commanded joints, the measured point or pose and, if the table has
+    them, time, encoders, payload, temperatures, side of approach and repeats. Every column has the
+    unit given in the mapping. Values that the robot cannot reach in that unit are refused with
+    line, column and the more likely unit.
 
-    What the columns are is said by --mapping, or by --preset for tables of known programs; --guess
-    proposes a mapping and shows the first rows by it. A guess writes a session only where nothing
-    about it is in doubt.
+    Give one of three: --mapping, a YAML file that describes the columns; --preset, for tables
+    written by known programs; or --guess, which proposes a mapping and shows the first rows. A
+    guess writes a session only if nothing about it is in doubt.
     """
     robot = load_robot(robot_file)
     _require_one(mapping_file, preset, guess)

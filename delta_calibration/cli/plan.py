@@ -38,24 +38,28 @@ from delta_calibration.samples import survey
 _STOPS = 20  # of --separate, where --count is not given
 
 
-@click.command("plan", short_help="where to measure, from which side, with what load")
+@click.command("plan", short_help="plan where to measure, from which side and with what load")
 @robot_option
 @click.option(
     "--name",
     default=None,
     metavar="NAME",
-    help="A plan by name: line, disc, iso9283, identify, circles, rich; the nodes and `simulate` "
-    "have the same. `identify` spreads its places over the workspace, --identify chooses them.",
+    help="Name of a plan: line, disc, iso9283, identify, circles, rich (the same names as in "
+    "`simulate` and the nodes). `identify` spreads its poses over the workspace; the option "
+    "--identify selects optimal ones.",
 )
 @click.option(
-    "--identify", is_flag=True, help="The D-optimal poses to fit the geometry, from both sides."
+    "--identify",
+    is_flag=True,
+    help="Select D-optimal poses for fitting the geometry, each approached from both sides.",
 )
 @click.option(
     "--separate",
     nargs=2,
     default=None,
     metavar="CAUSE CAUSE",
-    help="What parts the first cause from the second; `geometry` for all dimensions.",
+    help="Select stops that distinguish the first cause from the second; `geometry` stands for "
+    "all dimensions.",
 )
 @click.option(
     "--from",
@@ -63,28 +67,28 @@ _STOPS = 20  # of --separate, where --count is not given
     type=click.Path(path_type=Path),
     default=None,
     metavar="SESSION",
-    help="What was measured before, to which --separate adds.",
+    help="Session already measured, which --separate extends.",
 )
-@calibration_option("The machine that --separate goes by, in place of the drawing.")
+@calibration_option("Calibration that --separate uses instead of the nominal geometry.")
 @click.option(
     "--count",
     type=click.IntRange(min=1),
     default=None,
-    help=f"Of different places ({PLACES} to identify; cycles for iso9283), or of stops for "
-    "--separate (20).",
+    help=f"Number of different places ({PLACES} to identify by default), of cycles for iso9283, "
+    "or of stops for --separate (20 by default).",
 )
 @click.option(
     "--payload-kg",
     type=Quantity(0, 100_000, above=True),
     default=2.0,
     show_default=True,
-    help="That can be put on the platform, for rich and --separate.",
+    help="Largest load that can be put on the platform, for rich and --separate.",
 )
 @click.option(
     "--radius-mm",
     type=Quantity(0, 1_000_000, above=True),
     default=None,
-    help="Keep the tool within this distance of the axis.",
+    help="Largest distance of the tool from the z axis.",
 )
 @seed_option
 @topics_option
@@ -103,16 +107,17 @@ def command(
     topics: tuple[str, ...],
     out: Path,
 ) -> None:
-    """Write a measurement plan that `simulate` and the node `measurement_plan` take by its file.
+    """Write a measurement plan for `simulate` and for the node `measurement_plan`.
 
-    The CSV has a line a stop: the tool point (x_mm, y_mm, z_mm), the side that the joints come
-    from (direction: 1 or -1) and the load (payload_kg); lines with a path and its duration_s are
-    driven through without a stop, with the load of the last stop. A column `note` is for people;
-    others are refused.
+    The CSV file has one line per stop: the tool point (x_mm, y_mm, z_mm), the side from which the
+    joints approach (direction: 1 or -1) and the load (payload_kg). Lines with a path and a
+    duration_s are driven through without a stop, with the load of the last stop. A column `note`
+    is for people; other columns are refused.
 
-    --identify and --separate choose among poses in the robot file's `workspace`, turned by no more
-    than it allows; where the file states none, among all that the joints can take, the machine put
-    together as at home. Cables stay taut with the loads of the plan.
+    --identify and --separate select poses inside the robot file's `workspace` and turn the
+    platform no further than it allows. If the file has no workspace, all poses within the joint
+    limits are candidates, in the assembly mode of the home pose. Cables stay taut under the loads
+    of the plan.
     """
     if [name is not None, identify, separate is not None].count(True) != 1:
         raise InputError("give one of --name, --identify and --separate")
