@@ -28,6 +28,10 @@ from delta_calibration.robot import Robot, load_robot, robot_document, robot_fro
 
 ROBOT = click.argument("robot_file", metavar="FILE|NAME", shell_complete=robots)
 OUT = click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+PER_JOINT = {  # lists that have a value for each joint
+    ("joints", key)
+    for key in ("lower_deg", "upper_deg", "lower_mm", "upper_mm", "sign", "zero_deg", "zero_mm")
+}
 _GROWN = 1.25  # that a dimension is drawn with beside what the file says
 
 
@@ -133,8 +137,7 @@ def new(
     robot_from(data, str(model or data["mechanism"]))  # a name that no robot may have ends it here
     shown = _shown(data, model or str(data["mechanism"]), pictures)
     if not yes:
-        for entry in entries(str(data["mechanism"])):
-            data = _asked(entry, data, shown.get(entry.path))
+        data = _answered(data, shown, out)
     write_text(out, commented(data))
     click.echo(f"written: {out}")
     robot = load_robot(out)
@@ -210,6 +213,24 @@ def _make(folder: Path) -> None:
         raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from error
 
 
+def _answered(
+    data: dict[str, Any], shown: dict[tuple[str, ...], Path], out: Path
+) -> dict[str, Any]:
+    """The file with an answer to every question; interrupted, what was answered is written."""
+    try:
+        for entry in entries(str(data["mechanism"])):
+            data = _asked(entry, data, shown.get(entry.path))
+    except click.Abort:
+        write_text(out, commented(data))
+        click.echo(
+            f"\nstopped; the answers so far are in {out}. To go on: "
+            f"delta-cal robot new --like {out} --out ANOTHER.yaml",
+            err=True,
+        )
+        raise
+    return data
+
+
 def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str, Any]:
     """The file with what somebody says of an entry."""
     proposed = value_at(data, entry.path)
@@ -225,9 +246,26 @@ def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str
         if said == left_out:
             return data
         try:
-            return with_value(data, entry.path, entry.read(said))
+            return with_value(data, entry.path, _for_joints(entry, entry.read(said), data))
         except InputError as error:
             click.echo(str(error), err=True)
+
+
+def _for_joints(entry: Entry, value: Any, data: dict[str, Any]) -> Any:
+    """A list with a value for every joint; a single value stands for all of them.
+
+    Raises:
+        InputError: another number of values.
+    """
+    names = data["joints"]["names"]
+    if entry.path not in PER_JOINT or len(value) == len(names):
+        return value
+    if len(value) == 1:
+        return list(value) * len(names)
+    raise InputError(
+        f"{entry.name}: {len(value)} values; give one for each of {', '.join(names)}, or one for "
+        "all"
+    )
 
 
 def _written(value: Any) -> str:
