@@ -64,18 +64,20 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     "join_file",
     type=_FILE,
     default=None,
-    help="Second table to join to TABLE, with --preset.",
+    help="Second table to join to TABLE, with --preset or --guess.",
 )
 @click.option(
-    "--join-preset", default=None, metavar="NAME", help="Known format of the second table."
+    "--join-preset",
+    default=None,
+    metavar="NAME",
+    help="Known format of the second table, with --preset.",
 )
 @click.option(
     "--by",
     type=click.Choice(["row", "name", "nearest"]),
-    default="row",
-    show_default=True,
+    default=None,
     help="How rows of the two tables are matched: by row number, by point name, or by nearest "
-    "time.",
+    "time.  [default: row; with --guess: found from the tables]",
 )
 @click.option(
     "--within",
@@ -108,7 +110,7 @@ def command(
     guess: bool,
     join_file: Path | None,
     join_preset: str | None,
-    by: str,
+    by: str | None,
     within: float,
     shift: float,
     unit: str | None,
@@ -137,7 +139,9 @@ def command(
                 other = _other(join_file, join_preset, by, within, shift)
                 mapping: Mapping[str, Any] = mapping_of(preset, robot, other, unit, mapping_file)
             else:
-                mapping = _proposed(guessed(table, robot), table, out is not None)
+                joined = _second(join_file, join_preset, by, within, shift)
+                beside = mapping_file if mapping_out or out else Path("mapping.yaml")
+                mapping = _proposed(guessed(table, robot, joined, beside), table, out is not None)
             write_document(mapping_file, dict(mapping))
             _tell_of_mapping(mapping_file, out, mapping_out)
         if out is not None:
@@ -146,7 +150,7 @@ def command(
 
 def _require_one(mapping_file: Path | None, preset: str | None, guess: bool) -> None:
     if sum((mapping_file is not None, preset is not None, guess)) != 1:
-        raise InputError("say what the columns are by one of --mapping, --preset and --guess")
+        raise InputError("say what the columns are: give one of --mapping, --preset and --guess")
 
 
 def _require_something(out: Path | None, mapping_out: Path | None, guess: bool) -> None:
@@ -155,11 +159,22 @@ def _require_something(out: Path | None, mapping_out: Path | None, guess: bool) 
 
 
 def _other(
-    file: Path | None, preset: str | None, by: str, within: float, shift: float
+    file: Path | None, preset: str | None, by: str | None, within: float, shift: float
 ) -> Other | None:
     if (file is None) != (preset is None):
-        raise InputError("--join and --join-preset go together: a second table and its form")
-    return None if file is None or preset is None else Other(file, preset, by, within, shift)
+        raise InputError("--join and --join-preset go together: a second table and its format")
+    if file is None or preset is None:
+        return None
+    return Other(file, preset, by or "row", within, shift)
+
+
+def _second(
+    file: Path | None, preset: str | None, by: str | None, within: float, shift: float
+) -> Other | None:
+    """The second table of a guess."""
+    if preset is not None:
+        raise InputError("--join-preset goes with --preset; --guess finds the second table's form")
+    return None if file is None else Other(file, "", by or "", within, shift)
 
 
 def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
@@ -178,8 +193,8 @@ def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
         click.echo(f"in doubt: {text}")
     if guess.doubts and to_write:
         raise DataError(
-            f"{table}: not written, as {len(guess.doubts)} of what was guessed is in doubt: write "
-            "the mapping by --mapping-out, put it right, and import with --mapping"
+            f"{table}: not written, because {len(guess.doubts)} of the guesses is in doubt: write "
+            "the mapping with --mapping-out, correct it, and import with --mapping"
         )
     return guess.mapping
 
