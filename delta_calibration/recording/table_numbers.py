@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -33,6 +34,7 @@ _LATEST = float(2**31)  # [s] a ROS stamp ends there
 _GAPS = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # as programs write them
 _SHOWN = 6  # texts of a column in a message, at most
 _APART = 0.5e-3  # [m] that reflectors lie at most from their places among each other
+_YEAR = re.compile(r"%[YyGcDFxsj]")  # directives of a time that has a date
 _NOT_UNIT = 1e-2  # of a quaternion's length that rounding does not explain
 
 
@@ -177,10 +179,13 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
 
 
 def _moment(row: Row, name: str, form: str) -> float:
+    """Seconds since 1970; a time of day without a date is taken for one of the first day."""
     try:
         moment = datetime.strptime((row.text[name] or "").strip(), form)
     except ValueError:
         raise row.wrong(name, f"is not of the form {form!r}") from None
+    if not _YEAR.search(form):
+        moment = moment.replace(year=1970)
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=timezone.utc)
     return moment.timestamp()
