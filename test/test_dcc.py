@@ -226,7 +226,7 @@ def test_it_is_checked_by_a_schema_that_is_given(
     assert "no schema of https://ptb.de/dcc" in capsys.readouterr().err
     (folder / "dcc.xsd").write_text(OUTER.replace("FEWEST", "2"), encoding="utf-8")
     assert certificate(cell, "about.yaml", *option) == 0
-    assert "valid by the schema" in capsys.readouterr().out
+    assert "valid according to the schema" in capsys.readouterr().out
     (folder / "dcc.xsd").write_text(OUTER.replace("FEWEST", "3"), encoding="utf-8")
     assert certificate(cell, "about.yaml", *option) != 0
     assert "not as" in capsys.readouterr().err

@@ -162,7 +162,7 @@ def test_another_robot_is_refused_in_words(part, by):
     sizes = ROBOT.dimensions
     other = replace(ROBOT, dimensions=replace(sizes, **{part: getattr(sizes, part) + by}))
     with pytest.raises(
-        DataError, match=r"made: \d+\.\d mm typically remain .* 'srbd' .* another robot"
+        DataError, match=r"made: \d+\.\d mm .median. remain .* 'srbd' .* another robot"
     ):
         identify(poses, other)
 

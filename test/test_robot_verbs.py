@@ -56,7 +56,12 @@ SLIPS = [
     ("srbd", ("tolerances", "rod_mm"), 60.0, "tolerances.rod_mm: 60 mm"),
     ("srbd", ("tracker", "radial_um"), 3000.0, "tracker.radial_um: 3000 um"),
     ("srbd", ("limits", "correction_deg"), 0.01, "corrections up to 0.01 degrees"),
-    ("srbd", ("limits", "condition"), 3.0, "its workspace cannot be measured in: only 0 of"),
+    (
+        "srbd",
+        ("limits", "condition"),
+        3.0,
+        "its workspace cannot be used for measuring: only 0 of",
+    ),
     ("scara", ("geometry", "home_deg"), [np.pi / 3, np.pi / 6], "geometry.home_deg[0]: 1.0472"),
     ("five_axis", ("geometry", "hinged", "platform_z_mm"), 0.078, "hinged.platform_z_mm: 0.078"),
 ]
@@ -275,7 +280,10 @@ def test_one_limit_stands_for_all_joints_and_an_interrupted_file_is_kept(tmp_pat
         ),
         (("new", "--like", "srbd", "--yes", "--out", "/proc/r.yaml"), "/proc/r.yaml: cannot be"),
         (("reference", "--out", "/proc/r.md"), "/proc/r.md: cannot be"),
-        (("draw", "srbd", "--out", "r.svg", "--dimensions", "/proc/d"), "/proc/d: cannot be made"),
+        (
+            ("draw", "srbd", "--out", "r.svg", "--dimensions", "/proc/d"),
+            "/proc/d: cannot be created",
+        ),
     ],
 )
 def test_what_cannot_be_written_is_refused_in_words(

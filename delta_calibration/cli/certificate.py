@@ -132,7 +132,7 @@ def command(
     for out in outs:
         require_folder(out)
         if out.suffix not in _KINDS:
-            raise InputError(f"--out {out}: the ending says what is written: {', '.join(_KINDS)}")
+            raise InputError(f"--out {out}: the ending selects the format: {', '.join(_KINDS)}")
     if any(out.suffix == ".html" for out in outs):
         require_libraries()
     stated = read_about(about, _by_path(given))
@@ -162,8 +162,8 @@ def _require_sound(recorded: Session, robot: Robot, robot_file: str) -> None:
         warn_of_mistakes(recorded, robot, robot_file, force=False, out=True)
     except MistakeError as error:
         raise MistakeError(
-            f"{recorded.source}: nothing is certified by a session with a mistake: "
-            "`delta-cal check` says more and mends it (--fix)"
+            f"{recorded.source}: a session with a mistake cannot be certified: `delta-cal check` "
+            "explains it and corrects it (--fix)"
         ) from error
 
 
@@ -211,10 +211,11 @@ def _checked(path: Path, dcc_schema: Path | None) -> str:
     """
     if dcc_schema is None:
         return (
-            f"not validated: {path}: PTB's schema does not come with this package (--dcc-schema)"
+            f"not validated: {path}: PTB's schema is not part of this package (give it by "
+            "--dcc-schema)"
         )
     require_valid(path, dcc_schema)
-    return f"valid by the schema in {dcc_schema}: {path}"
+    return f"valid according to the schema in {dcc_schema}: {path}"
 
 
 def _require_passed(certificate: Certificate, session: Path) -> None:

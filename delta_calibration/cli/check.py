@@ -80,23 +80,25 @@ def _described(mistake: Mistake) -> str:
     if mistake.value is not None:
         size = f": {mistake.value:.6g} {mistake.unit if mistake.unit != '1' else ''}".rstrip()
     return (
-        f"{mistake.mistake} in {mistake.stream}{where}{size}\n"
-        f"  evidence: {mistake.evidence}\n"
-        f"  to mend it: {mistake.mend}"
+        f"{mistake.mistake} in {mistake.stream}{where}{size}\n  evidence: {mistake.evidence}\n  "
+        f"remedy: {mistake.mend}"
     )
 
 
 def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
     if not checked.found:
-        raise InputError(f"{out}: not written: there is nothing to mend")
+        raise InputError(f"{out}: not written: there is nothing to correct")
     if not checked.resolved:
-        raise DataError(f"{out}: not written: what is wrong is not known well enough to mend it")
+        raise DataError(f"{out}: not written: the mistake is not known well enough to correct it")
     mended = "; ".join(f"{m.mistake} in {m.stream}" for m in checked.found)
     provenance = {"mended_by": f"delta-cal check {__version__}", "mended": mended}
     write_session(out, checked.session, {**provenance, "mended_from": recorded.source})
     click.echo(f"written: {out}")
     if any(mistake.is_alternative for mistake in checked.found):
-        click.echo("of mistakes that this session does not tell apart, the first is undone there")
+        click.echo(
+            "if this session does not distinguish several mistakes, the first one was "
+            "corrected there"
+        )
     if checked.document is not None:
         beside = out.with_name(f"{out.name}_robot.yaml")
         write_document(beside, checked.document)
@@ -124,7 +126,7 @@ def warn_of_mistakes(
         click.echo(f"warning: {mistake.sentence()}")
     if checked.found and out and not force:
         raise MistakeError(
-            f"{session.source}: no calibration is written over a session with "
-            f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: "
-            f"`delta-cal check` says more and mends it (--fix), --force goes on as it is"
+            f"{session.source}: no calibration is written from a session with "
+            f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: `delta-cal check` "
+            "explains it and corrects it (--fix); --force writes the calibration anyway"
         )

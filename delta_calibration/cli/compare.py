@@ -88,9 +88,11 @@ def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
             "compare files of one kind"
         )
     if len(files) < 2:
-        raise InputError(f"{files[0]}: a calibration is compared with another; name two or more")
+        raise InputError(
+            f"{files[0]}: a calibration is compared with another one: name two or more"
+        )
     if robot_file is None:
-        raise InputError("calibrations are compared by their robot: --robot FILE|NAME")
+        raise InputError("comparing calibrations needs the robot: --robot FILE|NAME")
     robot = load_robot(robot_file)
     named = zip(_names(files), files, strict=True)
     return drift_of_calibrations(
@@ -105,6 +107,6 @@ def _names(files: tuple[Path, ...]) -> list[str]:
         InputError: one file twice.
     """
     if len({path.resolve() for path in files}) < len(files):
-        raise InputError("a file is named twice; compare different ones")
+        raise InputError("a file is given twice; give different ones")
     stems = [path.stem for path in files]
     return [s if stems.count(s) == 1 else str(p) for s, p in zip(stems, files, strict=True)]

@@ -178,7 +178,7 @@ def command(
     if found is not None:
         tell_of_blended(found, targets, out, reached)
     for cause in calibration.left_out:
-        click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
+        click.echo(f"not compensated: {cause}: it depends on the time within its session")
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
     _tell_of_uncorrected(commands, targets, calibration.region)
 
@@ -190,8 +190,8 @@ def _radius(
     identified = calibration.identified
     if identified is None:
         click.echo(
-            "u95_mm by the error left alone, the same everywhere: the calibration was written by "
-            "an older version; fit again",
+            "u95_mm is the same everywhere, computed from the error left alone: the calibration "
+            "was written by an older version; fit again",
             err=True,
         )
         return np.full(len(found.joint), _COVERS * calibration.held_out)
@@ -213,9 +213,9 @@ def _summary(commands: Commands, compensator: JointCompensator) -> str:
     )
     return (
         f"{told} by {compensator.by}, largest correction "
-        f"{factor * np.abs(found.correction).max():.3f} {unit}; error by the model at most "
-        f"{found.model_error[good].max() * 1e3:.2e} mm{turn}, {found.evaluations.mean():.0f} "
-        "evaluations each"
+        f"{factor * np.abs(found.correction).max():.3f} {unit}; remaining error according to the "
+        f"model at most {found.model_error[good].max() * 1e3:.2e} mm{turn}, "
+        f"{found.evaluations.mean():.0f} evaluations each"
     )
 
 
@@ -338,12 +338,12 @@ def warmth_by_part(
             )
         if part in by_part:
             raise InputError(
-                f"--temperature {part}={celsius:g}: {part} is given before as {by_part[part]:g}"
+                f"--temperature {part}={celsius:g}: {part} was already given as {by_part[part]:g}"
             )
         if part not in asked:
             click.echo(
-                f"no growth of {part} in the calibration: --temperature {part}="
-                f"{celsius:g} changes nothing",
+                f"the calibration has no growth of {part}: --temperature {part}={celsius:g} "
+                "changes nothing",
                 err=True,
             )
         by_part[part] = celsius
@@ -374,8 +374,8 @@ def _conditions(
 def _refuse_unknown(found: Compensated, file: Path) -> None:
     if found.missing:
         raise InputError(
-            f"{file}: a calibration with effects: {found.missing}; "
-            "--payload KG and --temperature PART=DEGREES say it"
+            f"{file}: the calibration contains effects that need a condition: {found.missing}; "
+            "give it by --payload KG or --temperature PART=DEGREES"
         )
 
 
@@ -410,8 +410,8 @@ def tell_of_blended(
     if not blended.size:
         return
     click.echo(
-        f"{targets}: {blended.size} of {len(share)} points lie in the margin beyond the "
-        "calibrated region, where corrections are blended out:",
+        f"{targets}: {blended.size} of {len(share)} points are in the margin outside the "
+        "calibrated region, where corrections fade out:",
         err=True,
     )
     for row in blended[:_NAMED]:

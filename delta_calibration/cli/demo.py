@@ -154,7 +154,7 @@ def _report(out: Path, robot: Robot, captured: tuple[int, int] | None = None) ->
     made = report_on(path, recorded, found, robot, 0)
     click.echo(f"{len(seen.poses)} poses; verdict: {made.sentence}")
     write(made, out / "report.html", None, None)
-    click.echo(f"open {out / 'report.html'} in a browser: what was found, and by what evidence")
+    click.echo(f"open {out / 'report.html'} in a browser: the findings and their evidence")
 
 
 def _first_act(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int]]:

@@ -141,7 +141,7 @@ def command(
 def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:
     """Write the likeliest law as an effect of one's own; what was done, a line each."""
     if not found.laws:
-        return [f"not written: {path}: no law of what is left is sure enough"]
+        return [f"not written: {path}: no equation for the remaining error is certain enough"]
     law, equations = found.laws[0], found.verdict.unknown_structure.laws
     seen = f"Seen in {session}, {sure(law.probability)} likely: {listed(equations[0].seen())}."
     write_text(path, effect_file(law.guess, path.stem, seen))
@@ -197,11 +197,11 @@ def describe(
         where = f"; {unknown.where}" if unknown.where else ""
         lines += [
             "",
-            f"unexplained structure{size}: moves with {unknown.moves()}{where}",
+            f"unexplained error{size}: varies with {unknown.moves()}{where}",
         ]
     lines += [line for law in unknown.laws for line in _law(law)]
     if verdict.cannot_tell:
-        lines += ["", "this session cannot tell:"]
+        lines += ["", "this session cannot distinguish:"]
         for entry in verdict.cannot_tell:
             lines.append(f"  {' / '.join(entry.between)}: {entry.because}; {entry.next}")
     return named("\n".join(lines))
@@ -224,8 +224,8 @@ def _finding(finding: Finding) -> list[str]:
     lines += [f"  {line}" for line in finding.found_in_full()]
     if finding.equivalents:
         lines.append(
-            f"  the same on this session: {', '.join(finding.equivalents)}; "
-            f"to part them: {finding.separated_by}"
+            f" indistinguishable in this session: {', '.join(finding.equivalents)}; to separate "
+            f"them: {finding.separated_by}"
         )
     return lines
 
@@ -240,7 +240,7 @@ def _law(law: FoundEquation) -> list[str]:
         f"    seen for {listed(law.seen())}",
     ]
     if law.rival:
-        lines.append(f"    or {law.rival}; to part them: {law.separated_by}")
+        lines.append(f" or {law.rival}; to separate them: {law.separated_by}")
     return lines
 
 

@@ -111,11 +111,11 @@ def command(
         _write_points(calibration, calibration_file, points, payload, temperatures, out)
     if form in ("urdf", "dh") and calibration.live:
         causes = ", ".join(effect.cause for effect, _ in calibration.live)
-        click.echo(f"not in it: {causes}; a {form} file holds the geometry alone", err=True)
+        click.echo(f"not included: {causes}; a {form} file contains the geometry only", err=True)
     if form in ("c", "csv"):
         for cause in calibration.left_out:
             click.echo(
-                f"not compensated: {cause}, as it goes by the clock of the session it was in",
+                f"not compensated: {cause}: it depends on the time within its session",
                 err=True,
             )
     click.echo(f"written: {out}" + (f" and {out.with_suffix('.h')}" if form == "c" else ""))

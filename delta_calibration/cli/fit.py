@@ -143,20 +143,20 @@ def describe(found: Identification, verbose: bool) -> str:
     down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
     poses = "1 pose" if down == 1 else f"{down} poses"
     lines = [
-        f"noise of a pose {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); joints come to rest "
-        f"within {noise.repeatability * 1e6:.1f} u{found.chain.mechanism.joint_unit}; tracker "
-        f"{noise.radial_scale:.2f} x its stated noise along the beam, "
-        f"{noise.transverse_scale:.2f} x across",
+        f"noise of a pose: {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); repeatability of "
+        f"the joints {noise.repeatability * 1e6:.1f} u{found.chain.mechanism.joint_unit}; "
+        f"tracker {noise.radial_scale:.2f} times its stated noise along the beam, "
+        f"{noise.transverse_scale:.2f} times across",
         *_turned(found),
-        f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, "
-        "tracker frame and reflector offset within",
-        f"method {found.effort.method}: {found.effort.evaluations} machines tried",
+        f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters "
+        "(including tracker frame and reflector offset)",
+        f"method {found.effort.method}: {found.effort.evaluations} evaluations",
         "",
         _residuals(found),
         "",
         f"error left: {found.full.held_out / noise.floor:.2f} times the noise of a pose; "
         f"chi square per degree of freedom {found.chi_square:.2f}"
-        + (f"; {poses} believed less, {gone} of them left out" if down else ""),
+        + (f"; {poses} given less weight, {gone} of them left out" if down else ""),
         *(f"warning: {text}" for text in doubts(found)),
         *_deviations(found),
         *_unset(found, verbose),
@@ -170,7 +170,7 @@ def _turned(found: Identification) -> list[str]:
     if found.turn_missed is None:
         return []
     left = found.turn_missed * 1e6
-    return [f"turns of the probe took part; of them {left:.1f} urad RMS are left"]
+    return [f"rotations of the probe were used; their residual is {left:.1f} urad RMS"]
 
 
 def _residuals(found: Identification) -> str:
@@ -215,7 +215,8 @@ def _unset(found: Identification, verbose: bool) -> list[str]:
     shown = redundancies if verbose else redundancies[:_SHOWN]
     rest = len(redundancies) - len(shown)
     return [
-        f"{len(redundancies)} combinations are not set by the data but by the priors:",
+        f"{len(redundancies)} parameter combinations cannot be identified from these data; the "
+        "tolerances determine them:",
         *(f"  {r.sentence()}" for r in shown),
         *([f"  and {rest} more (-v, or the calibration file)"] if rest else []),
     ]
@@ -228,7 +229,7 @@ def _correlated(found: Identification, verbose: bool) -> list[str]:
     shown = pairs if verbose else pairs[:_SHOWN]
     rest = len(pairs) - len(shown)
     return [
-        "estimates that lean on each other: "
+        "strongly correlated estimates: "
         + ", ".join(f"{a} with {b} ({value:+.3f})" for a, b, value in shown)
         + (f", and {rest} more" if rest else "")
     ]

@@ -95,10 +95,10 @@ def add(
     """
     robot = load_robot(robot_file)
     if name is not None and len(sessions) > 1:
-        raise InputError(f"--id {name}: of a single session; {len(sessions)} are given")
+        raise InputError(f"--id {name}: names a single session, but {len(sessions)} are given")
     for session in sessions:
         if not session.is_dir():
-            raise InputError(f"{session}: no folder of a session")
+            raise InputError(f"{session}: not the folder of a session")
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
     with _opened(url, make=True) as store:
         for session in sessions:
@@ -125,7 +125,7 @@ def _add(
     digest = folder_hash(path)
     if store.require_new(machine, robot.machine_hash, digest, path, name):
         store.moved(machine, digest, path)
-        click.echo(f"{machine}: a session that was elsewhere is now at {path}")
+        click.echo(f"{machine}: a session of the history was moved; it is now at {path}")
         return
     recorded = read_session(path, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, given, False, True)
@@ -313,7 +313,7 @@ def _changes(machine: str, url: str) -> History:
     if robot.machine_hash != digest:
         raise InputError(
             f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
-            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin "
+            f"that file now has hash {robot.machine_hash[:12]}: restore the old file, or start "
             "another history"
         )
     dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]

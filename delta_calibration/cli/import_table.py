@@ -214,7 +214,7 @@ def _write(table: Path, mapping_file: Path, robot: Robot, out: Path) -> None:
     tracker = session.tracker
     measured = 0 if tracker is None else len(tracker.stamp_ns)
     if not measured:
-        raise InputError(f"{table}: nothing measured at rest in it")
+        raise InputError(f"{table}: it has no measurements at rest")
     write_session(
         out,
         session,

@@ -69,7 +69,7 @@ def command(
         _CONDITIONS[conditions],
         calibration,
     )
-    click.echo(f"{report.conditions.name}; tracker registered by the {report.frame}")
+    click.echo(f"{report.conditions.name}; tracker frame from the {report.frame}")
     rows = [
         (f"{v.symbol} {v.where}", f"{v.value * 1e3:.4f}", str(v.cycles)) for v in report.values
     ]

@@ -160,12 +160,13 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
     seen = best.observability
     return "\n".join(
         [
-            f"{len(best.plan) // 2} poses of {best.candidates}, each from both sides: log det of "
-            f"the information {best.log_det:.1f}, of as many random ones "
-            f"{best.random_log_det:.1f}; those would have to be {best.worth:.1f} times as many",
+            f"{len(best.plan) // 2} poses of {best.candidates}, each approached from both sides: "
+            f"log det of the information {best.log_det:.1f}; of the same number of random poses "
+            f"{best.random_log_det:.1f}; it would take {best.worth:.1f} times as many of those "
+            "for the same information",
             f"rank {seen.rank} of {seen.columns} parameters, O1 {seen.indices['O1']:.4g}",
             f"{_kept_to(robot)} and a condition of {robot.limits.condition / 2:g}, half of the "
-            "file's limits.condition, as it states none of the ball joints",
+            "file's limits.condition, because the file has no limit for the ball joints",
         ]
     )
 
@@ -173,8 +174,8 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
 def _kept_to(robot: Robot) -> str:
     """Where the poses were chosen from."""
     if robot.workspace is None:
-        return "poses keep to the joints' limits, the assembly mode of home"
-    return "poses keep to the file's workspace and the turns allowed there, the joints' limits"
+        return "poses stay within the joint limits, in the assembly mode of the home pose"
+    return "poses stay within the workspace and rotations of the robot file, the joint limits"
 
 
 def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | None) -> str:
@@ -195,7 +196,7 @@ def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | 
     ]
     if not parting.after.parted:
         lacking = "more stops" if parting.after.cosine < ALIKE else parting.outside or NOTHING
-        lines.append(f"not enough to tell them apart: {lacking}")
+        lines.append(f"not enough to distinguish them: {lacking}")
     return "\n".join(lines)
 
 

@@ -66,8 +66,8 @@ def command(config: Path, noise_um: float, data_alone: bool, out: Path | None) -
     click.echo(_dimensions(now, found))
     click.echo("")
     click.echo(
-        f"told by the measurements: {found.told:.1f} of {len(found.names)}; chi square per degree "
-        f"of freedom {found.chi_square:.2f} of the stated noise"
+        f"determined by the measurements: {found.told:.1f} of {len(found.names)}; chi square per "
+        f"degree of freedom {found.chi_square:.2f} of the stated noise"
     )
     if found.unset:
         click.echo(f"not told: {listed(found.unset)}")

@@ -129,7 +129,7 @@ def new(
     """
     require_folder(out)
     if out.exists():
-        raise InputError(f"{out}: exists already; name another file")
+        raise InputError(f"{out}: already exists; name another file")
     data = _begun(mechanism, model, ask=not yes)
     default = str(data["name"]) if yes else "my_robot"
     named = name or (default if yes else click.prompt("name", default=default))
@@ -163,11 +163,11 @@ def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: st
     """
     require_folder(out)
     if out.exists():
-        raise InputError(f"{out}: exists already; name another file")
+        raise InputError(f"{out}: already exists; name another file")
     data = robot_from_urdf(urdf, base=base, tip=tip, name=name)
     robot_from(data, str(urdf))
     write_text(out, commented(data))
-    click.echo(f"written: {out}; tolerances, tracker and limits are proposed: look them over")
+    click.echo(f"written: {out}; tolerances, tracker and limits are proposals: review them")
 
 
 @command.command("reference", short_help="write a reference page of all entries")
@@ -210,7 +210,7 @@ def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from error
+        raise InputError(f"{folder}: cannot be created: {error.strerror or error}") from error
 
 
 def _answered(

@@ -175,8 +175,8 @@ def identify(
     variance = np.diag(covariance)
     if not ((variance >= 0.0) & (variance < np.inf)).all():
         raise SingularityError(
-            f"{poses.source}: what it leaves uncertain of robot {robot.name!r} has no bounds: is "
-            "the drawing singular where it was measured?"
+            f"{poses.source}: the uncertainty of robot {robot.name!r} is unbounded: is the "
+            "nominal robot singular at the measured poses?"
         )
     drawing = full.theta.copy()
     drawing[layout.chain] = chain.join(*_nominal_but_frame(chain, full.theta))
@@ -416,8 +416,8 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
     if typical > _ANOTHER_ROBOT * expected:
         raise DataError(
-            f"{poses.source}: {typical * 1e3:.1f} mm typically remain between the robot "
-            f"{robot.name!r} in the best frame and the tracker, where its tolerances explain "
-            f"{expected * 1e3:.1f} mm: a session of another robot, joints of another zero, or "
-            "other units?"
+            f"{poses.source}: {typical * 1e3:.1f} mm (median) remain between the robot "
+            f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "
+            f"{expected * 1e3:.1f} mm: is it the session of another robot, or are joint zeros or "
+            "units different?"
         )
