@@ -51,9 +51,9 @@ HEADINGS = (
     "Verdict in detail",
     "Error over the workspace",
     "Along the paper&#39;s line",
-    "What gives the cause away",
+    "What points to the cause",
     "Evidence for each candidate",
-    "Geometry, correlations and what the data cannot set",
+    "Geometry, correlations and what the data do not determine",
     "Noise against the tracker&#39;s specification",
     "Accuracy by ISO 9283",
     "Provenance",
@@ -91,15 +91,15 @@ def test_the_page_says_of_the_tests_what_the_verdict_says() -> None:
     verdict = found().verdict
     unknown = replace(verdict.unknown_structure, found=False)
     quiet = _tests(replace(verdict, unknown_structure=unknown)).caption
-    assert quiet.startswith("Nothing is left that chance would not leave")
+    assert quiet.startswith("The remaining errors are explained by chance")
     there = replace(unknown, found=True, moves_with="direction", rms_mm=0.01)
     loud = _tests(replace(verdict, unknown_structure=there)).caption
-    assert loud.startswith("Structure of no known cause, 0.0100 mm RMS; it moves with direction")
+    assert loud.startswith("Error without a known cause, 0.0100 mm RMS; it varies with direction")
     tests = {"set_aside": 1e-9, "map": 1e-12}
     rows = _tests(replace(verdict, unknown_structure=replace(there, tests=tests))).rows
     assert [row[0] for row in rows] == [
-        "set aside: neighbours miss alike",
-        "a smooth map explains as much",
+        "poses set aside have similar errors",
+        "a smooth map explains the errors",
     ]
 
 
@@ -211,7 +211,7 @@ def test_the_page_says_what_was_found(page: str, report: Report) -> None:
     text = Elements(page).whole()
     verdict = found().verdict
     assert text.index(report.sentence) < text.index("What is wrong") < text.index("What it gains")
-    assert "What cannot be told" in text
+    assert "What cannot be distinguished" in text
     for value in (verdict.noise_mm, verdict.calibrated.held_out_rms_mm):
         assert f"{value:.4f}" in text
     places = [page.index(f"</span>{heading}</h2>") for heading in HEADINGS]
@@ -279,7 +279,7 @@ def test_a_rule_on_a_logarithmic_axis_has_its_name_at_its_value() -> None:
 
 def test_without_the_standards_cycles_it_says_why() -> None:
     page = build_page(found(), ROBOT, PROVENANCE, "P1 was reached 0 times")
-    assert "does not hold the standard&#39;s cycles: P1 was reached 0 times" in page
+    assert "does not contain the cycles of the standard: P1 was reached 0 times" in page
 
 
 def test_a_page_that_cannot_be_written_is_refused(report: Report, tmp_path: Path) -> None:

@@ -268,7 +268,7 @@ def _dimensions(result: Element, certificate: Certificate) -> None:
     for dimension in found:
         _quantity(rows, dimension.name, dimension.value, dimension.unit, dimension.expanded)
     if not found:
-        _none(rows, "none is identified by this session")
+        _none(rows, "this session identifies none")
 
 
 def _points(result: Element, certificate: Certificate) -> None:
