@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -151,6 +152,7 @@ def test_what_is_not_stated_is_said_so(cell: Path) -> None:
     said = " ".join(text_of(cell / "bare.pdf").split())
     assert "no tolerance was given" in said
     assert "serial X-9" in said
+    assert re.search(r"measured in simulated time; issued 20\d\d-", said)
     assert "Not in the budget, because nothing was stated: tracker along the beam" in said
     assert content(cell / "bare.json")["decision"] is None
 

@@ -17,6 +17,9 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("xmlschema", reason="needs the extra [report]")
 
 from delta_calibration.cli.main import run
+from delta_calibration.errors import InputError
+from delta_calibration.report.about import read_about
+from delta_calibration.report.dcc import _require_stated
 
 DCC, SI = "{https://ptb.de/dcc}", "{https://ptb.de/si}"
 ABOUT = """\
@@ -185,6 +188,18 @@ def test_what_a_dcc_must_say_is_asked_for(cell: Path, capsys: pytest.CaptureFixt
         assert entry in said
     assert "number," not in said
     assert (cell / "certificate.xml").read_bytes() == before
+
+
+def test_a_stated_day_stands_in_the_certificate(cell: Path) -> None:
+    """As people write it in YAML, without quotes; else a table without dates is of 1970."""
+    (cell / "day.yaml").write_text(f"{ABOUT}measured_on: 2026-11-24\n", encoding="utf-8")
+    assert certificate(cell, "day.yaml") in (0, 1)
+    root = ElementTree.parse(cell / "certificate.xml").getroot()
+    days = [root.findtext(f".//{DCC}{end}PerformanceDate") for end in ("begin", "end")]
+    assert days == ["2026-11-24", "2026-11-24"]
+    assert certificate(cell, "about.yaml") == 0
+    with pytest.raises(InputError, match=r"measured_on \(the session has no date\)"):
+        _require_stated(read_about(cell / "about.yaml", {}), 0)
 
 
 def test_a_country_is_two_letters(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

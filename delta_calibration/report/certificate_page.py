@@ -99,10 +99,20 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         Statement("Machine", machine),
         Statement("Instrument", instrument),
         Statement("Operator", about.text("operator")),
+        Statement("Dates", _dates(certificate)),
         Statement("Tolerance", _tolerance(about)),
         Statement("Errors", how + more),
         *(Statement("Warning", capital(f"{text}.")) for text in examined.doubts),
     )
+
+
+def _dates(certificate: Certificate) -> str:
+    """When it was measured, and when the certificate was issued."""
+    source = certificate.provenance
+    stated = certificate.about.text("measured_on")
+    measured = moment(source.start_ns) if stated == NOT_STATED else stated
+    issued = "" if source.made_ns is None else f"; issued {moment(source.made_ns)}"
+    return f"measured {measured}{issued}"
 
 
 def _set_aside(aside: int, poses: int) -> str:
