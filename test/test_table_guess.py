@@ -16,7 +16,7 @@ from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
 from delta_calibration.samples import collect
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import draw_machine, effect_options, simulate_session
 
 
 @dataclass(frozen=True)
@@ -205,6 +205,32 @@ def test_a_file_that_is_no_table_is_refused(
     file.write_text(text, encoding="utf-8")
     assert guess(file, "srbd") != 0
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("side", [True, False])
+def test_sides_that_are_not_in_a_table_are_asked_for(
+    side: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A play: stops of one command differ by the side, which a column says, or a warning asks."""
+    robot = load_robot("srbd")
+    plan = make_plan("identify", robot, count=50, seed=3)
+    play = effect_options("backlash:location=joint_2,value=0.0008")
+    session = simulate_session(draw_machine(robot, 3, hidden=[play]), plan, 3)
+    poses = collect(session, robot.joints.names, robot.commanded.joint_size)
+    head = "q1,q2,q3,x,y,z" + ",side" * side
+    rows = [
+        numbers(deg_mm(q, y)) + f",{d[0]:.0f}" * side
+        for q, y, d in zip(poses.command, poses.point, poses.direction, strict=True)
+    ]
+    file, out = tmp_path / "table.csv", tmp_path / "session"
+    file.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    assert guess(file, "srbd", "--out", str(out)) == 0
+    assert run(["fit", str(out), "--robot", "srbd"]) == 0
+    said = capsys.readouterr().out
+    assert ("from which side each stop was approached" in said) != side
+    if side:
+        found = collect(read_session(out), robot.joints.names)
+        np.testing.assert_array_equal(found.direction, poses.direction)
 
 
 # --- two files

@@ -11,6 +11,7 @@ _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _FAR = 2.0  # times the noise of a pose; a fit to enough places leaves 1.0 to 1.3 times
 _LACKING = 2.0  # chi square per degree of freedom from which it is not the number of places
 FOUND = ("least_squares", "alternating")  # methods that come to rest where the misfit is least
+_MOVED = 5.0  # times the noise of a pose, which stops without motion between them differ by
 _TOO_FAR = 10.0  # tolerances: no part is made so badly, somebody mistook a figure
 _TOLD = 3  # parameters by name, at most
 DIAGNOSIS = "diagnosis"  # the method of a fit that has been asked for what it lacks
@@ -68,6 +69,13 @@ def doubt(found: Identification) -> str:
         return (
             f"{far}: {len(found.weight)} poses are too few for {found.observability.rank} "
             "parameter combinations; measure more places"
+        )
+    if found.unseen_motion > _MOVED * found.noise.floor:
+        return (
+            f"{far}: stops with the same command and no motion recorded between them differ by "
+            f"{1e3 * found.unseen_motion:.3g} mm (median), so the joints did move in between. "
+            "Record joint_states, or say from which side each stop was approached (`direction` in "
+            "the mapping of a table)"
         )
     if found.effort.method == DIAGNOSIS:
         return f"{far}, and no known cause explains it: see the verdict"

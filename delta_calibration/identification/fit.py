@@ -92,6 +92,7 @@ class Identification:
     model_error: ModelError
     # RMS of the turn that is left [rad], about three axes; None: turns took no part
     turn_missed: float | None = None
+    unseen_motion: float = 0.0  # [m] see Poses.unseen_motion
 
     @property
     def parameters(self) -> ParameterSet:
@@ -207,6 +208,7 @@ def identify(
         missed=only(missed, counted),
         model_error=model_error_of(chain, theta, _left_out(full, known, poses.place, spread)),
         turn_missed=_turn_missed(full),
+        unseen_motion=poses.unseen_motion,
     )
 
 

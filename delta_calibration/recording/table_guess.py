@@ -56,6 +56,7 @@ _OTHERS = {
     "time": re.compile(r"(time|timestamp|zeit|stamp|t|clock|date|datetime|minute|seconds?)$"),
     "payload": re.compile(r"(payload|load|mass|last|masse|zuladung)$"),
 }
+_SIDE = re.compile(r"(direction|side|approach|seite|richtung)$")
 _WARM = re.compile(r"(?:temp(?:erature|eratur)?|t)[ _.-]+([a-z_]+)$")
 _COMMANDED = ("target", "cmd", "command", "soll")
 
@@ -305,6 +306,8 @@ def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
                 more["payload"] = {"column": name, "unit": unit}
             else:
                 found.doubts.append(f"{name}: is this a payload in g or kg? It is left out")
+        elif _SIDE.match(bare) and set(np.unique(table.column(name))) <= {-1.0, 0.0, 1.0}:
+            more["direction"] = [name]
         elif (match := _WARM.match(bare)) is not None and unit in ("", "degC", "K"):
             entry = {"part": match[1], "column": name, "unit": unit or "degC"}
             more.setdefault("temperature", []).append(entry)
@@ -327,7 +330,7 @@ def _columns_in(mapping: object) -> Iterator[str]:
         for key, value in mapping.items():
             if key == "column":
                 yield value
-            elif key == "columns":
+            elif key in ("columns", "direction"):
                 yield from value
             else:
                 yield from _columns_in(value)
