@@ -103,7 +103,7 @@ def test_a_fit_says_its_result_and_is_loaded_but_not_enabled(session: Session) -
     assert not desk.path.enabled
     assert "over 1 s" in desk.enable(True)
     again = desk.take(*desk.prepare_fit()())
-    assert "compensation is on and goes over to it in 1 s" in again
+    assert "compensation is on and changes over to it in 1 s" in again
     assert desk.path.enabled
 
 

@@ -205,7 +205,7 @@ def test_every_target_has_a_row_with_what_became_of_it(cell, capsys):
     assert float(rows[1]["u95_mm"]) > float(rows[0]["u95_mm"])
     assert past_row["u95_mm"] == far["u95_mm"] == ""
     assert said.count("point 3 (past): left nominal: outside the calibrated region") == 1
-    assert said.count("point 4 (far): no command: no pose of the nominal robot") == 1
+    assert said.count("point 4 (far): no command: out of reach of the nominal robot") == 1
     assert "2 of 4 points are not corrected; the calibrated region lies within x " in said
 
 

@@ -103,7 +103,7 @@ def _reflector(evidence: Evidence) -> list[CannotTell]:
 def _of_class(finding: Finding) -> CannotTell:
     return CannotTell(
         (finding.cause, *finding.equivalents),
-        "they move the readings of this session alike",
+        "they change the readings of this session in the same way",
         finding.separated_by or "",
     )
 

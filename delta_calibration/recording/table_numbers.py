@@ -73,7 +73,9 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     if mapping.skip_missing:
         whole = [row for row in rows if all(_filled(row, name) for name in mapping.names)]
         if len(whole) < len(rows):
-            notes.append(f"{len(rows) - len(whole)} of {len(rows)} rows have gaps: left out")
+            notes.append(
+                f"{len(rows) - len(whole)} of {len(rows)} rows have gaps and were left out"
+            )
         rows = whole
         if not rows:
             raise InputError(f"{path}: every row has gaps in {', '.join(mapping.names)}")
@@ -89,7 +91,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     rows, moves = [row for row, kept in zip(rows, new, strict=True) if kept], moves[new]
     notes += repeats
     if moves.any():
-        notes.append(f"{np.count_nonzero(moves)} rows in motion: their measurements are left out")
+        notes.append(f"{np.count_nonzero(moves)} rows in motion; their measurements were left out")
     still = [row for row, moving in zip(rows, moves, strict=True) if not moving]
     position = np.full((len(rows), 3), np.nan)
     position[~moves] = _columns(still, mapping.position).reshape(-1, 3)
@@ -156,7 +158,7 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
     if outside.size:
         raise rows[outside[0]].wrong(
             column.name,
-            f"is {time[outside[0]]:.6g} s; 0 to {_LATEST:.0f} s are allowed: another unit?",
+            f"is {time[outside[0]]:.6g} s; 0 to {_LATEST:.0f} s are allowed: is it another unit?",
         )
     late = np.flatnonzero(np.diff(time) <= 0)
     if late.size:
