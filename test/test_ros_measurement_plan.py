@@ -211,8 +211,14 @@ def gone(bench: Bench, node: Managed) -> None:
 @pytest.mark.parametrize(
     ("ends", "said"),
     [
-        (lambda _, node: node.trigger_deactivate(), "/calibration_node is inactive: it sends"),
-        (lambda _, node: node.trigger_shutdown(), "any more, and was active"),
+        (
+            lambda _, node: node.trigger_deactivate(),
+            "/calibration_node is inactive and forwards nothing",
+        ),
+        (
+            lambda _, node: node.trigger_shutdown(),
+            "no longer listens to /joint_command, and was active",
+        ),
         (gone, "/calibration_node no longer listens to /joint_command, and was active"),
         (lambda bench, node: bench.executor.remove_node(node), "has not said for 3 s whether"),
     ],
