@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
@@ -33,9 +34,10 @@ from delta_calibration.report import (
 )
 from delta_calibration.report.browser import plot_of, ticks_of
 from delta_calibration.report.document import Report
-from delta_calibration.report.drawing import Axis, Panel, Points, Rule, Scale
+from delta_calibration.report.drawing import Axis, Figure, Line, Panel, Points, Rule, Scale
 from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line, line_figure, line_table
+from delta_calibration.report.numbers import cell
 from delta_calibration.report.picture import draw
 from delta_calibration.report.session_report import _tests
 from delta_calibration.report.words import estimate
@@ -308,6 +310,47 @@ def test_numbers_are_in_the_files(report: Report, tmp_path: Path) -> None:
     with (tmp_path / "numbers" / "error_line.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["series"] == "before"]
     np.testing.assert_allclose([float(r["y"]) for r in rows], shown.panels[0].marks[0].y)
+
+
+@pytest.mark.parametrize(
+    ("shown", "written"),
+    [
+        ("−1.000", "-1.000"),
+        ("+0.5", "0.5"),
+        ("23\u202f280", "23280"),
+        ("2.4 × 10⁻¹⁴⁸", "2.4e-148"),
+        ("< 10⁻³⁰⁰", "1e-300"),
+        ("95 %", "0.95"),
+        ("> 99.9 %", "0.999"),
+        ("–", ""),
+        ("gap 2 = −3 ± 1 µrad", "gap 2 = -3 +- 1 urad"),
+        ("0.0642 → 0.0105", "0.0642 → 0.0105"),
+    ],
+)
+def test_a_cell_is_a_plain_number_in_a_file(shown: str, written: str) -> None:
+    assert cell(shown) == written
+
+
+def test_tables_of_numbers_are_read_without_options(report: Report, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas", reason="needs the extra [notebook]")
+    write_numbers(report, tmp_path)
+    evidence = pandas.read_csv(tmp_path / "evidence_table.csv")
+    for name in ("chi square", "ln B", "p", "confidence"):
+        assert pandas.api.types.is_numeric_dtype(evidence[name]), name
+    for file in tmp_path.glob("*.csv"):
+        text = file.read_text(encoding="utf-8")
+        assert not set("−×⁻\u202f") & set(text), file
+        assert "Unnamed" not in " ".join(pandas.read_csv(file).columns)
+
+
+def test_figures_carry_the_robots_own_names() -> None:
+    axis = Axis("angle of joint_2 [°]", names=("backlash at joint 2", "joint zero 1"))
+    line = Line("joint 2", np.zeros(2), np.zeros(2))
+    shown = Figure("f", "t", "c", (Panel("extended: backlash at joint 2", axis, axis, (line,)),))
+    panel = shown.renamed(lambda text: re.sub(r"joint[_ ]2", "axis_2", text)).panels[0]
+    assert panel.title == "extended: backlash at axis_2"
+    assert panel.y.names == ("backlash at axis_2", "joint zero 1")
+    assert (panel.x.title, panel.marks[0].name) == ("angle of axis_2 [°]", "axis_2")
 
 
 def test_figures_as_pictures(report: Report, tmp_path: Path) -> None:
