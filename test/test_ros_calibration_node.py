@@ -327,7 +327,9 @@ def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
     effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": ({}, 1e-3)}
     cell = Cell(bench, calibration=extended(desk, tmp_path, effects), ramp_s=0.0)
     assert cell.value("effects compensated") == "backlash"
-    assert cell.value("effects left out").startswith("joint_zero_drift: found in the session but not")
+    assert cell.value("effects left out").startswith(
+        "joint_zero_drift: found in the session but not"
+    )
     inward = -np.sign(Q) * 0.02  # stays within the region
     yes, _ = cell.call("enable", True)
     assert yes

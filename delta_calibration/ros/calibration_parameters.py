@@ -12,7 +12,7 @@ from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.ros.parameters import FRAME_PREFIX, ROBOT, ParameterTable, Spec
 
 SPECS = (
-    replace(ROBOT, description=f"{ROBOT.description}; from configure on", read_only=False),
+    replace(ROBOT, description=f"{ROBOT.description}; takes effect at configure", read_only=False),
     Spec(
         "calibration", "", "calibration file for configure and ~/reload; may be empty", path=True
     ),
@@ -73,7 +73,7 @@ SPECS = (
     Spec(
         "model",
         "",
-        "mechanism that ~/fit fits, empty for the robot file's; from configure on",
+        "mechanism that ~/fit fits, empty for the robot file's; takes effect at configure",
         choices=("", *MECHANISMS),
     ),
     Spec(
@@ -85,11 +85,14 @@ SPECS = (
     Spec(
         "capture_limit",
         1_000_000,
-        "largest number of messages in a capture; from configure on",
+        "largest number of messages in a capture; takes effect at configure",
         range=(100, 100_000_000),
     ),
     Spec(
-        "seed", 0, "seed of the held-out parts and of the swarm; from configure on", (0, 2**31 - 1)
+        "seed",
+        0,
+        "seed of the held-out parts and of the swarm; takes effect at configure",
+        (0, 2**31 - 1),
     ),
     Spec(
         "error_scale",
@@ -101,7 +104,7 @@ SPECS = (
         "realtime_priority",
         0,
         "priority (SCHED_FIFO) of the node's threads while it is active, 0 for none; refused to "
-        "users without rtprio, which diagnostics say; from activate on",
+        "users without rtprio, which diagnostics say; takes effect at activate",
         range=(0, 99),
     ),
     Spec("output", "", "calibration file that ~/save writes", path=True),
@@ -114,24 +117,26 @@ SPECS = (
     Spec(
         "command_controller",
         "",
-        "forward_command_controller whose commands topic gets commands too; from configure on",
+        "forward_command_controller whose commands topic gets commands too; takes effect at "
+        "configure",
     ),
     Spec(
         "command_joints",
         ("",),
         "joints in that controller's order, with what the robot file passes through or without; "
-        "empty for the file's, with it; from configure on",
+        "empty for the file's, with it; takes effect at configure",
     ),
     Spec(
         "trajectory_controller",
         "",
         "joint_trajectory_controller whose joint_trajectory topic gets commands too, each as a "
-        "trajectory of one point, or what comes on trajectory_input; from configure on",
+        "trajectory of one point, or what comes on trajectory_input; takes effect at configure",
     ),
     Spec(
         "trajectory_input",
         "",
-        "topic of trajectories to be compensated for trajectory_controller; from configure on",
+        "topic of trajectories to be compensated for trajectory_controller; takes effect at "
+        "configure",
     ),
     FRAME_PREFIX,
 )

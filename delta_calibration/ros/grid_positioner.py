@@ -1,4 +1,4 @@
-"""Node that drives points right by the tracker alone, and ends with a table of corrections.
+"""Node that corrects points with the tracker alone, without a model, and writes the commands.
 
 Its commands are nominal ones and go to `joint_command`, like those of any motion controller: the
 calibration node stays the only one that commands the drives, with its guards, and a recorder hears

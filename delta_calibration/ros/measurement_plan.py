@@ -1,4 +1,4 @@
-"""Node that drives a machine through a plan of poses, and ends with it.
+"""Node that drives a machine through a measurement plan and then ends.
 
 Commands follow the plan's times on a steady clock. The motion starts from where the machine
 stands, as upstream sees it: `joint_states_nominal` if that is there, else `joint_states`. It ends

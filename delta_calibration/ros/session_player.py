@@ -1,4 +1,4 @@
-"""Node that plays a session onto its topics, with `/clock`: the recorded bytes at their log times.
+"""Node that plays a session on its topics, with `/clock`: the recorded bytes at their log times.
 
 Header stamps stay as recorded, and `/clock` shows log times: with `use_sim_time` the nodes that
 listen live in the recording. When a session is looped, their time goes back to its start.

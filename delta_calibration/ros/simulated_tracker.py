@@ -1,4 +1,4 @@
-"""Node that stands in for a cell: a machine unlike its drawing, and the tracker that measures it.
+"""Node that simulates a cell: a machine with manufacturing errors and a tracker in front of it.
 
 It answers commands with encoder and tracker readings. What the machine truly is, it keeps to
 itself.
