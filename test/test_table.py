@@ -199,7 +199,7 @@ def test_nodes_beyond_the_region_may_be_without_an_answer() -> None:
     nothing = replace(task, solver=toy(np.sin, task.asked, lambda q: q[:, 0] > 9).solver)
     with pytest.raises(DataError, match="newton finds no correction at any of its nodes"):
         build(nothing, TableSettings())
-    with pytest.raises(DataError, match="the region holds no command"):
+    with pytest.raises(DataError, match="the region has no command"):
         build(replace(task, asked=np.empty((0, 3))), TableSettings())
 
 

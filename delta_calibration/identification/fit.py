@@ -418,7 +418,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
     if typical > _ANOTHER_ROBOT * expected:
         raise DataError(
-            f"{poses.source}: {typical * 1e3:.1f} mm (median) remain between the robot "
+            f"{poses.source}: {typical * 1e3:.1f} mm (robust RMS) remain between robot "
             f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "
             f"{expected * 1e3:.1f} mm: is it the session of another robot, or are joint zeros or "
             "units different?"
