@@ -106,7 +106,8 @@ def _require_this_robot(stops: Array, poses: Poses, robot: Robot) -> None:
         joint = ", ".join(f"{v:.6g}" for v in poses.command[bad[0]])
         raise DataError(
             f"{poses.source}: pose {bad[0] + 1} ({joint} {robot.joints.unit}) is out of reach of "
-            f"robot {robot.name!r}: a session of another robot, or joints of another zero?"
+            f"robot {robot.name!r}: is it the session of another robot, or do the joints have "
+            "another zero?"
         )
 
 

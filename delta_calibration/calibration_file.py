@@ -78,11 +78,11 @@ def require_ours(path: Path) -> None:
         data = read_document(path, lambda _: load_schema("calibration"))
     except ConfigError as error:
         raise ConfigError(
-            f"{path}: is there, and no calibration file: not written over"
+            f"{path}: exists and is not a calibration file: it is not overwritten"
         ) from error
     content = {key: value for key, value in data.items() if key != _SEAL}
     if content_hash(content) != data[_SEAL]:
-        raise ConfigError(f"{path}: was changed by hand: not written over")
+        raise ConfigError(f"{path}: was edited by hand: it is not overwritten")
 
 
 def from_diagnosis(found: Diagnosis, robot: Robot, poses: Poses) -> Calibration:
@@ -110,7 +110,7 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
     content = {key: value for key, value in data.items() if key != _SEAL}
     if content_hash(content) != data[_SEAL]:
         raise ConfigError(
-            f"{path}: {_SEAL}: the content was changed or cut after it was written; fit again"
+            f"{path}: {_SEAL}: the file was changed or cut off after it was written; fit again"
         )
     made_for = data["robot"]
     # files of before 0.2.0 name the hash of the whole robot file

@@ -124,6 +124,7 @@ def _reader() -> YAML:
 
     for kind in ("int", "float"):
         Constructor.add_constructor(f"tag:yaml.org,2002:{kind}", _number)
+    Constructor.add_constructor("tag:yaml.org,2002:timestamp", _date)
     yaml = YAML(typ="safe", pure=True)
     yaml.Composer, yaml.Constructor = Shallow, Constructor
     return yaml
@@ -137,6 +138,11 @@ def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
     if str(node.tag).endswith(":int"):
         return constructor.construct_yaml_int(node)
     return constructor.construct_yaml_float(node)
+
+
+def _date(constructor: SafeConstructor, node: ScalarNode) -> Any:
+    """A date as the text that was written: entries that hold one are texts."""
+    return constructor.construct_scalar(node)
 
 
 def check_document(data: Any, schema: Schema, source: str) -> None:

@@ -197,7 +197,8 @@ class Identified:
             "held-out error before": f"{mm(1e3 * found.frame_only.held_out)} mm",
             "held-out error calibrated": f"{mm(1e3 * found.full.held_out)} mm",
             "noise of a pose": f"{mm(1e3 * found.noise.floor)} mm",
-            "set by the data": f"{found.observability.rank} of {len(found.theta)} parameters",
+            "determined by the "
+            "data": f"{found.observability.rank} of {len(found.theta)} parameters",
         }
         return _page(f"{self.session.robot.name}, identified", rows, doubts(found))
 

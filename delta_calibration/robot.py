@@ -45,10 +45,10 @@ _SHORT = 40  # letters of an entry that a message repeats
 _NAME = "^[a-z][a-z0-9_]*$"
 
 
-_AT_REST = "standard deviation of where a joint comes to rest"
-_READING = "standard deviation of an encoder's reading"
-_FASTEST = "fastest motion of a measurement plan"
-_ZERO = "what each joint reads where the mechanism's own joint is zero; left out: 0"
+_AT_REST = "standard deviation of a joint's rest position"
+_READING = "standard deviation of an encoder reading"
+_FASTEST = "largest joint speed in a measurement plan"
+_ZERO = "reading of each joint at the zero of the mechanism (docs/robot_file.md); left out: 0"
 
 
 @dataclass(frozen=True)
@@ -62,23 +62,32 @@ class Joints:
     unit: ClassVar[str] = "rad"
     shown: ClassVar[tuple[str, float]] = ("degrees", 180 / np.pi)  # for people, of one SI unit
 
-    names: tuple[str, ...] = texts(about="of the joints, in the order of the legs or axes")
+    names: tuple[str, ...] = texts(about="names of the joints, in the order of the legs or axes")
     lower: Array = quantity(
-        "deg", least=-1e6, most=1e6, shape=(None,), about="lower limit of each joint"
+        "deg",
+        least=-1e6,
+        most=1e6,
+        shape=(None,),
+        about="smallest reading of each joint that the machine allows",
     )
     upper: Array = quantity(
-        "deg", least=-1e6, most=1e6, shape=(None,), about="upper limit of each joint"
+        "deg",
+        least=-1e6,
+        most=1e6,
+        shape=(None,),
+        about="largest reading of each joint that the machine allows",
     )
     repeatability: float = quantity("urad", least=0.0, most=1e4, about=_AT_REST)
     encoder: float = quantity("urad", least=0.0, most=1e4, about=_READING)
     speed: float = quantity("deg_per_s", above=0.0, most=1e4, about=_FASTEST)
-    gear_ratio: float = quantity(above=0.0, about="motor turns a joint turn")
+    gear_ratio: float = quantity(above=0.0, about="motor turns per turn of the joint")
     passed_through: tuple[str, ...] = texts(
         default=(),
-        about="further axes that commands and states carry, handed on as they are",
+        about="names of further axes in the commands and states that the model ignores and "
+        "passes on",
     )
     sign: Array | None = senses(
-        about="-1 for a joint that counts against the mechanism's own sense; left out: 1"
+        about="-1 for a joint that counts opposite to the mechanism's direction; left out: 1"
     )
     zero: Array | None = quantity(
         "deg", least=-1e6, most=1e6, shape=(None,), default=None, about=_ZERO
@@ -101,12 +110,18 @@ class SlidingJoints(Joints):
     unit: ClassVar[str] = "m"
     shown: ClassVar[tuple[str, float]] = ("mm", 1e3)
 
-    lower: Array = place(shape=(None,), about="lower limit of each joint")
-    upper: Array = place(shape=(None,), about="upper limit of each joint")
+    lower: Array = place(
+        shape=(None,), about="smallest reading of each joint that the machine allows"
+    )
+    upper: Array = place(
+        shape=(None,), about="largest reading of each joint that the machine allows"
+    )
     repeatability: float = quantity("um", least=0.0, most=1e4, about=_AT_REST)
     encoder: float = quantity("um", least=0.0, most=1e4, about=_READING)
     speed: float = quantity("mm_per_s", above=0.0, most=1e5, about=_FASTEST)
-    gear_ratio: float = quantity("turns_per_m", above=0.0, about="motor turns a metre of joint")
+    gear_ratio: float = quantity(
+        "turns_per_m", above=0.0, about="motor turns per metre of joint travel"
+    )
     zero: Array | None = place(shape=(None,), default=None, about=_ZERO)
 
 
@@ -127,28 +142,45 @@ class Tool:
 class Tracker:
     """What measures: noise along the beam and, a + b d at distance d, across it."""
 
-    measures: str = choice("position", "pose", about="a reflector gives positions, a probe poses")
+    measures: str = choice(
+        "position", "pose", about="position (a reflector) or pose (a 6-DoF probe)"
+    )
     radial: float = quantity(
         "um", above=0.0, most=1e4, about="standard deviation of a reading along the beam"
     )
     transverse: float = quantity(
-        "um", above=0.0, most=1e4, about="a of a + b d, the same across the beam at distance d"
+        "um",
+        above=0.0,
+        most=1e4,
+        about="standard deviation across the beam is a + b d at distance d: a",
     )
     transverse_per_metre: float = quantity(
-        "um_per_m", least=0.0, most=1e4, key="transverse_um_per_m", about="b of a + b d"
+        "um_per_m",
+        least=0.0,
+        most=1e4,
+        key="transverse_um_per_m",
+        about="standard deviation across the beam is a + b d at distance d: b",
     )
     reflector_offset: Array = quantity(
-        "mm", least=-2000.0, most=2000.0, shape=(3,), about="reflector in the platform's frame"
+        "mm",
+        least=-2000.0,
+        most=2000.0,
+        shape=(3,),
+        about="position of the reflector in the platform's frame",
     )
     reflector_offset_prior: float = quantity(
-        "mm", above=0.0, most=1000.0, about="how well that is known, standard deviation"
+        "mm",
+        above=0.0,
+        most=1000.0,
+        about="standard deviation of that position, before it is fitted",
     )
     turn: float | None = quantity(
         "urad",
         above=0.0,
         most=1e5,
         default=None,
-        about="standard deviation of a pose's turn about each axis; left out, turns take no part",
+        about="standard deviation of a pose's rotation about each axis; left out: rotations are "
+        "not used",
     )
 
     def sigmas(self, distance: Array) -> tuple[Array, Array]:
@@ -161,12 +193,12 @@ class Tracker:
 class Sight:
     """A camera that looks down on the workspace: a pinhole, and how well it finds the tool."""
 
-    focal: Array = quantity("px", above=0.0, shape=(2,), about="focal lengths")
-    centre: Array = quantity("px", least=0.0, shape=(2,), about="where its axis meets the image")
+    focal: Array = quantity("px", above=0.0, shape=(2,), about="focal lengths of the camera")
+    centre: Array = quantity("px", least=0.0, shape=(2,), about="image point on the optical axis")
     noise: float = quantity(
-        "px", above=0.0, most=100.0, about="standard deviation of the mark in one image"
+        "px", above=0.0, most=100.0, about="standard deviation of the mark's position in one image"
     )
-    place: Array = place(shape=(3,), about="about where it hangs, in the base")
+    place: Array = place(shape=(3,), about="approximate position of the camera in the base frame")
 
     @property
     def camera(self) -> Camera:
@@ -184,9 +216,13 @@ class Limits:
     # a drum turns far where a joint of an arm turns little
     correction: float = quantity("deg", above=0.0, most=7200.0, about=_LARGEST)
     # see Mechanism.condition
-    condition: float = quantity(above=1.0, about="largest condition at which joints are corrected")
+    condition: float = quantity(
+        above=1.0, about="largest condition number at which commands are corrected"
+    )
     region_margin: float = quantity(
-        "mm", least=0.0, about="how far outside the calibrated region a command may lie"
+        "mm",
+        least=0.0,
+        about="width of the margin around the calibrated region in which corrections fade out",
     )
 
 
@@ -194,10 +230,10 @@ class Limits:
 class Workspace:
     """Where it works: a box of tool points, and how far the platform turns there."""
 
-    centre: Array = place(shape=(3,), about="middle of the box of tool points, in the base")
-    size: Array = quantity("mm", least=0.0, most=1e4, shape=(3,), about="edges of that box")
+    centre: Array = place(shape=(3,), about="centre of the box of tool points, in the base frame")
+    size: Array = quantity("mm", least=0.0, most=1e4, shape=(3,), about="edge lengths of that box")
     turn: float = angle(
-        default=0.0, about="how far the platform turns about each axis that it can turn about"
+        default=0.0, about="largest rotation of the platform about each axis it can turn about"
     )
 
 

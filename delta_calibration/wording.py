@@ -119,9 +119,14 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def dated(start_ns: int) -> bool:
+    """Whether stamps have a date; those that count from zero do not."""
+    return start_ns >= _DATED_NS
+
+
 def moment(start_ns: int) -> str:
     """When a session began, in UTC, or why its stamps do not tell."""
-    if start_ns < _DATED_NS:
+    if not dated(start_ns):
         return "without a date"
     if 0 <= start_ns - SIMULATED_NS < _MINUTE_NS:
         return "in simulated time"

@@ -275,6 +275,6 @@ def test_cycles_of_another_robot_are_refused():
     session = simulate_session(draw_machine(other, 5), replace(cycle, paths=()), 5)
     renamed = replace(robot, joints=replace(robot.joints, names=other.joints.names[:3]))
     poses, readings = (f(session, renamed.joints.names) for f in (collect, match))
-    said = r"pose 1 \(.* m\) is out of reach of robot 'linear_delta': a session of another robot"
+    said = r"pose 1 \(.* m\) is out of reach of robot 'linear_delta': is it the session of another"
     with pytest.raises(DataError, match=said):
         evaluate(poses, readings, renamed, FEW, None)

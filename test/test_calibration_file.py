@@ -157,7 +157,7 @@ def test_an_edited_entry_is_refused(written, old, new):
     assert changed != text
     written.write_text(changed, encoding="utf-8")
     message = refusal(written)
-    assert message == "sha256: the content was changed or cut after it was written; fit again"
+    assert message == "sha256: the file was changed or cut off after it was written; fit again"
 
 
 def test_an_edited_number_that_is_none_is_named_by_its_path(written):
@@ -425,7 +425,7 @@ def test_the_seal_covers_effects(with_effects):
     changed = text.replace("cycles: 66.5", "cycles: 33.5")
     assert changed != text
     with_effects.write_text(changed, encoding="utf-8")
-    assert refusal(with_effects).startswith("sha256: the content was changed")
+    assert refusal(with_effects).startswith("sha256: the file was changed")
 
 
 def of_cause(data, cause):

@@ -86,8 +86,8 @@ def test_what_a_camera_cannot_do_is_refused() -> None:
         Positioning(delta, np.array([[0.0, 0.0, -0.75]]), lattice(delta), 2, 5, 12, SIGHT)
     with pytest.raises(DataError, match="needs stops off one line"):
         CameraFrame.on(SCARA, SIGHT, np.tile(joint[0], (5, 1)), np.full((5, 2), 700.0))
-    with pytest.raises(ConfigError, match="robot ur10: no camera in its file"):
+    with pytest.raises(ConfigError, match="robot ur10: its file has no camera"):
         CameraOver.hung(draw_machine(load_robot("ur10"), 1), 1)
     upward = replace(CameraOver.hung(machine, 1), frame=Frame(np.eye(3), np.array([0, 0, -2.0])))
-    with pytest.raises(ReachError, match="the tool cannot be seen there"):
+    with pytest.raises(ReachError, match="the camera cannot see the tool there"):
         upward.look(joint[0], 3, np.random.default_rng(1))

@@ -98,12 +98,12 @@ def test_a_fit_says_its_result_and_is_loaded_but_not_enabled(session: Session) -
     assert "rank 24 of 33" in sentence
     assert f"error left {found.frame_only.held_out * 1e3:.4f} mm before" in sentence
     assert f"{found.full.held_out * 1e3:.4f} mm calibrated" in sentence
-    assert f"noise of a pose {found.noise.floor * 1e3:.4f} mm" in sentence
+    assert f"noise of a pose: {found.noise.floor * 1e3:.4f} mm" in sentence
     assert "loaded, not enabled" in sentence
     assert not desk.path.enabled
     assert "over 1 s" in desk.enable(True)
     again = desk.take(*desk.prepare_fit()())
-    assert "compensation is on and goes over to it in 1 s" in again
+    assert "compensation is on and changes over to it in 1 s" in again
     assert desk.path.enabled
 
 

@@ -158,7 +158,7 @@ def test_what_goes_by_a_sessions_clock_is_said_to_be_left_out(fitted: Any, tmp_p
     desk = Bench(fitted, tmp_path, effects).desk
     values = desk.health(0.0, 1.0).values
     assert values["effects compensated"] == "backlash"
-    left = "joint_zero_drift: found in the session, not compensated, as it goes by that session's"
+    left = "joint_zero_drift: found in the session but not compensated"
     assert str(values["effects left out"]).startswith(left)
     assert left in desk.reload(str(tmp_path / "extended.yaml"))
     plain = Bench(fitted, tmp_path, {}).desk

@@ -155,7 +155,7 @@ def test_outcomes_are_written_whole(tmp_path: Path) -> None:
 def test_a_file_of_another_is_not_written_over(tmp_path: Path, there: str) -> None:
     file = tmp_path / "out.csv"
     file.write_text(there)
-    with pytest.raises(InputError, match="not written over"):
+    with pytest.raises(InputError, match="not overwritten"):
         write_outcomes(file, NAMES, [])
     assert file.read_text() == there
 
@@ -174,12 +174,12 @@ def test_the_mean_is_of_the_readings_after_it_came_to_rest() -> None:
     stop.joints(TOLD + 2e-4 * np.array([0.0, 1.0, 0.0]))
     stop.reading(PLACE)  # on its way: does not count
     assert stop.mean is None
-    assert "joint_2 stands at 0.200200 rad and was told 0.200000" in stop.trouble
+    assert "joint_2 stands at 0.200200 rad but was commanded to 0.200000" in stop.trouble
     stop.joints(TOLD + 5e-5)
     assert stop.trouble == "no tracker readings"
     stop.reading(PLACE + 2e-4 * ALONG)  # still swings
     stop.reading(PLACE + 1e-6 * ALONG)
-    assert stop.trouble == "2 tracker readings, 3 are wanted"
+    assert stop.trouble == "2 tracker readings; 3 are needed"
     stop.reading(PLACE)
     assert stop.mean is None
     assert "tracker readings spread over 0.199" in stop.trouble
@@ -203,7 +203,7 @@ def test_a_tracker_that_says_the_same_as_elsewhere_has_lost_sight() -> None:
     stop.joints(TOLD)
     for _ in range(3):
         stop.reading(PLACE)
-    with pytest.raises(DataError, match="lost sight"):
+    with pytest.raises(DataError, match="lost the reflector"):
         _ = stop.mean
 
 
@@ -219,4 +219,4 @@ def test_a_noisier_tracker_may_spread_more() -> None:
 def test_where_a_sliding_joint_stands_is_said_in_its_unit():
     stop = StopDetector(NAMES, TOLD, 1e-4, 3, ROBOT.tracker, unit="m")
     stop.joints(TOLD + 0.01)
-    assert re.search(r"stands at \S+ m and was told", stop.trouble)
+    assert re.search(r"stands at \S+ m but was commanded to", stop.trouble)

@@ -259,7 +259,7 @@ def test_the_command_writes_figures_and_page(
     html = page.read_text()
     assert "circular deviation G" in html
     assert "dial gauge" in html
-    assert f"{told['first']['deviation_after_um']:.1f} µm then" in html
+    assert f"{told['first']['deviation_after_um']:.1f} µm" in html
 
 
 def test_a_folder_that_is_not_there_is_refused_first(tmp_path: Path) -> None:

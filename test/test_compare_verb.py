@@ -143,7 +143,7 @@ def test_files_of_one_name_are_told_apart(
     written = json.loads((numbers / "report.json").read_text())["verdicts"]
     assert set(written) == {str(verdicts[0]), str(other)}
     assert run(["compare", str(other), str(other)]) == 2
-    assert "named twice" in capsys.readouterr().err
+    assert "given twice" in capsys.readouterr().err
 
 
 def test_one_verdict_makes_a_page(verdicts: list[Path], tmp_path: Path) -> None:

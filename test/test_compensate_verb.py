@@ -90,7 +90,7 @@ def test_payload_and_temperature_are_asked_for_and_taken_part(cell, capsys):
     ):
         assert run(arguments(cell, "all", *given)) == 2
         said = capsys.readouterr().err.strip().splitlines()[-1]
-        assert f"all.yaml: a calibration with effects: {missing}; --payload" in said
+        assert f"effects that need a condition: {missing}; give it by" in said
         assert not (cell / "all.csv").exists()
     cold = commands(cell, "all", "--payload", "0", "--temperature", "arm=20")
     assert "not compensated: joint_zero_drift" in capsys.readouterr().out
@@ -116,14 +116,14 @@ def test_a_temperature_of_a_part_that_there_is_not_is_refused(cell, capsys):
     said = capsys.readouterr().err
     assert "robot srbd has no part 'wing' that grows; there are: arm, base, forearm" in said
     assert run(arguments(cell, "all", *warm, "--temperature", "arm=31")) == 2
-    assert "--temperature arm=31: arm is given before as 30" in capsys.readouterr().err
+    assert "--temperature arm=31: arm was already given as 30" in capsys.readouterr().err
 
 
 def test_a_temperature_that_nothing_goes_by_is_said(cell, capsys):
     assert run(arguments(cell, "all", "--payload", "0", "--temperature", "arm=30")) == 0
     assert "changes nothing" not in capsys.readouterr().err
     assert run(arguments(cell, "plain", "--temperature", "base=30")) == 0
-    said = "no growth of base in the calibration: --temperature base=30 changes nothing"
+    said = "the calibration has no growth of base: --temperature base=30 changes nothing"
     assert said in capsys.readouterr().err
 
 
@@ -146,7 +146,7 @@ def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
     order = [str(cell / "margin.csv") if "targets" in a else a for a in arguments(cell, "plain")]
     assert run(order) == 0
     said = capsys.readouterr().err.splitlines()
-    assert "margin.csv: 12 of 13 points lie in the margin beyond the calibrated region" in said[0]
+    assert "margin.csv: 12 of 13 points are in the margin outside the calibrated region" in said[0]
     with (cell / "plain.csv").open() as file:
         left = [float(row["error_mm"]) for row in csv.DictReader(file)]
     assert said[1] == f"  point 2: 50 % of its correction, {left[1]:.3f} mm left by the model"
@@ -205,7 +205,7 @@ def test_every_target_has_a_row_with_what_became_of_it(cell, capsys):
     assert float(rows[1]["u95_mm"]) > float(rows[0]["u95_mm"])
     assert past_row["u95_mm"] == far["u95_mm"] == ""
     assert said.count("point 3 (past): left nominal: outside the calibrated region") == 1
-    assert said.count("point 4 (far): no command: no pose of the nominal robot") == 1
+    assert said.count("point 4 (far): no command: out of reach of the nominal robot") == 1
     assert "2 of 4 points are not corrected; the calibrated region lies within x " in said
 
 

@@ -17,6 +17,9 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("xmlschema", reason="needs the extra [report]")
 
 from delta_calibration.cli.main import run
+from delta_calibration.errors import InputError
+from delta_calibration.report.about import read_about
+from delta_calibration.report.dcc import _require_stated
 
 DCC, SI = "{https://ptb.de/dcc}", "{https://ptb.de/si}"
 ABOUT = """\
@@ -187,6 +190,18 @@ def test_what_a_dcc_must_say_is_asked_for(cell: Path, capsys: pytest.CaptureFixt
     assert (cell / "certificate.xml").read_bytes() == before
 
 
+def test_a_stated_day_stands_in_the_certificate(cell: Path) -> None:
+    """As people write it in YAML, without quotes; else a table without dates is of 1970."""
+    (cell / "day.yaml").write_text(f"{ABOUT}measured_on: 2026-11-24\n", encoding="utf-8")
+    assert certificate(cell, "day.yaml") in (0, 1)
+    root = ElementTree.parse(cell / "certificate.xml").getroot()
+    days = [root.findtext(f".//{DCC}{end}PerformanceDate") for end in ("begin", "end")]
+    assert days == ["2026-11-24", "2026-11-24"]
+    assert certificate(cell, "about.yaml") == 0
+    with pytest.raises(InputError, match=r"measured_on \(the session has no date\)"):
+        _require_stated(read_about(cell / "about.yaml", {}), 0)
+
+
 def test_a_country_is_two_letters(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (cell / "bad.yaml").write_text(ABOUT.replace("country: DE", "country: Germany"), "utf-8")
     assert certificate(cell, "bad.yaml") != 0
@@ -226,7 +241,7 @@ def test_it_is_checked_by_a_schema_that_is_given(
     assert "no schema of https://ptb.de/dcc" in capsys.readouterr().err
     (folder / "dcc.xsd").write_text(OUTER.replace("FEWEST", "2"), encoding="utf-8")
     assert certificate(cell, "about.yaml", *option) == 0
-    assert "valid by the schema" in capsys.readouterr().out
+    assert "valid according to the schema" in capsys.readouterr().out
     (folder / "dcc.xsd").write_text(OUTER.replace("FEWEST", "3"), encoding="utf-8")
     assert certificate(cell, "about.yaml", *option) != 0
     assert "not as" in capsys.readouterr().err

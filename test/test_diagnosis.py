@@ -214,7 +214,7 @@ def test_too_little_is_said_and_no_crash(hidden) -> None:
     poses = survey(moving, ROBOT.joints.names).poses
     time = (moving.tracker.stamp_ns - poses.start_ns) * 1e-9
     away = np.abs(time[:, None] - poses.time).min(axis=1) > 1.0
-    with pytest.raises(DataError, match="nothing stands still"):
+    with pytest.raises(DataError, match="no pose at rest"):
         verdict(some(moving, away & (np.arange(len(time)) % 7 > 0)))
 
 

@@ -162,7 +162,7 @@ def test_nothing_is_written_where_nothing_is_mended(
     out = tmp_path / "out"
     words = ["check", str(tmp_path / "clean"), "--robot", "linear_delta", "--fix", str(out)]
     assert run(words) == 2
-    assert "there is nothing to mend" in capsys.readouterr().err
+    assert "there is nothing to correct" in capsys.readouterr().err
     assert not out.exists()
 
 

@@ -74,7 +74,7 @@ def test_a_fit_without_bounds_gives_no_calibration(monkeypatch: pytest.MonkeyPat
     robot, seen = measured("linear_delta", "", "identify", 12, 1)
     lost = lambda known, spread: np.full_like(known.information, np.nan)  # noqa: E731
     monkeypatch.setattr(Known, "covariance", lost)
-    with pytest.raises(SingularityError, match="no bounds: is the drawing singular"):
+    with pytest.raises(SingularityError, match="is unbounded: is the nominal robot singular"):
         identify(seen.poses, robot)
 
 

@@ -85,7 +85,7 @@ def test_c_compiles_and_names_what_it_is(files, tmp_path, capsys):
 
 def test_urdf_is_of_the_identified_machine(files, tmp_path, capsys):
     assert run(arguments(files, "srbd", "urdf", tmp_path / "a.urdf")) == 0
-    assert "not in it: backlash, joint_compliance" in capsys.readouterr().err
+    assert "not included: backlash, joint_compliance" in capsys.readouterr().err
     assert (
         run(
             [

@@ -229,9 +229,11 @@ def test_a_map_beside_a_strong_cause_is_one_of_the_tests():
 def test_words_do_not_contradict_each_other(start):
     unknown = UnknownStructure(True, None, "direction", 0.02, {"moran_direction": 1e-12})
     said = _too_small(start.evidence, effect("backlash"), unknown)
-    assert said == "what is left moves with direction as well, and would hide a typical one"
+    assert said == (
+        "the remaining error also varies with direction and would hide an effect of typical size"
+    )
     for other in (replace(unknown, found=False), replace(unknown, moves_with="payload")):
-        assert "under the noise" in _too_small(start.evidence, effect("backlash"), other)
+        assert "below the noise" in _too_small(start.evidence, effect("backlash"), other)
 
 
 # Before, calibrated, extended mean the same everywhere
@@ -276,7 +278,7 @@ def test_an_edge_that_is_systematically_off_is_no_outlier():
         assert said.session.rejected["unlike_the_model"] > 0
         for model in (said.baseline, said.calibrated, said.extended):
             assert model.with_set_aside_rms_mm > 2.0 > model.held_out_rms_mm
-        assert "with the poses set aside" in said.with_set_aside()
+        assert "including the poses set aside" in said.with_set_aside()
     assert edge.unknown_structure.found
     assert edge.unknown_structure.tests["set_aside"] < 1e-5
     assert gross.unknown_structure.tests["set_aside"] > 0.01
@@ -305,4 +307,4 @@ def test_ten_tolerances_off_says_check_the_drawing(clean):
     off[row] = found.parameters.nominal[row] - 12 * found.parameters.prior[row]
     (said,) = doubts(replace(found, theta=off))
     assert "arm_2 by 12" in said
-    assert "check the drawing" in said
+    assert "check the values and units in the robot file" in said

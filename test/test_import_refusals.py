@@ -151,7 +151,7 @@ def test_gaps_and_repeats_may_be_left_out(cell, capsys):
     rows.insert(10, list(rows[9]))
     out = imported(folder, head, rows, mapping_of(missing="skip", repeated="skip"))
     said = capsys.readouterr().out
-    assert f"1 of {len(rows)} rows have gaps: left out" in said
+    assert f"1 of {len(rows)} rows have gaps and were left out" in said
     assert "1 rows repeat the one before" in said
     assert len(read_session(out).tracker.stamp_ns) == len(rows) - 2
 

@@ -157,7 +157,7 @@ def test_columns_shifted_by_one_are_beyond_the_limits(cell, capsys):
     joint = robot.joints.names[-1]
     text = said(capsys, cell, np.roll(table, -1, axis=1))
     assert f"beyond the limits of {joint}" in text
-    assert text.endswith("as in 48 of 48 rows; another column, zero, sign or robot?")
+    assert text.endswith("as in 48 of 48 rows; is it another column, zero, sign or robot?")
 
 
 def test_what_nothing_explains_is_noted(cell, capsys):
@@ -167,7 +167,7 @@ def test_what_nothing_explains_is_noted(cell, capsys):
     late = np.hstack([np.roll(table[:, :m], 1, axis=0), table[:, m:]])
     rows = [[*map(repr, row)] for row in late.tolist()]
     imported(folder, head_of(robot), rows, mapping_of(robot), robot.name)
-    assert "note: as the mapping has the columns, the measured points are" in (
+    assert "note: with the columns of this mapping, the measured points are" in (
         capsys.readouterr().out
     )
 
@@ -176,7 +176,7 @@ def test_too_few_rows_to_judge_by_the_reach_are_noted(cell, capsys):
     folder, robot, table = cell
     rows = [[*map(repr, row)] for row in table[:5].tolist()]
     imported(folder, head_of(robot), rows, mapping_of(robot), robot.name)
-    assert "note: 5 rows at rest: too few to tell the units" in capsys.readouterr().out
+    assert "note: 5 rows at rest: too few to check the units" in capsys.readouterr().out
 
 
 def test_good_tables_of_many_machines_pass(cell):

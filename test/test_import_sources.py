@@ -76,8 +76,8 @@ def test_an_instruments_own_export(cell, plain, tmp_path, capsys, encoding) -> N
     path = write(tmp_path / "export.csv", [*preamble, *german(poses)], encoding)
     found, said = bring(path, mapping_of(**COMMAS), capsys)
     np.testing.assert_allclose(found.tracker.position, plain.tracker.position, atol=1e-14)
-    assert "line 4 has the names of the columns" in said
-    assert ("read as" in said) == (encoding in ("latin-1", "cp1252"))
+    assert "the column names were found in line 4" in said
+    assert ("detected as" in said) == (encoding in ("latin-1", "cp1252"))
 
 
 def test_decimal_commas_are_not_guessed(cell, tmp_path, capsys) -> None:
@@ -115,7 +115,7 @@ def test_a_workbook_is_read(cell, plain, tmp_path, capsys) -> None:
     book.save(path)
     found, said = bring(path, mapping_of(table={"sheet": "Messung"}), capsys)
     same(found, plain)
-    assert "line 3 has the names" in said
+    assert "the column names were found in line 3" in said
     _, said = bring(path, mapping_of(table={"sheet": "Mess"}), capsys, 2)
     assert "no sheet 'Mess'; there are: ['Sheet', 'Messung']" in said
     path.write_bytes(path.read_bytes()[:500])
@@ -213,13 +213,16 @@ def test_rows_without_a_partner_are_left_out_and_told(cell, plain, tmp_path, cap
     robot, _ = two(poses, tmp_path, kept)
     join = {"file": "tracker.csv", "by": "column", "left": "point", "right": "name"}
     found, said = bring(robot, mapping_of(join=join), capsys)
-    assert f"3 of {len(poses)} rows of robot.csv have none in tracker.csv: left out" in said
+    assert (
+        f"3 of {len(poses)} rows of robot.csv have no partner in tracker.csv and were left out"
+        in said
+    )
     np.testing.assert_array_equal(found.tracker.position, plain.tracker.position[3:])
     _, said = bring(robot, mapping_of(join={"file": "tracker.csv", "by": "row"}), capsys, 2)
     assert f"has {len(poses)} rows" in said
     near = {"by": "nearest", "left": "t", "right": "clock", "within": 0.1}
     _, said = bring(robot, mapping_of(join={"file": "tracker.csv", **near}), capsys, 2)
-    assert "rows has one in" in said or "rows of robot.csv have none" in said
+    assert "rows has a partner in" in said or "rows of robot.csv have no partner" in said
 
 
 def test_what_is_wrong_in_the_second_file_is_named_there(cell, tmp_path, capsys) -> None:

@@ -75,7 +75,9 @@ def test_a_demonstration(name: str, cause: str, gain: float, tmp_path: Path, cap
     assert run(["demo", "--robot", str(file), "--out", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
     assert f"hidden: {cause}; found: {cause}" in said
-    assert f"the same again: delta-cal demo --robot '{file}' --seed 7 --method newton\n" in said
+    assert (
+        f"to repeat this run: delta-cal demo --robot '{file}' --seed 7 --method newton\n" in said
+    )
     page = tmp_path / "demo" / "report.html"
     assert not page.exists() or f"open {page} in a browser" in said.splitlines()[-1]
     assert len(set(re.findall(r"\((\d+) moments\)", said.partition("second act")[2]))) == 1

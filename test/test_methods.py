@@ -266,7 +266,7 @@ def test_the_verb_fits_by_a_method(method, tmp_path, capsys):
     arguments = ["fit", str(folder), "--robot", "scara", "--method", method, *budget]
     assert run([*arguments, "--seed", "4", "--out", str(out)]) == 0
     tried = read_document(out, lambda _: {})["provenance"]["evaluations"]
-    assert f"method {method}: {tried} machines tried" in capsys.readouterr().out
+    assert f"method {method}: {tried} evaluations" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -130,7 +130,7 @@ def test_without_a_workspace_poses_are_put_together_as_at_home(name: str) -> Non
 
 def test_joints_that_cannot_move_alone_need_a_workspace() -> None:
     robot = replace(load_robot("cdpr8"), workspace=None)
-    with pytest.raises(InputError, match=r"cdpr8.yaml: poses to choose from are drawn in its"):
+    with pytest.raises(InputError, match=r"cdpr8.yaml: poses are selected in its"):
         candidates(robot, 10, None, np.random.default_rng(1))
 
 

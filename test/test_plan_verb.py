@@ -200,9 +200,9 @@ def test_the_verb_says_what_the_poses_are_worth(tmp_path, capsys):
     assert len(plan) == 28
     assert plan.direction.tolist() == [1, -1] * 14
     said = capsys.readouterr().out
-    assert "14 poses of 2000, each from both sides: log det of the information" in said
+    assert "14 poses of 2000, each approached from both sides: log det of the information" in said
     assert "rank 33 of 69 parameters, O1 " in said
-    assert "poses keep to the joints' limits, the assembly mode of home and a condition of" in said
+    assert "poses stay within the joint limits, in the assembly mode of the home pose" in said
     assert "written: " in said
 
 
@@ -260,7 +260,7 @@ def test_what_no_motion_parts_is_said(tmp_path, capsys):
     code, _ = run_plan(tmp_path, "--separate", "geometry", "tracker_scale", "--count", "5")
     assert code == 0
     said = capsys.readouterr().out
-    assert "not enough to tell them apart: measure a scale bar" in said
+    assert "not enough to distinguish them: measure a scale bar" in said
 
 
 def test_the_plan_shows_a_hidden_backlash_beside_zero_offsets():
@@ -315,7 +315,7 @@ def test_a_plan_adds_to_a_session_or_goes_by_a_calibration(tmp_path, capsys):
         (["--name", "spiral"], "no plan 'spiral'; there are: line, "),
         (["--separate", "rust", "geometry"], "no cause 'rust'; there are: tracker_scale, "),
         (["--separate", "backlash", "play"], "no cause 'play'; there are: "),
-        (["--separate", "backlash", "backlash"], "'backlash' cannot be parted from itself"),
+        (["--separate", "backlash", "backlash"], "'backlash' cannot be distinguished from itself"),
         (["--identify", "--from", "x"], "--from and --calibration are for --separate"),
         (
             ["--separate", "backlash", "geometry", "--from", "x", "--calibration", "y"],

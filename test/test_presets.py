@@ -188,7 +188,7 @@ def test_a_list_that_is_another_programs_is_refused(
 ) -> None:
     q, y = np.zeros((3, 6)), np.zeros((3, 3))
     assert both(tmp_path, ("kuka", joints("abb", q)), ("faro", points("faro", y))) != 0
-    assert "nothing in it is written as the preset says" in capsys.readouterr().err
+    assert "nothing in it has the format of the preset" in capsys.readouterr().err
 
 
 def test_they_are_listed_and_each_has_its_paragraph(capsys: pytest.CaptureFixture[str]) -> None:

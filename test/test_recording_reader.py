@@ -137,7 +137,7 @@ def test_several_files_are_read_in_the_order_listed(tmp_path: Path) -> None:
     assert read.states is not None
     np.testing.assert_array_equal(np.sort(read.states.position[:, 0]), np.arange(60))
     assert "bag_99.mcap: listed in metadata.yaml but missing" in read.notes[0]
-    assert "bag_10.mcap: not listed in metadata.yaml, read all the same" in read.notes[1]
+    assert "bag_10.mcap: not listed in metadata.yaml, but read as well" in read.notes[1]
 
 
 def test_one_empty_file_of_several_costs_only_itself(tmp_path: Path) -> None:
@@ -174,12 +174,12 @@ def test_paths_that_hold_no_recording(tmp_path: Path) -> None:
     (tmp_path / "torn.mcap.zstd").write_bytes(zstandard.compress(bytes(5000))[:4] + b"\xff" * 30)
     for name, why in {
         "nowhere": r"nowhere does not exist",
-        "empty": r"empty holds no recording \(no .mcap or .db3 file\)",
+        "empty": r"empty contains no recording \(no .mcap or .db3 file\)",
         "zero.mcap": r"zero.mcap is empty \(0 bytes\)",
         "text.mcap": r"text.mcap is not an MCAP file$",
-        "table.csv": r"table.csv is not an MCAP file; of a table `delta-cal import` makes",
+        "table.csv": r"table.csv is not an MCAP file; `delta-cal import` converts tables",
         "cal.yaml": r"cal.yaml is not an MCAP file; a session is a folder with .mcap or .db3",
-        "week": r"week holds no recording .*; recordings in it: run_9, run_10$",
+        "week": r"week contains no recording .*; recordings in it: run_9, run_10$",
         "other.db3": r"other.db3 cannot be read: ",
         "tables.db3": r"tables.db3 cannot be read: no such table: topics",
         "torn.mcap.zstd": r"torn.mcap.zstd cannot be read: ",
@@ -244,7 +244,7 @@ def test_another_encoding_is_named(tmp_path: Path) -> None:
 
 def test_a_recording_without_messages_is_said(tmp_path: Path) -> None:
     for read in (read_session, read_messages):
-        with pytest.raises(RecordingError, match=r"f.mcap: the recording holds no messages"):
+        with pytest.raises(RecordingError, match=r"f.mcap: the recording contains no messages"):
             read(foreign_mcap(tmp_path / "f.mcap", []))
 
 
@@ -254,7 +254,8 @@ def test_all_readings_unusable_is_said_with_the_reason(tmp_path: Path) -> None:
     lost = replace(session, tracker=replace(session.tracker, position=np.full((20, 3), np.nan)))
     write_session(tmp_path / "s", lost)
     with pytest.raises(
-        RecordingError, match=r"no tracker readings.*/tracker/point: 20 readings left out that are"
+        RecordingError,
+        match=r"no tracker readings.*/tracker/point: 20 readings that are not finite",
     ):
         read_session(tmp_path / "s")
 

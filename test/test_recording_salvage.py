@@ -92,7 +92,7 @@ def test_a_cut_session_is_its_beginning(foreign: Path, tmp_path: Path) -> None:
     n = len(session.states.stamp_ns)
     assert 20 < n < 299
     np.testing.assert_array_equal(session.states.position[:, 0], np.arange(n))
-    assert "cut.mcap is cut off, its recording was not closed" in session.notes[0]
+    assert "cut.mcap is cut off, because its recording was not closed" in session.notes[0]
     assert "is lost" in session.notes[0]
     assert not inspect_session(cut).complete
 

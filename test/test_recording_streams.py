@@ -53,7 +53,7 @@ def test_states_take_the_order_of_the_command_and_leave_its_extra_joints(tmp_pat
     assert read.states is not None
     assert read.states.names == NAMES
     np.testing.assert_array_equal(read.states.position, np.tile([1.0, 2.0, 3.0], (4, 1)))
-    assert read.notes == ("/joint_states: joints gripper left aside",)
+    assert read.notes == ("/joint_states: joints gripper ignored",)
 
 
 def test_joint_messages_that_lack_something_are_counted(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_zero_stamps_give_way_to_times_of_arrival(tmp_path: Path) -> None:
     assert read.states is not None
     np.testing.assert_array_equal(read.states.stamp_ns, START_NS + np.arange(5))
     assert read.notes == (
-        "/joint_states: all stamps are zero, the times of arrival are used instead",
+        "/joint_states: all stamps are zero; the times of arrival are used instead",
     )
 
 
@@ -171,5 +171,6 @@ def test_undecodable_messages_are_counted(tmp_path: Path) -> None:
     rows = [*both(5), (STATES, JOINT_STATE, START_NS, b"\x00\x01\x00\x00\x01")]
     read = read_session(foreign_mcap(tmp_path / "f.mcap", rows))
     assert read.notes == (
-        "/joint_states: 1 messages are not a sensor_msgs/msg/JointState inside, left out",
+        "/joint_states: 1 messages do not contain a valid sensor_msgs/msg/JointState and were "
+        "left out",
     )

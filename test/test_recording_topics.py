@@ -101,7 +101,7 @@ def test_pose_goes_before_point_and_can_be_turned_round(tmp_path: Path) -> None:
     assert read.tracker is not None
     assert read.tracker.quaternion is not None
     assert read.notes == (
-        "/tracker/pose is used, /tracker/point is not (--topic tracker_pose= turns it round)",
+        "/tracker/pose is used, /tracker/point is not (--topic tracker_pose= reverses this)",
     )
     for topics in (Topics(tracker_pose=""), Topics(tracker_point=POINT)):
         read = read_session(path, topics)

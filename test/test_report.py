@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
@@ -34,9 +35,10 @@ from delta_calibration.report import (
 )
 from delta_calibration.report.browser import plot_of, ticks_of
 from delta_calibration.report.document import Report
-from delta_calibration.report.drawing import Axis, Panel, Points, Rule, Scale
+from delta_calibration.report.drawing import Axis, Figure, Line, Panel, Points, Rule, Scale
 from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line, line_figure, line_table
+from delta_calibration.report.numbers import cell
 from delta_calibration.report.picture import draw
 from delta_calibration.report.session_report import _tests
 from delta_calibration.report.words import estimate
@@ -51,9 +53,9 @@ HEADINGS = (
     "Verdict in detail",
     "Error over the workspace",
     "Along the paper&#39;s line",
-    "What gives the cause away",
+    "What points to the cause",
     "Evidence for each candidate",
-    "Geometry, correlations and what the data cannot set",
+    "Geometry, correlations and what the data do not determine",
     "Noise against the tracker&#39;s specification",
     "Accuracy by ISO 9283",
     "Provenance",
@@ -91,15 +93,15 @@ def test_the_page_says_of_the_tests_what_the_verdict_says() -> None:
     verdict = found().verdict
     unknown = replace(verdict.unknown_structure, found=False)
     quiet = _tests(replace(verdict, unknown_structure=unknown)).caption
-    assert quiet.startswith("Nothing is left that chance would not leave")
+    assert quiet.startswith("The remaining errors are explained by chance")
     there = replace(unknown, found=True, moves_with="direction", rms_mm=0.01)
     loud = _tests(replace(verdict, unknown_structure=there)).caption
-    assert loud.startswith("Structure of no known cause, 0.0100 mm RMS; it moves with direction")
+    assert loud.startswith("Error without a known cause, 0.0100 mm RMS; it varies with direction")
     tests = {"set_aside": 1e-9, "map": 1e-12}
     rows = _tests(replace(verdict, unknown_structure=replace(there, tests=tests))).rows
     assert [row[0] for row in rows] == [
-        "set aside: neighbours miss alike",
-        "a smooth map explains as much",
+        "poses set aside have similar errors",
+        "a smooth map explains the errors",
     ]
 
 
@@ -211,7 +213,7 @@ def test_the_page_says_what_was_found(page: str, report: Report) -> None:
     text = Elements(page).whole()
     verdict = found().verdict
     assert text.index(report.sentence) < text.index("What is wrong") < text.index("What it gains")
-    assert "What cannot be told" in text
+    assert "What cannot be distinguished" in text
     for value in (verdict.noise_mm, verdict.calibrated.held_out_rms_mm):
         assert f"{value:.4f}" in text
     places = [page.index(f"</span>{heading}</h2>") for heading in HEADINGS]
@@ -279,7 +281,7 @@ def test_a_rule_on_a_logarithmic_axis_has_its_name_at_its_value() -> None:
 
 def test_without_the_standards_cycles_it_says_why() -> None:
     page = build_page(found(), ROBOT, PROVENANCE, "P1 was reached 0 times")
-    assert "does not hold the standard&#39;s cycles: P1 was reached 0 times" in page
+    assert "does not contain the cycles of the standard: P1 was reached 0 times" in page
 
 
 def test_a_page_that_cannot_be_written_is_refused(report: Report, tmp_path: Path) -> None:
@@ -308,6 +310,47 @@ def test_numbers_are_in_the_files(report: Report, tmp_path: Path) -> None:
     with (tmp_path / "numbers" / "error_line.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["series"] == "before"]
     np.testing.assert_allclose([float(r["y"]) for r in rows], shown.panels[0].marks[0].y)
+
+
+@pytest.mark.parametrize(
+    ("shown", "written"),
+    [
+        ("−1.000", "-1.000"),
+        ("+0.5", "0.5"),
+        ("23\u202f280", "23280"),
+        ("2.4 × 10⁻¹⁴⁸", "2.4e-148"),
+        ("< 10⁻³⁰⁰", "1e-300"),
+        ("95 %", "0.95"),
+        ("> 99.9 %", "0.999"),
+        ("–", ""),
+        ("gap 2 = −3 ± 1 µrad", "gap 2 = -3 +- 1 urad"),
+        ("0.0642 → 0.0105", "0.0642 → 0.0105"),
+    ],
+)
+def test_a_cell_is_a_plain_number_in_a_file(shown: str, written: str) -> None:
+    assert cell(shown) == written
+
+
+def test_tables_of_numbers_are_read_without_options(report: Report, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas", reason="needs the extra [notebook]")
+    write_numbers(report, tmp_path)
+    evidence = pandas.read_csv(tmp_path / "evidence_table.csv")
+    for name in ("chi square", "ln B", "p", "confidence"):
+        assert pandas.api.types.is_numeric_dtype(evidence[name]), name
+    for file in tmp_path.glob("*.csv"):
+        text = file.read_text(encoding="utf-8")
+        assert not set("−×⁻\u202f") & set(text), file
+        assert "Unnamed" not in " ".join(pandas.read_csv(file).columns)
+
+
+def test_figures_carry_the_robots_own_names() -> None:
+    axis = Axis("angle of joint_2 [°]", names=("backlash at joint 2", "joint zero 1"))
+    line = Line("joint 2", np.zeros(2), np.zeros(2))
+    shown = Figure("f", "t", "c", (Panel("extended: backlash at joint 2", axis, axis, (line,)),))
+    panel = shown.renamed(lambda text: re.sub(r"joint[_ ]2", "axis_2", text)).panels[0]
+    assert panel.title == "extended: backlash at axis_2"
+    assert panel.y.names == ("backlash at axis_2", "joint zero 1")
+    assert (panel.x.title, panel.marks[0].name) == ("angle of axis_2 [°]", "axis_2")
 
 
 def test_figures_as_pictures(report: Report, tmp_path: Path) -> None:

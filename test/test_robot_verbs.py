@@ -56,7 +56,12 @@ SLIPS = [
     ("srbd", ("tolerances", "rod_mm"), 60.0, "tolerances.rod_mm: 60 mm"),
     ("srbd", ("tracker", "radial_um"), 3000.0, "tracker.radial_um: 3000 um"),
     ("srbd", ("limits", "correction_deg"), 0.01, "corrections up to 0.01 degrees"),
-    ("srbd", ("limits", "condition"), 3.0, "its workspace cannot be measured in: only 0 of"),
+    (
+        "srbd",
+        ("limits", "condition"),
+        3.0,
+        "its workspace cannot be used for measuring: only 0 of",
+    ),
     ("scara", ("geometry", "home_deg"), [np.pi / 3, np.pi / 6], "geometry.home_deg[0]: 1.0472"),
     ("five_axis", ("geometry", "hinged", "platform_z_mm"), 0.078, "hinged.platform_z_mm: 0.078"),
 ]
@@ -221,7 +226,7 @@ def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
     robot = load_robot(out)
     assert (robot.name, robot.dimensions.base_radius, robot.dimensions.arm) == ("mine", 0.21, 0.33)
     assert robot.dimensions.rod == load_robot("srbd").dimensions.rod
-    assert "# L: upper arm, motor axis to elbow" in out.read_text(encoding="utf-8")
+    assert "# L: length of the upper arm, motor axis to elbow" in out.read_text(encoding="utf-8")
     assert isinstance(run("new", "--like", "srbd", "--out", out).exception, InputError)
 
 
@@ -233,7 +238,7 @@ def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
         "joints.sign": ["1, 0.5, 1", "1, -1, 1"],
         "joints.zero_deg": ["0, 5, 0"],
         "joints.passed_through": ["turn"],
-        "joints.lower_deg": ["-35, -90, -35"],
+        "joints.lower_deg": ["-35, -90", "-35, -90, -35"],
         "joints.upper_deg": ["100, 40, 100"],
     }
     typed = "mine\n"
@@ -245,11 +250,25 @@ def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "joints.sign: 1, 0.5, 1 is not allowed; a list of: 1 or -1" in done.output
     assert "geometry.azimuths_deg: 0, 120 is not allowed; 3 of: a number" in done.output
+    assert "joints.lower_deg: 2 values; give one for each of joint_1, joint_2" in done.output
     robot = load_robot(out)
     np.testing.assert_array_equal(robot.joints.sign, [1, -1, 1])
     np.testing.assert_allclose(robot.joints.zero, np.radians([0, 5, 0]))
     np.testing.assert_allclose(robot.dimensions.azimuths, np.radians([10, 250, 130]))
     assert robot.joints.passed_through == ("turn",)
+
+
+def test_one_limit_stands_for_all_joints_and_an_interrupted_file_is_kept(tmp_path: Path) -> None:
+    """The answers end after the first limit; what was typed until then is in the file."""
+    out = tmp_path / "mine.yaml"
+    names = [e.name for e in entries("rotary_delta")]
+    asked = names[: names.index("joints.lower_deg")]
+    typed = "mine\n210\n" + "\n" * (len(asked) - 1) + "-20\n"
+    done = run("new", "--like", "srbd", "--out", out, typed=typed)
+    assert f"the answers so far are in {out}" in done.output
+    robot = load_robot(out)
+    assert robot.dimensions.base_radius == 0.21
+    np.testing.assert_allclose(robot.joints.lower, np.radians([-20, -20, -20]))
 
 
 @pytest.mark.parametrize(
@@ -261,7 +280,10 @@ def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
         ),
         (("new", "--like", "srbd", "--yes", "--out", "/proc/r.yaml"), "/proc/r.yaml: cannot be"),
         (("reference", "--out", "/proc/r.md"), "/proc/r.md: cannot be"),
-        (("draw", "srbd", "--out", "r.svg", "--dimensions", "/proc/d"), "/proc/d: cannot be made"),
+        (
+            ("draw", "srbd", "--out", "r.svg", "--dimensions", "/proc/d"),
+            "/proc/d: cannot be created",
+        ),
     ],
 )
 def test_what_cannot_be_written_is_refused_in_words(

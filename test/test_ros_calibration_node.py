@@ -327,7 +327,9 @@ def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
     effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": ({}, 1e-3)}
     cell = Cell(bench, calibration=extended(desk, tmp_path, effects), ramp_s=0.0)
     assert cell.value("effects compensated") == "backlash"
-    assert cell.value("effects left out").startswith("joint_zero_drift: found in the session, not")
+    assert cell.value("effects left out").startswith(
+        "joint_zero_drift: found in the session but not"
+    )
     inward = -np.sign(Q) * 0.02  # stays within the region
     yes, _ = cell.call("enable", True)
     assert yes
@@ -400,7 +402,7 @@ def test_a_timeout_lets_nothing_pass_whose_age_is_not_known_or_cannot_be(bench: 
     """Simulated time without a `/clock`, and a stamp far ahead, let every command through."""
     cell = Cell(bench, command_timeout_s=0.5, use_sim_time=True)
     assert cell.give(Q) is None
-    assert cell.diagnosed("use_sim_time without a /clock")
+    assert cell.diagnosed("use_sim_time is set and there is no /clock")
     cell.node.set_parameters([Parameter("use_sim_time", value=False)])
     now_ns = time.time_ns()
     assert cell.give(Q, now_ns + 1000 * 10**9) is None

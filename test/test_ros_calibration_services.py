@@ -105,7 +105,7 @@ def test_a_stale_table_is_refused_and_diagnostics_say_so(
     cell = Cell(bench, start=False, method="table", **named)
     cell.node.trigger_configure()
     assert cell.node.state == "unconfigured"
-    assert cell.diagnosed(f"{table}: the table is stale", DiagnosticStatus.ERROR)
+    assert cell.diagnosed(f"{table}: the table is outdated", DiagnosticStatus.ERROR)
     cell.node.set_parameters([Parameter("calibration", value=str(file))])
     cell.node.trigger_configure()
     cell.node.trigger_activate()
@@ -114,8 +114,8 @@ def test_a_stale_table_is_refused_and_diagnostics_say_so(
     cell.node.set_parameters([Parameter("calibration", value=str(other))])
     yes, said = cell.call("reload")
     assert not yes
-    assert "the table is stale" in said
-    assert cell.diagnosed(f"reload: {table}: the table is stale")
+    assert "the table is outdated" in said
+    assert cell.diagnosed(f"reload: {table}: the table is outdated")
     assert cell.call("enable", True)[0]  # the one in force stays
 
 

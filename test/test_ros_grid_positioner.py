@@ -51,7 +51,7 @@ def test_points_are_driven_right_and_it_ends(launch: Launch, points: Path, tmp_p
         rate=100.0,
     )
     assert node.end(50.0) == 0, node.output
-    assert "tracker frame by 5 stops" in node.output
+    assert "tracker frame from 5 stops" in node.output
     assert "point 1: " in node.output
     assert cell.process.poll() is None
 

@@ -211,9 +211,15 @@ def gone(bench: Bench, node: Managed) -> None:
 @pytest.mark.parametrize(
     ("ends", "said"),
     [
-        (lambda _, node: node.trigger_deactivate(), "/calibration_node is inactive: it sends"),
-        (lambda _, node: node.trigger_shutdown(), "any more, and was active"),
-        (gone, "/calibration_node does not listen to /joint_command any more, and was active"),
+        (
+            lambda _, node: node.trigger_deactivate(),
+            "/calibration_node is inactive and forwards nothing",
+        ),
+        (
+            lambda _, node: node.trigger_shutdown(),
+            "no longer listens to /joint_command, and was active",
+        ),
+        (gone, "/calibration_node no longer listens to /joint_command, and was active"),
         (lambda bench, node: bench.executor.remove_node(node), "has not said for 3 s whether"),
     ],
     ids=["inactive", "finalized", "gone", "hangs"],
@@ -244,7 +250,7 @@ def test_it_waits_for_the_node_to_be_active(
 ) -> None:
     listener = Listener(bench)
     node = launch(NODE, plan=points, dwell=0.0, rate=RATE)
-    waits = "waiting: /calibration_node is inactive: it sends nothing on; activate it"
+    waits = "waiting: /calibration_node is inactive and forwards nothing; activate it"
     assert bench.until(lambda: any(s.message == waits for s in listener.said))
     assert managed.heard == []
     managed.trigger_activate()

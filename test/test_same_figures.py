@@ -109,8 +109,8 @@ def test_a_name_and_what_it_leaves_are_in_one_sentence():
     named, both = verdict.sentence(), replace(verdict, unknown_structure=left).sentence()
     label = verdict.findings[0].label()
     assert named.startswith(label.capitalize()[:1] + label[1:])
-    assert both.startswith(f"Beside {label} something that no known cause explains is left; ")
-    assert "it moves with joint angle:" in both
+    assert both.startswith(f"Beside {label} an error remains that no known cause explains; ")
+    assert "it varies with joint angle:" in both
     assert both.partition(":")[2] == named.partition(":")[2]
 
 
@@ -177,7 +177,7 @@ def test_a_fit_leaves_the_same_on_console_node_file_and_comparison(tmp_path, cap
     assert re.search(rf"^before: nominal \+ frame +\S+ +{before} ", printed, re.MULTILINE)
     sentence = fitted(name).sentence()
     assert f"error left {before} mm before, {left} mm calibrated" in sentence
-    noise = f"noise of a pose {mm(1e3 * found.noise.floor)} mm"
+    noise = f"noise of a pose: {mm(1e3 * found.noise.floor)} mm"
     assert noise in printed
     assert noise in sentence
     data = yaml.safe_load(file.read_text())
@@ -268,7 +268,7 @@ def test_a_model_that_lacks_something_is_to_be_diagnosed(tmp_path):
     said = f"{found.full.held_out / found.noise.floor:.1f} times the noise of a pose"
     for where in (doubt(found), describe_fit(found, False), fitted("srbd_backlash").sentence()):
         assert said in where
-        assert "diagnose it" in where
+        assert "run a diagnosis" in where
     assert by_node("srbd_backlash").found.effort.method == DIAGNOSIS
     assert doubt(by_node("srbd_backlash").found) == ""
 
@@ -276,11 +276,11 @@ def test_a_model_that_lacks_something_is_to_be_diagnosed(tmp_path):
 def test_a_swarm_that_has_not_come_to_rest_is_not_the_model_s_fault():
     found = fitted("srbd_backlash").found
     by_swarm = replace(found, effort=replace(found.effort, method="pso"))
-    assert "search by pso has not come to rest" in doubt(by_swarm)
-    assert "least_squares leaves is as much" in doubt(by_swarm)
-    assert "drawing" not in doubt(by_swarm)
+    assert "search by pso has not converged" in doubt(by_swarm)
+    assert "least_squares leaves as much" in doubt(by_swarm)
+    assert "nominal robot" not in doubt(by_swarm)
     worse = replace(found.full, held_out=2.0 * found.frame_only.held_out)
-    assert "more than that of the drawing" in doubt(replace(by_swarm, full=worse))
+    assert "larger than that of the nominal robot" in doubt(replace(by_swarm, full=worse))
 
 
 def test_a_standard_error_has_a_digit():

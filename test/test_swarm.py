@@ -147,7 +147,7 @@ def test_places_out_of_reach_are_never_remembered():
 
     found = minimise(half, UNIT, SwarmSettings(), rng())
     np.testing.assert_allclose(found.best, [0.0, -0.5, -0.5], atol=1e-3)
-    with pytest.raises(DataError, match="no particle of the swarm came where the machine can"):
+    with pytest.raises(DataError, match="no particle of the swarm reached parameters with which"):
         minimise(lambda x: np.full(len(x), np.nan), UNIT, SwarmSettings(5, 5), rng())
 
 

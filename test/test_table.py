@@ -197,9 +197,9 @@ def test_nodes_beyond_the_region_may_be_without_an_answer() -> None:
     assert table.nodes == 15  # makeshift values do no harm that more would mend
     np.testing.assert_allclose(table.at(q), 5e-3 + 1e-4 * np.sin(q[:, [0, 0, 0]]), atol=3e-6)
     nothing = replace(task, solver=toy(np.sin, task.asked, lambda q: q[:, 0] > 9).solver)
-    with pytest.raises(DataError, match="newton has no answer at any of its nodes"):
+    with pytest.raises(DataError, match="newton finds no correction at any of its nodes"):
         build(nothing, TableSettings())
-    with pytest.raises(DataError, match="the region holds no command"):
+    with pytest.raises(DataError, match="the region has no command"):
         build(replace(task, asked=np.empty((0, 3))), TableSettings())
 
 
@@ -322,16 +322,24 @@ def test_a_table_that_is_wrong_corrects_nothing(small: JointCompensator) -> None
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"seal": "a" * 64}, "made for calibration 000000000000, in force is aaaaaaaaaaaa"),
-        ({"robot": replace(ROBOT, hash="b" * 64)}, "made for robot .*, in force is bbbbbbbbbbbb"),
+        (
+            {"seal": "a" * 64},
+            "made for calibration 000000000000, but the current one is aaaaaaaaaaaa",
+        ),
+        (
+            {"robot": replace(ROBOT, hash="b" * 64)},
+            "made for robot .*, but the current one is bbbbbbbbbbbb",
+        ),
         (
             {"robot": replace(ROBOT, tool_offset=np.array([0.0, 0.0, -0.1]))},
-            r"made for tool \[m\] \(0.0, 0.0, 0.0\), in force is \(0.0, 0.0, -0.1\)",
+            r"made for tool \[m\] \(0.0, 0.0, 0.0\), but the current one is \(0.0, 0.0, -0.1\)",
         ),
     ],
 )
 def test_a_table_for_something_else_is_refused(small, change, said) -> None:
-    with pytest.raises(InputError, match=f"the table is stale: {said}; make it anew"):
+    with pytest.raises(
+        InputError, match=f"the table is outdated: it was {said}; compute it again"
+    ):
         JointCompensator(replace(small.calibration, **change), "table", table=small.table)
 
 
@@ -339,7 +347,9 @@ def test_a_table_of_another_model_is_refused(small: JointCompensator) -> None:
     chain = Chain(ROBOT.model("rotary_delta"), np.zeros(3), 0.05)
     theta = chain.join(chain.mechanism.parameters.nominal, np.zeros(3), Frame.identity())
     other = replace(small.calibration, chain=chain, theta=theta)
-    with pytest.raises(InputError, match="made for model six_rod_delta, in force is rotary_delta"):
+    with pytest.raises(
+        InputError, match="made for model six_rod_delta, but the current one is rotary_delta"
+    ):
         JointCompensator(other, "table", table=small.table)
 
 
@@ -438,7 +448,7 @@ def test_dimensions_that_change_are_followed_exactly_and_it_is_said(cause: str) 
     q = drawing_joints(places(8, 0.2, -0.75, -0.7, 1))
     compensator = JointCompensator(made, "table")
     assert compensator.table is None
-    assert compensator.way == f"newton (no table: the dimensions change with {cause})"
+    assert compensator.way == f"newton (no table, because the dimensions change with {cause})"
     at = conditions(q, 1)
     done = compensator.compensate(q, at)
     exact = JointCompensator(made, "newton").compensate(q, at)

@@ -113,16 +113,19 @@ def test_a_rewritten_file_is_no_different(file: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"seal": "d" * 64}, "made for calibration cccccccccccc, in force is dddddddddddd"),
-        ({"robot": replace(ROBOT, hash="e" * 64)}, "in force is eeeeeeeeeeee"),
+        (
+            {"seal": "d" * 64},
+            "made for calibration cccccccccccc, but the current one is dddddddddddd",
+        ),
+        ({"robot": replace(ROBOT, hash="e" * 64)}, "the current one is eeeeeeeeeeee"),
         ({"robot": replace(ROBOT, tool_offset=np.array([0, 0, -0.1]))}, "made for tool [m] "),
     ],
 )
 def test_a_stale_table_is_refused(file: Path, change: dict, said: str) -> None:
     found = refused(file, replace(MADE, **change))
-    assert "the table is stale: " in found
+    assert "the table is outdated: " in found
     assert said in found
-    assert found.endswith("make it anew")
+    assert found.endswith("compute it again")
 
 
 def test_a_file_that_is_cut_anywhere_is_refused(file: Path) -> None:
@@ -153,10 +156,10 @@ def test_corrections_that_are_not_the_headers_are_refused(file: Path) -> None:
         header, values = archive["header"], archive["corrections"].copy()
     values[2, 3, 4, 1] += 1e-9
     np.savez(file, header=header, corrections=values)
-    assert "changed or cut after it was written" in refused(file)
+    assert "changed or cut off after it was written" in refused(file)
     other = np.array(str(header).replace("0.9", "0.8"))
     np.savez(file, header=other, corrections=TABLE.corrections)
-    assert "changed or cut after it was written" in refused(file)
+    assert "changed or cut off after it was written" in refused(file)
 
 
 @pytest.mark.parametrize(
@@ -190,7 +193,7 @@ def test_corrections_of_another_form_are_refused(
         (lambda h: h["axes"].update(nodes=7), "by the header it has to be (7, 7, 7, 3)"),
         (lambda h: h["error"].update(bound_m=1e-3), "error.bound_m: 0.001 is not allowed"),
         (lambda h: h["error"].update(worst_m=float("inf")), "worst_m: inf is not a finite"),
-        (lambda h: h["made_for"].update(robot_sha256="f" * 64), "the table is stale"),
+        (lambda h: h["made_for"].update(robot_sha256="f" * 64), "the table is outdated"),
     ],
 )
 def test_headers_that_are_none_are_refused(

@@ -17,7 +17,7 @@ from delta_calibration.documents import parse_yaml
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import draw_machine, effect_options, simulate_session
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def test_ten_rows_and_reasons_are_shown_and_the_mapping_is_written(
     assert guess(file, "srbd", "--mapping-out", str(tmp_path / "mapping.yaml")) == 0
     said = capsys.readouterr().out
     assert "joints: columns Achse1 [°], Achse2 [°], Achse3 [°], by their names" in said
-    assert "the drawing comes to lie on the points" in said
+    assert "the nominal robot matches the points" in said
     shown = [line for line in said.splitlines() if re.match(r"-?\d", line)]
     assert len(shown) == 10
     mapping = parse_yaml((tmp_path / "mapping.yaml").read_text(encoding="utf-8"), "mapping")
@@ -183,7 +183,7 @@ def test_what_is_in_doubt_is_not_written(
     out = tmp_path / "session"
     assert guess(file, "srbd", "--out", str(out)) != 0
     both = capsys.readouterr()
-    assert "in doubt: with no columns and units" in both.out
+    assert "in doubt: with no choice of columns and units" in both.out
     assert "--mapping-out" in both.err
     assert not out.exists()
 
@@ -220,3 +220,83 @@ def test_a_file_that_is_no_table_is_refused(
     file.write_text(text, encoding="utf-8")
     assert guess(file, "srbd") != 0
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("side", [True, False])
+def test_sides_that_are_not_in_a_table_are_asked_for(
+    side: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A play: stops of one command differ by the side, which a column says, or a warning asks."""
+    robot = load_robot("srbd")
+    plan = make_plan("identify", robot, count=50, seed=3)
+    play = effect_options("backlash:location=joint_2,value=0.0008")
+    session = simulate_session(draw_machine(robot, 3, hidden=[play]), plan, 3)
+    poses = collect(session, robot.joints.names, robot.commanded.joint_size)
+    head = "q1,q2,q3,x,y,z" + ",side" * side
+    rows = [
+        numbers(deg_mm(q, y)) + f",{d[0]:.0f}" * side
+        for q, y, d in zip(poses.command, poses.point, poses.direction, strict=True)
+    ]
+    file, out = tmp_path / "table.csv", tmp_path / "session"
+    file.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    assert guess(file, "srbd", "--out", str(out)) == 0
+    assert run(["fit", str(out), "--robot", "srbd"]) == 0
+    said = capsys.readouterr().out
+    assert ("from which side each stop was approached" in said) != side
+    if side:
+        found = collect(read_session(out), robot.joints.names)
+        np.testing.assert_array_equal(found.direction, poses.direction)
+
+
+# --- two files
+
+
+def half(cells: np.ndarray, keys: list[str], head: str, order: np.ndarray) -> str:
+    """A table of a name or time and numbers, with semicolons and decimal commas."""
+    rows = [f"{keys[k]};" + numbers(cells[k], ",", ";") + "\n" for k in order]
+    return head + "".join(rows)
+
+
+@pytest.mark.parametrize("by", ["name", "row", "nearest"])
+def test_joints_and_points_in_two_files_are_put_together(
+    by: str, tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
+) -> None:
+    """A robot's log and a tracker's export that is in another order or on another clock."""
+    q, y = measured["srbd"]
+    n = len(q)
+    order = np.arange(n) if by == "row" else np.random.default_rng(2).permutation(n)[3:]
+    names = [f"P{k:03d}" for k in range(n)]
+    late = [f"{10 * k + 0.02:.2f}".replace(".", ",") for k in range(n)]
+    own, other, first, second = {
+        "name": (names, names, "Punkt", "Name"),
+        "row": (names, [f"S{k}" for k in range(n)], "Punkt", "Name"),
+        "nearest": ([f"{10 * k}" for k in range(n)], late, "Time [s]", "Time [s]"),
+    }[by]
+    log, points = tmp_path / "log.csv", tmp_path / "points.csv"
+    head = f"Halle 2\n\n{first};A1 [°];A2 [°];A3 [°]\n"
+    joints = half(np.degrees(q), own, head, np.arange(n))
+    log.write_bytes(joints.encode("latin-1"))
+    points.write_text(half(1e3 * y, other, f"{second};X [mm];Y [mm];Z [mm]\n", order), "utf-8")
+    out, chosen = tmp_path / "session", [] if by == "name" else ["--by", by]
+    assert guess(log, "srbd", "--join", str(points), *chosen, "--out", str(out)) == 0
+    found = collect(read_session(out), ("joint_1", "joint_2", "joint_3"))
+    kept = np.sort(order)
+    np.testing.assert_allclose(found.command, q[kept], atol=1e-6)
+    np.testing.assert_allclose(found.point, y[kept], atol=1e-6)
+
+
+def test_two_files_that_do_not_go_together_are_refused(
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Other names and fewer rows; a log alone is told of the second file."""
+    q, y = measured["srbd"]
+    log, points = tmp_path / "log.csv", tmp_path / "points.csv"
+    names = [f"P{k}" for k in range(len(q))]
+    log.write_text(half(np.degrees(q), names, "no;A1;A2;A3\n", np.arange(len(q))), "utf-8")
+    points.write_text(half(1e3 * y, ["S" + n for n in names], "id;X;Y;Z\n", np.arange(9)), "utf-8")
+    assert guess(log, "srbd", "--join", str(points)) == 2
+    assert "rows do not go together by name, row or time" in capsys.readouterr().err
+    assert guess(log, "srbd") == 2
+    assert "--join FILE" in capsys.readouterr().err

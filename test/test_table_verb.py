@@ -99,7 +99,7 @@ def test_a_table_is_written_then_loaded_and_refused_when_stale(cell, capsys):
     for name in ("other", "play"):
         assert compensate(cell, name, "table", *asked) == 2
         said = capsys.readouterr().err.strip().splitlines()[-1]
-        assert f"{file}: the table is stale: made for calibration " in said
+        assert f"{file}: the table is outdated: it was made for calibration " in said
     for more, reason in (
         (("--table-bound-um", "0.2"), "its bound is 0.3 um, not 0.2"),
         (("--table-by", "apso"), "made by newton, not by apso"),
@@ -117,7 +117,7 @@ def test_where_dimensions_change_the_exact_way_is_taken_and_said(cell, capsys):
     warm = ("--temperature", "arm=31")
     assert compensate(cell, "grown", "table", "--table", str(file), *warm) == 0
     said = capsys.readouterr().out
-    assert "by newton (no table: the dimensions change with thermal_growth_arm)" in said
+    assert "by newton (no table, because the dimensions change with thermal_growth_arm)" in said
     assert not file.exists()
     assert "(30 of 30 commands corrected by newton, " in said
     assert compensate(cell, "grown", "newton", *warm) == 0

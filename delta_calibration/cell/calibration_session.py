@@ -208,7 +208,8 @@ class CalibrationSession:
             return ""
         causes = ", ".join(self.calibration.left_out)
         return (
-            f"{causes}: found in the session, not compensated, as it goes by that session's clock"
+            f"{causes}: found in the session but not compensated, because it depends on the time "
+            "within that session"
         )
 
     @property
@@ -226,7 +227,7 @@ class CalibrationSession:
         before, self._mistake = self.capture.held, ""
         self.capture.start()
         self._capture_since_s = now_s
-        return f"capturing; {before} messages from before were let go" if before else "capturing"
+        return f"capturing; {before} earlier messages were discarded" if before else "capturing"
 
     def stop_capture(self) -> str:
         """Keep no more; what is there can be fitted."""
@@ -289,7 +290,7 @@ class CalibrationSession:
         if self._mistake:
             raise MistakeError(f"nothing to save: {self._mistake}")
         if fitted is None:
-            raise DataError("nothing was fitted since the node was configured; nothing to save")
+            raise DataError("nothing to save: nothing was fitted since the node was configured")
         if not path:
             raise InputError("parameter output: is empty; it names the calibration file to write")
         file = Path(path).expanduser()
@@ -322,7 +323,7 @@ class CalibrationSession:
             try:
                 calibration = load_calibration(Path(path).expanduser(), self.robot)
             except ContentError as error:  # who asks need not see what is in it
-                message = f"{path}: is no calibration file of this package; the log says why"
+                message = f"{path}: is not a calibration file of this package; the log says why"
                 raise RefusedFileError(message, str(error)) from error
             read = load_table(Path(table).expanduser(), calibration) if table else None
             return calibration, self._compensator(calibration, read)
@@ -338,7 +339,7 @@ class CalibrationSession:
         """Switch compensation."""
         self.path.enable(on)
         ramp = f"over {self.path.ramp_s:g} s"
-        return f"compensation comes on {ramp}" if on else f"compensation goes off {ramp}"
+        return f"compensation fades in {ramp}" if on else f"compensation fades out {ramp}"
 
     def captured(self, now_s: float) -> tuple[str, dict[str, object]]:
         """How far a capture has come: a sentence, and figures."""
@@ -420,5 +421,5 @@ class CalibrationSession:
 
     def _loaded(self) -> str:
         if self.path.enabled:
-            return f"loaded; compensation is on and goes over to it in {self.path.ramp_s:g} s"
+            return f"loaded; compensation is on and changes over to it in {self.path.ramp_s:g} s"
         return "loaded, not enabled"

@@ -33,20 +33,23 @@ BEYOND_LIMITS = (REFUSE, CLAMP)
 
 PASSED = "passed through"
 ALREADY = "already compensated, passed unchanged"
-ECHO = "what was sent, unmarked, commanded again: passed unchanged"
-BLENDED = "correction blended out towards the edge of the region"
-LIMITED = "correction held to its rate"
-LIMIT = "correction held at a joint's limit"
-BEYOND = "commanded beyond a joint's limit: refused"
-CLAMPED = "commanded beyond a joint's limit: brought to it"
+ECHO = "an output was commanded again without its mark: passed unchanged"
+BLENDED = "correction faded out towards the edge of the region"
+LIMITED = "correction limited by its rate"
+LIMIT = "correction limited by a joint limit"
+BEYOND = "commanded beyond a joint limit: refused"
+CLAMPED = "commanded beyond a joint limit: set to the limit"
 STALE = "older than the timeout"
-AHEAD = "stamped farther ahead of the node's clock than the timeout"
-AGELESS = "its age is not known: use_sim_time without a /clock"
+AHEAD = "stamped ahead of the node's clock by more than the timeout"
+AGELESS = "age unknown: use_sim_time is set and there is no /clock"
 REFUSED = "refused: malformed"
 HELD = "held: the last good command was sent instead"
 DROPPED = "dropped: nothing was sent"
 BACKWARD = "time went backwards"
-WAITING = "waiting for joint_states: deactivated in a hold, and not known where the drives stand"
+WAITING = (
+    "waiting for joint_states: deactivated during a hold, so the position of the drives "
+    "is not known"
+)
 
 STATES_S = 0.5  # [s] age beyond which joint_states no longer say where the drives stand
 
@@ -213,7 +216,7 @@ class CommandPath:
             DataError: nothing loaded to compensate by.
         """
         if on and self.compensator is None:
-            raise DataError("there is no calibration to compensate by: fit or load one first")
+            raise DataError("there is no calibration for compensation: fit or load one first")
         self.enabled = on
 
     def stand(self, measured: Array, now_s: float, carried: Array = _NOTHING) -> None:

@@ -68,7 +68,7 @@ class FittedCalibration:
     def sentence(self) -> str:
         """The result in a line: rank, the error left and the noise beside it."""
         found, seen = self.found, self.found.observability
-        noise = f"noise of a pose {mm(1e3 * found.noise.floor)} mm"
+        noise = f"noise of a pose: {mm(1e3 * found.noise.floor)} mm"
         warning = "".join(f"; warning: {text}" for text in self.doubts)
         if self.diagnosis is not None:
             told = self.diagnosis.verdict.sentence().removesuffix(".")

@@ -66,10 +66,10 @@ class TrackerFrame:
     def __str__(self) -> str:
         """What it costs not to know the frame."""
         return (
-            f"tracker frame by {self.stops} stops of the robot itself, which are "
-            f"{self.rest * 1e3:.3f} mm (RMS) off in it; other stops would lay it about "
-            f"{self.std * 1e3:.3f} mm elsewhere. Points are driven right in this frame: an error "
-            "that moves the whole robot against its base is not seen in it"
+            f"tracker frame from {self.stops} stops of the robot itself, which deviate from it "
+            f"by {self.rest * 1e3:.3f} mm (RMS); other stops would shift it by about "
+            f"{self.std * 1e3:.3f} mm. Points are corrected in this frame; an error that moves "
+            "the whole robot relative to its base is not visible in it"
         )
 
 
@@ -156,7 +156,7 @@ class Positioning:
             InputError: it is done, or was broken off by an error.
         """
         if self._next is None:
-            raise InputError(f"nothing left to drive to: {len(self.outcomes)} targets are done")
+            raise InputError(f"no targets left: {len(self.outcomes)} are done")
         return self._next
 
     @property
@@ -268,7 +268,7 @@ class Positioning:
         if isinstance(self._given, Calibration):
             return self._given.frame
         if self.frame is None:
-            raise InputError("the tracker's frame is not laid yet")
+            raise InputError("the tracker's frame is not known yet")
         return self.frame.frame
 
 
@@ -294,7 +294,9 @@ def require_outcomes(path: Path, names: Sequence[str]) -> None:
         return
     first = read_bounded(path).split(b"\n", 1)[0].strip()
     if first != ",".join(_head(names)).encode():
-        raise InputError(f"{path}: is there, and no table of these joints: not written over")
+        raise InputError(
+            f"{path}: exists and is not a table of these joints: it is not overwritten"
+        )
 
 
 def _head(names: Sequence[str]) -> list[str]:

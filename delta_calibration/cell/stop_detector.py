@@ -77,7 +77,8 @@ class StopDetector:
         mean = np.mean(self._run, axis=0)
         if self._last is not None and np.array_equal(mean, self._last):
             raise DataError(
-                "the tracker says exactly what it said at the stop before: it has lost sight"
+                "the tracker repeats the reading of the previous stop exactly: it has lost the "
+                "reflector"
             )
         return np.asarray(mean)
 
@@ -89,14 +90,14 @@ class StopDetector:
         if not self._there:
             k = int(np.argmax(np.abs(self._joint - self._told)))
             return (
-                f"{self._names[k]} stands at {self._joint[k]:.6f} {self._unit} and was told "
-                f"{self._told[k]:.6f}; allowed: {self._within:.2g} beside it. Compensation has to "
-                "be off"
+                f"{self._names[k]} stands at {self._joint[k]:.6f} {self._unit} but was commanded "
+                f"to {self._told[k]:.6f}; allowed: {self._within:.2g} beside it. Switch "
+                "compensation off"
             )
         if not self._heard:
             return "no tracker readings"
         if len(self._run) < (self._run.maxlen or 0):
-            return f"{len(self._run)} tracker readings, {self._run.maxlen} are wanted"
+            return f"{len(self._run)} tracker readings; {self._run.maxlen} are needed"
         return (
             f"tracker readings spread over {self._spread * 1e3:.4f} mm; "
             f"a machine at rest has {self._limit * 1e3:.4f} at most"

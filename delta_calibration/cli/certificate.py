@@ -44,7 +44,7 @@ PATH = click.Path(path_type=Path)
 _KINDS = (".html", ".pdf", ".json", ".xml")
 
 
-@click.command("certificate", short_help="a certificate of a calibration, to sign (HTML, PDF)")
+@click.command("certificate", short_help="a calibration certificate to sign (PDF, HTML, DCC)")
 @SESSION
 @robot_option
 @click.option(
@@ -53,25 +53,26 @@ _KINDS = (".html", ".pdf", ".json", ".xml")
     type=PATH,
     multiple=True,
     required=True,
-    help="File to write, by its ending: .html, .pdf, .json or .xml (a Digital Calibration "
-    "Certificate). As often as needed; the JSON is written beside the others in any case.",
+    help="File to write; its ending selects the format: .html, .pdf, .json or .xml (a Digital "
+    "Calibration Certificate). May be repeated; the JSON is always written beside the "
+    "others.",
 )
 @click.option(
     "--dcc-schema",
     type=PATH,
     default=None,
     metavar="FOLDER",
-    help="PTB's schema (dcc.xsd and what it imports), to check the .xml by.",
+    help="Folder with PTB's schema (dcc.xsd and the files it imports) for validating the .xml.",
 )
 @calibration_option(
-    "Calibration to certify by this session; fitted to the session where not given."
+    "Calibration to certify with this session. Without it, the session itself is fitted."
 )
 @click.option(
     "--about",
     type=PATH,
     default=None,
-    help="YAML file of what is not in the session: machine, instrument, operator, ambient, "
-    "tolerance (docs/certificate.md).",
+    help="YAML file with what the session does not contain: machine, instrument, operator, "
+    "ambient conditions, tolerance (docs/certificate.md).",
 )
 @click.option(
     "--tolerance",
@@ -79,15 +80,19 @@ _KINDS = (".html", ".pdf", ".json", ".xml")
     type=Quantity(0, 1000, above=True),
     default=None,
     metavar="MM",
-    help="Largest 3-D error allowed; decided by ISO 14253-1.",
+    help="Largest permitted 3-D error; conformity is decided by ISO 14253-1.",
 )
 @click.option("--number", default=None, help="Number of the certificate.")
 @click.option("--machine", default=None, help="Model of the machine.")
 @click.option("--serial", default=None, help="Serial number of the machine.")
 @click.option("--instrument", default=None, help="Model of the tracker.")
 @click.option("--instrument-serial", default=None, help="Serial number of the tracker.")
-@click.option("--instrument-certificate", default=None, help="Certificate of the tracker.")
-@click.option("--operator", default=None, help="Who measured.")
+@click.option(
+    "--instrument-certificate",
+    default=None,
+    help="Number of the tracker's own calibration certificate.",
+)
+@click.option("--operator", default=None, help="Name of the person who measured.")
 @click.option(
     "--ambient",
     type=Quantity(-40, 80),
@@ -108,25 +113,26 @@ def command(
     topics: tuple[str, ...],
     **given: Any,
 ) -> None:
-    """Certify a calibration by the still moments of SESSION.
+    """Certify a calibration from the poses at rest in SESSION.
 
-    What is in it: machine, instrument and conditions as given by --about or options (what is not
-    given stands as "not stated"); dimensions with deviation and U (k = 2), and those that the
-    session does not identify; every measured point with its error before and after, U and the
-    decision; how near a corrected position comes anywhere in the region (95 %); the uncertainty
-    budget by GUM; lines to sign; statistics and provenance as an appendix.
+    The certificate contains: machine, instrument and conditions from --about or the options
+    (anything missing is printed as "not stated"); the dimensions with deviation and U (k = 2), and
+    those that the session does not identify; every measured point with its error before and after,
+    U and the decision; the 95 % radius of a corrected position anywhere in the region; the
+    uncertainty budget by the GUM; a signature block; statistics and provenance as an appendix.
 
-    Decided by ISO 14253-1: a point passes where error + U <= tolerance, fails where error - U >
-    tolerance, else nothing is decided. Without --calibration every point is judged by a fit that
-    has not seen it. With one the tracker's frame is fitted to SESSION; where the calibration was
-    made from this very session nothing can pass by it.
+    The decision follows ISO 14253-1: a point passes if error + U <= tolerance, fails if error - U
+    > tolerance, and is undecided otherwise. Without --calibration every point is judged by a fit
+    that has not seen it. With --calibration only the tracker's frame is fitted to SESSION; if the
+    calibration was made from this very session, no point can pass.
 
-    Exit code 1 where a tolerance is given and not met everywhere; the certificate is written.
+    The exit code is 1 if a tolerance is given and not met by every point; the certificate is
+    written all the same.
     """
     for out in outs:
         require_folder(out)
         if out.suffix not in _KINDS:
-            raise InputError(f"--out {out}: the ending says what is written: {', '.join(_KINDS)}")
+            raise InputError(f"--out {out}: the ending selects the format: {', '.join(_KINDS)}")
     if any(out.suffix == ".html" for out in outs):
         require_libraries()
     stated = read_about(about, _by_path(given))
@@ -156,8 +162,8 @@ def _require_sound(recorded: Session, robot: Robot, robot_file: str) -> None:
         warn_of_mistakes(recorded, robot, robot_file, force=False, out=True)
     except MistakeError as error:
         raise MistakeError(
-            f"{recorded.source}: nothing is certified by a session with a mistake: "
-            "`delta-cal check` says more and mends it (--fix)"
+            f"{recorded.source}: a session with a mistake cannot be certified: `delta-cal check` "
+            "explains it and corrects it (--fix)"
         ) from error
 
 
@@ -205,10 +211,11 @@ def _checked(path: Path, dcc_schema: Path | None) -> str:
     """
     if dcc_schema is None:
         return (
-            f"not validated: {path}: PTB's schema does not come with this package (--dcc-schema)"
+            f"not validated: {path}: PTB's schema is not part of this package (give it by "
+            "--dcc-schema)"
         )
     require_valid(path, dcc_schema)
-    return f"valid by the schema in {dcc_schema}: {path}"
+    return f"valid according to the schema in {dcc_schema}: {path}"
 
 
 def _require_passed(certificate: Certificate, session: Path) -> None:

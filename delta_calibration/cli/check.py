@@ -22,7 +22,7 @@ from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.robot import Robot, robot_document
 
 
-@click.command("check", short_help="find mistakes of units, wiring, clocks and frames")
+@click.command("check", short_help="find mistakes in units, wiring, clocks and frames")
 @SESSION
 @robot_option
 @click.option(
@@ -30,14 +30,14 @@ from delta_calibration.robot import Robot, robot_document
     "json_file",
     type=click.Path(path_type=Path),
     default=None,
-    help="File of what was found, to write.",
+    help="JSON file to write with the mistakes that were found.",
 )
 @click.option(
     "--fix",
     type=click.Path(path_type=Path),
     default=None,
     metavar="OUT",
-    help="Folder of the mended session to write; a mended robot file goes beside it.",
+    help="Folder to write the corrected session to; a corrected robot file is written beside it.",
 )
 @topics_option
 def command(
@@ -47,12 +47,12 @@ def command(
     fix: Path | None,
     topics: tuple[str, ...],
 ) -> None:
-    """Hold SESSION against the robot before anything is fitted.
+    """Check SESSION for recording mistakes before anything is fitted.
 
-    Hypotheses about units, swapped and reversed joints, left-handed frames, clocks, a tracker
-    that was moved, a reflector that was changed, values that a logger held, and the robot file
-    are each fitted to the data. What explains the session by a clear margin is named, with the
-    evidence and what mends it. Leaves with 1 where anything is found.
+    Possible mistakes are each fitted to the data: wrong units, swapped or reversed joints,
+    left-handed frames, clock errors, a tracker that was moved, a reflector that was changed,
+    values held by a logger, a wrong robot file. A mistake that explains the session by a clear
+    margin is reported with the evidence and the remedy. The exit code is 1 if a mistake is found.
     """
     for path in (json_file, fix):
         if path is not None:
@@ -80,23 +80,25 @@ def _described(mistake: Mistake) -> str:
     if mistake.value is not None:
         size = f": {mistake.value:.6g} {mistake.unit if mistake.unit != '1' else ''}".rstrip()
     return (
-        f"{mistake.mistake} in {mistake.stream}{where}{size}\n"
-        f"  evidence: {mistake.evidence}\n"
-        f"  to mend it: {mistake.mend}"
+        f"{mistake.mistake} in {mistake.stream}{where}{size}\n  evidence: {mistake.evidence}\n  "
+        f"remedy: {mistake.mend}"
     )
 
 
 def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
     if not checked.found:
-        raise InputError(f"{out}: not written: there is nothing to mend")
+        raise InputError(f"{out}: not written: there is nothing to correct")
     if not checked.resolved:
-        raise DataError(f"{out}: not written: what is wrong is not known well enough to mend it")
+        raise DataError(f"{out}: not written: the mistake is not known well enough to correct it")
     mended = "; ".join(f"{m.mistake} in {m.stream}" for m in checked.found)
     provenance = {"mended_by": f"delta-cal check {__version__}", "mended": mended}
     write_session(out, checked.session, {**provenance, "mended_from": recorded.source})
     click.echo(f"written: {out}")
     if any(mistake.is_alternative for mistake in checked.found):
-        click.echo("of mistakes that this session does not tell apart, the first is undone there")
+        click.echo(
+            "if this session does not distinguish several mistakes, the first one was "
+            "corrected there"
+        )
     if checked.document is not None:
         beside = out.with_name(f"{out.name}_robot.yaml")
         write_document(beside, checked.document)
@@ -124,7 +126,7 @@ def warn_of_mistakes(
         click.echo(f"warning: {mistake.sentence()}")
     if checked.found and out and not force:
         raise MistakeError(
-            f"{session.source}: no calibration is written over a session with "
-            f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: "
-            f"`delta-cal check` says more and mends it (--fix), --force goes on as it is"
+            f"{session.source}: no calibration is written from a session with "
+            f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: `delta-cal check` "
+            "explains it and corrects it (--fix); --force writes the calibration anyway"
         )

@@ -55,7 +55,7 @@ PRINTED = "-"  # in the place of a file: to standard output
 _BALLBAR = 1.0  # [um]
 
 
-@click.command("circle", short_help="how round circles are, why not, and what to do first")
+@click.command("circle", short_help="how round circles are, what spoils them, what to do first")
 @SESSION
 @robot_option
 @click.option(
@@ -65,7 +65,7 @@ _BALLBAR = 1.0  # [um]
     flag_value=PRINTED,
     default=None,
     metavar="[FILE]",
-    help="Figures to write; without a file they are printed, and nothing else is.",
+    help="JSON file to write; without a file name the JSON is printed and nothing else.",
 )
 @click.option(
     "--report",
@@ -78,7 +78,7 @@ _BALLBAR = 1.0  # [um]
     "--noise-um",
     type=Quantity(0.01, 1000),
     default=None,
-    help=f"Standard deviation of a ballbar's length; {_BALLBAR:g} where not given.",
+    help=f"Standard deviation of a ballbar's length [um]; default {_BALLBAR:g}.",
 )
 @model_option
 @seed_option
@@ -93,16 +93,17 @@ def command(
     seed: int,
     topics: tuple[str, ...],
 ) -> None:
-    """Say how round the circles in SESSION are, and what takes how much of it.
+    """Evaluate the circles in SESSION and attribute their deviation to causes.
 
-    The circles are found by what the joints were commanded. Each has its circular deviation G,
-    hysteresis H of both senses and radial deviation F, by ISO 230-4. The session is diagnosed as
-    `diagnose` does it; a cause's share is what the circles lose without it in the extended model,
-    and all shares add up to the deviation. At the end: what to do first, and how round the
-    circles are then. A session for it: simulate --plan circles, or the node measurement_plan.
+    Circles are recognised from the joint commands. For each one the circular deviation G, the
+    hysteresis H of both senses and the radial deviation F of ISO 230-4 are given. The session is
+    diagnosed as by `diagnose`; the share of a cause is the deviation that disappears when the
+    cause is removed from the extended model, and the shares add up to the deviation. At the end:
+    what to do first, and how round the circles will be afterwards. To record a session: simulate
+    --plan circles, or the node measurement_plan.
 
-    SESSION may be a table of a telescoping ballbar (.csv) instead: time_s, radius_mm, and a column
-    for each joint by its name [rad, m], or x_mm, y_mm, z_mm of the commanded tool point.
+    SESSION may also be the table of a telescoping ballbar (.csv): time_s, radius_mm, and either a
+    column for each joint by its name [rad, m] or x_mm, y_mm, z_mm of the commanded tool point.
     """
     for path in (json_file, report_file):
         if path not in (None, PRINTED):
@@ -114,7 +115,7 @@ def command(
     if is_table and (model or topics):
         raise InputError("--model and --topic are for sessions, not for a ballbar's table")
     if not is_table and noise_um is not None:
-        raise InputError("--noise-um is for a ballbar's table; a session tells its own noise")
+        raise InputError("--noise-um is for a ballbar's table; a session shows its own noise")
     with redirect_stdout(sys.stderr if json_file == PRINTED else sys.stdout):
         if is_table:
             noise = _BALLBAR if noise_um is None else noise_um

@@ -29,14 +29,14 @@ from delta_calibration.robot import load_robot
 KINDS = (".yaml", ".yml", ".json")
 
 
-@click.command("compare", short_help="drift of calibrations or verdicts over months")
+@click.command("compare", short_help="how calibrations or verdicts drift over months")
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option(
     "--robot",
     "robot_file",
     default=None,
     metavar="FILE|NAME",
-    help="The robot of the calibrations; verdicts need none.",
+    help="Robot of the calibrations; not needed for verdicts.",
 )
 @click.option("--out", type=PATH, default=None, help="HTML page to write; it opens offline.")
 @figures_option
@@ -50,9 +50,9 @@ def command(
 ) -> None:
     """Compare FILES: calibrations (YAML) by the dates of their sessions, or verdicts (JSON).
 
-    Calibrations: how far the machine of each stands from that of the first at the same joint
-    angles, over the region that both cover, whatever stood the tracker. Verdicts: errors, noise
-    and findings in the order given. One verdict by itself makes a page as well.
+    For calibrations: how far each machine's tool is from that of the first one at the same joint
+    angles, over the region that both cover, wherever the tracker stood. For verdicts: errors,
+    noise and findings, in the order given. A single verdict also makes a page.
     """
     if out is not None:
         require_folder(out)
@@ -88,9 +88,11 @@ def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
             "compare files of one kind"
         )
     if len(files) < 2:
-        raise InputError(f"{files[0]}: a calibration is compared with another; name two or more")
+        raise InputError(
+            f"{files[0]}: a calibration is compared with another one: name two or more"
+        )
     if robot_file is None:
-        raise InputError("calibrations are compared by their robot: --robot FILE|NAME")
+        raise InputError("comparing calibrations needs the robot: --robot FILE|NAME")
     robot = load_robot(robot_file)
     named = zip(_names(files), files, strict=True)
     return drift_of_calibrations(
@@ -105,6 +107,6 @@ def _names(files: tuple[Path, ...]) -> list[str]:
         InputError: one file twice.
     """
     if len({path.resolve() for path in files}) < len(files):
-        raise InputError("a file is named twice; compare different ones")
+        raise InputError("a file is given twice; give different ones")
     stems = [path.stem for path in files]
     return [s if stems.count(s) == 1 else str(p) for s, p in zip(stems, files, strict=True)]

@@ -55,14 +55,14 @@ _BATCH = 64  # commands searched side by side
 _COVERS = 1.614
 
 
-@click.command("compensate", short_help="joint commands that put the tool where it is meant to be")
+@click.command("compensate", short_help="corrected joint commands for a list of targets")
 @robot_option
-@calibration_option("File that `fit` wrote for this robot.", required=True)
+@calibration_option("Calibration file of this robot, from `fit` or `diagnose`.", required=True)
 @click.option(
     "--method",
     type=click.Choice(METHODS),
     default=None,
-    help="How corrections are found.  [default: apso; newton where more than three joints are "
+    help="How corrections are computed.  [default: apso; newton if more than three joints are "
     "searched]",
 )
 @click.argument("targets", type=click.Path(path_type=Path))
@@ -72,7 +72,7 @@ _COVERS = 1.614
     type=MASS,
     default=None,
     metavar="KG",
-    help="What the platform will carry at its centre; for a calibration with loads in it.",
+    help="Load at the centre of the platform, for a calibration that contains effects of load.",
 )
 @click.option(
     "--temperature",
@@ -80,21 +80,22 @@ _COVERS = 1.614
     multiple=True,
     metavar="PART=DEGREES",
     type=OfPart(CELSIUS, "arm=27.5"),
-    help="How warm a part will be; for a calibration with growth in it. As often as needed.",
+    help="Temperature of a part, for a calibration that contains thermal growth; may be repeated.",
 )
 @click.option(
     "--outside",
     type=click.Choice(OUTSIDE),
     default=BLEND,
     show_default=True,
-    help="What cannot be corrected whole: blended out over the margin and nominal beyond it; "
-    "nominal from the region's edge on; or refused, and nothing is written.",
+    help="What to do with targets outside the calibrated region. blend: fade the correction out "
+    "over the margin, then send the nominal command; nominal: send the nominal command "
+    "everywhere outside; refuse: write nothing if any target is outside.",
 )
 @click.option(
     "--unit",
     type=click.Choice(("rad", "deg", "mm")),
     default=None,
-    help="Of the joints that are written.  [default: rad; mm where joints slide]",
+    help="Unit of the joints in the output.  [default: rad; mm for sliding joints]",
 )
 @table_options
 @seed_option
@@ -113,37 +114,42 @@ def command(
     table_bound_um: float | None,
     seed: int,
 ) -> None:
-    """Correct the joint commands for the tool's places in TARGETS (CSV).
+    """Compute corrected joint commands for the tool positions in TARGETS (CSV).
 
-    TARGETS has the columns x_mm, y_mm, z_mm (tool point, base frame) and, where the joints turn
-    the platform as well, turn_x_deg, turn_y_deg, turn_z_deg (a rotation vector; of an arm from how
-    it holds its tool at home; A and B of a five-axis machine), nothing where a turn is not given.
-    What the joints do not command needs no column: an arm of two joints has x_mm, y_mm, a
-    five-axis machine y_mm, z_mm, turn_x_deg, turn_y_deg.
+    TARGETS has the columns x_mm, y_mm, z_mm (tool point in the base frame). If the joints also
+    turn the platform, it has turn_x_deg, turn_y_deg, turn_z_deg as well: a rotation vector,
+    relative to the tool's orientation at home for an arm, A and B for a five-axis machine; missing
+    turns are zero. Coordinates that the joints do not command need no column: an arm of two joints
+    has x_mm, y_mm, a five-axis machine y_mm, z_mm, turn_x_deg, turn_y_deg.
 
-    The machine is taken to stop at each point, and to come to it from the one before: play is
-    taken back by that direction, and from its middle where a joint has not moved yet.
+    The machine is assumed to stop at each point and to come from the one before. Backlash is
+    compensated for that direction of approach; for a joint that has not moved yet, from the middle
+    of its play.
 
-    Method `table` finds corrections on a grid over the calibrated region first, as many as it
-    takes to stay within 1 um between the nodes, and looks them up. Where the calibration holds an
-    effect that changes the robot's dimensions from command to command no table can follow; each
-    correction is then found exactly, and this is said. The swarm (apso) is for robots with as many
-    joints as the coordinates they command, the table for those with three; Newton's method for
-    all: where there are more joints, as on a cable robot, the commands are those that fit the
-    corrected pose without the joints working against each other.
+    The output has one row for every target, in the same order: name (if given), the target as it
+    came, the nominal joints (prefix nominal_), the joints to command, status and u95_mm. Turning
+    joints are in rad without a suffix (--unit deg: suffix _deg); sliding joints have the suffix
+    _mm. Axes that the robot file passes through (joint_4) are copied behind the joints.
 
-    Writes a row for every target, in order: its name where it has one, the target as it came, the
-    nominal joints (nominal_ before their names), the joints to command, status, u95_mm. Joints
-    that turn are in rad under their bare names (--unit deg: _deg behind them), joints that slide
-    in _mm. status is `corrected`, `blended` (in the margin beyond the calibrated region, the robot
-    file's limits.region_margin_mm) or why there is no correction; such a row has its nominal
-    joints, none out of reach, is listed on stderr, and the exit code is 1. u95_mm: within how much
-    of the target the tool comes with 95 %, by what the fit leaves open there, how the joints come
-    to rest and what the model leaves at places that it had not seen.
-    error_mm and, where the joints turn the platform, error_mrad: how far the tool stays from the
-    target *by the identified model*; not what a tracker would measure. Columns of axes that the
-    robot file passes through (joint_4) stand behind the joints as they came.
-    """
+    \b
+    status    `corrected`; `blended` in the margin outside the calibrated region
+              (limits.region_margin_mm of the robot file); otherwise the reason
+              why there is no correction. Such a row has its nominal joints (none
+              if out of reach) and is listed on stderr, and the exit code is 1.
+    u95_mm    95 % radius of the tool about its target: uncertainty of the fit at
+              this place, repeatability of the joints, and the error that the
+              model leaves at places it has not seen.
+    error_mm  distance to the target *according to the identified model*, not what
+              a tracker would measure; error_mrad for the turn of the platform.
+
+    Methods: the swarm (apso) is for robots with as many joints as commanded coordinates, the table
+    for those with three of them, newton for all. With more joints than coordinates, as on a cable
+    robot, newton gives the commands for the corrected pose in which the joints do not work against
+    each other. The table is computed once on a grid over the calibrated region, fine enough for 1
+    um between the nodes. If the calibration contains an effect that changes the dimensions from
+    command to command, a table cannot follow it; every correction is then computed exactly, and a
+    message says so.
+    """  # noqa: D301 - to click \b is the control character
     require_folder(out)
     robot = load_robot(robot_file)
     method = method or methods_for(robot.commanded)[0]
@@ -172,7 +178,7 @@ def command(
     if found is not None:
         tell_of_blended(found, targets, out, reached)
     for cause in calibration.left_out:
-        click.echo(f"not compensated: {cause}, as it goes by the clock of the session it was in")
+        click.echo(f"not compensated: {cause}: it depends on the time within its session")
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
     _tell_of_uncorrected(commands, targets, calibration.region)
 
@@ -184,8 +190,8 @@ def _radius(
     identified = calibration.identified
     if identified is None:
         click.echo(
-            "u95_mm by the error left alone, the same everywhere: the calibration was written by "
-            "an older version; fit again",
+            "u95_mm is the same everywhere, computed from the error left alone: the calibration "
+            "was written by an older version; fit again",
             err=True,
         )
         return np.full(len(found.joint), _COVERS * calibration.held_out)
@@ -207,9 +213,9 @@ def _summary(commands: Commands, compensator: JointCompensator) -> str:
     )
     return (
         f"{told} by {compensator.by}, largest correction "
-        f"{factor * np.abs(found.correction).max():.3f} {unit}; error by the model at most "
-        f"{found.model_error[good].max() * 1e3:.2e} mm{turn}, {found.evaluations.mean():.0f} "
-        "evaluations each"
+        f"{factor * np.abs(found.correction).max():.3f} {unit}; remaining error according to the "
+        f"model at most {found.model_error[good].max() * 1e3:.2e} mm{turn}, "
+        f"{found.evaluations.mean():.0f} evaluations each"
     )
 
 
@@ -332,12 +338,12 @@ def warmth_by_part(
             )
         if part in by_part:
             raise InputError(
-                f"--temperature {part}={celsius:g}: {part} is given before as {by_part[part]:g}"
+                f"--temperature {part}={celsius:g}: {part} was already given as {by_part[part]:g}"
             )
         if part not in asked:
             click.echo(
-                f"no growth of {part} in the calibration: --temperature {part}="
-                f"{celsius:g} changes nothing",
+                f"the calibration has no growth of {part}: --temperature {part}={celsius:g} "
+                "changes nothing",
                 err=True,
             )
         by_part[part] = celsius
@@ -368,8 +374,8 @@ def _conditions(
 def _refuse_unknown(found: Compensated, file: Path) -> None:
     if found.missing:
         raise InputError(
-            f"{file}: a calibration with effects: {found.missing}; "
-            "--payload KG and --temperature PART=DEGREES say it"
+            f"{file}: the calibration contains effects that need a condition: {found.missing}; "
+            "give it by --payload KG or --temperature PART=DEGREES"
         )
 
 
@@ -406,8 +412,8 @@ def tell_of_blended(
     if not blended.size:
         return
     click.echo(
-        f"{targets}: {blended.size} of {len(share)} points lie in the margin beyond the "
-        "calibrated region, where corrections are blended out:",
+        f"{targets}: {blended.size} of {len(share)} points are in the margin outside the "
+        "calibrated region, where corrections fade out:",
         err=True,
     )
     for row in blended[:_NAMED]:

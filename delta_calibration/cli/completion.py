@@ -13,7 +13,7 @@ _PROGRAM, _VARIABLE = "delta-cal", "_DELTA_CAL_COMPLETE"
 @click.command("completion", short_help="let the shell complete verbs, options and names")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def command(shell: str) -> None:
-    """Print a script that makes SHELL complete delta-cal by the Tab key.
+    """Print a script that lets SHELL complete delta-cal commands with the Tab key.
 
     \b
     bash, in ~/.bashrc:                   eval "$(delta-cal completion bash)"

@@ -52,10 +52,14 @@ _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
     "--out",
     type=click.Path(path_type=Path),
     default=None,
-    help="Folder for what is left.  [default: out/demo; of another robot out/demo_ROBOT]",
+    help="Folder for the results.  [default: out/demo; out/demo_ROBOT for other robots]",
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=7, show_default=True, help="Of the machine."
+    "--seed",
+    type=click.IntRange(min=0),
+    default=7,
+    show_default=True,
+    help="Seed of the simulated machine.",
 )
 @click.option(
     "--method", type=click.Choice(["newton", "apso"]), default="newton", show_default=True
@@ -64,22 +68,21 @@ _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
     "--draw",
     type=click.IntRange(min=0),
     default=None,
-    help="Of what the second act of a live cell hides.  [default: by the clock]",
+    help="Seed of the cause that the second act hides in a live cell.  [default: from the clock]",
 )
 def command(robot_file: str, out: Path | None, seed: int, method: str, draw: int | None) -> None:
-    """Take a simulated cell through a calibration.
+    """Show a complete calibration of a simulated cell.
 
-    A robot of the Delta paper's kind (srbd): its nodes are started as processes on this machine.
+    With srbd, the Delta paper's kind of robot, the nodes are started as processes on this machine
+    (needs ROS 2). The workspace is measured and recorded, the machine is identified, compensation
+    is switched on, and the Delta paper's line and a disc are measured before and after. The
+    paper's own simulation follows. In a second act an error that no geometry explains is hidden in
+    the machine; the cell finds it, names it and measures the line again.
 
-    The workspace is measured and recorded, the machine identified, compensation switched on, and
-    the Delta paper's line and a disc are measured before and after. Then the paper's own
-    simulation. In a second act something is hidden in the machine that no geometry explains; the
-    cell finds it, names it, and measures the line again. Needs ROS 2.
-
-    Any other robot (cdpr8, five_axis, linear_delta, scara, ur10), in this process, without ROS 2:
-    its workspace is measured and recorded, the machine identified and compensated, the places of a
-    trial taken before and after; then the same with a cause of its own hidden in it. A SCARA's
-    points are also driven right by what a simulated camera sees, without a model.
+    With any other robot (cdpr8, five_axis, linear_delta, scara, ur10) everything runs in this
+    process, without ROS 2: the workspace is measured and recorded, the machine is identified and
+    compensated, and test positions are measured before and after; then again with a hidden cause.
+    The points of the SCARA are also corrected without a model, using a simulated camera.
     """
     robot = load_robot(robot_file)
     if robot.workspace is not None:
@@ -151,7 +154,7 @@ def _report(out: Path, robot: Robot, captured: tuple[int, int] | None = None) ->
     made = report_on(path, recorded, found, robot, 0)
     click.echo(f"{len(seen.poses)} poses; verdict: {made.sentence}")
     write(made, out / "report.html", None, None)
-    click.echo(f"open {out / 'report.html'} in a browser: what was found, and by what evidence")
+    click.echo(f"open {out / 'report.html'} in a browser: the findings and their evidence")
 
 
 def _first_act(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int]]:

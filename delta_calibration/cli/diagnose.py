@@ -47,16 +47,18 @@ _FILE = click.Path(path_type=Path)
 _VALUES = 16  # of a cause that are told, the clearest of them
 
 
-@click.command("diagnose", short_help="name what the model gets wrong")
+@click.command("diagnose", short_help="name the causes of the errors that calibration leaves")
 @SESSION
 @robot_option
 @in_force_option
-@click.option("--json", "json_file", type=_FILE, default=None, help="Verdict to write.")
+@click.option(
+    "--json", "json_file", type=_FILE, default=None, help="JSON file to write the verdict to."
+)
 @click.option(
     "--out",
     type=_FILE,
     default=None,
-    help="Calibration file to write, extended by what was found.",
+    help="Calibration file to write, including the effects that were found.",
 )
 @click.option(
     "--report",
@@ -70,13 +72,16 @@ _VALUES = 16  # of a cause that are told, the clearest of them
     "law_file",
     type=_FILE,
     default=None,
-    help="Effect file to write of the likeliest law of what has no name: FILE.py.",
+    help="Python file to write (FILE.py): the most likely equation of an unexplained error, as "
+    "an effect of your own.",
 )
 @model_option
 @seed_option
 @topics_option
 @force_option
-@click.option("-v", "--verbose", is_flag=True, help="Everything that was tried, and how it did.")
+@click.option(
+    "-v", "--verbose", is_flag=True, help="Also list everything that was tried, with its score."
+)
 def command(
     session: Path,
     robot_file: str,
@@ -91,12 +96,13 @@ def command(
     force: bool,
     verbose: bool,
 ) -> None:
-    """Say what SESSION shows that the calibrated model does not, and what causes it.
+    """Find the causes of the errors in SESSION that geometric calibration does not explain.
 
-    The geometry is identified first. Every effect of the catalogue is then tried on what is left,
-    alone and together; what chance could not have done is named, with its values, how sure the
-    name is and what it gains on data that the fit has not seen. What fits no cause is reported as
-    unknown, and what this session cannot tell is said, with the measurement that would.
+    The geometry is identified first. Then every effect of the catalogue is tried on the remaining
+    errors, alone and in combination. An effect that chance does not explain is named, with its
+    values, the confidence in the name, and the improvement on held-out poses. Errors that match no
+    cause are reported as unknown. Causes that this session cannot distinguish are listed with the
+    measurement that would.
     """
     for path in (json_file, out, report_file, law_file):
         if path is not None:
@@ -135,7 +141,7 @@ def command(
 def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:
     """Write the likeliest law as an effect of one's own; what was done, a line each."""
     if not found.laws:
-        return [f"not written: {path}: no law of what is left is sure enough"]
+        return [f"not written: {path}: no equation for the remaining error is certain enough"]
     law, equations = found.laws[0], found.verdict.unknown_structure.laws
     seen = f"Seen in {session}, {sure(law.probability)} likely: {listed(equations[0].seen())}."
     write_text(path, effect_file(law.guess, path.stem, seen))
@@ -191,11 +197,11 @@ def describe(
         where = f"; {unknown.where}" if unknown.where else ""
         lines += [
             "",
-            f"unexplained structure{size}: moves with {unknown.moves()}{where}",
+            f"unexplained error{size}: varies with {unknown.moves()}{where}",
         ]
     lines += [line for law in unknown.laws for line in _law(law)]
     if verdict.cannot_tell:
-        lines += ["", "this session cannot tell:"]
+        lines += ["", "this session cannot distinguish:"]
         for entry in verdict.cannot_tell:
             lines.append(f"  {' / '.join(entry.between)}: {entry.because}; {entry.next}")
     return named("\n".join(lines))
@@ -218,8 +224,8 @@ def _finding(finding: Finding) -> list[str]:
     lines += [f"  {line}" for line in finding.found_in_full()]
     if finding.equivalents:
         lines.append(
-            f"  the same on this session: {', '.join(finding.equivalents)}; "
-            f"to part them: {finding.separated_by}"
+            f" indistinguishable in this session: {', '.join(finding.equivalents)}; to separate "
+            f"them: {finding.separated_by}"
         )
     return lines
 
@@ -234,7 +240,7 @@ def _law(law: FoundEquation) -> list[str]:
         f"    seen for {listed(law.seen())}",
     ]
     if law.rival:
-        lines.append(f"    or {law.rival}; to part them: {law.separated_by}")
+        lines.append(f" or {law.rival}; to separate them: {law.separated_by}")
     return lines
 
 

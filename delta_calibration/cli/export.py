@@ -30,30 +30,30 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)  # of C
 _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # that a source may include by this name
 
 
-@click.command("export", short_help="the identified machine, for controllers of others")
+@click.command("export", short_help="hand the identified machine to other controllers")
 @robot_option
-@calibration_option("File that `fit` or `diagnose` wrote for this robot.", required=True)
+@calibration_option("Calibration file of this robot, from `fit` or `diagnose`.", required=True)
 @click.option(
     "--format",
     "form",
     type=click.Choice(FORMATS),
     required=True,
-    help="c: source and header that correct commands; urdf: the robot with its identified "
-    "dimensions; dh: tables of a serial arm; csv: a corrected list of points.",
+    help="c: C source and header that correct commands; urdf: the robot with its identified "
+    "dimensions; dh: DH tables of a serial arm; csv: a corrected list of points.",
 )
 @click.option(
     "--points",
     type=click.Path(path_type=Path),
     default=None,
     metavar="TARGETS.csv",
-    help="For --format csv: the points, as for `compensate`.",
+    help="For --format csv: the points, in the form that `compensate` reads.",
 )
 @click.option(
     "--payload",
     type=MASS,
     default=None,
     metavar="KG",
-    help="For --format csv: what the platform will carry at its centre.",
+    help="For --format csv: load at the centre of the platform.",
 )
 @click.option(
     "--temperature",
@@ -61,13 +61,13 @@ _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # that a source may include by this name
     multiple=True,
     metavar="PART=DEGREES",
     type=OfPart(CELSIUS, "arm=27.5"),
-    help="For --format csv: how warm a part will be. As often as needed.",
+    help="For --format csv: temperature of a part; may be repeated.",
 )
 @click.option(
     "--prefix",
     default="",
     metavar="NAME_",
-    help="For --format c: in front of every public name, for two machines in one program.",
+    help="For --format c: prefix of every public name, so that one program can hold two machines.",
 )
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
 def command(
@@ -80,23 +80,23 @@ def command(
     prefix: str,
     out: Path,
 ) -> None:
-    """Write an identified machine for a controller that is not this package's.
+    """Write the identified machine in a form that other controllers can use.
 
     \b
-    c     FILE.c and FILE.h, C99 that needs libm alone and allocates nothing:
+    c     FILE.c and FILE.h in C99; needs only libm and allocates no memory.
           int correct(const double *q, const conditions *, double *out)
-          does what `compensate --method newton` does, effects and guards with
-          it. The header says joints, units, conditions and return codes.
-          Compile it with cc -std=c99 -O2, never with -ffast-math.
-    urdf  the robot with its identified dimensions and the tracker's frame.
-    dh    YAML: the identified parameters of a serial arm, as modified and as
-          standard tables, with their signs and how they multiply.
-    csv   TARGETS.csv with corrected places in it, its columns as they came:
-          a controller that knows the drawing alone drives these points right.
-          Not for robots with more joints than freedoms.
+          does the same as `compensate --method newton`, with all effects and
+          guards. The header documents joints, units, conditions and return
+          codes. Compile with cc -std=c99 -O2, never with -ffast-math.
+    urdf  The robot with its identified dimensions and the tracker's frame.
+    dh    YAML: the identified parameters of a serial arm as modified and as
+          standard DH tables, with signs and the order of multiplication.
+    csv   TARGETS.csv with corrected positions; all other columns are kept. A
+          controller that only knows the nominal geometry reaches the intended
+          points with it. Not for robots with more joints than coordinates.
 
-    Tables and URDF hold the geometry alone: of effects that were found (backlash, gravity, warmth
-    ...) they know nothing.
+    The DH tables and the URDF contain the geometry only. They cannot represent effects such as
+    backlash, gravity or heat.
     """  # noqa: D301 - to click \b is the control character
     _require_fitting(form, points, payload, temperatures, prefix)
     require_folder(out)
@@ -111,11 +111,11 @@ def command(
         _write_points(calibration, calibration_file, points, payload, temperatures, out)
     if form in ("urdf", "dh") and calibration.live:
         causes = ", ".join(effect.cause for effect, _ in calibration.live)
-        click.echo(f"not in it: {causes}; a {form} file holds the geometry alone", err=True)
+        click.echo(f"not included: {causes}; a {form} file contains the geometry only", err=True)
     if form in ("c", "csv"):
         for cause in calibration.left_out:
             click.echo(
-                f"not compensated: {cause}, as it goes by the clock of the session it was in",
+                f"not compensated: {cause}: it depends on the time within its session",
                 err=True,
             )
     click.echo(f"written: {out}" + (f" and {out.with_suffix('.h')}" if form == "c" else ""))

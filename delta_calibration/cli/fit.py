@@ -34,7 +34,7 @@ _SHOWN = 5  # of a long list, without -v
 _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawing to be listed
 
 
-@click.command("fit", short_help="find what the machine really is")
+@click.command("fit", short_help="identify the real geometry of the machine")
 @SESSION
 @robot_option
 @click.option(
@@ -45,33 +45,41 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     type=click.Choice(METHODS),
     default=METHODS[0],
     show_default=True,
-    help="How the fit (MAP: whitened residuals, robust, parts by their tolerances) is solved; "
-    "docs/methods.md says what each costs and finds.",
+    help="Solver of the fit; docs/methods.md compares them. All minimise the same sum: whitened "
+    "residuals with robust weights, and deviations of the parts weighted by their "
+    "tolerances.",
 )
 @click.option(
     "--particles",
     type=click.IntRange(min=2),
     default=None,
-    help="Of a swarm.  [default: 80, as in the five-axis paper]",
+    help="Number of particles of a swarm.  [default: 80, as in the five-axis paper]",
 )
 @click.option(
     "--iterations",
     type=click.IntRange(min=1),
     default=None,
-    help="Of each search of a swarm.  [default: 300, as in that paper; 120 of one direction]",
+    help="Iterations of each swarm search.  [default: 300, as in the five-axis paper; 120 along "
+    "a single direction]",
 )
 @click.option(
     "--order",
     type=click.Choice(ORDERS),
     default=None,
-    help="How stepwise_qpso goes: by singular direction, or by parameter as soon as it has "
-    "settled, as in that paper.  [default: singular]",
+    help="Order in which stepwise_qpso searches: one singular direction after the other "
+    "(singular), or each parameter as soon as it has settled (settled, as in the five-axis "
+    "paper).  [default: singular]",
 )
 @model_option
 @seed_option
 @topics_option
 @force_option
-@click.option("-v", "--verbose", is_flag=True, help="All combinations and correlations.")
+@click.option(
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="Also list all unidentified combinations and all strong correlations.",
+)
 def command(
     session: Path,
     robot_file: str,
@@ -86,7 +94,7 @@ def command(
     force: bool,
     verbose: bool,
 ) -> None:
-    """Identify geometry, reflector offset and tracker frame from the still moments of SESSION."""
+    """Identify geometry, reflector offset and tracker frame from the poses at rest in SESSION."""
     if out is not None:
         require_folder(out)
     chosen = method_named(method, particles, iterations, order)
@@ -128,20 +136,20 @@ def describe(found: Identification, verbose: bool) -> str:
     down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
     poses = "1 pose" if down == 1 else f"{down} poses"
     lines = [
-        f"noise of a pose {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); joints come to rest "
-        f"within {noise.repeatability * 1e6:.1f} u{found.chain.mechanism.joint_unit}; tracker "
-        f"{noise.radial_scale:.2f} x its stated noise along the beam, "
-        f"{noise.transverse_scale:.2f} x across",
+        f"noise of a pose: {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); repeatability of "
+        f"the joints {noise.repeatability * 1e6:.1f} u{found.chain.mechanism.joint_unit}; "
+        f"tracker {noise.radial_scale:.2f} times its stated noise along the beam, "
+        f"{noise.transverse_scale:.2f} times across",
         *_turned(found),
-        f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters, "
-        "tracker frame and reflector offset within",
-        f"method {found.effort.method}: {found.effort.evaluations} machines tried",
+        f"model {found.chain.mechanism.name}: rank {seen.rank} of {seen.columns} parameters "
+        "(including tracker frame and reflector offset)",
+        f"method {found.effort.method}: {found.effort.evaluations} evaluations",
         "",
         _residuals(found),
         "",
         f"error left: {found.full.held_out / noise.floor:.2f} times the noise of a pose; "
         f"chi square per degree of freedom {found.chi_square:.2f}"
-        + (f"; {poses} believed less, {gone} of them left out" if down else ""),
+        + (f"; {poses} given less weight, {gone} of them left out" if down else ""),
         *(f"warning: {text}" for text in doubts(found)),
         *_deviations(found),
         *_unset(found, verbose),
@@ -155,7 +163,7 @@ def _turned(found: Identification) -> list[str]:
     if found.turn_missed is None:
         return []
     left = found.turn_missed * 1e6
-    return [f"turns of the probe took part; of them {left:.1f} urad RMS are left"]
+    return [f"rotations of the probe were used; their residual is {left:.1f} urad RMS"]
 
 
 def _residuals(found: Identification) -> str:
@@ -200,7 +208,8 @@ def _unset(found: Identification, verbose: bool) -> list[str]:
     shown = redundancies if verbose else redundancies[:_SHOWN]
     rest = len(redundancies) - len(shown)
     return [
-        f"{len(redundancies)} combinations are not set by the data but by the priors:",
+        f"{len(redundancies)} parameter combinations cannot be identified from these data; the "
+        "tolerances determine them:",
         *(f"  {r.sentence()}" for r in shown),
         *([f"  and {rest} more (-v, or the calibration file)"] if rest else []),
     ]
@@ -213,7 +222,7 @@ def _correlated(found: Identification, verbose: bool) -> list[str]:
     shown = pairs if verbose else pairs[:_SHOWN]
     rest = len(pairs) - len(shown)
     return [
-        "estimates that lean on each other: "
+        "strongly correlated estimates: "
         + ", ".join(f"{a} with {b} ({value:+.3f})" for a, b, value in shown)
         + (f", and {rest} more" if rest else "")
     ]

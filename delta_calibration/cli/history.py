@@ -43,14 +43,16 @@ _STORE = click.option(
     default="history.sqlite",
     show_default=True,
     metavar="FILE|URL",
-    help="The history: a file of SQLite, or a database as SQLAlchemy names it.",
+    help="The history: an SQLite file, or the URL of a database as in SQLAlchemy.",
 )
-_MACHINE = click.option("--machine", required=True, metavar="NAME", help="Which machine.")
+_MACHINE = click.option("--machine", required=True, metavar="NAME", help="Name of the machine.")
 
 
-@click.group("history", short_help="keep sessions of a machine, and tell what changed and when")
+@click.group(
+    "history", short_help="keep the sessions of a machine and report what changed, and when"
+)
 def command() -> None:
-    """Keep the sessions of a machine together, and tell what changed between them.
+    """Keep the sessions of a machine together and report what changed between them.
 
     Needs SQLAlchemy: pip install 'delta_calibration[history]'.
     """
@@ -62,24 +64,29 @@ def command() -> None:
 @_MACHINE
 @_STORE
 @click.option(
-    "--id", "name", default=None, help="Of a single session.  [default: its folder's name]"
+    "--id",
+    "name",
+    default=None,
+    help="Name of the session, if only one is added.  [default: its folder's name]",
 )
 @click.option(
-    "--quick", is_flag=True, help="Fit the geometry only; no causes are looked for, no verdict."
+    "--quick",
+    is_flag=True,
+    help="Only fit the geometry; do not look for causes and store no verdict.",
 )
 @click.option(
     "--verdict",
     "verdict_file",
     type=_FILE,
     default=None,
-    help="Of a single session: what `diagnose --json` wrote of it; it is not diagnosed again.",
+    help="Verdict of a single session, written by `diagnose --json`; it is not diagnosed again.",
 )
 @click.option(
     "--calibration",
     "calibration_file",
     type=_FILE,
     default=None,
-    help="With --verdict: what `diagnose --out` wrote beside it.",
+    help="Extended calibration written by `diagnose --out`, with --verdict.",
 )
 @seed_option
 @topics_option
@@ -95,17 +102,17 @@ def add(
     seed: int,
     topics: tuple[str, ...],
 ) -> None:
-    """Diagnose SESSIONS and add them to the history of a machine, with calibration and verdict.
+    """Diagnose SESSIONS and add them, with calibration and verdict, to the history of a machine.
 
-    The bags stay where they are: the history knows their paths and their hashes. What was added
-    before an error stays added.
+    The bags stay where they are; the history stores their paths and hashes. After an error, the
+    sessions added before it remain in the history.
     """
     robot = load_robot(robot_file)
     if name is not None and len(sessions) > 1:
-        raise InputError(f"--id {name}: of a single session; {len(sessions)} are given")
+        raise InputError(f"--id {name}: names a single session, but {len(sessions)} are given")
     for session in sessions:
         if not session.is_dir():
-            raise InputError(f"{session}: no folder of a session")
+            raise InputError(f"{session}: not the folder of a session")
     known = known_of(sessions, verdict_file, calibration_file, quick)
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
     with _opened(url, make=True) as store:
@@ -133,7 +140,7 @@ def _add(
     digest = folder_hash(path)
     if store.require_new(machine, robot.machine_hash, digest, path, name):
         store.moved(machine, digest, path)
-        click.echo(f"{machine}: a session that was elsewhere is now at {path}")
+        click.echo(f"{machine}: a session of the history was moved; it is now at {path}")
         return
     recorded = read_session(path, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, given, False, True)
@@ -144,10 +151,15 @@ def _add(
 
 
 @command.command("list")
-@click.option("--machine", default=None, metavar="NAME", help="Which machine; all if not given.")
+@click.option(
+    "--machine",
+    default=None,
+    metavar="NAME",
+    help="Name of the machine; all machines if not given.",
+)
 @_STORE
 def list_(machine: str | None, url: str) -> None:
-    """List machines, or the sessions of one."""
+    """List all machines, or the sessions of one."""
     with _opened(url) as store:
         if machine is None:
             rows = [(name, robot, str(len(store.sessions(name)))) for name, robot in _all(store)]
@@ -162,9 +174,15 @@ def list_(machine: str | None, url: str) -> None:
 @click.argument("name", metavar="ID")
 @_MACHINE
 @_STORE
-@click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
+@click.option(
+    "--verdict",
+    "verdict_file",
+    type=_FILE,
+    default=None,
+    help="JSON file to write the session's verdict to.",
+)
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
-    """Show one session: where it is, what was found, whether the bag is still the same."""
+    """Show one session: its folder, its findings, and whether the bag is unchanged."""
     with _opened(url) as store:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:
@@ -195,13 +213,13 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     is_flag=False,
     flag_value="-",
     metavar="[FILE]",
-    help="As JSON, to a file or, where none is named, to the standard output alone.",
+    help="Write JSON to FILE, or print only JSON if no file is given.",
 )
 def changes(machine: str, url: str, json_file: str | None) -> None:
-    """Tell what changed of the machine, between which sessions, and from what to what.
+    """Report what changed on the machine, between which sessions, and from what value to what.
 
-    All its sessions are fitted together; where the tracker stood and how the reflector was mounted
-    is each session's own, and never a change.
+    All sessions are fitted together. The tracker's place and the reflector's mounting belong to
+    each session; they are never reported as a change.
     """
     if json_file not in (None, "-"):
         require_folder(Path(str(json_file)))
@@ -256,7 +274,7 @@ def _changes(machine: str, url: str) -> History:
     if robot.machine_hash != digest:
         raise InputError(
             f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
-            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin "
+            f"that file now has hash {robot.machine_hash[:12]}: restore the old file, or start "
             "another history"
         )
     dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]

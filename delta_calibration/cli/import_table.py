@@ -33,7 +33,7 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
         context.exit()
 
 
-@click.command("import", short_help="make a session of anyone's table (CSV)")
+@click.command("import", short_help="make a session from your own table (CSV, Excel)")
 @click.argument("table", type=_FILE)
 @click.option(
     "--mapping",
@@ -41,47 +41,72 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     type=_FILE,
     default=None,
     metavar="YAML",
-    help="What the table's columns are, each with its unit; see docs/import.md.",
+    help="YAML file that says what each column is and its unit; see docs/import.md.",
 )
-@click.option("--preset", default=None, metavar="NAME", help="Known form of TABLE (--presets).")
-@click.option("--guess", is_flag=True, help="Propose a mapping, with the first rows by it.")
+@click.option(
+    "--preset", default=None, metavar="NAME", help="Known format of TABLE; --presets lists them."
+)
+@click.option(
+    "--guess",
+    is_flag=True,
+    help="Propose a mapping, and show the first ten rows as it reads them.",
+)
 @click.option(
     "--presets",
     is_flag=True,
     is_eager=True,
     expose_value=False,
     callback=_list_presets,
-    help="List the known forms.",
+    help="List the known formats and exit.",
 )
-@click.option("--join", "join_file", type=_FILE, default=None, help="Second table, for --preset.")
-@click.option("--join-preset", default=None, metavar="NAME", help="Known form of the second.")
+@click.option(
+    "--join",
+    "join_file",
+    type=_FILE,
+    default=None,
+    help="Second table to join to TABLE, with --preset or --guess.",
+)
+@click.option(
+    "--join-preset",
+    default=None,
+    metavar="NAME",
+    help="Known format of the second table, with --preset.",
+)
 @click.option(
     "--by",
     type=click.Choice(["row", "name", "nearest"]),
-    default="row",
-    show_default=True,
-    help="How rows of the two go together.",
+    default=None,
+    help="How rows of the two tables are matched: by row number, by point name, or by nearest "
+    "time.  [default: row; with --guess: found from the tables]",
 )
 @click.option(
     "--within",
     type=Quantity(0.0, 3600.0),
     default=0.05,
     show_default=True,
-    help="[s] apart, with --by nearest.",
+    help="Largest time difference of matched rows, with --by nearest [s].",
 )
 @click.option(
-    "--shift", type=Quantity(-1e10, 1e10), default=0.0, help="[s] of the second's clock."
+    "--shift",
+    type=Quantity(-1e10, 1e10),
+    default=0.0,
+    help="Time to add to the second table's clock [s].",
 )
 @click.option(
-    "--unit", type=click.Choice(list(LENGTHS)), default=None, help="Of points, by --preset."
+    "--unit",
+    type=click.Choice(list(LENGTHS)),
+    default=None,
+    help="Unit of the points, with --preset.",
 )
-@click.option("--mapping-out", type=_FILE, default=None, help="Mapping to write.")
+@click.option(
+    "--mapping-out", type=_FILE, default=None, help="Write the mapping to this YAML file."
+)
 @click.option(
     "--json",
     "json_file",
     type=_FILE,
     default=None,
-    help="File of what --guess proposes, to write: mapping, first rows, what is in doubt.",
+    help="Write what --guess proposes to this JSON file: mapping, first rows, what is in doubt.",
 )
 @robot_option
 @click.option("--out", type=_FILE, default=None, help="Folder of the session to write.")
@@ -92,7 +117,7 @@ def command(
     guess: bool,
     join_file: Path | None,
     join_preset: str | None,
-    by: str,
+    by: str | None,
     within: float,
     shift: float,
     unit: str | None,
@@ -101,16 +126,16 @@ def command(
     robot_file: str,
     out: Path | None,
 ) -> None:
-    """Write the rows of TABLE (CSV) as a session that all other verbs read.
+    """Convert TABLE (CSV or xlsx) into a session that all other verbs can read.
 
-    A row is a stop: joints that were commanded, the point or pose that was measured there and,
-    where the table has them, time, encoders, payload, temperatures, side and repeats. A column
-    has the unit that the mapping says: numbers that the robot cannot reach by it are refused, with
-    line, column and the unit they more likely have.
+    Each row is one stop: the commanded joints, the measured point or pose and, if the table has
+    them, time, encoders, payload, temperatures, side of approach and repeats. Every column has the
+    unit given in the mapping. Values that the robot cannot reach in that unit are refused with
+    line, column and the more likely unit.
 
-    What the columns are is said by --mapping, or by --preset for tables of known programs; --guess
-    proposes a mapping and shows the first rows by it. A guess writes a session only where nothing
-    about it is in doubt.
+    Give one of three: --mapping, a YAML file that describes the columns; --preset, for tables
+    written by known programs; or --guess, which proposes a mapping and shows the first rows. A
+    guess writes a session only if nothing about it is in doubt.
     """
     robot = load_robot(robot_file)
     _require_one(mapping_file, preset, guess)
@@ -124,7 +149,9 @@ def command(
                 other = _other(join_file, join_preset, by, within, shift)
                 mapping: Mapping[str, Any] = mapping_of(preset, robot, other, unit, mapping_file)
             else:
-                proposed = guessed(table, robot)
+                joined = _second(join_file, join_preset, by, within, shift)
+                beside = mapping_file if mapping_out or out else Path("mapping.yaml")
+                proposed = guessed(table, robot, joined, beside)
                 if json_file is not None:
                     write_json(json_file, proposed.as_dict())
                 mapping = _proposed(proposed, table, out is not None)
@@ -136,7 +163,7 @@ def command(
 
 def _require_one(mapping_file: Path | None, preset: str | None, guess: bool) -> None:
     if sum((mapping_file is not None, preset is not None, guess)) != 1:
-        raise InputError("say what the columns are by one of --mapping, --preset and --guess")
+        raise InputError("say what the columns are: give one of --mapping, --preset and --guess")
 
 
 def _require_something(out: Path | None, mapping_out: Path | None, guess: bool) -> None:
@@ -145,11 +172,22 @@ def _require_something(out: Path | None, mapping_out: Path | None, guess: bool) 
 
 
 def _other(
-    file: Path | None, preset: str | None, by: str, within: float, shift: float
+    file: Path | None, preset: str | None, by: str | None, within: float, shift: float
 ) -> Other | None:
     if (file is None) != (preset is None):
-        raise InputError("--join and --join-preset go together: a second table and its form")
-    return None if file is None or preset is None else Other(file, preset, by, within, shift)
+        raise InputError("--join and --join-preset go together: a second table and its format")
+    if file is None or preset is None:
+        return None
+    return Other(file, preset, by or "row", within, shift)
+
+
+def _second(
+    file: Path | None, preset: str | None, by: str | None, within: float, shift: float
+) -> Other | None:
+    """The second table of a guess."""
+    if preset is not None:
+        raise InputError("--join-preset goes with --preset; --guess finds the second table's form")
+    return None if file is None else Other(file, "", by or "", within, shift)
 
 
 def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
@@ -168,8 +206,8 @@ def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
         click.echo(f"in doubt: {text}")
     if guess.doubts and to_write:
         raise DataError(
-            f"{table}: not written, as {len(guess.doubts)} of what was guessed is in doubt: write "
-            "the mapping by --mapping-out, put it right, and import with --mapping"
+            f"{table}: not written, because {len(guess.doubts)} of the guesses is in doubt: write "
+            "the mapping with --mapping-out, correct it, and import with --mapping"
         )
     return guess.mapping
 
@@ -189,7 +227,7 @@ def _write(table: Path, mapping_file: Path, robot: Robot, out: Path) -> None:
     tracker = session.tracker
     measured = 0 if tracker is None else len(tracker.stamp_ns)
     if not measured:
-        raise InputError(f"{table}: nothing measured at rest in it")
+        raise InputError(f"{table}: it has no measurements at rest")
     write_session(
         out,
         session,

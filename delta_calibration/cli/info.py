@@ -12,7 +12,7 @@ from delta_calibration.robot import Joints, load_robot
 from delta_calibration.wording import moment
 
 
-@click.command("info", short_help="what a session holds")
+@click.command("info", short_help="topics, rates and origin of a session")
 @SESSION
 @click.option(
     "--robot",
@@ -20,10 +20,10 @@ from delta_calibration.wording import moment
     default=None,
     metavar="FILE|NAME",
     shell_complete=robots,
-    help="Robot whose joints are looked for; says of each topic which it has.",
+    help="Robot whose joints to look for in each topic.",
 )
 def command(session: Path, robot_file: str | None) -> None:
-    """Topics, counts, rates, storage and provenance of SESSION."""
+    """Show topics, message counts, rates, storage and origin of SESSION."""
     joints = None if robot_file is None else load_robot(robot_file).joints
     info = inspect_session(session)
     click.echo(f"{info.source}: {info.message_count} messages in {duration(info.duration_s)}")

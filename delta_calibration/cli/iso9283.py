@@ -29,17 +29,22 @@ _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
 @SESSION
 @robot_option
 @calibration_option(
-    "Registers the tracker; else the best frame over the same stops does, which flatters AP."
+    "Calibration whose tracker frame is used. Without it the best-fit frame of the same stops is "
+    "used, which makes AP look better than it is."
 )
 @click.option(
     "--conditions",
     type=click.Choice(sorted(_CONDITIONS)),
     default="standard",
     show_default=True,
-    help="Cycles: 30 / 30 / 10 of the standard, or 25 / 30 / 3 of the Delta paper.",
+    help="Number of cycles: 30 / 30 / 10 (the standard), or 25 / 30 / 3 (the Delta paper).",
 )
 @click.option(
-    "--json", "json_file", type=click.Path(path_type=Path), default=None, help="File to write."
+    "--json",
+    "json_file",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="JSON file to write.",
 )
 @topics_option
 def command(
@@ -50,7 +55,7 @@ def command(
     json_file: Path | None,
     topics: tuple[str, ...],
 ) -> None:
-    """AP, RP, AD, RD, AT and RT from a SESSION of the plan `iso9283`."""
+    """Compute AP, RP, AD, RD, AT and RT of ISO 9283 from a SESSION of the plan `iso9283`."""
     if json_file is not None:
         require_folder(json_file)
     robot = load_robot(robot_file)
@@ -64,7 +69,7 @@ def command(
         _CONDITIONS[conditions],
         calibration,
     )
-    click.echo(f"{report.conditions.name}; tracker registered by the {report.frame}")
+    click.echo(f"{report.conditions.name}; tracker frame from the {report.frame}")
     rows = [
         (f"{v.symbol} {v.where}", f"{v.value * 1e3:.4f}", str(v.cycles)) for v in report.values
     ]

@@ -98,7 +98,7 @@ def part_of(poses: Poses, begun: dict[str, int], part: str) -> Poses:
     end = min((other for other in begun.values() if other > begun[part]), default=np.inf)
     keep = np.flatnonzero((stamp >= begun[part]) & (stamp < end))
     if keep.size == 0:
-        raise DataError(f"{poses.source}: no stops were recorded in the part {part!r} of the demo")
+        raise DataError(f"{poses.source}: no stops were recorded in part {part!r} of the demo")
     return poses.take(keep)
 
 

@@ -75,7 +75,7 @@ def machine_demo(
         summary["camera"] = positioned_by_camera(draw_machine(robot, seed), robot.camera, seed)
     summary["second_act"] = _second_act(robot, out, seed, method, trial, say)
     again = f"--robot {shlex.quote(called)} --seed {seed} --method {method}"
-    click.echo(f"the same again: delta-cal demo {again}\n")
+    click.echo(f"to repeat this run: delta-cal demo {again}\n")
     summary["provenance"] = {
         "package_version": __version__,
         "robot": robot.name,
@@ -181,8 +181,8 @@ class _Trial:
         done = JointCompensator(calibration, method).compensate(at.joint, at)
         if inside.sum() < _FEWEST:
             raise DataError(
-                f"{int(inside.sum())} of {len(at)} moments of the trial lie in the region that "
-                f"was measured; {_FEWEST} are wanted"
+                f"{int(inside.sum())} of {len(at)} moments of the test are in the measured "
+                f"region; {_FEWEST} are needed"
             )
         at, joint = at.take(inside), done.joint[inside]
         nominal = machine.robot.commanded
@@ -195,7 +195,7 @@ class _Trial:
 
     def before(self) -> tuple[str, ...]:
         """The row without compensation."""
-        return _row("not compensated, in its best frame", *self._before)
+        return _row("not compensated, best-fit frame", *self._before)
 
     def after(self) -> tuple[str, ...]:
         """The row with it."""
@@ -221,8 +221,8 @@ def _told(robot: Robot, rows: Rows) -> str:
     """Rows as a table, the turn's column where the joints command a turn."""
     if max(robot.commanded.freedoms) >= 3:
         return table((*_HEAD, _TURN), rows) + (
-            "\none reflector's places do not show how a tool is turned on its flange, nor a "
-            "platform against its joints: that stays in the turn"
+            "\nthe positions of one reflector do not show the rotation of a tool on its flange "
+            "or of a platform against its joints: it remains in the rotation error"
         )
     return table(_HEAD, [row[: len(_HEAD)] for row in rows])
 

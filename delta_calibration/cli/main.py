@@ -80,20 +80,21 @@ class Verbs(click.Group):
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="delta-cal")
 def group() -> None:
-    """Calibrate a parallel robot from measured data.
+    """Calibrate and diagnose parallel robots from measured data.
 
-    A session (a rosbag2 folder) holds what was commanded and what a laser tracker saw. `fit` finds
-    what the machine really is, `compensate` the joint commands that put the tool where it was
-    meant to be, `iso9283` says how accurate the cell is. `simulate` makes sessions of a machine
-    that is not built as drawn, `import` of a table; `demo` shows it all on a live simulated cell.
+    A session (a rosbag2 folder) holds the joint commands and the readings of a laser tracker.
+    `fit` identifies the real geometry of the machine, `diagnose` finds what else is wrong with it,
+    `compensate` computes the joint commands that put the tool where it should be, and `iso9283`
+    measures the accuracy. `simulate` records sessions of a simulated machine, `import` makes one
+    from your own table, and `demo` shows everything on a live simulated cell.
 
     \b
     A first look, in a folder of your own:
       delta-cal simulate --robot srbd --plan identify --seed 1 --out session
       delta-cal fit session --robot srbd --out calibration.yaml
 
-    `delta-cal VERB --help` says the rest. Long work shows a bar with the time left.
-    Exit codes: 0 done; 1 the data cannot answer; 2 wrong use or bad input.
+    Run `delta-cal VERB --help` for details. Long work shows a progress bar. Exit codes: 0 done; 1
+    the data cannot answer; 2 wrong use or bad input.
     """  # noqa: D301 - to click \b is the control character
 
 

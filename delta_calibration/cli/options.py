@@ -38,7 +38,8 @@ def robot_option(function: Function) -> Function:
         required=True,
         metavar="FILE|NAME",
         shell_complete=robots,
-        help="Robot file (config/srbd.yaml), or the name of one that comes with it (srbd).",
+        help="Robot file, such as config/srbd.yaml, or the name of a robot of the package, such "
+        "as srbd.",
     )(function)
 
 
@@ -49,7 +50,7 @@ def seed_option(function: Function) -> Function:
         type=click.IntRange(min=0),
         default=0,
         show_default=True,
-        help="Of all that is drawn.",
+        help="Seed of the random numbers.",
     )(function)
 
 
@@ -60,9 +61,10 @@ def topics_option(function: Function) -> Function:
         "topics",
         multiple=True,
         metavar="STREAM=TOPIC",
-        help="Where a stream was recorded under another name: command=/my/joint_command; streams: "
-        "command, states, tracker_pose, tracker_point, temperature, payload. An empty name leaves "
-        "a stream out.",
+        help="Topic of a stream that was recorded under another name, such as "
+        "command=/my/joint_command; may be repeated. Streams: command, states, "
+        "tracker_pose, tracker_point, temperature, payload. An empty topic ignores the "
+        "stream.",
     )(function)
 
 
@@ -72,7 +74,7 @@ def model_option(function: Function) -> Function:
         "--model",
         type=click.Choice(sorted(MECHANISMS)),
         default=None,
-        help="Mechanism to fit; the robot file's own where not given.",
+        help="Mechanism to fit instead of the one in the robot file.",
     )(function)
 
 
@@ -83,7 +85,8 @@ def in_force_option(function: Function) -> Function:
         "in_force",
         type=click.Path(path_type=Path),
         default=None,
-        help="What the robot is compensated by: held against the session in the drawing's place.",
+        help="Calibration that was active during the session. It is compared with the session "
+        "instead of the nominal geometry.",
     )(function)
 
 
@@ -94,7 +97,7 @@ def figures_option(function: Function) -> Function:
         type=click.Path(path_type=Path),
         default=None,
         metavar="FOLDER",
-        help="Also every figure as a PNG file in this folder (needs matplotlib).",
+        help="Folder for a PNG file of every figure (needs matplotlib).",
     )(function)
 
 
@@ -105,7 +108,7 @@ def numbers_option(function: Function) -> Function:
         type=click.Path(path_type=Path),
         default=None,
         metavar="FOLDER",
-        help="Also all numbers: report.json, and a CSV file a figure and table.",
+        help="Folder for all numbers: report.json, and a CSV file for every figure and table.",
     )(function)
 
 
@@ -193,7 +196,7 @@ def force_option(function: Function) -> Function:
     return click.option(
         "--force",
         is_flag=True,
-        help="Write the calibration even where `delta-cal check` finds a mistake in the session.",
+        help="Write the calibration even if `delta-cal check` finds a mistake in the session.",
     )(function)
 
 

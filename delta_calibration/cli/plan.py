@@ -38,24 +38,28 @@ from delta_calibration.robot import Robot, load_robot
 _STOPS = 20  # of --separate, where --count is not given
 
 
-@click.command("plan", short_help="where to measure, from which side, with what load")
+@click.command("plan", short_help="plan where to measure, from which side and with what load")
 @robot_option
 @click.option(
     "--name",
     default=None,
     metavar="NAME",
-    help="A plan by name: line, disc, iso9283, identify, circles, rich; the nodes and `simulate` "
-    "have the same. `identify` spreads its places over the workspace, --identify chooses them.",
+    help="Name of a plan: line, disc, iso9283, identify, circles, rich (the same names as in "
+    "`simulate` and the nodes). `identify` spreads its poses over the workspace; the option "
+    "--identify selects optimal ones.",
 )
 @click.option(
-    "--identify", is_flag=True, help="The D-optimal poses to fit the geometry, from both sides."
+    "--identify",
+    is_flag=True,
+    help="Select D-optimal poses for fitting the geometry, each approached from both sides.",
 )
 @click.option(
     "--separate",
     nargs=2,
     default=None,
     metavar="CAUSE CAUSE",
-    help="What parts the first cause from the second; `geometry` for all dimensions.",
+    help="Select stops that distinguish the first cause from the second; `geometry` stands for "
+    "all dimensions.",
 )
 @click.option(
     "--from",
@@ -63,28 +67,28 @@ _STOPS = 20  # of --separate, where --count is not given
     type=click.Path(path_type=Path),
     default=None,
     metavar="SESSION",
-    help="What was measured before, to which --separate adds.",
+    help="Session already measured, which --separate extends.",
 )
-@calibration_option("The machine that --separate goes by, in place of the drawing.")
+@calibration_option("Calibration that --separate uses instead of the nominal geometry.")
 @click.option(
     "--count",
     type=click.IntRange(min=1),
     default=None,
-    help=f"Of different places ({PLACES} to identify; cycles for iso9283), or of stops for "
-    "--separate (20).",
+    help=f"Number of different places ({PLACES} to identify by default), of cycles for iso9283, "
+    "or of stops for --separate (20 by default).",
 )
 @click.option(
     "--payload-kg",
     type=Quantity(0, 100_000, above=True),
     default=2.0,
     show_default=True,
-    help="That can be put on the platform, for rich and --separate.",
+    help="Largest load that can be put on the platform, for rich and --separate.",
 )
 @click.option(
     "--radius-mm",
     type=Quantity(0, 1_000_000, above=True),
     default=None,
-    help="Keep the tool within this distance of the axis.",
+    help="Largest distance of the tool from the z axis.",
 )
 @seed_option
 @topics_option
@@ -103,16 +107,17 @@ def command(
     topics: tuple[str, ...],
     out: Path,
 ) -> None:
-    """Write a measurement plan that `simulate` and the node `measurement_plan` take by its file.
+    """Write a measurement plan for `simulate` and for the node `measurement_plan`.
 
-    The CSV has a line a stop: the tool point (x_mm, y_mm, z_mm), the side that the joints come
-    from (direction: 1 or -1) and the load (payload_kg); lines with a path and its duration_s are
-    driven through without a stop, with the load of the last stop. A column `note` is for people;
-    others are refused.
+    The CSV file has one line per stop: the tool point (x_mm, y_mm, z_mm), the side from which the
+    joints approach (direction: 1 or -1) and the load (payload_kg). Lines with a path and a
+    duration_s are driven through without a stop, with the load of the last stop. A column `note`
+    is for people; other columns are refused.
 
-    --identify and --separate choose among poses in the robot file's `workspace`, turned by no more
-    than it allows; where the file states none, among all that the joints can take, the machine put
-    together as at home. Cables stay taut with the loads of the plan.
+    --identify and --separate select poses inside the robot file's `workspace` and turn the
+    platform no further than it allows. If the file has no workspace, all poses within the joint
+    limits are candidates, in the assembly mode of the home pose. Cables stay taut under the loads
+    of the plan.
     """
     if [name is not None, identify, separate is not None].count(True) != 1:
         raise InputError("give one of --name, --identify and --separate")
@@ -155,12 +160,13 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
     seen = best.observability
     return "\n".join(
         [
-            f"{len(best.plan) // 2} poses of {best.candidates}, each from both sides: log det of "
-            f"the information {best.log_det:.1f}, of as many random ones "
-            f"{best.random_log_det:.1f}; those would have to be {best.worth:.1f} times as many",
+            f"{len(best.plan) // 2} poses of {best.candidates}, each approached from both sides: "
+            f"log det of the information {best.log_det:.1f}; of the same number of random poses "
+            f"{best.random_log_det:.1f}; it would take {best.worth:.1f} times as many of those "
+            "for the same information",
             f"rank {seen.rank} of {seen.columns} parameters, O1 {seen.indices['O1']:.4g}",
             f"{_kept_to(robot)} and a condition of {robot.limits.condition / 2:g}, half of the "
-            "file's limits.condition, as it states none of the ball joints",
+            "file's limits.condition, because the file has no limit for the ball joints",
         ]
     )
 
@@ -168,8 +174,8 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
 def _kept_to(robot: Robot) -> str:
     """Where the poses were chosen from."""
     if robot.workspace is None:
-        return "poses keep to the joints' limits, the assembly mode of home"
-    return "poses keep to the file's workspace and the turns allowed there, the joints' limits"
+        return "poses stay within the joint limits, in the assembly mode of the home pose"
+    return "poses stay within the workspace and rotations of the robot file, the joint limits"
 
 
 def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | None) -> str:
@@ -190,7 +196,7 @@ def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | 
     ]
     if not parting.after.parted:
         lacking = "more stops" if parting.after.cosine < SAME else parting.outside or NOTHING
-        lines.append(f"not enough to tell them apart: {lacking}")
+        lines.append(f"not enough to distinguish them: {lacking}")
     return "\n".join(lines)
 
 

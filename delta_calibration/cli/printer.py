@@ -33,27 +33,29 @@ Array = NDArray[np.float64]
 _MM = 1e3
 
 
-@click.command("printer", short_help="a Delta printer by its own probe (Klipper's printer.cfg)")
+@click.command("printer", short_help="calibrate a Delta printer from its own probe (Klipper)")
 @click.argument("config", type=click.Path(path_type=Path))
 @click.option(
     "--noise-um",
     type=Quantity(1.0, 10_000.0),
     default=75.0,
     show_default=True,
-    help="[um] standard deviation of a measured height or distance.",
+    help="Standard deviation of a measured height or distance [um].",
 )
 @click.option(
-    "--data-alone", is_flag=True, help="Without what parts of a kit may be expected to be off by."
+    "--data-alone",
+    is_flag=True,
+    help="Use the measurements alone, without the usual tolerances of a printer kit.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="File to write with the new entries.")
+@click.option("--out", type=click.Path(path_type=Path), help="File to write the new entries to.")
 def command(config: Path, noise_um: float, data_alone: bool, out: Path | None) -> None:
-    """Find the dimensions of the Delta printer whose firmware wrote CONFIG, its printer.cfg.
+    """Identify the dimensions of a Delta printer from CONFIG, its Klipper printer.cfg.
 
-    DELTA_CALIBRATE has probed the bed, and perhaps a caliper has measured a printed part
-    (DELTA_ANALYZE): SAVE_CONFIG keeps both at the end of the file. From them come radius, towers,
-    endstops and arms with their standard errors, what of them the measurements do not tell, and
-    how well each measurement is foretold by the others. CONFIG is left as it is; --out writes the
-    entries to put in the place of its own.
+    DELTA_CALIBRATE probes the bed; DELTA_ANALYZE adds distances on a printed part measured with a
+    caliper; SAVE_CONFIG stores both at the end of the file. From them the radius, towers, endstops
+    and arms are identified with standard errors. The output also says what the measurements leave
+    undetermined, and how well each one is predicted from the others. CONFIG is not changed; --out
+    writes the entries that replace the old ones.
     """
     given = read_printer(config)
     height = float(given.endstop.mean())
@@ -68,8 +70,8 @@ def command(config: Path, noise_um: float, data_alone: bool, out: Path | None) -
     click.echo(_dimensions(now, found))
     click.echo("")
     click.echo(
-        f"told by the measurements: {found.told:.1f} of {len(found.names)}; chi square per degree "
-        f"of freedom {found.chi_square:.2f} of the stated noise"
+        f"determined by the measurements: {found.told:.1f} of {len(found.names)}; chi square per "
+        f"degree of freedom {found.chi_square:.2f} of the stated noise"
     )
     if found.unset:
         click.echo(f"not told: {listed(found.unset)}")

@@ -9,17 +9,17 @@ import click
 from delta_calibration.recording.recovery import recover
 
 
-@click.command("recover", short_help="write a recording that was cut off anew, closed")
+@click.command("recover", short_help="repair a recording that was cut off")
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder of the bag to write."
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder of the repaired bag."
 )
 def command(bag: Path, out: Path) -> None:
-    """Write what can be read of BAG to another bag.
+    """Write all readable messages of BAG to a new bag.
 
-    A recording whose recorder was killed has no index: `ros2 bag`, rosbags' AnyReader and mcap's
-    seeking reader refuse it. The new one holds the same messages at the same times, and BAG is
-    left as it is.
+    If the recorder was killed, the bag has no index, and `ros2 bag`, rosbags' AnyReader and mcap's
+    seeking reader refuse it. The new bag has the same messages at the same times and an index. BAG
+    itself is not changed.
     """
     found = recover(bag, out)
     for note in found.notes:

@@ -16,28 +16,28 @@ from delta_calibration.processes import child_environment
 from delta_calibration.recording import inspect_session
 
 
-@click.command("replay", short_help="play a session onto its topics, with /clock")
+@click.command("replay", short_help="play a session on its topics, with /clock")
 @SESSION
 @click.option(
     "--rate",
     type=Quantity(1e-3, 10_000),
     default=1.0,
     show_default=True,
-    help="Times as fast as it was recorded.",
+    help="Speed of the replay relative to the recording.",
 )
-@click.option("--loop", is_flag=True, help="Begin again at the end.")
+@click.option("--loop", is_flag=True, help="Start again when the end is reached.")
 @click.option(
     "--start",
     type=Quantity(0, 1_000_000_000),
     default=0.0,
     show_default=True,
-    help="Begin so many seconds in.",
+    help="Time in the session to start at [s].",
 )
 def command(session: Path, rate: float, loop: bool, start: float) -> None:
-    """Play SESSION by the node `session_player`; needs ROS. Ctrl-C ends it.
+    """Play SESSION on its topics with the node `session_player`. Needs ROS 2; Ctrl-C ends it.
 
-    It plays the commands, too: never where drives or a running cell listen. Set ROS_DOMAIN_ID to
-    a number of its own first.
+    The joint commands are played as well: never replay where drives or a running cell are
+    listening. Set ROS_DOMAIN_ID to a number that nothing else uses first.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise InputError(

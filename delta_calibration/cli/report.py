@@ -35,7 +35,7 @@ from delta_calibration.robot import load_robot
 PATH = click.Path(path_type=Path)
 
 
-@click.command("report", short_help="one page on a session, to read and sign")
+@click.command("report", short_help="a one-page report on a session, to read and sign")
 @SESSION
 @robot_option
 @click.option("--out", type=PATH, required=True, help="HTML page to write; it opens offline.")
@@ -46,7 +46,8 @@ PATH = click.Path(path_type=Path)
     type=PATH,
     default=None,
     metavar="SESSION",
-    help="A session of the standard's cycles (plan iso9283), where SESSION does not hold them.",
+    help="Session with the cycles of the standard (plan iso9283), if SESSION does not contain "
+    "them.",
 )
 @figures_option
 @numbers_option
@@ -65,11 +66,11 @@ def command(
     seed: int,
     topics: tuple[str, ...],
 ) -> None:
-    """Diagnose SESSION and write what was found as one HTML page that opens without a network.
+    """Diagnose SESSION and write the result as one HTML page that opens without a network.
 
-    The verdict on top; then the error over the workspace and along the Delta paper's line, what
-    gives the cause away, the evidence, what the data cannot set, noise, ISO 9283 where its cycles
-    were recorded, and where every number comes from.
+    The page starts with the verdict. Below it: the error over the workspace and along the line of
+    the Delta paper, what points to the cause, the evidence, what the data cannot determine, noise,
+    ISO 9283 if its cycles were recorded, and the origin of every number.
     """
     require_folder(out)
     require_libraries()

@@ -28,6 +28,10 @@ from delta_calibration.robot import Robot, load_robot, robot_document, robot_fro
 
 ROBOT = click.argument("robot_file", metavar="FILE|NAME", shell_complete=robots)
 OUT = click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+PER_JOINT = {  # lists that have a value for each joint
+    ("joints", key)
+    for key in ("lower_deg", "upper_deg", "lower_mm", "upper_mm", "sign", "zero_deg", "zero_mm")
+}
 _GROWN = 1.25  # that a dimension is drawn with beside what the file says
 
 
@@ -36,14 +40,16 @@ def command() -> None:
     """Write, check and draw the file that describes a robot."""
 
 
-@command.command("check", short_help="units in doubt, and the machine in figures")
+@command.command(
+    "check", short_help="check a robot file for wrong units and summarise the machine"
+)
 @ROBOT
 def check(robot_file: str) -> int:
-    """Look a robot file over.
+    """Check a robot file.
 
-    Says where the machine works, how well it is conditioned there, what machines within the
-    tolerances miss by, and which entries look as if they were in another unit than their keys say.
-    Exit code 1 where something is in doubt.
+    Shows the region where the machine works, how well conditioned it is there, the position error
+    that the tolerances lead to, and every entry that looks as if its unit were wrong. The exit
+    code is 1 if an entry is in doubt.
     """
     robot, seen = load_robot(robot_file), review(load_robot(robot_file), _document(robot_file))
     click.echo(f"{robot.name}: {robot.mechanism}, {len(robot.joints.names)} joints")
@@ -58,20 +64,21 @@ def check(robot_file: str) -> int:
     return int(bool(seen.doubts))
 
 
-@command.command("draw", short_help="frames, zeros and senses of the joints as a drawing")
+@command.command("draw", short_help="draw frames, zeros and directions of the joints")
 @ROBOT
 @OUT
 @click.option(
     "--dimensions",
     type=click.Path(path_type=Path),
     default=None,
-    help="Folder for one more drawing of each dimension: what changes when it grows by a quarter.",
+    help="Folder for a drawing of each dimension: what changes if it grows by a quarter.",
 )
 def draw(robot_file: str, out: Path, dimensions: Path | None) -> None:
     """Draw a robot in three views, in the middle of its workspace.
 
-    Arrows with a joint's name point the way in which its angle or place grows; dashed is where a
-    turning joint's link would be at zero. SVG, PNG or PDF, by the ending of the file.
+    An arrow with a joint's name shows the direction in which its reading increases. A dashed line
+    shows where the link of a turning joint is at zero. The ending of the file selects SVG, PNG or
+    PDF.
     """
     from delta_calibration.report.sketch import write_sketch
 
@@ -85,25 +92,28 @@ def draw(robot_file: str, out: Path, dimensions: Path | None) -> None:
             click.echo(f"written: {path} ({entry.about or entry.name})")
 
 
-@command.command("new", short_help="a robot file by questions")
+@command.command("new", short_help="write a robot file by answering questions")
 @OUT
-@click.option("--mechanism", type=click.Choice(list(MECHANISMS)), default=None, help="Its kind.")
-@click.option("--name", default=None, help="Of the robot: small letters, digits, _.")
+@click.option(
+    "--mechanism", type=click.Choice(list(MECHANISMS)), default=None, help="Kind of robot."
+)
+@click.option("--name", default=None, help="Name of the robot: lower-case letters, digits and _.")
 @click.option(
     "--like",
     "model",
     metavar="FILE|NAME",
     shell_complete=robots,
     default=None,
-    help="Robot whose values are proposed; one of the same mechanism where not given.",
+    help="Robot whose values are proposed; by default a robot of the package with the same "
+    "mechanism.",
 )
 @click.option(
     "--pictures",
     type=click.Path(path_type=Path),
     default=None,
-    help="Folder for a picture of each dimension, which the questions name.",
+    help="Folder for a picture of each dimension; each question names its picture.",
 )
-@click.option("--yes", is_flag=True, help="Take every proposed value.")
+@click.option("--yes", is_flag=True, help="Accept every proposed value without asking.")
 def new(
     out: Path,
     mechanism: str | None,
@@ -112,14 +122,14 @@ def new(
     pictures: Path | None,
     yes: bool,
 ) -> int:
-    """Write a robot file: every entry is asked for, with what it is and a value proposed.
+    """Write a robot file by answering a question for every entry.
 
-    Enter takes the proposed value; lists are typed with commas. What is typed is checked at once.
-    The file has what each entry means behind it.
+    Each question explains the entry and proposes a value; Enter accepts it. Separate the items of
+    a list by commas. Answers are checked at once. In the file, a comment explains every entry.
     """
     require_folder(out)
     if out.exists():
-        raise InputError(f"{out}: exists already; name another file")
+        raise InputError(f"{out}: already exists; name another file")
     data = _begun(mechanism, model, ask=not yes)
     default = str(data["name"]) if yes else "my_robot"
     named = name or (default if yes else click.prompt("name", default=default))
@@ -127,8 +137,7 @@ def new(
     robot_from(data, str(model or data["mechanism"]))  # a name that no robot may have ends it here
     shown = _shown(data, model or str(data["mechanism"]), pictures)
     if not yes:
-        for entry in entries(str(data["mechanism"])):
-            data = _asked(entry, data, shown.get(entry.path))
+        data = _answered(data, shown, out)
     write_text(out, commented(data))
     click.echo(f"written: {out}")
     robot = load_robot(out)
@@ -139,32 +148,37 @@ def new(
     return int(bool(seen.doubts))
 
 
-@command.command("from-urdf", short_help="a serial arm's robot file, of its URDF")
+@command.command("from-urdf", short_help="write a serial arm's robot file from its URDF")
 @click.argument("urdf", type=click.Path(path_type=Path))
 @OUT
-@click.option("--tip", default=None, help="Link of the tool; the last of the chain if not given.")
-@click.option("--base", default=None, help="Link to begin at; the tree's root if not given.")
-@click.option("--name", default=None, help="Of the robot; the URDF's own where not given.")
+@click.option("--tip", default=None, help="Link of the tool.  [default: the last of the chain]")
+@click.option("--base", default=None, help="Link to start from.  [default: the root of the tree]")
+@click.option("--name", default=None, help="Name of the robot.  [default: the name in the URDF]")
 def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: str | None) -> None:
-    """Write the robot file of a serial arm of turning joints that a URDF describes.
+    """Write the robot file of a serial arm of turning joints from its URDF.
 
-    Lengths, axes, joint names, limits and masses come from the URDF; tolerances, tracker and
-    limits of the compensation are proposed and to be looked over. Points of URDF and robot file
-    agree at all joints (checked before the file is written).
+    Lengths, axes, joint names, limits and masses come from the URDF. Tolerances, tracker and
+    correction limits are proposals: review them. Before the file is written, it is checked that
+    URDF and robot file put the tool at the same position.
     """
     require_folder(out)
     if out.exists():
-        raise InputError(f"{out}: exists already; name another file")
+        raise InputError(f"{out}: already exists; name another file")
     data = robot_from_urdf(urdf, base=base, tip=tip, name=name)
     robot_from(data, str(urdf))
     write_text(out, commented(data))
-    click.echo(f"written: {out}; tolerances, tracker and limits are proposed: look them over")
+    click.echo(f"written: {out}; tolerances, tracker and limits are proposals: review them")
 
 
-@command.command("reference", short_help="all entries of robot files, as a page")
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Else printed.")
+@command.command("reference", short_help="write a reference page of all entries")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="File to write; printed if not given.",
+)
 def reference_page(out: Path | None) -> None:
-    """Write the page of all entries (Markdown)."""
+    """Write a reference page of all entries of robot files (Markdown)."""
     write_or_print(out, reference())
 
 
@@ -196,7 +210,25 @@ def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from error
+        raise InputError(f"{folder}: cannot be created: {error.strerror or error}") from error
+
+
+def _answered(
+    data: dict[str, Any], shown: dict[tuple[str, ...], Path], out: Path
+) -> dict[str, Any]:
+    """The file with an answer to every question; interrupted, what was answered is written."""
+    try:
+        for entry in entries(str(data["mechanism"])):
+            data = _asked(entry, data, shown.get(entry.path))
+    except click.Abort:
+        write_text(out, commented(data))
+        click.echo(
+            f"\nstopped; the answers so far are in {out}. To go on: "
+            f"delta-cal robot new --like {out} --out ANOTHER.yaml",
+            err=True,
+        )
+        raise
+    return data
 
 
 def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str, Any]:
@@ -214,9 +246,26 @@ def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str
         if said == left_out:
             return data
         try:
-            return with_value(data, entry.path, entry.read(said))
+            return with_value(data, entry.path, _for_joints(entry, entry.read(said), data))
         except InputError as error:
             click.echo(str(error), err=True)
+
+
+def _for_joints(entry: Entry, value: Any, data: dict[str, Any]) -> Any:
+    """A list with a value for every joint; a single value stands for all of them.
+
+    Raises:
+        InputError: another number of values.
+    """
+    names = data["joints"]["names"]
+    if entry.path not in PER_JOINT or len(value) == len(names):
+        return value
+    if len(value) == 1:
+        return list(value) * len(names)
+    raise InputError(
+        f"{entry.name}: {len(value)} values; give one for each of {', '.join(names)}, or one for "
+        "all"
+    )
 
 
 def _written(value: Any) -> str:

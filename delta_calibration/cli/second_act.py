@@ -51,7 +51,7 @@ def second_act(
     effect = shown[int(np.random.default_rng(draw).integers(len(shown)))]
     files = out / "session_2", out / "extended.yaml"
     with LiveCell(robot_file, robot, *files, seed, method, (effect,)) as cell:
-        say("second act: something is hidden in the machine that no geometry explains")
+        say("second act: an error that no geometry explains is hidden in the machine")
         cell.order("start_capture")
         begun = time.time_ns()
         say(f"measuring the workspace: {STOPS['identify']} places from both sides")
@@ -77,11 +77,10 @@ def second_act(
     hidden = effect.partition(":")[0]
     before, after = (figures[name]["mean_mm"] for name in ("calibrated", "extended"))
     click.echo(
-        f"\nhidden: {effect}; found: {', '.join(found) or 'nothing'}; "
-        f"mean error of the line {before:.4f} -> {after:.4f} mm\n\n"
-        f"{hidden_and_found(machine, files[1])}\n\n"
-        f"the same again: delta-cal demo --robot {robot_file} --seed {seed} --method {method} "
-        f"--draw {draw}\n"
+        f"\nhidden: {effect}; found: {', '.join(found) or 'nothing'}; mean error of the line "
+        f"{before:.4f} -> {after:.4f} mm\n\n{hidden_and_found(machine, files[1])}\n\nto repeat "
+        f"this run: delta-cal demo --robot {robot_file} --seed {seed} --method {method} --draw "
+        f"{draw}\n"
     )
     right = found == [hidden]
     return {"draw": draw, "hidden": effect, "found": found, "right": right, **figures}, captured

@@ -25,34 +25,35 @@ from delta_calibration.simulation import (
 
 _RICH_PERIOD = 38.0  # [s] from stop to stop: two hours for the usual number of stops
 _CAUSES = """\b
-Dimensions (strength 3 by default; geometry: all of them at random, 1):
+Dimensions (default strength 3; geometry, all of them at random: 1):
   joint_zero_offset arm_length forearm_length base_joint_position
   base_joint_tilt parallelogram_mismatch geometry
-Measurement (strength 1 by default, as all that follow):
-  smr_offset            of the reflector, in a direction that is drawn
+Measurement (default strength 1, as for all below):
+  smr_offset            reflector offset in a random direction
   tracker_scale
-  tracker_drift         value is the shift; settles with time_constant=2400
-                        [s]; 0: a ramp, of an hour; step_at=T [s]: a step
+  tracker_drift         value: total shift. time_constant=S: settles (2400 s
+                        by default); 0: linear over an hour; step_at=S: a step
   timestamp_latency
 Drive:
-  encoder_eccentricity  value is the amplitude
-  transmission_error    value is the amplitude; cycles= a turn, by default
-                        the gear ratio
+  encoder_eccentricity  value: amplitude
+  transmission_error    value: amplitude; cycles=N per turn (default: gear
+                        ratio)
   joint_scale backlash joint_compliance joint_lag
-  joint_zero_drift      a ramp, of an hour; or time_constant=, step_at= [s]
-  stick_slip            beyond speed= [rad/s; m/s where joints slide] gone but
-                        for level=0 of it; by default a Delta's 0.1 rad/s or
-                        what moves as fast
+  joint_zero_drift      linear over an hour; or time_constant=S, step_at=S [s]
+  stick_slip            falls to level= (0 by default) of its value above
+                        speed= [rad/s; m/s for sliding joints]; by default
+                        0.1 rad/s on a Delta, a similar speed on others
 Structure:
   thermal_growth_arm thermal_growth_base
-                        by sensor=arm or base, their own by default; or by
-                        the clock with time_constant= [s]. The cell warms up
+                        follows the sensor of its own part; sensor=arm or
+                        sensor=base selects another, time_constant=S a growth
+                        with time. The cell warms up
   thermal_growth_forearm
-                        no thermometer there: by the clock, time_constant=2400
+                        has no sensor: grows with time, time_constant=2400
   forearm_compliance dynamic_deflection
-  ball_joint_clearance  from end to end over force=0 [N]
+  ball_joint_clearance  force=N: load that takes it from end to end (0: any)
 By robot:
-  every one             geometry smr_offset tracker_scale tracker_drift
+  every robot           geometry smr_offset tracker_scale tracker_drift
                         timestamp_latency backlash joint_lag
                         joint_zero_drift stick_slip
   srbd                  all of the above
@@ -67,9 +68,9 @@ By robot:
                         link_offset tool_position tool_turn
                         encoder_eccentricity transmission_error joint_scale
                         thermal_growth_link joint_error_curve
-  scara                 reducer_compliance as well
-  ur10                  gravity_sag as well
-An unknown cause or location is answered with those that the robot can have.
+  scara                 also reducer_compliance
+  ur10                  also gravity_sag
+An unknown cause or location is refused with a list of those the robot has.
 """
 
 
@@ -82,7 +83,7 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
 
 @click.command(
     "simulate",
-    short_help="make a session of a machine that is not built as drawn",
+    short_help="record a session of a simulated machine with errors",
     epilog=_CAUSES,
 )
 @robot_option
@@ -92,34 +93,45 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
     multiple=True,
     metavar="NAME[:k=v,...]",
     shell_complete=_causes,
-    help="Cause to hide, e.g. backlash:location=joint_2,value=0.0003 (SI); may be repeated.",
+    help="Cause of error to hide in the machine, such as backlash:location=joint_2,value=0.0003 "
+    "(SI units); may be repeated.",
 )
 @click.option(
     "--plan",
     default="rich",
     show_default=True,
     metavar="NAME|CSV",
-    help="line, disc, iso9283, identify, circles, rich, or a CSV of x_mm, y_mm, z_mm.",
+    help="Name of a plan (line, disc, iso9283, identify, circles, rich) or a CSV file of x_mm, "
+    "y_mm, z_mm.",
 )
 @click.option(
-    "--count", type=click.IntRange(min=1), default=None, help="Of points; cycles for iso9283."
+    "--count",
+    type=click.IntRange(min=1),
+    default=None,
+    help="Number of points; of cycles for iso9283.",
 )
 @click.option(
     "--scatter",
     type=Quantity(0, 1000),
     default=1.0,
     show_default=True,
-    help="Size of the manufacturing errors; 1 is a real machine's.",
+    help="Size of the manufacturing errors; 1 draws them from the tolerances in the robot file.",
 )
-@click.option("--rate", type=Quantity(1, 1000), default=20.0, show_default=True, help="[1/s]")
+@click.option(
+    "--rate",
+    type=Quantity(1, 1000),
+    default=20.0,
+    show_default=True,
+    help="Sampling rate of the recorded streams [1/s].",
+)
 @seed_option
 @click.option(
     "--visit",
     type=click.IntRange(0, 100_000),
     default=0,
     show_default=True,
-    help="Day on which the same machine is measured, with the tracker and the reflector set up "
-    "anew and other noise.",
+    help="Day on which the same machine is measured: tracker and reflector are set up again and "
+    "the noise is new.",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the session to write."
@@ -137,15 +149,17 @@ def command(
 ) -> None:
     """Drive a simulated machine through a plan and record the session.
 
-    The machine has parts that deviate by their tolerances (a Delta six rods), its own tracker
-    frame, tracker noise and joint repeatability. The seed decides all of it. The session of the
-    plan "rich" lasts two hours, in which the cell warms up: the arms from 20 towards 33 deg C
-    with a time constant of 40 minutes, the base plate slower and by a third of that.
+    The parts of the machine deviate by their tolerances (a Delta has six separate rods). It has
+    its own tracker frame, tracker noise and joint repeatability. All of this follows from the
+    seed. A session of the plan "rich" lasts two hours, in which the cell warms up: the arms from
+    20 towards 33 deg C with a time constant of 40 minutes, the base plate more slowly and by a
+    third of that.
 
-    --effect hides a cause in the machine. All take strength=S, in typical sizes, and most
-    value=V, in SI (rad, m, s, 1/K, rad/(N m), ...); those of single joints location=NAME, a
-    joint's name in the robot file. What is not said is drawn: phases, ways of a drift and, with a
-    strength, signs and shares. At the end: what each robot can have.
+    --effect hides a cause of error in the machine. Every cause takes strength=S, in units of a
+    typical size; most take value=V, in SI units (rad, m, s, 1/K, rad/(N m), ...); causes of a
+    single joint take location=NAME, with the joint's name in the robot file. Anything not given is
+    drawn at random: phases, the course of a drift and, with a strength, signs and shares. The list
+    below shows which causes each robot can have.
     """
     robot = load_robot(robot_file)
     hidden = [effect_options(text) for text in effects if text != "none"]

@@ -10,24 +10,31 @@ from delta_calibration.access import policy, rights
 from delta_calibration.cli.options import write_or_print
 
 
-@click.command("sros2", short_help="what the nodes may do, as a policy for SROS 2")
+@click.command("sros2", short_help="write an SROS 2 policy with the permissions of the nodes")
 @click.option("--policy", "wanted", is_flag=True, help="Write the policy (XML, format 0.2.0).")
 @click.option("--namespace", default="/", show_default=True, help="Namespace of the nodes.")
 @click.option(
     "--controller",
     "controllers",
     multiple=True,
-    help="Controller that calibration_node sends to; may be given again.",
+    help="Controller to which calibration_node sends; may be repeated.",
 )
-@click.option("--trajectory-input", default="", help="Topic of trajectories that it corrects.")
+@click.option(
+    "--trajectory-input",
+    default="",
+    help="Topic of the trajectories that calibration_node corrects.",
+)
 @click.option(
     "--operator/--no-operator",
     default=True,
     show_default=True,
-    help="Whether there is an identity that may give orders and set parameters.",
+    help="Whether the policy contains an operator, who may call services and set parameters.",
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=None, help="File to write; else printed."
+    "--out",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="File to write; printed if not given.",
 )
 def command(
     wanted: bool,
@@ -37,11 +44,12 @@ def command(
     operator: bool,
     out: Path | None,
 ) -> None:
-    """Write what each node may publish, listen to, answer and ask; all else is denied.
+    """Write the SROS 2 policy: what each node may publish, subscribe to, serve and call.
 
-    Each node is an enclave of its own, /delta_calibration/NODE, which it is started in with
-    --enclave; `operator` is the one whose processes may call services and set parameters of
-    calibration_node. docs/security.md says how keys are made from it.
+    Everything else is denied. Each node is an enclave of its own, /delta_calibration/NODE, given
+    to it by --enclave. Processes of the enclave `operator` may call the services of
+    calibration_node and set its parameters. docs/security.md explains how keys are made from the
+    policy.
     """
     if not wanted:
         raise click.UsageError("nothing to write; give --policy")

@@ -96,20 +96,20 @@ def table_options(function: Function) -> Function:
             "table_file",
             type=click.Path(path_type=Path),
             default=None,
-            help="File of --method table: loaded if it is there, else made and written.",
+            help="File for --method table: read if it exists, otherwise computed and written.",
         ),
         click.option(
             "--table-by",
             type=click.Choice(SOLVERS),
             default=None,
-            help="What finds the corrections of a table that is made.  [default: newton]",
+            help="Method that computes the entries of a new table.  [default: newton]",
         ),
         click.option(
             "--table-bound-um",
             default=None,
             metavar="UM",
             type=Quantity(0, 1, above=True),
-            help="Error that a table may have between its nodes.  [default: 1]",
+            help="Largest interpolation error of a table between its nodes.  [default: 1]",
         ),
     )
     for option in reversed(options):

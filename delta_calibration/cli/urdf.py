@@ -18,24 +18,27 @@ from delta_calibration.robot import load_robot
     "--calibration",
     type=click.Path(path_type=Path),
     default=None,
-    help="The robot as identified, with the tracker's frame, in place of the drawing.",
+    help="Calibration whose dimensions and tracker frame are used instead of the nominal ones.",
 )
 @click.option(
     "--frame-prefix",
     default="",
-    help="Put before the names of links, such as left/: for one robot among several.",
+    help="Prefix of the link names, such as left/, for one of several robots.",
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=None, help="File to write; else printed."
+    "--out",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="File to write; printed if not given.",
 )
 def command(
     robot_file: str, calibration: Path | None, frame_prefix: str, out: Path | None
 ) -> None:
-    """Print the robot as URDF.
+    """Write the robot as URDF, for display.
 
-    Closed chains are trees there: the platform hangs on the first strut, and the values of the
-    passive joints, which the node `robot_description` publishes, bring the others' ends to it.
-    Shapes are for the eye: no masses, no collision.
+    URDF has no closed chains: the platform hangs on the first strut, and the passive joint values
+    published by the node `robot_description` bring the ends of the other struts to it. The shapes
+    are for display only; there are no masses and no collision shapes.
     """
     robot = load_robot(robot_file)
     known = None if calibration is None else load_calibration(calibration, robot)

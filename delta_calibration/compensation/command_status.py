@@ -17,8 +17,8 @@ class CommandStatus(Enum):
 
     CORRECTED = "corrected"
     NOT_FINITE = "a joint angle is not a finite number"
-    JOINT_LIMIT = "beyond a joint's limit, as commanded or as corrected"
-    OUT_OF_REACH = "no pose of the nominal robot"
+    JOINT_LIMIT = "beyond a joint limit, before or after the correction"
+    OUT_OF_REACH = "out of reach of the nominal robot"
     OUTSIDE_REGION = "outside the calibrated region"
     SINGULAR = "near a singularity"
     SLACK = "a cable would hang slack"

@@ -148,7 +148,7 @@ class JointCompensator:
             return f"{TABLE} ({self.table.told()})"
         if self.method == TABLE:
             causes = ", ".join(self._own.reshaping)
-            return f"{self.by} (no table: the dimensions change with {causes})"
+            return f"{self.by} (no table, because the dimensions change with {causes})"
         return self.method
 
     def missing(self, at: Conditions) -> str:

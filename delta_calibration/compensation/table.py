@@ -76,7 +76,8 @@ class Stamp:
         ):
             if own != other:
                 raise InputError(
-                    f"the table is stale: made for {what} {own}, in force is {other}; make it anew"
+                    f"the table is outdated: it was made for {what} {own}, but the current one "
+                    f"is {other}; compute it again"
                 )
 
 

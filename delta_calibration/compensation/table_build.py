@@ -92,7 +92,7 @@ def build(task: Task, settings: TableSettings, follow: Follow = iter) -> Table:
         DataError: the region holds no command, or the bound cannot be held.
     """
     if not len(task.asked):
-        raise DataError("no table: the region holds no command that is within reach and limits")
+        raise DataError("no table: the region has no command within reach and limits")
     nodes, goal = settings.nodes, _SHARE * settings.bound
     while True:
         table = _checked(task, _filled(task, settings, nodes, follow), follow)
@@ -103,9 +103,9 @@ def build(task: Task, settings: TableSettings, follow: Follow = iter) -> Table:
         growth = min((table.worst / goal) ** (1 / _ORDER), _GROWTH)
         nodes = min(int(np.ceil((nodes - 1) * growth)) + 1, settings.most)
     raise DataError(
-        f"no table: with {table.nodes} nodes an axis it is {table.worst * 1e6:.2g} um off between "
-        f"them, {goal * 1e6:.2g} um is wanted, and {settings.most} nodes are the most; take "
-        "another method, or a region that keeps farther from the edge of the reach"
+        f"no table: with {table.nodes} nodes an axis it is {table.worst * 1e6:.2g} um off "
+        f"between them, {goal * 1e6:.2g} um is wanted, and {settings.most} nodes are the most; "
+        "use another method, or a region farther from the edge of the reach"
     )
 
 
@@ -124,7 +124,7 @@ def _filled(task: Task, settings: TableSettings, k: int, follow: Follow) -> Tabl
         dq[rows] = np.where(found.converged[:, None], found.dq, np.nan)
     lacking = np.isnan(dq[:, 0]).reshape(k, k, k)
     if lacking.all():
-        raise DataError(f"no table: {settings.solver} has no answer at any of its nodes")
+        raise DataError(f"no table: {settings.solver} finds no correction at any of its nodes")
     nearest = distance_transform_edt(lacking, return_distances=False, return_indices=True)
     corrections = dq.reshape(k, k, k, -1)[tuple(nearest)]
     return Table(lower, upper, corrections, task.stamp, settings.solver, settings.bound, np.inf, 0)

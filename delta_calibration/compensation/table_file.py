@@ -69,7 +69,10 @@ def load_table(path: Path, calibration: Calibration) -> Table:
     content = {key: value for key, value in header.items() if key != _SEAL}
     whole = content_hash(content) == header[_SEAL]
     if not whole or _hash(corrections) != header["corrections_sha256"]:
-        raise ConfigError(f"{path}: {_SEAL}: changed or cut after it was written; make it anew")
+        raise ConfigError(
+            f"{path}: {_SEAL}: the file was changed or cut off after it was "
+            "written; compute it again"
+        )
     try:
         table = _table(header, corrections)
         table.stamp.require(calibration)

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _SAME_PLACE = 200e-6  # [rad of a Delta] commands this close are the same place
+_PAIRS = 6  # of successive stops that say whether something moved between them
 _SAME_PAYLOAD = 1e-3  # [kg]
 _PAUSE = 0.25  # [s] readings farther apart are not of one path
 _PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad of a Delta] the shortest path worth using
@@ -63,6 +64,20 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @property
+    def unseen_motion(self) -> float:
+        """Median distance between successive stops of one command without motion [m].
+
+        No more than noise if the machine stood still. If it is far more, the joints moved between
+        the stops and this was not recorded: the sides of approach are not known. 0 with fewer than
+        six such pairs.
+        """
+        still = np.flatnonzero(self.repeat[1:] == self.repeat[:-1])
+        if len(still) < _PAIRS:
+            return 0.0
+        apart = np.linalg.norm(self.point[still + 1] - self.point[still], axis=1)
+        return float(np.median(apart))
 
     @property
     def conditions(self) -> Conditions:

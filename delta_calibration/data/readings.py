@@ -90,7 +90,7 @@ def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0)
         raise RecordingError(f"{session.source}: no {missing} in this session")
     notes = list(session.notes)
     if session.states is None:
-        notes.append("no joint_states recorded: the commanded angles are taken for measured ones")
+        notes.append("no joint_states recorded: the commanded joints are used as measured ones")
     stamps, kept, repeated = _in_order(tracker.stamp_ns)
     frozen = _frozen(tracker.position[kept])
     kept, stamps = kept[~frozen], stamps[~frozen]
@@ -105,7 +105,7 @@ def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0)
         notes += _seldom(stream)
     if not known.any():
         raise DataError(
-            f"{session.source}: no tracker reading has joint angles near it in time: "
+            f"{session.source}: no tracker reading has joint values at nearly the same time: "
             f"joints {_span(states.stamp_ns)}, tracker {_span(tracker.stamp_ns)}"
         )
     rejected = Rejected(repeated, int(frozen.sum()), int((~known).sum()))
@@ -142,7 +142,7 @@ def _seldom(command: JointStream) -> list[str]:
     step = float(np.median(np.diff(command.stamp_ns))) * 1e-9 if len(command.stamp_ns) > 1 else 0.0
     if step <= _OFTEN:
         return []
-    return [f"commands {step:.2g} s apart: joints that turn round between two are not seen to"]
+    return [f"commands {step:.2g} s apart: a joint that reverses in between is not noticed"]
 
 
 def _ordered(stream: JointStream, names: Sequence[str], source: str) -> JointStream:
@@ -151,7 +151,8 @@ def _ordered(stream: JointStream, names: Sequence[str], source: str) -> JointStr
     if missing:
         raise RecordingError(
             f"{source}: joints {', '.join(stream.names)} recorded, but the robot has "
-            f"{', '.join(names)}: a session of another robot, or joints of other names"
+            f"{', '.join(names)}: is it the session of another robot, or do the joints have "
+            "other names?"
         )
     columns = [stream.names.index(name) for name in names]
     return JointStream(stream.stamp_ns, tuple(names), stream.position[:, columns])

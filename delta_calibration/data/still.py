@@ -66,7 +66,7 @@ def find_still(readings: Readings, joint_size: float = 1.0) -> tuple[StillMoment
     if not long_enough.any():
         frozen = readings.rejected.frozen
         also = f"; {frozen} were set aside as frozen" if frozen else ""
-        raise DataError(f"nothing stands still: every reading was taken in motion{also}")
+        raise DataError(f"no pose at rest: every reading was taken in motion{also}")
     outlier, settling = _set_aside(readings, label, long_enough)
     kept = long_enough[label] & ~outlier & ~settling
     rejected = replace(readings.rejected, outlier=int(outlier.sum()), settling=int(settling.sum()))

@@ -10,20 +10,20 @@ from delta_calibration.wording import spoken
 _ZERO = Remedy(
     ADJUST,
     "joint's zero",
-    "home the joint anew, or enter the zero that was found",
-    "drive the joint to its mark and read its angle off a level or a dial gauge",
+    "home the joint again, or enter the identified zero",
+    "move the joint to its mark and read its angle from a level or a dial gauge",
 )
 _REFLECTOR = Remedy(
     MEASURE,
     "reflector",
     "measure where the reflector sits on the platform",
-    "turn the platform, or put the reflector elsewhere, and measure ten poses again",
+    "turn the platform, or move the reflector, and measure ten poses again",
 )
 _DRAWING = Remedy(
     COMPENSATE,
     "dimensions",
     "use the identified dimensions",
-    "measure the dimension that is farthest off, by caliper or on a measuring machine",
+    "measure the dimension with the largest deviation, with a caliper or on a measuring machine",
 )
 _OF_DIMENSIONS = {"joint_zero_offset": _ZERO, "smr_offset": _REFLECTOR}
 
@@ -49,6 +49,6 @@ def _remedy_of(term: Candidate) -> Remedy:
             _DRAWING.do,
             spoken(term.cause),
             "use the identified dimension",
-            "measure it, by caliper or on a measuring machine",
+            "measure it with a caliper or on a measuring machine",
         )
     return remedy

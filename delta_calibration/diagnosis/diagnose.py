@@ -45,8 +45,10 @@ from delta_calibration.threads import one_thread
 from delta_calibration.wording import listed, spoken
 
 _FEWEST = 12  # different places
-_REFUSED = "{} is not in the extended calibration: with it held-out poses are predicted worse"
-_POSITIONS_ONLY = "the probe's turns take part in a fit only: a diagnosis goes by its positions"
+_REFUSED = (
+    "{} is not in the extended calibration, because held-out poses are predicted worse with it"
+)
+_POSITIONS_ONLY = "the probe's rotations are only used in a fit; the diagnosis uses its positions"
 
 
 @dataclass(frozen=True)

@@ -26,10 +26,10 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-NOTHING = "nothing that this cell can do parts them"
-NOT_SAID = "what else could be measured was not said"
-NONE_OF_IT = "nothing of what it was said could be measured parts them"
-ALREADY = "what was measured parts them already"
+NOTHING = "nothing that this cell can do would separate them"
+NOT_SAID = "no further measurements were offered"
+NONE_OF_IT = "none of the offered measurements would separate them"
+ALREADY = "the measurements already separate them"
 _OVER = {1: "", 3: ", three times over", 10: ", ten times over"}
 _ON_PATHS = 400  # samples of a session's paths that are looked at
 

@@ -68,6 +68,7 @@ def extended(model: Model, seed: int) -> Identification:
         missed_before=missed_before,
         missed=missed,
         model_error=model_error_of(chain, model.theta, _left_out(beside, model)),
+        unseen_motion=poses.unseen_motion,
     )
 
 

@@ -73,7 +73,10 @@ _OF_NEED = {
     "payload": ("payload",),
     "temperature": ("temperature", "time"),
 }
-_COVERED = "it may be a part of what was found: they move the readings of this session alike"
+_COVERED = (
+    "it may be a part of the error that was found: both change the readings of this "
+    "session in the same way"
+)
 _WARMER = 1.0  # [K]
 _MOST = 0.8  # of the deviations that stand for an effect
 
@@ -87,7 +90,10 @@ def _reflector(evidence: LinearizedModel) -> list[CannotTell]:
     shown = np.linalg.eigvalsh(without(evidence, rows).information(columns))
     if shown[-1] >= HIDDEN:
         return []
-    because = "the platform hardly tilts: an offset moves all readings alike, as the frame does"
+    because = (
+        "the platform hardly tilts: an offset shifts all readings in the same way as the "
+        "frame does"
+    )
     following = "measure where the reflector sits on the platform"
     return [CannotTell(("smr_offset", "tracker frame"), because, following)]
 
@@ -95,7 +101,7 @@ def _reflector(evidence: LinearizedModel) -> list[CannotTell]:
 def _of_class(finding: Finding) -> CannotTell:
     return CannotTell(
         (finding.cause, *finding.equivalents),
-        "they move the readings of this session alike",
+        "they change the readings of this session in the same way",
         finding.separated_by or "",
     )
 
@@ -111,7 +117,11 @@ def _blind(
     lacking = shape.missing(evidence.at)
     if lacking:
         following = f"record it: {' and '.join(shape.needs)}"
-        return (), lacking, following if "known" in lacking else "measure where that is not so"
+        return (
+            (),
+            lacking,
+            following if "known" in lacking else ("measure under conditions in which they differ"),
+        )
     whole = beside(evidence, terms)
     bare, left = visibility(whole, shape)
     if left >= HIDDEN:
@@ -125,15 +135,18 @@ def _blind(
     constant = _constant(evidence, shape)
     if bare < NAMED:
         return (), constant or _too_small(evidence, shape, unknown), following
-    because = constant or "on these poses the geometry can take its place"
+    because = constant or "on these poses a change of geometry has the same effect"
     return _partners(whole, candidate), because, following
 
 
 def _too_small(evidence: LinearizedModel, effect: Effect, unknown: UnknownStructure) -> str:
     """That a typical one would not be seen, for the noise or for what else moves as it does."""
     if unknown.found and unknown.moves_with in _moves_with(evidence, effect):
-        return f"what is left moves with {unknown.moves()} as well, and would hide a typical one"
-    return "a typical one stays under the noise of this session"
+        return (
+            f"the remaining error also varies with {unknown.moves()} and would hide an effect "
+            "of typical size"
+        )
+    return "an effect of typical size is below the noise of this session"
 
 
 def _moves_with(evidence: LinearizedModel, effect: Effect) -> set[str]:

@@ -34,9 +34,9 @@ _APART = {  # what makes a quantity differ between two laws
     "time": "repeat poses after the machine has cooled down, and again when it is warm",
     TEMPERATURE: "repeat poses after the machine has cooled down, and again when it is warm",
     "direction": "approach each pose from both sides",
-    "travel": "approach each pose from both sides, from near and from far",
-    "rate": "drive the same paths at other feeds",
-    "acceleration": "drive the same paths at other feeds",
+    "travel": "approach each pose from both sides, from nearby and from far away",
+    "rate": "drive the same paths at other speeds",
+    "acceleration": "drive the same paths at other speeds",
     TORQUE: "repeat poses with further payloads",
     FORCE: "repeat poses with further payloads",
 }
@@ -263,7 +263,7 @@ def _separated_by(one: Guess, other: Guess, evidence: LinearizedModel) -> str:
     unit = first.unit_of_quantity(first.of)
     return (
         f"measure more poses near the ends of {name}, {low:.3g} and {high:.3g} {unit}".rstrip()
-        + ", and beyond them where the machine can go"
+        + ", and beyond them if the machine can reach that far"
     )
 
 

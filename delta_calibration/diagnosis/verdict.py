@@ -58,7 +58,7 @@ class Action:
     def sentence(self) -> str:
         """As an order, with what is to be expected."""
         after = self.held_out_rms_after_mm
-        expected = f"; {mm(after)} mm is left then" if after is not None else ""
+        expected = f"; {mm(after)} mm will remain" if after is not None else ""
         told = f": {self.how}" if self.how else ""
         return f"to do: {self.do} ({spoken(self.part)}){told}{expected}"
 
@@ -235,7 +235,7 @@ class Verdict:
             for name, model in self.models()
             if model.with_set_aside_rms_mm is not None
         ]
-        return f"held-out error with the poses set aside: {', '.join(told)}" if told else ""
+        return f"held-out error including the poses set aside: {', '.join(told)}" if told else ""
 
     def sentence(self) -> str:
         """What an engineer reads first: what it is, how sure, and the errors of the models."""
@@ -250,10 +250,10 @@ class Verdict:
     def _what(self) -> str:
         named = listed(finding.label() for finding in self.findings)
         if self.unknown_structure.found:
-            moves = f"it moves with {self.unknown_structure.moves()}"
+            moves = f"it varies with {self.unknown_structure.moves()}"
             beside = f"beside {named} " if named else ""
-            return f"{beside}something that no known cause explains is left; {moves}"
-        return named or "the calibrated geometry explains the data, and nothing else is found"
+            return f"{beside}an error remains that no known cause explains; {moves}"
+        return named or "the calibrated geometry explains the data; nothing else was found"
 
 
 def _told(name: str, value: Estimate | str) -> str:

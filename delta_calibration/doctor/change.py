@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 COMMAND, STATES, TRACKER, ROBOT_FILE = "joint_command", "joint_states", "tracker", "robot_file"
 JOINTS = (COMMAND, STATES)
-ALTERNATIVE = "this session does not tell it from"  # begins the evidence of such a mistake
+ALTERNATIVE = "this session cannot distinguish it from"  # begins the evidence of such a mistake
 
 
 @dataclass(frozen=True)

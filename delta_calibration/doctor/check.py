@@ -104,8 +104,8 @@ def examine(session: Session, robot_file: str | Path) -> Checked:
         raise refused
     _, left, change, robot = min(fitting, key=lambda one: one[:2])
     found = change.found(
-        f"as written it is refused ({_reason(refused, str(path))}); so, drawing and tracker agree "
-        f"to {1e3 * left:.3g} mm typically"
+        f"the file as written is refused ({_reason(refused, str(path))}); changed like this, "
+        f"nominal robot and tracker agree within {1e3 * left:.3g} mm (median)"
     )
     checked = check(session, robot)
     return replace(checked, found=(*found, *checked.found), document=change.document)
@@ -133,7 +133,7 @@ def _of_another(checked: Checked, evidence: str, differs: str) -> Checked:
     """With a robot's file that is wrong, and the one of the package that fits, if there is."""
     named = (robot for robot in robots_that_come() if _names_fit(checked.session, robot))
     fitting = next((robot for robot in named if _fits(checked, robot)), None)
-    mend = f"give the machine's own file with --robot, or write {differs} as the machine has them"
+    mend = f"give the machine's own file with --robot, or set {differs} to the machine's values"
     if fitting is not None:
         mend, evidence = f"`--robot {fitting.name}`", f"{evidence}; robot {fitting.name} fits"
     change = Change("wrong_robot", (ROBOT_FILE,), as_it_is, mend, part=checked.robot.name)
@@ -156,7 +156,7 @@ def _in_time(checked: Checked) -> Checked:
     change = loggers.exchanged(checked.session)
     if change is not None:
         checked = checked.with_(
-            change, "the command has an encoder's noise at rest, and the state has none"
+            change, "at rest the commands are noisy like an encoder, and the states have no noise"
         )
     session, found = loggers.held(checked.session)
     checked = replace(checked, session=session, found=(*checked.found, *found))
@@ -193,10 +193,13 @@ def _trial(checked: Checked, document: Document | None, source: str) -> Trial:
 
 
 def _unresolved(checked: Checked, trial: Trial) -> Checked:
-    left = f"{1e3 * trial.placed.typical:.3g} mm are typically left between drawing and tracker"
+    left = (
+        f"{1e3 * trial.placed.typical:.3g} mm (median) remain between the nominal robot and "
+        "the tracker"
+    )
     if not trial.placed.found:
-        left = "the drawing cannot take most of the poses"
-    known = f" where tolerances explain {1e3 * trial.tolerated:.2g} mm" * trial.placed.found
+        left = "the nominal robot cannot reach most of the poses"
+    known = f" while tolerances explain {1e3 * trial.tolerated:.2g} mm" * trial.placed.found
     evidence = f"{left}{known}, and no other mistake explains it"
     return _of_another(checked, evidence, "its dimensions")
 

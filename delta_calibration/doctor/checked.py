@@ -44,7 +44,7 @@ class Checked:
         same = answer.changes[0]
         for other in answer.others:
             doubt = f"{ALTERNATIVE} {same.mistake} in {same.streams[0]}"
-            found = other.found(f"{doubt}, one of the two is true: {answer.evidence}")
+            found = other.found(f"{doubt}; one of the two is true: {answer.evidence}")
             checked = replace(checked, found=(*checked.found, *found))
         return checked
 

@@ -130,15 +130,15 @@ def _agree(one: Clock, other: Clock) -> bool:
 
 def _told(name: str, clock: Clock) -> Iterator[Mistake]:
     alike = (
-        f"its motion is that of the other streams (correlation {clock.likeness:.2f}, as recorded "
-        f"{clock.before:.2f})"
+        f"its motion matches that of the other streams (correlation {clock.likeness:.2f}, as "
+        f"recorded {clock.before:.2f})"
     )
     if abs(clock.drifted) > _DRIFTED:
         yield from Change(
             "clock_drift",
             (name,),
             as_it_is,
-            f"set both clocks by one (PTP, chrony), or stretch its stamps by "
+            "synchronise both clocks (PTP, chrony), or stretch its stamps by "
             f"{-clock.rate / (1 + clock.rate):+.6f} (--fix does)",
             value=clock.rate,
             unit="1",
@@ -151,7 +151,7 @@ def _told(name: str, clock: Clock) -> Iterator[Mistake]:
             "clock_offset",
             (name,),
             as_it_is,
-            f"take {clock.offset:.3f} s off its header stamps (--fix does)",
+            f"subtract {clock.offset:.3f} s from its header stamps (--fix does this)",
             value=clock.offset,
             unit="s",
         ).found(f"shifted by {-clock.offset:+.3f} s {alike}")

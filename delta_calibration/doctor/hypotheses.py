@@ -37,7 +37,7 @@ def unit_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
             mistake,
             streams,
             of_angles(streams, lambda q, f=factor: q / f),  # type: ignore[misc]
-            f"`unit: {unit}` for every joint in the mapping of a table; publish "
+            f"`unit: {unit}` for every joint in the mapping of a table, or publish "
             f"{robot.joints.unit} (divide by {factor:.10g}; --fix does)",
             value=factor,
             unit=f"{unit}/{robot.joints.unit}",
@@ -51,8 +51,8 @@ def unit_of_tracker() -> Iterator[Change]:
             mistake,
             (TRACKER,),
             of_points(lambda p, f=factor: p / f),  # type: ignore[misc]
-            f"`unit: {unit}` for the position in the mapping of a table; publish metres (divide "
-            f"by {factor:.10g}; --fix does)",
+            f"`unit: {unit}` for the position in the mapping of a table, or publish metres "
+            f"(divide by {factor:.10g}; --fix does)",
             value=factor,
             unit=f"{unit}/m",
         )
@@ -73,13 +73,13 @@ def swapped(robot: Robot, streams: tuple[str, ...], order: tuple[int, ...]) -> C
     """Joints in one another's place: joint j is what is called joint order[j]."""
     names = robot.joints.names
     moved = [k for k in range(len(names)) if order[k] != k]
-    lines = ", ".join(f"{names[k]} is what is called {names[order[k]]}" for k in moved)
+    lines = ", ".join(f"the values of {names[k]} are recorded as {names[order[k]]}" for k in moved)
     return Change(
         "joints_swapped",
         streams,
         of_angles(streams, lambda q: q[:, list(order)]),
-        f"exchange their columns in the mapping, or their names where they are published: {lines} "
-        "(--fix does)",
+        f"swap their columns in the mapping, or their names in the publisher: {lines} (--fix "
+        "does)",
         part=", ".join(names[k] for k in moved),
     )
 
@@ -102,8 +102,9 @@ def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ..
         "joint_reversed",
         streams,
         of_angles(streams, lambda q: q * sign),
-        f"`scale: -1` for {part} in the mapping, or turn the sign round in the drive (--fix "
-        "does); if the drive is right, the other sign in `joints.sign`, its zero negated",
+        f"`scale: -1` for {part} in the mapping, or reverse the sign in the drive (--fix does "
+        "this); if the drive is right, reverse `joints.sign` and negate the zero in the robot "
+        "file",
         part=part,
     )
 
@@ -118,9 +119,9 @@ def offset_joint(robot: Robot, streams: tuple[str, ...], joint: int, value: floa
         "joint_offset",
         streams,
         of_angles(streams, lambda q: q - shift),
-        f"`offset: {-value:.6g}` ({unit}) for {name} in the mapping, or reference it anew "
-        f"(--fix takes it off); if the drive is right, {factor * value:.6g} more in "
-        f"`{key}` of the robot file",
+        f"`offset: {-value:.6g}` ({unit}) for {name} in the mapping, or home the joint again "
+        f"(--fix subtracts it); if the drive is right, add {factor * value:.6g} to `{key}` in "
+        "the robot file",
         part=name,
         value=value,
         unit=unit,
@@ -144,19 +145,19 @@ def handedness() -> Iterator[Change]:
     for axis in (1, 0, 2):
         matrix = np.eye(3)
         matrix[axis, axis] = -1.0
-        yield _axes("frame_mirrored", AXES[axis], matrix, f"turn the sign of {AXES[axis]} round")
+        yield _axes("frame_mirrored", AXES[axis], matrix, f"reverse the sign of {AXES[axis]}")
     for a, b in ((0, 1), (1, 2), (0, 2)):
         order = [0, 1, 2]
         order[a], order[b] = b, a
         part = f"{AXES[a]}, {AXES[b]}"
-        yield _axes("axes_swapped", part, np.eye(3)[order], f"exchange {AXES[a]} and {AXES[b]}")
+        yield _axes("axes_swapped", part, np.eye(3)[order], f"swap {AXES[a]} and {AXES[b]}")
 
 
 def cyclic_axes() -> Iterator[Change]:
     """Axes of the tracker's points exchanged in a circle: a turn, which shows in poses only."""
     for order in ([1, 2, 0], [2, 0, 1]):
         said = ", ".join(AXES[k] for k in order)
-        yield _axes("axes_swapped", "x, y, z", np.eye(3)[order], f"take {said} for x, y, z")
+        yield _axes("axes_swapped", "x, y, z", np.eye(3)[order], f"use {said} as x, y, z")
 
 
 def _axes(mistake: str, part: str, matrix: Array, how: str) -> Change:
@@ -164,7 +165,7 @@ def _axes(mistake: str, part: str, matrix: Array, how: str) -> Change:
         mistake,
         (TRACKER,),
         of_points(lambda p: p @ matrix.T),
-        f"{how} where the tracker's points are exported or in `position.columns` (--fix does)",
+        f"{how} in the tracker's export or in `position.columns` of the mapping (--fix does this)",
         part=part,
     )
 
@@ -173,7 +174,7 @@ def rotation_orders() -> Iterator[Change]:
     """Quaternions and angles in another order, turns of the other sense."""
     yield _turns("w, x, y, z", lambda q: q[:, [1, 2, 3, 0]], "the quaternion is w, x, y, z")
     yield _turns("z, w order", lambda q: q[:, [3, 0, 1, 2]], "the quaternion was reordered twice")
-    yield _turns("inverse", lambda q: q * [-1, -1, -1, 1], "the turn is that of the tracker")
+    yield _turns("inverse", lambda q: q * [-1, -1, -1, 1], "the rotation is the inverse one")
     orders = ["".join(p) for p in permutations(AXES)]
     for true in orders:
         for read in orders:
@@ -181,7 +182,7 @@ def rotation_orders() -> Iterator[Change]:
                 yield _turns(
                     f"{true} as {read}",
                     lambda q, t=true, r=read, o=other: _reordered(q, t, r, o),  # type: ignore[misc]
-                    f"the angles turn about fixed axes {', '.join(true)} in this order, not "
+                    f"the angles rotate about fixed axes {', '.join(true)} in this order, not "
                     f"{', '.join(read)}",
                 )
 
@@ -197,8 +198,8 @@ def _turns(part: str, undo: Callable[[Array], Array], said: str) -> Change:
         "rotation_order",
         (TRACKER,),
         of_tracker(change),
-        f"{said}: `form` and `axes` of `rotation` in the mapping, or reorder what is published "
-        "(--fix does)",
+        f"{said}: `form` and `axes` of `rotation` in the mapping, or change the order in the "
+        "publisher (--fix does this)",
         part=part,
     )
 

@@ -50,13 +50,13 @@ def held(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
                 "held_values",
                 (name,),
                 undo,
-                f"record {name} at its own rate, or leave out what is {how} (--fix does)",
+                f"record {name} at its own rate, or leave out the {how} values (--fix does this)",
                 value=round(share, 3),
                 unit="1",
             )
             found += change.found(
-                f"{100 * share:.0f} % of the values are {how}, exactly, while the machine moves: "
-                "a measured value has noise of its own"
+                f"{100 * share:.0f} % of the values are {how} exactly while the machine moves; "
+                "measured values always have noise"
             )
             break
     return session, tuple(found)

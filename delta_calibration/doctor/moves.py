@@ -144,8 +144,8 @@ def tracker_moved(session: Session, at: int, moved: Frame, point: Array) -> Move
         "tracker_moved",
         (TRACKER,),
         _behind(at, lambda s: _back(s, back)),
-        f"measure fixed reference reflectors and bring the readings after {when:.1f} s into the "
-        f"first station, or fit either part alone (--fix moves them back)",
+        f"measure fixed reference reflectors to transform the readings after {when:.1f} s to the "
+        "first station, or fit each part alone (--fix moves the readings back)",
         part=f"{1e3 * size:.2f} mm, {1e3 * turn:.3f} mrad",
         value=when,
         unit="s",
@@ -214,8 +214,9 @@ def reflector_changed(
         "reflector_changed",
         (TRACKER,),
         undo,
-        f"use one reflector, or fit the readings before and after {when:.1f} s apart; the second "
-        f"is [{said}] mm from the first in the platform (--fix takes it off)",
+        f"use one reflector, or fit the readings before and after {when:.1f} s separately; the "
+        f"second reflector is [{said}] mm from the first in the platform frame (--fix corrects "
+        "for it)",
         part=f"{1e3 * float(np.linalg.norm(shift)):.2f} mm",
         value=when,
         unit="s",

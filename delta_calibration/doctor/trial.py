@@ -126,10 +126,11 @@ class Trial:
         near = [change for change, left in good if left <= _ALIKE * least]
         near = self._upright(near)
         best = near[0]
-        was = f"{1e3 * before:.3g} mm" if np.isfinite(before) else "no pose that it can take"
+        was = f"{1e3 * before:.3g} mm" if np.isfinite(before) else "no reachable pose"
         evidence = (
-            f"drawing and tracker then agree to {1e3 * least:.3g} mm typically, as recorded to "
-            f"{was}; tolerances explain {1e3 * least / self._misfit_of(scored, best):.2g} mm"
+            f"nominal robot and tracker then agree within {1e3 * least:.3g} mm (median), as "
+            f"recorded within {was}; tolerances explain "
+            f"{1e3 * least / self._misfit_of(scored, best):.2g} mm"
         )
         different: dict[tuple[str, str | None], Change] = {}
         for change in near[1:]:
@@ -194,8 +195,8 @@ class Trial:
                 "clock_offset",
                 (TRACKER,),
                 of_tracker(lambda s, late=late: _earlier(s, late)),  # type: ignore[misc]
-                f"take {late * 1e-9:g} s off its header stamps (--fix does), or move its columns "
-                f"by {-rows} rows",
+                f"subtract {late * 1e-9:g} s from its header stamps (--fix does this), or shift "
+                f"its columns by {-rows} rows",
                 value=late * 1e-9,
                 unit="s",
             )

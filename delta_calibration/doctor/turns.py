@@ -77,8 +77,8 @@ def turn_answer(stops: Session, robot: Robot) -> Answer | None:
     if least > (DOUBTED if here[1] else _STRAIGHT[0]) or least * _CLEARLY > here[0]:
         return None
     evidence = (
-        f"the probe's turns then agree with the drawing to {1e3 * least:.2g} mrad, as recorded to "
-        f"{1e3 * here[0]:.3g} mrad"
+        f"the probe's rotations then agree with the nominal robot within {1e3 * least:.2g} mrad, "
+        f"as recorded within {1e3 * here[0]:.3g} mrad"
     )
     return Answer((change,), evidence)
 

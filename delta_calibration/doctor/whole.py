@@ -68,8 +68,9 @@ def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
         told[0].evidence
         if told
         else (
-            f"a fit of the whole machine is better by {offset.gain:.0f} in chi square with it; "
-            f"with an offset of another joint by {offset.second:.0f} at most"
+            "with this offset, the chi square of a fit of the whole machine is smaller by "
+            f"{offset.gain:.0f}; an offset of any other joint lowers it by {offset.second:.0f} "
+            "at most"
         )
     )
     rest = tuple(m for m in checked.found if m not in told)
@@ -114,7 +115,7 @@ def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Arra
     unsure = not turned and (1 / _APART <= apart <= _APART or worst <= tilted)
     evidence = (
         f"from {moves.since(session, at):.1f} s on, {best.part}: a fit of the whole machine then "
-        f"leaves {1e3 * least:.3g} mm typically"
+        f"leaves {1e3 * least:.3g} mm (median)"
     )
     also = (other,) if unsure else ()
     return checked.answered(Answer((best,), evidence, also))

@@ -58,8 +58,8 @@ def wiring(stops: Session, robot: Robot) -> list[tuple[Change, str]]:
     if relation.misfit > _ALIKE:
         return []
     evidence = (
-        f"at {len(true.position)} stops it goes with {right} to "
-        f"{100 * relation.misfit:.2g} % of its range then, and the tracker with {right}"
+        f"at {len(true.position)} stops it then matches {right} within "
+        f"{100 * relation.misfit:.2g} % of its range, and the tracker agrees with {right}"
     )
     return [(change, evidence) for change in _changes(relation, robot, wrong)]
 

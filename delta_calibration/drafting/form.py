@@ -44,52 +44,55 @@ OFFERED: Mapping[tuple[str, ...], str] = {
 }
 _WIDTH, _INDENT, _COLUMN = 110, 2, 40
 _HOW_JOINTS_READ = """
-## How joints are read
+## How joint readings are defined
 
-A drive reads `sign` times the mechanism's own joint, plus `zero_deg` (`zero_mm` where it
-slides). The own joint is, of
+A drive's reading is `sign` times the mechanism's own joint value, plus `zero_deg` (`zero_mm` for
+sliding joints). The mechanism's own joint value is defined as follows:
 
-| Mechanism | Own joint |
+| Mechanism | Own joint value |
 |---|---|
-| `rotary_delta`, `six_rod_delta` | 0 where the arm is level and outward, growing as it goes down |
-| `linear_delta` | 0 at the endstop, growing as the carriage goes down |
-| `cable_robot` | 0 at home, growing as cable is let out |
+| `rotary_delta`, `six_rod_delta` | 0 with the arm level, outward; increases downward |
+| `linear_delta` | 0 at the endstop; increases downward |
+| `cable_robot` | 0 at home; increases as cable is let out |
 | `five_axis` | height of the slider |
-| `serial_arm` | q of the link's transform, by the right hand about its axis |
+| `serial_arm` | q of the link's transform, right-handed about its axis |
 
-A motor that reads 90 degrees where the arm is level, and less as it goes down, has `sign: -1`
-and `zero_deg: 90`. Everything else that tells of joints tells readings: limits, `home_deg`,
-topics, tables, commands and corrections, plots, URDF, exported C, and of a cause that goes by a
-joint's angle the phase and the sign. Zeros among the identified dimensions (`joint_zero_1`) are
-of the own joint.
+Example: a motor that reads 90 degrees with the arm level, and less as the arm goes down, has
+`sign: -1` and `zero_deg: 90`. Everything else in the package uses readings: limits, `home_deg`,
+topics, tables, commands and corrections, plots, URDF, exported C, and the phase and sign of a
+cause that depends on a joint's angle. Only the joint zeros among the identified dimensions
+(`joint_zero_1`) refer to the mechanism's own joint value.
 
-`azimuths_deg` of a rotary Delta and `angles_deg` of a linear one say where each leg stands;
-legs may be numbered either way round.
+`azimuths_deg` of a rotary Delta and `angles_deg` of a linear one give the direction of each leg;
+legs may be numbered clockwise or counter-clockwise.
 
 ## Axes that are passed through
 
-`passed_through` names axes that the model does not know, as the fourth of a Delta that turns
-the tool. Commands, states and trajectories may carry them, all of them or none; their values
-are handed on as they are, behind the robot's joints in the order of the file, and held with
-them in a hold. A controller whose `command_joints` have them gets commands with them only.
-Targets of `compensate` may have a column of such an axis (`joint_4`, or with a unit behind it),
-which goes on as it came. Fits, diagnoses and exported C leave them out, a calibration does not
-depend on them, and they are not in the URDF: the file does not say how they move.
+`passed_through` names axes that the model does not know, such as the fourth axis of a Delta, which
+turns the tool. Commands, states and trajectories contain either all of these axes or none. Their
+values are passed on unchanged, after the robot's joints in the order of the file, and are held
+together with the joints. If a controller's `command_joints` contain them, it is only sent commands
+that have them. The targets of `compensate` may have a column for such an axis (`joint_4`, with or
+without a unit suffix), which is copied. Fits, diagnoses and exported C ignore these axes, a
+calibration does not depend on them, and the URDF does not show them, because the file does not say
+how they move.
 
 ## Links of a serial arm, modified or standard
 
-`convention: modified` (Craig, proximal) is meant where nothing is said; row i leads to its axis
-and then along it. In `convention: standard` (distal, as in Spong and many makers' tables) row i
-turns about its axis and leads on to the next.
+The default is `convention: modified` (Craig, proximal): row i leads to its axis and then along it.
+In `convention: standard` (distal, as in Spong and many makers' tables) row i turns about its axis
+and leads on to the next.
 
-A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset) modified B_i = R_z(q_i + zero)
-T_z(offset) T_x(length) R_x(twist) standard
+| Convention | Transform of row i |
+|---|---|
+| modified | R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset) |
+| standard | R_z(q_i + zero) T_z(offset) T_x(length) R_x(twist) |
 
-The same arm has the same `zero_deg` and `offset_mm` in both; `twist_deg` and `length_mm` stand
-one row later in the modified table. Those of the last standard row lead to the frame that
-`tool_mm` and `mount_deg` are told in. `parallel` is of a row's axis and the one before, in
-both. Standard rows are turned into modified ones when they are read: identified parameters
-(`twist_2`) are modified, and `delta-cal export --format dh` writes both tables.
+The same arm has the same `zero_deg` and `offset_mm` in both conventions; `twist_deg` and
+`length_mm` are one row later in the modified table. Those of the last standard row lead to the
+frame in which `tool_mm` and `mount_deg` are given. In both, `parallel` compares a row's axis with
+the previous one. Standard rows are converted to modified ones when the file is read: identified
+parameters (`twist_2`) are modified, and `delta-cal export --format dh` writes both tables.
 """.rstrip().splitlines()
 
 
@@ -264,9 +267,10 @@ def reference() -> str:
     lines = [
         "# Robot files, entry by entry",
         "",
-        "Made by `delta-cal robot reference`. The unit of a number is the end of its key; inside,",
-        "all is in SI. A file begins with `schema: 1`, `name` and `mechanism`; `delta-cal robot",
-        "new` writes one by questions, `robot check` looks it over, `robot draw` draws it.",
+        "The description of a robot: dimensions, tolerances, joints, masses, tracker, limits.",
+        "The suffix of a key is the unit of its number. A file begins with `schema: 1`, `name`",
+        "and `mechanism`. `delta-cal robot new` writes one by asking questions, `robot check`",
+        "checks it, `robot draw` draws it. This page is written by `delta-cal robot reference`.",
         *_HOW_JOINTS_READ,
     ]
     for mechanism in MECHANISMS:

@@ -60,7 +60,7 @@ def review(robot: Robot, data: Document) -> Review:
     try:
         figures, more = _figures(robot)
     except CalibrationError as error:
-        return Review((), (*doubts, f"its workspace cannot be measured in: {error}"))
+        return Review((), (*doubts, f"its workspace cannot be used for measuring: {error}"))
     return Review(figures, (*doubts, *more))
 
 
@@ -161,7 +161,7 @@ def _figures(robot: Robot) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]
     miss, corrections = _by_tolerances(robot, joint, x)
     unit, factor = robot.joints.shown
     figures = (
-        ("measured in", " x ".join(f"{edge:.0f}" for edge in size) + " mm, as `--plan identify`"),
+        ("measured in", " x ".join(f"{edge:.0f}" for edge in size) + " mm (plan `identify`)"),
         (
             "joints there",
             ", ".join(
@@ -174,21 +174,25 @@ def _figures(robot: Robot) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]
         ),
         (
             "condition",
-            f"{condition.min():.1f} to {condition.max():.1f}; corrected up to "
-            f"{robot.limits.condition:.1f}",
+            (
+                f"{condition.min():.1f} to {condition.max():.1f}; limits.condition is "
+                f"{robot.limits.condition:.1f}"
+            ),
         ),
-        ("built to its tolerances", f"misses by {1e3 * miss:.2g} mm RMS before calibration"),
+        ("error within tolerances", f"{1e3 * miss:.2g} mm RMS before calibration"),
         (
             "corrections",
-            f"{_SIGMAS:.0f} standard deviations are {factor * _SIGMAS * corrections:.2g} {unit}; "
-            f"allowed are {factor * robot.limits.correction:.2g}",
+            (
+                f"{_SIGMAS:.0f} sigma: {factor * _SIGMAS * corrections:.2g} {unit}; "
+                f"limits.correction allows {factor * robot.limits.correction:.2g}"
+            ),
         ),
     )
     doubts = []
     if _SIGMAS * corrections > robot.limits.correction:
         doubts.append(
             f"limits: corrections up to {factor * robot.limits.correction:.2g} {unit} are "
-            f"allowed, and machines within the tolerances need "
+            "allowed, but machines within the tolerances need "
             f"{factor * _SIGMAS * corrections:.2g}"
         )
     return figures, tuple(doubts)

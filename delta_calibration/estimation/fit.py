@@ -92,6 +92,7 @@ class Identification:
     model_error: ModelError
     # RMS of the turn that is left [rad], about three axes; None: turns took no part
     turn_missed: float | None = None
+    unseen_motion: float = 0.0  # [m] see Poses.unseen_motion
 
     @property
     def parameters(self) -> ParameterSet:
@@ -175,8 +176,8 @@ def identify(
     variance = np.diag(covariance)
     if not ((variance >= 0.0) & (variance < np.inf)).all():
         raise SingularityError(
-            f"{poses.source}: what it leaves uncertain of robot {robot.name!r} has no bounds: is "
-            "the drawing singular where it was measured?"
+            f"{poses.source}: the uncertainty of robot {robot.name!r} is unbounded: is the "
+            "nominal robot singular at the measured poses?"
         )
     drawing = full.theta.copy()
     drawing[layout.chain] = chain.join(*_nominal_but_frame(chain, full.theta))
@@ -207,6 +208,7 @@ def identify(
         missed=only(missed, counted),
         model_error=model_error_of(chain, theta, _left_out(full, known, poses.place, spread)),
         turn_missed=_turn_missed(full),
+        unseen_motion=poses.unseen_motion,
     )
 
 
@@ -416,8 +418,8 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
     if typical > _ANOTHER_ROBOT * expected:
         raise DataError(
-            f"{poses.source}: {typical * 1e3:.1f} mm typically remain between the robot "
-            f"{robot.name!r} in the best frame and the tracker, where its tolerances explain "
-            f"{expected * 1e3:.1f} mm: a session of another robot, joints of another zero, or "
-            "other units?"
+            f"{poses.source}: {typical * 1e3:.1f} mm (robust RMS) remain between robot "
+            f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "
+            f"{expected * 1e3:.1f} mm: is it the session of another robot, or are joint zeros or "
+            "units different?"
         )

@@ -29,11 +29,11 @@ class Redundancy:
     def sentence(self) -> str:
         """In words."""
         if not self.same_as:
-            return f"{self.parameter} does not show"
+            return f"{self.parameter} has no visible effect"
         parts = [f"{value:+.3g} {name}" for name, value in self.same_as[:_NAMED]]
         more = len(self.same_as) - _NAMED
         rest = f" and {more} more" if more > 0 else ""
-        return f"{self.parameter} does the same as {' '.join(parts)}{rest}"
+        return f"{self.parameter} has the same effect as {' '.join(parts)}{rest}"
 
 
 @dataclass(frozen=True)

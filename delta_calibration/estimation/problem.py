@@ -370,7 +370,9 @@ def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _St
     handful of steps do. Evaluations are counted from the beginning on.
     """
     now = _under(problem, loss, begin)
-    _require_reach(problem, now, "the nominal robot", "another robot, or joints of another zero?")
+    _require_reach(
+        problem, now, "the nominal robot", "is it another robot, or are the joint zeros different?"
+    )
     every, rest = np.ones(len(now.z), dtype=bool), ~problem.offset_rows()
     in_two = not rest.all()
     if in_two:

@@ -11,6 +11,7 @@ _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _FAR = 2.0  # times the noise of a pose; a fit to enough places leaves 1.0 to 1.3 times
 _LACKING = 2.0  # chi square per degree of freedom from which it is not the number of places
 FOUND = ("least_squares", "alternating")  # methods that come to rest where the misfit is least
+_MOVED = 5.0  # times the noise of a pose, which stops without motion between them differ by
 _TOO_FAR = 10.0  # tolerances: no part is made so badly, somebody mistook a figure
 _TOLD = 3  # parameters by name, at most
 DIAGNOSIS = "diagnosis"  # the method of a fit that has been asked for what it lacks
@@ -36,8 +37,8 @@ def off_the_drawing(found: Identification) -> str:
     named = [f"{items[k].name} by {times[k]:.0f} ({_length(off[k], items[k])})" for k in far]
     more = f" and {len(far) - _TOLD} more" if len(far) > _TOLD else ""
     return (
-        f"off the drawing by ten tolerances or more: {', '.join(named[:_TOLD])}{more}: check the "
-        "drawing and its units before the part"
+        f"ten tolerances or more from the nominal value: {', '.join(named[:_TOLD])}{more}: check "
+        "the values and units in the robot file first"
     )
 
 
@@ -58,17 +59,24 @@ def doubt(found: Identification) -> str:
         return ""
     far = f"the error left is {ratio:.1f} times the noise of a pose"
     if found.full.held_out > found.frame_only.held_out:
-        far += " and more than that of the drawing in its best frame"
+        far += " and larger than that of the nominal robot in its best-fit frame"
     if found.effort.method not in (*FOUND, DIAGNOSIS):
         return (
-            f"{far}: the search by {found.effort.method} has not come to rest, or what "
-            f"{FOUND[0]} leaves is as much; fit by that first"
+            f"{far}: the search by {found.effort.method} has not converged, or {FOUND[0]} leaves "
+            f"as much; fit with {FOUND[0]} first"
         )
     if found.chi_square <= _LACKING:
         return (
-            f"{far}, as {len(found.weight)} poses are few for the {found.observability.rank} "
-            "combinations of parameters that they have to set: measure more places"
+            f"{far}: {len(found.weight)} poses are too few for {found.observability.rank} "
+            "parameter combinations; measure more places"
+        )
+    if found.unseen_motion > _MOVED * found.noise.floor:
+        return (
+            f"{far}: stops with the same command and no motion recorded between them differ by "
+            f"{1e3 * found.unseen_motion:.3g} mm (median), so the joints did move in between. "
+            "Record joint_states, or say from which side each stop was approached (`direction` in "
+            "the mapping of a table)"
         )
     if found.effort.method == DIAGNOSIS:
-        return f"{far}, and nothing known explains it: see the verdict"
-    return f"{far}, also where it has seen the place: the model lacks something, diagnose it"
+        return f"{far}, and no known cause explains it: see the verdict"
+    return f"{far}, even at places that were in the fit: the model is incomplete; run a diagnosis"

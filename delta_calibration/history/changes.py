@@ -77,7 +77,7 @@ class Change:
             f"{sure(self.confidence)} sure)"
         )
         if self.confidence < _NAMED:
-            said += "; these sessions cannot tell which of several it was"
+            said += "; these sessions do not show which of several it was"
         return said + (f"; or: {', '.join(self.rivals)}" if self.rivals else "")
 
 
@@ -94,9 +94,9 @@ class History:
         """The change log."""
         first, last = self.sessions[0], self.sessions[-1]
         if not self.changes:
-            return (f"nothing changed from {first} to {last} that these sessions could show",)
+            return (f"no change was found from {first} to {last}",)
         told = tuple(change.sentence() for change in self.changes)
-        return (*told, "nothing else changed that these sessions could show")
+        return (*told, "no other change was found")
 
 
 def find_changes(

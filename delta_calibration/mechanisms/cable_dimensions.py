@@ -22,20 +22,28 @@ class CableDimensions:
     """
 
     anchors: Array = place(  # (m, 3)
-        shape=(None, 3), about="a: where the cables leave, in the robot's frame"
+        shape=(None, 3), about="a: where the cables leave the frame, in the base frame"
     )
     joints: Array = place(  # (m, 3)
-        shape=(None, 3), about="b: where they end, in the platform's frame"
+        shape=(None, 3), about="b: where the cables end, in the platform's frame"
     )
-    drum_radius: Array = quantity("mm", above=0.0, shape=(None,), about="of each drum, at home")
-    gear: Array = quantity(above=0.0, shape=(None,), about="motor turns a drum turn")
-    tackle: Array = quantity(above=0.0, shape=(None,), about="lines between anchor and platform")
-    home_place: Array = place(shape=(3,), about="of the platform where the counters are zero")
+    drum_radius: Array = quantity(
+        "mm", above=0.0, shape=(None,), about="radius of each drum with the platform at home"
+    )
+    gear: Array = quantity(above=0.0, shape=(None,), about="motor turns per turn of the drum")
+    tackle: Array = quantity(
+        above=0.0, shape=(None,), about="number of cable lines between anchor and platform"
+    )
+    home_place: Array = place(
+        shape=(3,), about="position of the platform at home, where the counters are zero"
+    )
     home_turn: Array | None = angle(
-        shape=(3,), default=None, about="its rotation vector there; left out for a point"
+        shape=(3,),
+        default=None,
+        about="rotation vector of the platform at home; left out for a point",
     )
     pretension: float = quantity(
-        "n", least=0.0, default=0.0, about="force the drives keep every cable near"
+        "n", least=0.0, default=0.0, about="force that the drives keep in every cable"
     )
 
     def __post_init__(self) -> None:
@@ -80,11 +88,12 @@ class CableDimensions:
 class CableTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    anchor: float = tolerance(about="where a cable leaves, each coordinate")
-    joint: float = tolerance(about="where a cable ends on the platform, each coordinate")
-    gain: float = tolerance("percent", about="cable let out a motor turn")
+    anchor: float = tolerance(about="point where a cable leaves the frame, each coordinate")
+    joint: float = tolerance(about="point where a cable ends on the platform, each coordinate")
+    gain: float = tolerance("percent", about="cable length per motor turn")
     zero: float | None = tolerance(
-        default=None, about="a counter at home, as cable; left out where they are zero there"
+        default=None,
+        about="counter reading at home, as cable length; left out: counters are zero at home",
     )
 
 
@@ -92,7 +101,7 @@ class CableTolerances:
 class CableMasses:
     """What moves."""
 
-    platform: float = mass(about="platform and what is always on it")
+    platform: float = mass(about="platform with everything permanently mounted on it")
 
     @property
     def on_platform(self) -> float:

@@ -155,8 +155,8 @@ class CableRobot(Mechanism):
         missed = nnls(structure, -load[bad[0]])[1]  # [N, N m]
         if missed > _BORNE * np.linalg.norm(load[bad[0]]):
             raise ReachError(
-                f"{what} {bad[0] + 1}: no pull of the {self.joints} cables, however strong, holds "
-                "the platform there: it lies or is turned beyond what they can balance"
+                f"{what} {bad[0] + 1}: no tension of the {self.joints} cables can hold the "
+                "platform in this pose"
             )
         tension = np.ones((len(x), self.joints))
         tension[row] = self.tensions(x[row], g, load[row])

@@ -40,17 +40,19 @@ _STANDS: Array = np.asarray(2 * np.pi / 3 * np.arange(LEGS), dtype=np.float64)  
 class DeltaDimensions:
     """The drawing of a rotary Delta, all [m]: paper 000 table 1, ball joints' half distance."""
 
-    base_radius: float = length(about="R: motor axis from the base's centre")
+    base_radius: float = length(about="R: distance of the motor axes from the centre of the base")
     platform_radius: float = length(
-        about="r: middle of a leg's ball joints from the platform's centre"
+        about="r: distance of the middle of a leg's ball joints from the centre of the platform"
     )
-    arm: float = length(about="L: upper arm, motor axis to elbow")
-    rod: float = length(about="l: forearm, elbow to platform, between ball centres")
-    half_width: float = length(about="e: ball joint from the middle of its pair")
+    arm: float = length(about="L: length of the upper arm, motor axis to elbow")
+    rod: float = length(about="l: length of the forearm, elbow to platform, between ball centres")
+    half_width: float = length(
+        about="e: half of the distance between the two ball joints of a pair"
+    )
     azimuths: Array | None = angle(
         shape=(LEGS,),
         default=None,
-        about="where each leg stands about z, counter-clockwise; left out: 0, 120, 240",
+        about="direction of each leg about z, counter-clockwise; left out: 0, 120, 240",
     )
 
     @property
@@ -84,13 +86,15 @@ class DeltaDimensions:
 class DeltaTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    joint_position: float = tolerance(about="hinge and platform joint, each coordinate")
+    joint_position: float = tolerance(
+        about="position of hinges and platform joints, each coordinate"
+    )
     arm: float = tolerance(about="length of an arm")
     rod: float = tolerance(about="mean length of a pair of rods")
     rod_mismatch: float = tolerance(about="difference of the two rods of a pair")
     joint_zero: float = tolerance("mrad", about="zero of the encoder")
     hinge_tilt: float = tolerance("mrad", about="direction of the motor axis")
-    half_width: float = tolerance(about="ball joint along the line of its pair")
+    half_width: float = tolerance(about="position of a ball joint along the line of its pair")
     line_tilt: float = tolerance(
         "mrad", about="direction of the line through a pair of ball joints"
     )
@@ -100,14 +104,14 @@ class DeltaTolerances:
 class DeltaMasses:
     """What moves."""
 
-    platform: float = mass(about="platform and what is always on it")
-    arm: float = mass(about="one arm")
+    platform: float = mass(about="platform with everything permanently mounted on it")
+    arm: float = mass(about="mass of one upper arm")
     arm_centre: float = quantity(
         least=0.0,
         most=1.0,
-        about="centre of an arm's mass, part of its length from the motor axis",
+        about="centre of mass of an upper arm: fraction of its length from the motor axis",
     )
-    rod: float = mass(about="one rod")
+    rod: float = mass(about="mass of one rod")
 
     @property
     def on_platform(self) -> float:

@@ -32,12 +32,12 @@ _TURNS, _ABOVE, _LENGTH = range(3)  # constants of a strut
 class StrutPair:
     """Two struts, one either side of the plane y = 0, all [m]."""
 
-    platform_x: float = place(about="platform joint, in the platform")
-    platform_y: float = place(about="its distance from the plane y = 0")
-    platform_z: float = place(about="its height in the platform")
-    column_x: float = place(about="where the slider runs, in the base")
-    column_y: float = place(about="its distance from the plane y = 0")
-    strut: float = length(about="strut between joint centres, as measured on the bench")
+    platform_x: float = place(about="x of the platform joint, in the platform's frame")
+    platform_y: float = place(about="distance of the platform joint from the plane y = 0")
+    platform_z: float = place(about="z of the platform joint, in the platform's frame")
+    column_x: float = place(about="x of the column that the slider runs on, in the base frame")
+    column_y: float = place(about="distance of the column from the plane y = 0")
+    strut: float = length(about="length of the strut between joint centres, measured on the bench")
 
     def __post_init__(self) -> None:
         """Refuse struts that do not reach from column to platform.
@@ -61,15 +61,15 @@ class FiveAxisDimensions:
 
     turning: StrutPair  # struts 1, 2: on the platform, R = R_X R_Y
     hinged: StrutPair  # struts 3, 4: on the part that turns about x only, R_X
-    tool: float = length(about="tip from the platform's centre, along its z")
-    height: float = length(about="platform's centre in the middle of the workspace")
+    tool: float = length(about="distance of the tool tip from the platform's centre, along its z")
+    height: float = length(about="height of the platform's centre in the middle of the workspace")
 
 
 @dataclass(frozen=True)
 class FiveAxisTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
-    joint_position: float = tolerance(about="each coordinate of each joint's centre")
+    joint_position: float = tolerance(about="position of each joint centre, each coordinate")
 
 
 class FiveAxis(Mechanism):

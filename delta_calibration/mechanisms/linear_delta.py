@@ -26,13 +26,16 @@ RADIUS, ANGLE, ENDSTOP, ARM = range(4)  # dimensions of a tower
 class LinearDeltaDimensions:
     """The drawing of a linear Delta."""
 
-    radius: float = length(about="joints on the towers from the axis, less those of the platform")
-    angles: Array = angle(
-        shape=(TOWERS,), about="where the towers stand about z, counter-clockwise"
+    radius: float = length(
+        about="distance of the carriage joints from the axis, minus that of the platform joints"
     )
-    arm: float = length(about="rod from carriage to platform, between ball centres")
+    angles: Array = angle(
+        shape=(TOWERS,), about="direction of each tower about z, counter-clockwise"
+    )
+    arm: float = length(about="length of a rod, carriage to platform, between ball centres")
     height: float = length(
-        about="platform over the bed, in the middle, carriages at their endstops"
+        about="height of the platform over the centre of the bed with all carriages at their "
+        "endstops"
     )
 
     def __post_init__(self) -> None:
@@ -52,7 +55,7 @@ class LinearDeltaTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
     radius: float = tolerance(about="radius of a tower")
-    angle: float = tolerance("mrad", about="where a tower stands about z")
+    angle: float = tolerance("mrad", about="direction of a tower about z")
     endstop: float = tolerance(about="height of an endstop")
     arm: float = tolerance(about="length of a rod")
 

@@ -43,19 +43,23 @@ class Link:
     """
 
     twist: float = angle(
-        about="alpha: about x, from the axis before to this one (standard: on to the next)"
+        about="alpha: rotation about x, from the previous axis to this one (standard DH: from "
+        "this one to the next)"
     )
     length: float = place(
-        about="a: along x, from the axis before to this one (standard: on to the next)"
+        about="a: distance along x, from the previous axis to this one (standard DH: from this "
+        "one to the next)"
     )
-    offset: float = place(about="d: along the axis")
-    zero: float = angle(default=0.0, about="theta: about the axis, with the joint at its zero")
-    parallel: bool = flag(False, about="whether this axis lies nearly along the one before")
+    offset: float = place(about="d: distance along the axis")
+    zero: float = angle(
+        default=0.0, about="theta: rotation about the axis, with the joint at its zero"
+    )
+    parallel: bool = flag(False, about="whether this axis is nearly parallel to the previous one")
     mass: float = quantity(
         "kg",
         least=0.0,
         default=0.0,
-        about="of what turns with the joint, spread along the way to the next",
+        about="mass of what turns with the joint, spread evenly towards the next joint",
     )
 
 
@@ -67,18 +71,20 @@ class ArmDimensions:
         ConfigError: no link, a first axis said to be parallel, or a home of another size.
     """
 
-    links: tuple[Link, ...] = parts(Link, about="one a joint, in DH as `convention` says")
+    links: tuple[Link, ...] = parts(
+        Link, about="one link per joint, in the DH form of `convention`"
+    )
     tool: Array = place(shape=(3,), about="tool centre point in the last link's frame")
     home: Array = angle(
         shape=(None,),
-        about="what the joints read in the middle of the workspace, in the posture wanted",
+        about="joint readings in the middle of the workspace, in the preferred posture",
     )
-    mount: Array = angle(shape=(3,), about="how the tool is turned, about z, y, x")
+    mount: Array = angle(shape=(3,), about="rotation of the tool about z, y, x")
     convention: str = choice(
         MODIFIED,
         STANDARD,
         default=MODIFIED,
-        about="of the links: modified DH (Craig, proximal) or standard DH (distal)",
+        about="form of the links: modified DH (Craig, proximal) or standard DH (distal)",
     )
 
     def __post_init__(self) -> None:
@@ -141,4 +147,4 @@ class ArmTolerances:
     twist: float = tolerance("mrad", about="directions of the axes")
     zero: float = tolerance("mrad", about="zero of an encoder")
     tool: float = tolerance(about="tool centre point, each coordinate")
-    mount: float = tolerance("mrad", about="how the tool is turned, each axis")
+    mount: float = tolerance("mrad", about="rotation of the tool about each axis")

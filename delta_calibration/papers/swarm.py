@@ -225,7 +225,9 @@ def search(
         if stop is not None and stop(trace[: t + 1]):
             break
     if not np.isfinite(history[-1]):
-        raise DataError("no particle of the swarm came where the machine can be assembled")
+        raise DataError(
+            "no particle of the swarm reached parameters with which the machine can be assembled"
+        )
     count = settings.particles * len(history)
     found = SwarmResult(box.inside(swarm.leader), history[-1], count, np.array(history))
     return found, trace[: len(history)]

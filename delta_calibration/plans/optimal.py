@@ -189,8 +189,8 @@ def candidates(
     model = robot.commanded
     if robot.workspace is None and model.joints > model.task_size:
         raise InputError(
-            f"{robot.source}: poses to choose from are drawn in its `workspace`, and there is "
-            f"none: no joint of a {model.name} moves alone"
+            f"{robot.source}: poses are selected in its `workspace`, but it has none; a "
+            f"{model.name} needs one, because none of its joints moves alone"
         )
     spread = _in_joints if robot.workspace is None else _in_workspace
     found: list[Array] = []

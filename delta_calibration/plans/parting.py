@@ -133,7 +133,7 @@ def _pair(robot: Robot, causes: tuple[str, str], mechanism: Mechanism, bench: Be
         known = ", ".join(known_causes(mechanism))
         raise InputError(f"no cause {unknown[0]!r}; there are: {known}")
     if causes[0] == causes[1]:
-        raise InputError(f"{causes[0]!r} cannot be parted from itself; name two causes")
+        raise InputError(f"{causes[0]!r} cannot be distinguished from itself; name two causes")
     at = bench.course(mechanism.home)
     each = [_explanation(c, robot, mechanism, at) for c in causes if c != GEOMETRY]
     return Pair(each[0], each[1] if len(each) > 1 else None)

@@ -62,7 +62,7 @@ def joint_stream(raw: RawTopic, wanted: Names | None = None) -> tuple[JointStrea
     ]
     extra = sorted({name for batch in taken for name in batch.names} - set(names))
     if extra:
-        notes.append(f"{raw.name}: joints {', '.join(extra)} left aside")
+        notes.append(f"{raw.name}: joints {', '.join(extra)} ignored")
     ordered = [_in_order(batch, names) for batch in taken]
     readings, more = _readings(raw, ordered)
     stream = JointStream(readings.stamp_ns, names, readings.values) if readings else None
@@ -74,7 +74,7 @@ def tracker_stream(raw: RawTopic) -> tuple[TrackerStream | None, Notes]:
     batches, broken = decode(raw.records, raw.type_name)
     notes = list(_undecodable(raw, broken))
     if raw.type_name == POSE_STAMPED and not any(_oriented(b.values).any() for b in batches):
-        notes.append(f"{raw.name}: no pose has an orientation, its positions are read as points")
+        notes.append(f"{raw.name}: no pose has an orientation; the positions are read as points")
         batches = tuple(_columns(batch, slice(0, 3)) for batch in batches)
     readings, more = _readings(raw, batches)
     if readings is None:
@@ -120,17 +120,20 @@ def _readings(
     if not everything.stamp_ns.any() and any(raw.log_time_ns):
         index = np.sort(np.concatenate([batch.index for batch in batches]))
         everything = replace(everything, stamp_ns=_arrivals(raw)[index])
-        notes.append(f"{raw.name}: all stamps are zero, the times of arrival are used instead")
+        notes.append(f"{raw.name}: all stamps are zero; the times of arrival are used instead")
     finite = np.isfinite(everything.values).all(axis=1)
     if raw.type_name == POSE_STAMPED and everything.values.shape[1] == _POSE:
         finite &= _oriented(everything.values)
     if not finite.all():
         count = np.count_nonzero(~finite)
-        notes.append(f"{raw.name}: {count} readings left out that are not finite numbers")
+        notes.append(f"{raw.name}: {count} readings that are not finite numbers were left out")
         everything = everything.rows(np.flatnonzero(finite))
     backwards = int(np.count_nonzero(np.diff(everything.stamp_ns) < 0))
     if backwards:
-        notes.append(f"{raw.name}: stamps run backwards {backwards} times, sorted by stamp")
+        notes.append(
+            f"{raw.name}: stamps run backwards {backwards} times; the messages were "
+            "sorted by stamp"
+        )
         everything = everything.rows(np.argsort(everything.stamp_ns, kind="stable"))
     return (everything if everything.stamp_ns.size else None), tuple(notes)
 
@@ -183,7 +186,9 @@ def _most_common(batches: list[Batch]) -> Names:
 def _undecodable(raw: RawTopic, broken: int) -> Notes:
     if not broken:
         return ()
-    return (f"{raw.name}: {broken} messages are not a {raw.type_name} inside, left out",)
+    return (
+        f"{raw.name}: {broken} messages do not contain a valid {raw.type_name} and were left out",
+    )
 
 
 def _left_out(

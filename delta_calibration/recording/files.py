@@ -170,11 +170,11 @@ def _of_folder(folder: Path) -> SessionFiles:
             )
         extra = [p.name for p in there if p not in listed]
         if extra:
-            notes.append(f"{', '.join(extra)}: not listed in {FILE_NAME}, read all the same")
+            notes.append(f"{', '.join(extra)}: not listed in {FILE_NAME}, but read as well")
     data = (*(p for p in listed if p.exists()), *(p for p in there if p not in listed))
     if not data:
         raise RecordingError(
-            f"{folder} holds no recording (no .mcap or .db3 file){_sessions_in(folder)}"
+            f"{folder} contains no recording (no .mcap or .db3 file){_sessions_in(folder)}"
         )
     custom = (described.custom_data or {}) if described else {}
     mode = described.compression_mode if described else ""

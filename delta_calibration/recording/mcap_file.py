@@ -115,7 +115,7 @@ def _no_more(plain: bytes, most: int) -> bytes:
 def _what_then(name: str) -> str:
     """What may be meant where the name is not that of a recording."""
     if name.lower().endswith((".csv", ".txt")):
-        return "; of a table `delta-cal import` makes a session"
+        return "; `delta-cal import` converts tables into sessions"
     if ".mcap" in name:
         return ""
     return "; a session is a folder with .mcap or .db3 files, or one of them"
@@ -262,7 +262,11 @@ class _Scan:
             if self._torn
             else "; what came"
         )
-        what = "damaged inside" if self._closed() else "cut off, its recording was not closed"
+        what = (
+            "damaged inside"
+            if self._closed()
+            else ("cut off, because its recording was not closed")
+        )
         return self._say(
             f"is {what}: {count} messages read{torn} after the last whole chunk is lost"
         )

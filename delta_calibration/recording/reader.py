@@ -94,7 +94,7 @@ def read_messages(path: Path | str) -> tuple[tuple[RawMessage, ...], tuple[str, 
     ]
     if not messages:
         said = "".join(f"; {note}" for note in recording.notes)
-        raise RecordingError(f"{path}: the recording holds no messages{said}")
+        raise RecordingError(f"{path}: the recording contains no messages{said}")
     messages.sort(key=lambda message: message.log_time_ns)
     return tuple(messages), (*files.notes, *recording.notes)
 
@@ -109,7 +109,7 @@ class _Assembly:
 
     def session(self, source: str, metadata: dict[str, str], partial: bool) -> Session:
         if not self._recording.message_count:
-            raise RecordingError("the recording holds no messages")
+            raise RecordingError("the recording contains no messages")
         command = self._joints("command", None)
         states = self._joints("states", command.names if command else None)
         tracker = self._tracker()
@@ -146,7 +146,7 @@ class _Assembly:
                     other = raws[1 - raws.index(raw)].name
                     left = streams[raws.index(raw)]
                     self.notes.append(
-                        f"{raw.name} is used, {other} is not (--topic {left}= turns it round)"
+                        f"{raw.name} is used, {other} is not (--topic {left}= reverses this)"
                     )
                 return tracker
         return None
@@ -166,7 +166,7 @@ class _Assembly:
                 f" --topic {stream}=NAME names another, --topic {stream}= leaves it out"
             )
         if not right[0].count:
-            self.notes.append(f"{name} holds no messages")
+            self.notes.append(f"{name} has no messages")
             return None
         return right[0]
 

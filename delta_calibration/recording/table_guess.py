@@ -1,14 +1,14 @@
-"""What the columns of a table may be: a mapping is proposed, with what is doubtful about it.
+"""Propose a mapping for a table, with the doubts about it.
 
-By the names of the columns first; then, for what these leave open, by the robot: columns and units
-by which the drawing comes to lie on the measured points are right.
+Columns are identified by their names first. What the names leave open is decided by the robot:
+columns and units are right if the nominal robot then matches the measured points.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,16 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
+from delta_calibration.recording.presets import Other
+from delta_calibration.recording.table_found import FoundTable, found_table
 from delta_calibration.recording.table_mapping import ANGLES, LENGTHS
+from delta_calibration.recording.table_pair import paired
 from delta_calibration.recording.table_placing import FEWEST, Placed
-from delta_calibration.recording.table_source import Form, lines_of_file
 from delta_calibration.robot import Robot
-from delta_calibration.texts import number_of
 
 Array = NDArray[np.float64]
-Lines = Sequence[tuple[int, list[str]]]
 
-_DELIMITERS = (";", "\t", "|", ",", " ")
 _LIES = 0.03  # of the points' spread: a median miss under which the drawing lies on them
 _CLEARLY = 3.0  # times the best: what another reading has to miss by
 _MOST = 300  # rows that are looked at
@@ -57,6 +56,7 @@ _OTHERS = {
     "time": re.compile(r"(time|timestamp|zeit|stamp|t|clock|date|datetime|minute|seconds?)$"),
     "payload": re.compile(r"(payload|load|mass|last|masse|zuladung)$"),
 }
+_SIDE = re.compile(r"(direction|side|approach|seite|richtung)$")
 _WARM = re.compile(r"(?:temp(?:erature|eratur)?|t)[ _.-]+([a-z_]+)$")
 _COMMANDED = ("target", "cmd", "command", "soll")
 
@@ -81,20 +81,6 @@ class Guess:
         }
 
 
-@dataclass(frozen=True)
-class _Table:
-    """Numbers of a file as far as it has any."""
-
-    form: Form
-    names: tuple[str, ...]
-    named: bool  # whether a line of the file has them
-    number: Array  # (n, columns), NaN where there is text
-    text: tuple[tuple[str, ...], ...]  # the same cells
-
-    def column(self, name: str) -> Array:
-        return np.asarray(self.number[:, self.names.index(name)])
-
-
 @dataclass
 class _Found:
     """What is known so far."""
@@ -107,73 +93,33 @@ class _Found:
     doubts: list[str] = field(default_factory=list)
 
 
-def guessed(path: Path, robot: Robot) -> Guess:
-    """A mapping of a table that has joints and points of a robot.
+def guessed(
+    path: Path, robot: Robot, other: Other | None = None, beside: Path = Path("mapping.yaml")
+) -> Guess:
+    """Propose a mapping for a table with the joints of a robot and measured points.
+
+    Args:
+        path: file of the table.
+        robot: whose joints and dimensions are looked for.
+        other: second table, if joints and points are in two files; its preset is not used.
+        beside: file that the mapping will be written to; the second file's path is relative to it.
 
     Raises:
-        InputError: no such file, no table in it, or no columns that could be the joints and the
-            points.
+        InputError: no such file, no table in it, no columns that could be the joints and the
+            points, or two tables whose rows do not go together.
     """
-    table = _table(path)
+    table = found_table(path)
+    if other is not None:
+        table = paired(table, found_table(other.file), path, other, beside)
     found = _by_names(table, robot)
-    _by_robot(path, table, robot, found)
+    _by_robot(path, table, robot, found, other is not None)
     mapping = _mapping(table, robot, found)
-    return Guess(mapping, tuple(found.sure), tuple(found.doubts), tuple(_rows(table, found)))
-
-
-# --- the table
-
-
-def _table(path: Path) -> _Table:
-    """The file cut where most of it is numbers in columns of one length."""
-    tried = [(delimiter, decimal) for delimiter in _DELIMITERS for decimal in ".,"]
-    best, most = None, 0
-    for delimiter, decimal in tried:
-        if delimiter != decimal:
-            form = Form(delimiter, decimal)
-            lines = lines_of_file(path, form)
-            body = _body(lines, form)
-            count = sum(_numbers(cells, form) for _, cells in lines[body[0] : body[1]])
-            if count > most:
-                best, most = (form, lines, body), count
-    if best is None:
-        raise InputError(f"{path}: no table in it: no lines of numbers in columns")
-    form, lines, (first, last) = best
-    width = len(lines[first][1])
-    head = _head(lines[:first], form, width)
-    names = (
-        tuple(name.strip() for name in head) if head else tuple(f"c{k + 1}" for k in range(width))
+    return Guess(
+        mapping,
+        (*table.notes, *found.sure),
+        tuple(found.doubts),
+        tuple(_rows(table, found)),
     )
-    if len(set(names)) != len(names) or not all(names):
-        names, head = tuple(f"c{k + 1}" for k in range(width)), None
-    rows = [cells for _, cells in lines[first:last] if len(cells) == width]
-    number = np.array([[number_of(form.plain(cell)) for cell in cells] for cells in rows])
-    if head is None:
-        form = replace(form, columns=names, first_line=lines[first][0])
-    return _Table(form, names, head is not None, number, tuple(map(tuple, rows)))
-
-
-def _numbers(cells: Sequence[str], form: Form) -> int:
-    return int(np.isfinite([number_of(form.plain(cell)) for cell in cells]).sum())
-
-
-def _body(lines: Lines, form: Form) -> tuple[int, int]:
-    """The longest run of lines of one width that hold four numbers or more."""
-    best = begin = 0, 0
-    for k, (_, cells) in enumerate(lines):
-        good = _numbers(cells, form) >= 4
-        same = begin[1] > begin[0] and len(lines[begin[0]][1]) == len(cells)
-        begin = (begin[0], k + 1) if good and same else (k, k + int(good))
-        best = max(best, begin, key=lambda run: run[1] - run[0])
-    return best
-
-
-def _head(before: Lines, form: Form, width: int) -> list[str] | None:
-    """The last line before the numbers that has as many texts."""
-    for _, cells in reversed(before):
-        if len(cells) == width and _numbers(cells, form) == 0:
-            return list(cells)
-    return None
 
 
 # --- by names
@@ -187,7 +133,7 @@ def _bare(name: str) -> tuple[str, str]:
     return bare.strip(" _-[(").lower(), _CALLED.get(said, said)
 
 
-def _by_names(table: _Table, robot: Robot) -> _Found:
+def _by_names(table: FoundTable, robot: Robot) -> _Found:
     found = _Found()
     if not table.named:
         return found
@@ -228,13 +174,14 @@ def _numbered(bare: Mapping[str, str], robot: Robot) -> list[str]:
 # --- by the robot
 
 
-def _by_robot(path: Path, table: _Table, robot: Robot, found: _Found) -> None:
+def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined: bool) -> None:
     """What names leave open: columns, units; by where the drawing comes to lie."""
     tried = sorted(_readings(table, robot, found), key=lambda one: one[0])
     if not tried:
         raise InputError(
             f"{path}: no {len(robot.joints.names)} columns of joints and 3 of a point in it; "
             f"columns: {', '.join(table.names)}"
+            + ("" if joined else "; if they are in a second file, name it by --join FILE")
         )
     share, joints, place, joint_unit, place_units = tried[0]
     found.joints, found.place = list(joints), list(place)
@@ -242,25 +189,26 @@ def _by_robot(path: Path, table: _Table, robot: Robot, found: _Found) -> None:
     found.joint_unit, found.place_units = joint_unit, list(place_units)
     if not np.isfinite(share) or share > _LIES:
         found.doubts.append(
-            "with no columns and units does the drawing come to lie on the measured points: "
-            "joints of another sign, zero or order, another robot, or too few rows at rest"
+            "with no choice of columns and units does the nominal robot match the points: perhaps "
+            "joints with another sign, zero or order, another robot, or too few rows at rest"
         )
         return
     said = f"joints in {joint_unit}, the point in {', '.join(dict.fromkeys(place_units))}"
-    reason = f"the drawing comes to lie on the points to {100 * share:.1f} % of their extent"
+    reason = f"the nominal robot matches the points within {100 * share:.1f} % of their extent"
     found.sure.append(f"{said}: {reason}" if open_units else f"{said}, by name; {reason}")
     near = [one for one in tried[1:] if one[0] < _CLEARLY * share]
     if near:
         _, j, p, ju, pu = near[0]
         found.doubts.append(
-            f"columns {', '.join((*j, *p))} in {ju} and {pu[0]} lie as well: look at the rows"
+            f"columns {', '.join((*j, *p))} in {ju} and {pu[0]} match nearly as well: look at the "
+            "rows"
         )
 
 
 _Reading = tuple[float, tuple[str, ...], tuple[str, ...], str, tuple[str, ...]]
 
 
-def _readings(table: _Table, robot: Robot, found: _Found) -> Iterator[_Reading]:
+def _readings(table: FoundTable, robot: Robot, found: _Found) -> Iterator[_Reading]:
     """Every way to read joints and point, with the share of the extent that it misses by."""
     count = len(robot.joints.names)
     turning = robot.joints.unit == "rad"
@@ -291,7 +239,7 @@ def _runs(names: Sequence[str], count: int, but: Sequence[str]) -> Iterator[tupl
 
 
 def _share(
-    table: _Table,
+    table: FoundTable,
     robot: Robot,
     joints: Sequence[str],
     place: Sequence[str],
@@ -314,18 +262,16 @@ def _share(
 # --- the mapping
 
 
-def _mapping(table: _Table, robot: Robot, found: _Found) -> dict[str, Any]:
+def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
     units = list(found.place_units)
-    form: dict[str, Any] = {}
-    if table.form.decimal != ".":
-        form["decimal"] = table.form.decimal
-    if table.form.columns:
-        form |= {"columns": list(table.names), "first_line": table.form.first_line}
+    form = table.written()
     mapping: dict[str, Any] = {"schema": 1, "rows": _kind(table, found)}
     if table.form.delimiter != ",":
         mapping["delimiter"] = table.form.delimiter
     if form:
         mapping["table"] = form
+    if table.join:
+        mapping["join"] = dict(table.join)
     mapping["commands"] = [
         {"joint": joint, "column": column, "unit": found.joint_unit}
         for joint, column in zip(robot.joints.names, found.joints, strict=True)
@@ -338,7 +284,7 @@ def _mapping(table: _Table, robot: Robot, found: _Found) -> dict[str, Any]:
     return mapping
 
 
-def _kind(table: _Table, found: _Found) -> str:
+def _kind(table: FoundTable, found: _Found) -> str:
     """Whether the rows are stops: most of them far from the one before, or alike."""
     joint = np.column_stack([table.column(name) for name in found.joints])
     steps = np.abs(np.diff(joint, axis=0)).max(axis=1)
@@ -350,7 +296,7 @@ def _kind(table: _Table, found: _Found) -> str:
     return "stream" if stream else "stops"
 
 
-def _others(table: _Table, found: _Found) -> dict[str, Any]:
+def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
     """Time, payload, temperatures and turns, by their names; what is in doubt is left out."""
     more: dict[str, Any] = {}
     if not table.named:
@@ -369,7 +315,9 @@ def _others(table: _Table, found: _Found) -> dict[str, Any]:
             if unit in ("g", "kg"):
                 more["payload"] = {"column": name, "unit": unit}
             else:
-                found.doubts.append(f"{name}: a payload, in g or kg? It is left out")
+                found.doubts.append(f"{name}: is this a payload in g or kg? It is left out")
+        elif _SIDE.match(bare) and set(np.unique(table.column(name))) <= {-1.0, 0.0, 1.0}:
+            more["direction"] = [name]
         elif (match := _WARM.match(bare)) is not None and unit in ("", "degC", "K"):
             entry = {"part": match[1], "column": name, "unit": unit or "degC"}
             more.setdefault("temperature", []).append(entry)
@@ -392,7 +340,7 @@ def _columns_in(mapping: object) -> Iterator[str]:
         for key, value in mapping.items():
             if key == "column":
                 yield value
-            elif key == "columns":
+            elif key in ("columns", "direction"):
                 yield from value
             else:
                 yield from _columns_in(value)
@@ -408,7 +356,7 @@ _FORMATS = (
 )
 
 
-def _time(table: _Table, name: str, unit: str, found: _Found) -> dict[str, Any]:
+def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, Any]:
     """A time by its unit, or by how it is written."""
     from datetime import datetime
 
@@ -417,7 +365,7 @@ def _time(table: _Table, name: str, unit: str, found: _Found) -> dict[str, Any]:
     if not re.fullmatch(_DIGITS, text) and np.isfinite(table.number[:, column]).all():
         if unit in ("ns", "us", "ms", "s", "min", "h"):
             return {"time": {"column": name, "unit": unit}}
-        found.doubts.append(f"{name}: a time, in seconds? It is taken so")
+        found.doubts.append(f"{name}: is this a time in seconds? It is read as such")
         return {"time": {"column": name, "unit": "s"}}
     for form in _FORMATS:
         try:
@@ -425,11 +373,11 @@ def _time(table: _Table, name: str, unit: str, found: _Found) -> dict[str, Any]:
         except ValueError:
             continue
         return {"time": {"column": name, "unit": "format", "format": form}}
-    found.doubts.append(f"{name}: {text!r} is no time in a form that is known; it is left out")
+    found.doubts.append(f"{name}: {text!r} is not a time in a known format; it is left out")
     return {}
 
 
-def _rows(table: _Table, found: _Found) -> Iterator[dict[str, str]]:
+def _rows(table: FoundTable, found: _Found) -> Iterator[dict[str, str]]:
     """The first rows as they would be read."""
     joints, places = (
         {name: _with_unit(name, unit) for name, unit in zip(names, units, strict=True)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -33,6 +34,7 @@ _LATEST = float(2**31)  # [s] a ROS stamp ends there
 _GAPS = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # as programs write them
 _SHOWN = 6  # texts of a column in a message, at most
 _APART = 0.5e-3  # [m] that reflectors lie at most from their places among each other
+_YEAR = re.compile(r"%[YyGcDFxsj]")  # directives of a time that has a date
 _NOT_UNIT = 1e-2  # of a quaternion's length that rounding does not explain
 
 
@@ -71,7 +73,9 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     if mapping.skip_missing:
         whole = [row for row in rows if all(_filled(row, name) for name in mapping.names)]
         if len(whole) < len(rows):
-            notes.append(f"{len(rows) - len(whole)} of {len(rows)} rows have gaps: left out")
+            notes.append(
+                f"{len(rows) - len(whole)} of {len(rows)} rows have gaps and were left out"
+            )
         rows = whole
         if not rows:
             raise InputError(f"{path}: every row has gaps in {', '.join(mapping.names)}")
@@ -87,7 +91,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     rows, moves = [row for row, kept in zip(rows, new, strict=True) if kept], moves[new]
     notes += repeats
     if moves.any():
-        notes.append(f"{np.count_nonzero(moves)} rows in motion: their measurements are left out")
+        notes.append(f"{np.count_nonzero(moves)} rows in motion; their measurements were left out")
     still = [row for row, moving in zip(rows, moves, strict=True) if not moving]
     position = np.full((len(rows), 3), np.nan)
     position[~moves] = _columns(still, mapping.position).reshape(-1, 3)
@@ -154,7 +158,7 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
     if outside.size:
         raise rows[outside[0]].wrong(
             column.name,
-            f"is {time[outside[0]]:.6g} s; 0 to {_LATEST:.0f} s are allowed: another unit?",
+            f"is {time[outside[0]]:.6g} s; 0 to {_LATEST:.0f} s are allowed: is it another unit?",
         )
     late = np.flatnonzero(np.diff(time) <= 0)
     if late.size:
@@ -177,10 +181,13 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
 
 
 def _moment(row: Row, name: str, form: str) -> float:
+    """Seconds since 1970; a time of day without a date is taken for one of the first day."""
     try:
         moment = datetime.strptime((row.text[name] or "").strip(), form)
     except ValueError:
         raise row.wrong(name, f"is not of the form {form!r}") from None
+    if not _YEAR.search(form):
+        moment = moment.replace(year=1970)
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=timezone.utc)
     return moment.timestamp()

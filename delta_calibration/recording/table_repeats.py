@@ -67,10 +67,10 @@ def new_rows(
         "and measurements"
     )
     if not mapping.stream and _by_chance(rows, copies, first, new & ~moves, mapping, sigma):
-        notes.append(f"{said}: digits as coarse as these can be the same by chance; kept")
+        notes.append(f"{said}: with so few digits they can be equal by chance, so they were kept")
     elif mapping.repeated == "refuse":
         raise InputError(
-            f"{rows[0].file}: {said}: a new measurement has noise of its own; "
+            f"{rows[0].file}: {said}: a new measurement would differ by noise; "
             f"{_WAYS.format('them', 'them')}"
         )
     else:

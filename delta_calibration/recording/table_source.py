@@ -165,7 +165,7 @@ def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -
     head = -1 if form.columns else _header(lines, names, form, path)
     found = list(form.columns) if form.columns else [name.strip() for name in lines[head][1]]
     if head > 0 and not form.header_line:
-        notes = (*notes, f"{path.name}: line {lines[head][0]} has the names of the columns")
+        notes = (*notes, f"{path.name}: the column names were found in line {lines[head][0]}")
     require_columns(path, found, needed, (), form.delimiter)
     twice = sorted({name for name in names if found.count(name) > 1})
     if twice:
@@ -222,7 +222,7 @@ def _matches(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]
         end = match.start()
         yield line, [match[name] or "" for name in form.columns]
     if not matches:
-        raise InputError(f"{path}: nothing in it is written as the preset says")
+        raise InputError(f"{path}: nothing in it has the format of the preset")
 
 
 def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:
@@ -239,10 +239,11 @@ def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:
             raise InputError(f"{path}: is not in {form.encoding}: {error}") from error
     best = from_bytes(data, cp_isolation=_LIKELY).best()
     if best is None or "\0" in str(best):
-        raise InputError(
-            f"{path}: no text in any known encoding; say table.encoding in the mapping"
-        )
-    said = f"{path.name}: read as {best.encoding}; table.encoding in the mapping says another"
+        raise InputError(f"{path}: no known encoding fits; set table.encoding in the mapping")
+    said = (
+        f"{path.name}: its encoding was detected as {best.encoding}; to use another one, set "
+        "table.encoding in the mapping"
+    )
     return str(best), (said,)
 
 
@@ -365,17 +366,20 @@ def _joined(
     alone = sum(k is None for k in partner)
     if not rows:
         raise InputError(
-            f"{path}: none of its {len(left)} rows has one in {join.file} ({join.by})"
+            f"{path}: none of its {len(left)} rows has a partner in {join.file} ({join.by})"
         )
-    told = f"{alone} of {len(left)} rows of {path.name} have none in {join.file.name}: left out"
+    told = (
+        f"{alone} of {len(left)} rows of {path.name} have no partner in {join.file.name} and "
+        "were left out"
+    )
     return rows, (told,) * bool(alone)
 
 
 def _by_row(left: Sequence[Row], right: Sequence[Row], join: Join, path: Path) -> list[int | None]:
     if len(left) != len(right):
         raise InputError(
-            f"{path} has {len(left)} rows, {join.file} {len(right)}: joined row by row they have "
-            "as many; join.by: column or nearest goes by a column of each"
+            f"{path} has {len(left)} rows, {join.file} {len(right)}: to join them row by row "
+            "both need the same number; join.by: column or nearest uses a column of each"
         )
     return list(range(len(right)))
 

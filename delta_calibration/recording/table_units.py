@@ -40,7 +40,7 @@ def require_units(numbers: TableNumbers, mapping: TableMapping, robot: Robot) ->
     """
     rows = np.flatnonzero(~numbers.moves)
     few = len(rows) < FEWEST
-    notes = [f"{len(rows)} rows at rest: too few to tell the units by the robot's reach"]
+    notes = [f"{len(rows)} rows at rest: too few to check the units against the robot's reach"]
     if not few:
         notes = _require_reach(numbers, mapping, robot, rows)
     if notes:  # as where the units of joints and points are both wrong
@@ -76,7 +76,12 @@ def _require_reach(
             raise InputError(f"{numbers.file}: {_off(miss)}; likely {', or '.join(said)}")
     if share < _UNKNOWN:
         return []
-    return [f"{_off(miss)}: another robot, zeros of joints, or columns in another order?"]
+    return [
+        (
+            f"{_off(miss)}: is it another robot, or are joint zeros or the order of columns "
+            "different?"
+        )
+    ]
 
 
 def _by_share(fit: tuple[Placed, Slip]) -> float:
@@ -95,9 +100,9 @@ def _with(robot: Robot, way: Way, slip: Slip, mixed: bool) -> Placed | None:
 def _off(miss: float) -> str:
     """How far the points are from where they can be."""
     if not np.isfinite(miss):
-        return "as the mapping has the columns, most joints are out of the robot's reach"
+        return "with the columns of this mapping, most joints are out of the robot's reach"
     return (
-        f"as the mapping has the columns, the measured points are {miss * 1e3:.4g} mm (median) "
+        f"with the columns of this mapping, the measured points are {miss * 1e3:.4g} mm (median) "
         "from where the robot can be"
     )
 
@@ -187,7 +192,9 @@ def _require_limits(
     row, k = beyond[0].tolist()
     rows = beyond[beyond[:, 1] == k, 0]
     fits = _inside(joint[rows, k], columns[k], float(low[k]), float(high[k])) if guess else ()
-    likely = next((f"likely {unit}" for unit in fits), "another column, zero, sign or robot?")
+    likely = next(
+        (f"likely {unit}" for unit in fits), "is it another column, zero, sign or robot?"
+    )
     raise numbers.wrong(
         row,
         columns[k].name,

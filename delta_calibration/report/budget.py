@@ -156,7 +156,9 @@ def _of_certificates(examined: Examined, about: About) -> tuple[Contribution, ..
 def _of_machine(examined: Examined, seen: Parts, own: Parts) -> tuple[Contribution, ...]:
     repeats = ("A", "repeated poses") if examined.noise.measured else ("B", "robot file")
     return (
-        Contribution("joints come to rest", *repeats, own.repeatability, own.repeatability),
+        Contribution(
+            "repeatability of the joints", *repeats, own.repeatability, own.repeatability
+        ),
         Contribution("play, side unknown", "A", "poses held out", None, own.play),
         Contribution("frame of the tracker", "A", "fit", seen.frame, own.frame),
         Contribution("dimensions as identified", "A", "fit", None, own.dimensions),

@@ -43,7 +43,7 @@ def evidence_figure(found: Diagnosis | Judgement) -> Figure:
     same = {cause for f in found.verdict.findings for cause in f.equivalents}
     groups = {
         "named": (EXTENDED, [k for k, s in enumerate(shown) if s.candidate.cause in named]),
-        "the same on this session": (
+        "indistinguishable in this session": (
             CALIBRATED,
             [k for k, s in enumerate(shown) if s.candidate.cause in same - named],
         ),
@@ -68,12 +68,12 @@ def evidence_figure(found: Diagnosis | Judgement) -> Figure:
     return Figure(
         "evidence",
         "Evidence for each candidate",
-        "How much of chi square each candidate takes away, tried alone on the calibrated model; "
-        "best shape and place of each cause, strongest case (ln B) first. A strong cause leaves "
-        "traces on its likes, so that long grey bars beside a named one are no findings: what is "
-        "left beside it decides. Noise alone gives about one for each parameter; from about "
-        "40 a cause is seen, from 80 it can be named. A smooth map explains nothing; it says what "
-        "structure goes with.",
+        "Decrease of chi square by each candidate, tried alone on the calibrated model: the "
+        "best shape and place of each cause, strongest evidence (ln B) first. Similar causes "
+        "explain part of a strong cause, so long grey bars beside a named cause are not "
+        "findings; what remains beside it decides. Noise alone gives about 1 for each "
+        "parameter; from about 40 a cause is detected, from 80 it can be named. A smooth map is "
+        "not a cause; it shows which quantity the error varies with.",
         (
             Panel(
                 "",
@@ -110,8 +110,9 @@ def evidence_table(found: Diagnosis) -> Table:
         "Evidence in figures",
         ("candidate", "chi square", "parameters", "ln B", "p", "tries", "confidence"),
         tuple(_row(score, scan, findings) for score in best_of_each(scan)),
-        "p: of as large a decrease by chance, times the questions asked and the shapes tried; "
-        "confidence: of the name in the verdict, beside all else that is in the model.",
+        "p: probability that chance gives as large a decrease, multiplied by the number of "
+        "questions and shapes tried. Confidence: probability that the name in the verdict is "
+        "right, with everything else in the model.",
     )
 
 

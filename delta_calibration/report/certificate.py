@@ -84,8 +84,8 @@ class Certificate:
         found = certified(self.examined, self.about, self.places)
         if not np.isfinite(found).any():
             raise DataError(
-                f"{self.examined.poses.source}: no measured place lies in the calibrated region: "
-                "a calibration of another part of the workspace?"
+                f"{self.examined.poses.source}: no measured place is in the calibrated region: "
+                "is the calibration of another part of the workspace?"
             )
         return found
 
@@ -197,9 +197,9 @@ class Certificate:
 
 
 RULE = (
-    "ISO 14253-1, the expanded uncertainty U (95 %) counts: a point passes where error + U <= "
-    "tolerance, fails where error - U > tolerance, else nothing is decided; the machine passes "
-    "where every point does"
+    "ISO 14253-1 with the whole expanded uncertainty U (95 %): a point passes if error + U <= "
+    "tolerance, fails if error - U > tolerance, and is undecided otherwise; the machine passes "
+    "if every point does"
 )
 
 

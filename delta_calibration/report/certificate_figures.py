@@ -55,7 +55,7 @@ def histogram_figure(certificate: Certificate) -> Figure:
     axis = Axis("3-D error [mm]", log=log, low=float(ends[0]), high=float(ends[-1]))
     return Figure(
         "error_histogram",
-        "How large the errors are",
+        "Distribution of the errors",
         "",
         (Panel("", axis, Axis("points"), tuple(marks), tall=0.85),),
         columns=1,
@@ -97,8 +97,8 @@ def vector_figure(certificate: Certificate) -> Figure:
         ]
     return Figure(
         "error_vectors",
-        "Where the errors point",
-        f"Errors drawn larger than they are: {', '.join(scales)}. The dot is the commanded place.",
+        "Error vectors",
+        f"Scale of the errors: {', '.join(scales)}. The dot is the commanded position.",
         tuple(panels),
     )
 
@@ -149,8 +149,8 @@ def certified_figure(certificate: Certificate) -> Figure:
     return Figure(
         "certified_map",
         "Corrected positions, 95 %",
-        "Distance from the target within which a corrected position lies with 95 %; white: not "
-        "measured, or out of reach. Dots are all measured poses.",
+        "Radius around the target that contains a corrected position with 95 % probability. "
+        "White: not measured, or out of reach. Dots: all measured poses.",
         panels,
     )
 
@@ -163,7 +163,7 @@ def _scale(low: float, high: float) -> Scale:
         step *= 2
         begin = np.floor(low / step) * step
     ends = (float(f"{value:.6g}") for value in (begin, begin + 4 * step))
-    return Scale("within, 95 % [mm]", next(ends), next(ends))
+    return Scale("95 % radius [mm]", next(ends), next(ends))
 
 
 def _map(certificate: Certificate, i: int, j: int) -> tuple[Array, Array, Array]:

@@ -54,7 +54,7 @@ def _sentence(certificate: Certificate) -> str:
     left = _rms(certificate.error_after)
     tolerance, decision = certificate.about.tolerance, certificate.decision
     if tolerance is None or decision is None:
-        return f"Corrected positions miss their targets by {left} mm RMS; no tolerance was given."
+        return f"Corrected positions are {left} mm RMS from their targets; no tolerance was given."
     allowed = f"a tolerance of {MM * tolerance:g} mm"
     points = certificate.points or ()
     passed, failed = (points.count(d) for d in (Decision.PASS, Decision.FAIL))
@@ -86,12 +86,12 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
     )
     how = (
         "The calibration was made from this very session: the errors are not independent of it, "
-        "and nothing passes by them."
+        "so no point can pass."
         if examined.seen
-        else "Every point is judged by a fit that has not seen it."
+        else "Every point is judged by a fit that does not contain it."
         if examined.fit is not None
-        else f"Calibration {certificate.provenance.calibration}, made before; the tracker's frame "
-        "is fitted to this session."
+        else f"Calibration {certificate.provenance.calibration} was made before; only the "
+        "tracker's frame is fitted to this session."
     )
     aside = int(np.count_nonzero(~examined.believed))
     more = f" {_set_aside(aside, len(examined.poses))}" if aside else ""
@@ -99,24 +99,34 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         Statement("Machine", machine),
         Statement("Instrument", instrument),
         Statement("Operator", about.text("operator")),
+        Statement("Dates", _dates(certificate)),
         Statement("Tolerance", _tolerance(about)),
         Statement("Errors", how + more),
         *(Statement("Warning", capital(f"{text}.")) for text in examined.doubts),
     )
 
 
+def _dates(certificate: Certificate) -> str:
+    """When it was measured, and when the certificate was issued."""
+    source = certificate.provenance
+    stated = certificate.about.text("measured_on")
+    measured = moment(source.start_ns) if stated == NOT_STATED else stated
+    issued = "" if source.made_ns is None else f"; issued {moment(source.made_ns)}"
+    return f"measured {measured}{issued}"
+
+
 def _set_aside(aside: int, poses: int) -> str:
     what = "is a gross error" if aside == 1 else "are gross errors"
-    return f"{aside} of {poses} poses {what} by the fit and not judged."
+    return f"{aside} of {poses} poses {what} according to the fit, and not judged."
 
 
 def _tolerance(about: About) -> str:
     if about.tolerance is None:
         return NOT_STATED
     return (
-        f"{MM * about.tolerance:g} mm, 3-D. Decided by ISO 14253-1: a point passes where error + "
-        "U is at most the tolerance, fails where error − U is above it; between the two nothing "
-        "is decided."
+        f"{MM * about.tolerance:g} mm, 3-D. Decision rule of ISO 14253-1: a point passes if "
+        "error + U is at most the tolerance, fails if error − U is above it, and is undecided "
+        "otherwise."
     )
 
 
@@ -153,14 +163,14 @@ def _key_figures(certificate: Certificate) -> tuple[KeyFigure, ...]:
             "certified, 95 %",
             figures(MM * largest, 2),
             "mm",
-            f"largest in the region, median {figures(MM * typical, 2)} mm: so near a corrected "
-            "position comes",
+            "largest 95 % radius of a corrected position in the region; median "
+            f"{figures(MM * typical, 2)} mm",
         ),
         KeyFigure(
             "decision",
             NO_VALUE if decision is None else decision.value,
             "",
-            "no tolerance given" if decision is None else "by ISO 14253-1, U counted",
+            "no tolerance given" if decision is None else "by ISO 14253-1, including U",
         ),
     )
 
@@ -168,10 +178,11 @@ def _key_figures(certificate: Certificate) -> tuple[KeyFigure, ...]:
 def _certified(certificate: Certificate) -> Section:
     largest = MM * float(np.nanmax(certificate.certified))
     text = (
-        f"With 95 % a corrected position comes within {figures(largest, 2)} mm of its target "
-        "anywhere in the measured region, at payloads and temperatures like those of the session. "
-        "Counted are the fit, how the joints come to rest, what the model leaves at places that "
-        "it has not seen, and what was stated of instrument and temperature.",
+        f"With a probability of 95 %, a corrected position is within {figures(largest, 2)} mm of "
+        "its target anywhere in the measured region, at payloads and temperatures like those of "
+        "the session. This includes the uncertainty of the fit, the repeatability of the "
+        "joints, the error of the model at places it has not seen, and the stated uncertainties "
+        "of instrument and temperature.",
     )
     return Section("certified", "Certified positions", text, (), (certified_figure(certificate),))
 
@@ -183,10 +194,10 @@ def _appendix(certificate: Certificate) -> Section:
     if found is not None:
         text = (
             f"Chi square per degree of freedom {found.chi_square:.2f}; noise of a pose "
-            f"{figures(UM * found.noise.floor, 2)} µm RMS in 3-D; poses held out are missed by "
+            f"{figures(UM * found.noise.floor, 2)} µm RMS in 3-D; held-out error "
             f"{found.full.held_out_whitened:.2f} times the noise. A dimension counts as "
-            f"identified where the data leave less than {100 * IDENTIFIED:.0f} % of its "
-            "tolerance.",
+            f"identified if the data reduce its uncertainty below {100 * IDENTIFIED:.0f} % of "
+            "its tolerance.",
         )
         tables = [indices_table(found), correlation_table(found), unset_table(found), *tables]
     return Section("appendix", "Appendix: statistics and provenance", text, tuple(tables))

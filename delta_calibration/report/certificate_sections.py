@@ -70,17 +70,18 @@ def dimensions_section(certificate: Certificate) -> Section:
             f"Identified ({len(found)})",
             ("dimension", "nominal", "identified", "deviation", "U (k = 2)", "unit"),
             tuple(_dimension(d) for d in found),
-            "U: twice the standard error by the data and the tolerances of the parts.",
+            "U: twice the standard error from the data and the tolerances of the parts.",
             words=(0, 5),
         ),
         Table(
             "dimensions_open",
             f"Not identified by this session ({len(rest)})",
-            ("dimension", "nominal", "tolerance of the part (1 σ)", "left of it [%]", "unit"),
+            ("dimension", "nominal", "tolerance of the part (1 σ)", "remaining [%]", "unit"),
             tuple(_open(d) for d in rest),
-            "The data leave more than half of the parts' tolerance open, alone or against each "
-            "other. Nothing is certified of them; positions do not depend on them, or their share "
-            "is in the uncertainty of positions.",
+            "The data do not reduce the uncertainty of these dimensions below half of their "
+            "tolerance, because other dimensions have the same effect. Their values are not "
+            "certified. Positions do not suffer: either they do not depend on these dimensions, "
+            "or the dependence is included in the uncertainty of positions.",
             words=(0, 4),
         ),
     )
@@ -144,8 +145,9 @@ def points_section(certificate: Certificate) -> Section:
         "Points [mm]",
         (*head, *said),
         rows,
-        "Place by the drawing in the base; measured less commanded before, and what is left of it "
-        "with corrected commands. U: expanded uncertainty (95 %) of the 3-D error as measured.",
+        "Commanded position in the base frame. Before: measured minus commanded. After: the "
+        "error that remains with corrected commands. U: expanded uncertainty (95 %) of the "
+        "measured 3-D error.",
         words=() if points is None else (13,),
     )
     return Section(
@@ -185,17 +187,18 @@ def budget_section(certificate: Certificate) -> Section:
     ]
     silent = certificate.about.silent
     caption = (
-        "Root mean square of all measured poses, about the axes of the base, in µm. Kind by GUM: "
-        "A from this session's statistics, B as stated elsewhere. Frame: with the dimensions "
-        "known; dimensions: with the frame following them; so they are independent and add up. "
+        "Standard uncertainties along the axes of the base in µm, root mean square of all "
+        "measured poses. Kind as in the GUM: A from the statistics of this session, B from "
+        "other sources. The line for the frame assumes known dimensions, the line for the "
+        "dimensions lets the frame follow them; the two are therefore independent and add up. "
         f"3-D, 95 %: {three[0]} µm measured, {three[1]} µm corrected"
     )
     if budget.widen > 1.0:
-        caption += f" ({budget.widen:.2f} times the normal one: errors held out reach farther)"
+        caption += (
+            f" ({budget.widen:.2f} times the normal radius, because held-out errors are larger)"
+        )
     text = (
-        (f"Not in the budget, as nothing was stated of it: {', '.join(silent)}.",)
-        if silent
-        else ()
+        (f"Not in the budget, because nothing was stated: {', '.join(silent)}.",) if silent else ()
     )
     table = Table(
         "budget",

@@ -43,23 +43,23 @@ _LOBES = {2: "oval", 3: "three-lobed", 4: "four-lobed"}
 _OTHER = {
     DIMENSIONS: (
         "dimensions of the parts",
-        "the parts' deviations within what is usual",
+        "usual deviations of the parts",
         "compensate: calibrate the machine (delta-cal fit) and correct its commands",
     ),
     FOLLOWING: (
         "following error",
-        "what the encoders are off the command",
+        "difference of encoders and commands",
         "adjust: the drives' gains or feed-forward, or drive slower",
     ),
     NOT_EXPLAINED: (
         "not explained",
-        "what no cause of the catalogue explains",
+        "not explained by any cause of the catalogue",
         "measure more: a session of the plan rich, then delta-cal diagnose",
     ),
     NOISE: (
         "measurement noise",
-        "what readings and coming to rest scatter by; no error of a part",
-        "nothing; slower feeds and more readings make it less",
+        "scatter of readings and of rest positions; not an error of a part",
+        "nothing; slower feeds and more readings reduce it",
     ),
 }
 
@@ -79,7 +79,9 @@ def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Rep
             (_causes(test), _orders(test)),
             tuple(_cause_plots(test)),
         ),
-        Section("untold", "What this session cannot tell", tuple(untold) or ("Nothing asked.",)),
+        Section(
+            "untold", "What this session cannot distinguish", tuple(untold) or ("Nothing asked.",)
+        ),
         Section("terms", "Terms", (), (_TERMS,)),
     )
     return Report(
@@ -110,12 +112,12 @@ def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Rep
 def advice(test: CircleTest) -> str:
     """What to do first, and how round the circles are then."""
     if test.first is None:
-        return "Nothing that is known makes these circles rounder."
+        return "No known remedy makes these circles rounder."
     cause, location = test.first
     now, then = _um(test.deviation), _um(test.without(cause, location))
     return (
-        f"{capital(called(cause, location))}: {_to_do(test, cause, location)}. The mean circular "
-        f"deviation is {now} µm now and {then} µm then, nothing else done."
+        f"{capital(called(cause, location))}: {_to_do(test, cause, location)}. This alone "
+        f"reduces the mean circular deviation from {now} µm to {then} µm."
     )
 
 
@@ -136,13 +138,13 @@ def on_a_part(error: PartError) -> str:
         told.append(f"{shape} by ± {_um(error.height)} µm")
     if error.senses >= _SMALL:
         told.append(f"up to {_um(error.senses)} µm between the two senses")
-    return listed(told) or "nothing that is seen"
+    return listed(told) or "nothing visible"
 
 
 def _sentence(test: CircleTest) -> str:
     most = [s for s in test.shares if s.cause not in (NOISE, NOT_EXPLAINED)]
     of = f", most of it by {called(most[0].cause, most[0].location)}" if most else ""
-    return f"circles are {_um(test.deviation)} µm out of round in the mean{of}."
+    return f"circles are {_um(test.deviation)} µm out of round on average{of}."
 
 
 def _to_do(test: CircleTest, cause: str, location: str | None) -> str:
@@ -179,7 +181,7 @@ def _circles(test: CircleTest) -> Table:
             )
             for m in test.circles
         ),
-        caption="Of the readings as they are, the tracker's noise within.",
+        caption="From the raw readings, including the tracker's noise.",
     )
 
 
@@ -196,8 +198,9 @@ def _causes(test: CircleTest) -> Table:
         ),
         tuple(_cause(test, share) for share in test.shares),
         caption=(
-            f"The shares add up to {_um(test.deviation)} µm. Each is the mean, over all orders in "
-            "which causes can be taken out of the model, of what the circles lose with it."
+            f"The shares add up to {_um(test.deviation)} µm. The share of a cause is the "
+            "decrease of the deviation when it is removed from the model, averaged over all "
+            "orders of removal."
         ),
         words=(0, 4),
     )
@@ -242,7 +245,7 @@ def _label(test: CircleTest, share: Share) -> str:
     finding = test.finding(share.cause, share.location)
     if finding is None:
         return called(share.cause, share.location)
-    others = f"; the same here: {listed(map(spoken, finding.equivalents))}"
+    others = f"; indistinguishable here: {listed(map(spoken, finding.equivalents))}"
     return f"{finding.called()}, {sure(finding.confidence)} sure" + (
         others if finding.equivalents else ""
     )
@@ -275,12 +278,12 @@ def _plots(test: CircleTest) -> list[Figure]:
             colour = CALIBRATED if m.circle.anticlockwise else BEFORE
             lines += [
                 _drawn(m, m.radial, by, m.circle.sense, colour, "solid"),
-                _drawn(m, m.predicted, by, "by the extended model", EXTENDED, "dot"),
+                _drawn(m, m.predicted, by, "according to the extended model", EXTENDED, "dot"),
             ]
         panels.append(_panel(title, group[0], by, lines))
     caption = (
-        "Each circle about its own least squares centre; what is off the nominal radius is drawn "
-        "as many times larger as its title says."
+        "Each circle about its own least-squares centre. Deviations from the nominal radius are "
+        "magnified by the factor in the title."
     )
     return [Figure("circles", "Polar plots", caption, tuple(panels))]
 
@@ -311,7 +314,7 @@ def _cause_plots(test: CircleTest) -> list[Figure]:
         panels.append(_panel(title, worst, by, [_nominal(worst), *lines]))
     if not panels:
         return []
-    caption = "What the circle loses without the cause, in the plane where that is most."
+    caption = "Deviation that disappears without the cause, in the plane where it is largest."
     return [Figure("cause_circles", "Each cause alone", caption, tuple(panels))]
 
 
@@ -390,13 +393,18 @@ _TERMS = Table(
         ),
         (
             "dimensions",
-            "What the identified dimensions, as far as none is a cause by itself, deviate from "
-            "the drawing by. Parts are never as drawn; a calibration takes this away.",
+            (
+                "Deviations of the identified dimensions from their nominal values, as far as "
+                "none is a cause of its own. Parts are never exactly as drawn; a calibration "
+                "removes this share."
+            ),
         ),
         (
             "not explained, measurement noise",
-            "What the extended model leaves, parted by variance: what the noise of readings and "
-            "of coming to rest can be, and the rest.",
+            (
+                "Error that the extended model leaves, split by variance into noise of readings "
+                "and rest positions, and the remainder."
+            ),
         ),
     ),
     words=(0, 1),

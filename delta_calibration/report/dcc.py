@@ -24,6 +24,7 @@ from delta_calibration.files import written_whole
 from delta_calibration.report.about import NOT_STATED, About
 from delta_calibration.report.certificate import COVERAGE, RULE, Certificate
 from delta_calibration.report.decision import Decision
+from delta_calibration.wording import dated
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ def dcc_of(certificate: Certificate) -> Element:
     Raises:
         InputError: the certificate does not say what a DCC must.
     """
-    _require_stated(certificate.about)
+    _require_stated(certificate.about, certificate.examined.poses.start_ns)
     register_namespace("dcc", DCC)
     register_namespace("si", SI)
     root = Element(
@@ -86,8 +87,10 @@ def dcc_of(certificate: Certificate) -> Element:
     return root
 
 
-def _require_stated(about: About) -> None:
+def _require_stated(about: About, start_ns: int) -> None:
     missing = [words for keys, words in _MUST if about.text(*keys) == NOT_STATED]
+    if not dated(start_ns) and about.text("measured_on") == NOT_STATED:
+        missing.append("measured_on (the session has no date)")
     if missing:
         raise InputError(
             "a Digital Calibration Certificate must say who calibrated what for whom; missing in "
@@ -150,8 +153,10 @@ def _core(core: Element, certificate: Certificate) -> None:
             ("other", certificate.examined.robot.hash, "SHA-256 of the robot file"),
         ),
     )
-    _in(core, "beginPerformanceDate", _day(poses.start_ns * 1e-9))
-    _in(core, "endPerformanceDate", _day(poses.start_ns * 1e-9 + poses.duration))
+    begin, end = (_day(poses.start_ns * 1e-9 + after) for after in (0.0, poses.duration))
+    stated = about.text("measured_on")
+    _in(core, "beginPerformanceDate", begin if stated == NOT_STATED else stated)
+    _in(core, "endPerformanceDate", end if stated == NOT_STATED else stated)
     place = about.text("laboratory", "performed_at")
     _in(core, "performanceLocation", "other" if place == NOT_STATED else place)
 
@@ -268,7 +273,7 @@ def _dimensions(result: Element, certificate: Certificate) -> None:
     for dimension in found:
         _quantity(rows, dimension.name, dimension.value, dimension.unit, dimension.expanded)
     if not found:
-        _none(rows, "none is identified by this session")
+        _none(rows, "this session identifies none")
 
 
 def _points(result: Element, certificate: Certificate) -> None:

@@ -36,9 +36,7 @@ class Section:
         tables = tuple(
             replace(t, rows=tuple(tuple(map(name, row)) for row in t.rows)) for t in self.tables
         )
-        figures = tuple(
-            replace(f, title=name(f.title), caption=name(f.caption)) for f in self.figures
-        )
+        figures = tuple(figure.renamed(name) for figure in self.figures)
         return replace(self, text=tuple(map(name, self.text)), tables=tables, figures=figures)
 
 

@@ -6,7 +6,8 @@ in their dashes and points in their symbols as well, so that a grey print can be
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,6 +132,15 @@ class Panel:
     equal: bool = False  # a metre is as long along x as along y
     tall: float = 1.0  # height over the usual one
 
+    def renamed(self, name: Callable[[str], str]) -> Panel:
+        """The same with all its words changed."""
+        x, y = (
+            replace(axis, title=name(axis.title), names=tuple(map(name, axis.names)))
+            for axis in (self.x, self.y)
+        )
+        marks = tuple(replace(mark, name=name(mark.name)) for mark in self.marks)
+        return replace(self, title=name(self.title), x=x, y=y, marks=marks)
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -141,6 +151,12 @@ class Figure:
     caption: str
     panels: tuple[Panel, ...]
     columns: int = 2  # on a wide page
+
+    def renamed(self, name: Callable[[str], str]) -> Figure:
+        """The same with all its words changed: titles, axes, names of marks and of places."""
+        panels = tuple(panel.renamed(name) for panel in self.panels)
+        title, caption = name(self.title), name(self.caption)
+        return replace(self, title=title, caption=caption, panels=panels)
 
     @property
     def scale(self) -> Scale | None:

@@ -94,7 +94,7 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
         title=f"Comparison of {len(records)} calibrations: {first.calibration.robot.name}",
         subtitle=f"sessions recorded {' to '.join(dict.fromkeys([first.when, records[-1].when]))}",
         sentence=(
-            f"From {first.name} to {records[-1].name} the machine moved by {mm(MM * last)} mm "
+            f"From {first.name} to {records[-1].name} the machine changed by {mm(MM * last)} mm "
             f"RMS, at most {mm(MM * largest)} mm, over their common region."
         ),
         statements=(
@@ -104,10 +104,10 @@ def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
                 + ".",
             ),
             Statement(
-                "How it is told",
-                "The same joint angles through both geometries, at rest and without effects; the "
-                "best rigid motion between them is taken off, as the tracker may have stood "
-                "elsewhere.",
+                "Method",
+                "Tool positions of both geometries at the same joint angles, at rest and "
+                "without effects. The best rigid motion between them is removed, because the "
+                "tracker may have been moved.",
             ),
         ),
         key_figures=(),
@@ -242,8 +242,8 @@ def _shift_figure(
     return Figure(
         "shift",
         "Distance from the first",
-        "Root mean square and largest distance over the common region, beside the error "
-        "left of each calibration: a shift below that is none.",
+        "Root mean square and largest distance over the common region, and the error left of "
+        "each calibration: a smaller distance is not significant.",
         (
             Panel(
                 "",

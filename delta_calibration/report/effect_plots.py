@@ -78,16 +78,16 @@ def _figure(judged: Judged, robot: Robot, term: Candidate, effect: Effect, numbe
     where = "in motion" if rows[0] >= judged.evidence.poses else "at rest"
     thinned = f", {len(rows)} of them shown" if len(rows) == _MOST else ""
     agree = (
-        "The map follows it; it explains nothing."
+        "The map follows the error; it does not explain it."
         if term.unexplained
-        else "Where the two agree, the cause explains the residual."
+        else "The cause explains the residual where both agree."
     )
-    name = "structure of no known cause" if term.unexplained else spoken(term.label)
+    name = "error without a known cause" if term.unexplained else spoken(term.label)
     return Figure(
         f"giveaway_{number}_{term.cause}",
         f"{capital(name)}: residual against {against.title.partition(' [')[0]}",
-        f"What is left {where} when all but this are in the model{thinned}, and what this makes "
-        f"of it (crosses). {agree}",
+        f"Residual {where} with everything except this cause in the model{thinned}, and the "
+        f"error predicted by this cause (crosses). {agree}",
         tuple(panels),
         columns=min(3, len(panels)),
     )
@@ -174,9 +174,9 @@ def leftovers(judged: Judged, robot: Robot) -> Figure:
     )
     return Figure(
         "residual_left",
-        "What the extended model leaves",
-        f"Residuals of the fit at the poses; dotted: two standard deviations of the noise. "
-        f"Probability that chance leaves as much likeness between neighbours in: {told}.",
+        "Residuals of the extended model",
+        "Residuals of the fit at the poses; dotted: two standard deviations of the noise. "
+        f"Probability that chance makes neighbours as similar in: {told}.",
         panels,
         columns=3,
     )

@@ -178,8 +178,8 @@ def examined_by(calibration: Calibration, poses: Poses, robot: Robot) -> Examine
     identified = calibration.identified
     if identified is None:
         raise DataError(
-            f"the calibration of session {calibration.source!r} does not tell the uncertainty of "
-            "its positions: it was written by an older version; fit again"
+            f"the calibration of session {calibration.source!r} does not contain the uncertainty "
+            "of its positions: it was written by an older version; fit again"
         )
     chain, at = calibration.chain, poses.conditions
     _, noise, problem = prepare(poses, robot, chain_of(robot, chain.mechanism.name))

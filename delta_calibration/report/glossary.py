@@ -9,108 +9,143 @@ GLOSSARY = "glossary"  # name of its section and table
 TERMS: tuple[tuple[str, str], ...] = (
     (
         "before, calibrated, extended",
-        "Three models of the machine: as drawn, or as the calibration in force has it, where it "
-        "fits best; with its geometry identified; with the causes that were found as well. The "
-        "tracker's frame and the reflector's offset are fitted in all three: where they are is "
-        "no error of the machine. No model is extended by what predicts held-out poses worse.",
+        (
+            "Three models of the machine. Before: the nominal robot, or the active calibration, "
+            "in its best-fit frame. Calibrated: with identified geometry. Extended: with the "
+            "causes that were found as well. The tracker's frame and the reflector's offset are "
+            "fitted in all three, because they are not errors of the machine. A model is never "
+            "extended by something that predicts held-out poses worse."
+        ),
     ),
     (
         "pose, place, reading, stop",
-        "A reading is one message of the tracker. A pose is a still moment: the mean of its "
-        "readings. Poses of equal commands share a place. A stop is what a plan asks for; the "
-        "ends of its paths are still moments too, so that a session has more poses than its "
-        "plan stops.",
+        (
+            "A stop is a pose requested by a plan. The ends of its paths are periods at rest too, "
+            "so a session can have more poses than its plan has stops."
+        ),
     ),
     (
         "noise of a pose",
-        "Root mean square of the 3-D distance by which a pose misses the truth through the "
-        "tracker and through where the joints come to rest; from repeats, or the robot file's "
-        "where there are too few. A model that leaves about as much has nothing left to explain. "
-        "Where repeats differ by a strong cause as well, a fit finds it too large; a diagnosis "
-        "measures it again without the causes that it found. Also called noise floor.",
+        (
+            "Root mean square 3-D error of a pose due to the tracker and the repeatability of the "
+            "joints. It comes from repeated poses, or from the robot file if there are too few. A "
+            "model whose error is about as large has nothing left to explain. If a strong cause "
+            "also changes the repeats, a fit overestimates the noise; a diagnosis determines it "
+            "again without the causes it found. Also called noise floor."
+        ),
     ),
     (
         "in sample",
-        "Root mean square 3-D distance between measured and predicted at the poses that the "
-        "fit was made from. Says little: a fit bends to what it has seen.",
+        (
+            "Root mean square 3-D distance between measured and predicted at the poses that the "
+            "fit was made from. It says little about accuracy, because a fit adapts to its own "
+            "data."
+        ),
     ),
     (
         "held out",
-        "Predicted by a fit that has not seen it. Two figures come of it: the error left of a "
-        "fit and the held-out error of a diagnosis.",
+        (
+            "Predicted by a fit that has not seen the pose. There are two such figures: the error "
+            "left of a fit and the held-out error of a diagnosis."
+        ),
     ),
     (
         "error left",
-        "Of a fit and in a calibration file: root mean square 3-D distance between measured "
-        "and predicted over the poses at rest that count, all alike. The places are parted in "
-        "five by lot, and each part is predicted by a fit to the other four: what is left "
-        "between the places that were measured.",
+        (
+            "Of a fit and in a calibration file: root mean square 3-D distance between measured "
+            "and predicted over all accepted poses at rest, with equal weights. The places are "
+            "divided at random into five parts, and each part is predicted by a fit to the "
+            "other four. It is the error to expect between the measured places."
+        ),
     ),
     (
         "held-out error",
-        "Of a diagnosis, its verdict and its report: the same distance over the same poses, "
-        "but whole sectors of the workspace are held out, five by the bearing about z. Larger "
-        "than the error left, as a model has to foretell a region that it has not seen. Of "
-        "one cause: of the model without it and with it beside all others; on readings in "
-        "motion where it shows in motion only; of a smooth map, cells among others instead of "
-        "sectors.",
+        (
+            "Of a diagnosis, its verdict and its report: the same distance over the same poses, "
+            "but whole sectors of the workspace are held out, five by the bearing about z. It "
+            "is larger than the error left, because the model has to predict a region it has "
+            "not seen. For a single cause: with and without that cause, with all others in the "
+            "model; from readings in motion if the cause only shows in motion; for a smooth "
+            "map, cells are held out instead of sectors."
+        ),
     ),
     (
         "error against the truth",
-        "Of demonstrations alone: how far the simulated machine's tool is from where the "
-        "drawing means it to be, known as the machine is simulated. As measured by the "
-        "tracker: with its noise.",
+        (
+            "In demonstrations only: the distance of the simulated machine's tool from its "
+            "intended position, which is known exactly because the machine is simulated. "
+            "Measured by the tracker it includes noise."
+        ),
     ),
     (
         "gain",
-        "Share of the avoidable error, in squares, that a cause takes away: avoidable is the "
-        "held-out error without it beyond the noise. With its 95 % interval.",
+        (
+            "Share of the avoidable error (in squares) that disappears with a cause in the "
+            "model. Avoidable is the part of the held-out error without the cause that exceeds "
+            "the noise. With its 95 % interval."
+        ),
     ),
     (
         "chi square per degree of freedom",
-        "Mean square of the residuals in units of their noise. About 1 where a model leaves "
-        "nothing but noise; far above it lacks something.",
+        (
+            "Mean square of the residuals in units of their noise. About 1 if a model leaves "
+            "nothing but noise; far above 1 the model is incomplete."
+        ),
     ),
     (
         "signal λ (lambda)",
-        "Sum over all readings of the squared size of an effect in units of the noise, after "
-        "all that geometry and frame can imitate is taken off. From about 40 a cause is seen, "
-        "from 80 to 160 it can be named.",
+        (
+            "Sum over all readings of the squared size of an effect in units of the noise, after "
+            "removing everything that geometry and frame can imitate. From about 40 a cause is "
+            "detected, from 80 to 160 it can be named."
+        ),
     ),
     (
         "confidence",
-        "Probability that the name of a finding is right, against its rivals. 95 % is the most "
-        "that is said: what no catalogue knows may move the readings as a known cause does.",
+        (
+            "Probability that the name of a finding is right, against its rivals. It is never "
+            "stated above 95 %, because an unknown cause may have the same effect as a known one."
+        ),
     ),
     (
         "p",
-        "Chance of as strong a signal where nothing is hidden, times all that was asked and "
-        "tried.",
+        (
+            "Probability of an equally strong signal by chance, multiplied by the number of "
+            "questions and shapes tried."
+        ),
     ),
     (
         "class",
-        "Causes that move the readings of this session alike. The cause that is named stands "
-        "for its class; the others follow it after an or, with the measurement that would "
-        "part them.",
+        (
+            "Causes that change the readings of this session in the same way. The named cause "
+            'stands for all of them; the others follow after "or", with the measurement that '
+            "would separate them."
+        ),
     ),
     (
         "unknown structure",
-        "What is left, is not noise, and fits no cause of the catalogue.",
+        "The part of the remaining error that is not noise and fits no cause of the catalogue.",
     ),
     (
         "repeatability",
-        "How far from its command a joint comes to rest, one standard deviation. In the noise "
-        "of a pose. ISO 9283's RP is another figure, of the tool.",
+        (
+            "Standard deviation of the rest position of a joint about its command. It is part of "
+            "the noise of a pose. The RP of ISO 9283 is a different figure, for the tool."
+        ),
     ),
     (
         "rank",
-        "How many combinations of parameters the data set; the others are set by their "
-        "tolerances alone, and no prediction depends on them.",
+        (
+            "Number of parameter combinations that the data determine. The others are "
+            "determined by their tolerances alone, and no prediction depends on them."
+        ),
     ),
     (
         "region",
-        "Convex hull of the places that were measured. Corrections end at it: outside nothing "
-        "is known of the machine.",
+        (
+            "Convex hull of the places that were measured. Corrections end at its edge, because "
+            "nothing is known about the machine outside."
+        ),
     ),
     (
         "tolerance, prior",
@@ -118,8 +153,10 @@ TERMS: tuple[tuple[str, str], ...] = (
     ),
     (
         "seed",
-        "Number that all chance is drawn by. That of a diagnosis or fit decides its parts and "
-        "bootstraps; that of a simulated session its machine, errors and noise.",
+        (
+            "Seed of the random numbers. In a diagnosis or fit it determines the random parts and "
+            "bootstraps; in a simulated session the machine, its errors and the noise."
+        ),
     ),
 )
 

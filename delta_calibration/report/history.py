@@ -43,9 +43,10 @@ def page_of_history(
         statements=(
             Statement("What changed", " ".join(f"{_upper(s)}." for s in found.sentences())),
             Statement(
-                "How it is told",
-                "All sessions are fitted together. Where the tracker stood and how the reflector "
-                "was mounted is each session's own, and never a change of the machine.",
+                "Method",
+                "All sessions are fitted together. The tracker's place and the reflector's "
+                "mounting belong to each session; they are never reported as a change of the "
+                "machine.",
             ),
         ),
         key_figures=(),
@@ -67,8 +68,8 @@ def _log(found: History) -> Table:
         "Change log",
         ("between", "what", "where", "from", "to", "change", "sure", "or"),
         tuple(_row(change) for change in found.changes),
-        "With standard errors. Sure: probability of cause, place and gap together; or: what else "
-        "it may have been.",
+        "With standard errors. Sure: probability that cause, place and time are right; or: what "
+        "else it may have been.",
         words=(0, 1, 2, 7),
     )
 
@@ -107,7 +108,8 @@ def _fit(found: History) -> Figure:
     return Figure(
         "misfit",
         "How well one machine explains each session",
-        "Where nothing is left unexplained, both lie near the number of what the data determine.",
+        "If nothing is left unexplained, both are close to the number of values that the data "
+        "determine.",
         (panel,),
         columns=1,
     )

@@ -113,8 +113,8 @@ def line_figure(line: AlongLine) -> Figure:
     """The three errors along it; the paper's mean and largest beside them on its own line."""
     x, axis = MM * line.along, _AXES[line.way]
     beyond = (
-        f" {np.sum(~line.inside)} of {len(x)} points lie outside the region that was measured: "
-        "there the models extrapolate."
+        f" {np.sum(~line.inside)} of {len(x)} points are outside the measured region, where the "
+        "models extrapolate."
         if not line.inside.all()
         else ""
     )
@@ -134,10 +134,11 @@ def line_figure(line: AlongLine) -> Figure:
     return Figure(
         "error_line",
         line.title,
-        f"Errors of the tool point on {line.where} as the models have them, approached from "
-        "both sides under the session's median conditions. Before: the extended model less the "
-        "drawing in its best frame. Calibrated: the extended model less the calibrated geometry. "
-        f"Extended: its 95 % bound, from the covariance of the fit.{measured}{beyond}",
+        f"Errors of the tool point on {line.where} according to the models, approached from both "
+        "sides under the session's median conditions. Before: extended model minus nominal "
+        "robot in its best-fit frame. Calibrated: extended model minus calibrated geometry. "
+        "Extended: 95 % bound of the extended model, from the covariance of the "
+        f"fit.{measured}{beyond}",
         (
             Panel(
                 "",
@@ -183,7 +184,7 @@ def line_table(line: AlongLine) -> Table:
             rows.append((name + part, MM * each.mean, MM * each.maximum, MM * each.three_std))
     return Table(
         "error_line_table",
-        "The line in figures",
+        "The line in numbers",
         ("", "mean [mm]", "largest [mm]", "3 std [mm]"),
         tuple((name, mm(a), mm(b), mm(c)) for name, a, b, c in rows),
     )

@@ -62,7 +62,7 @@ def noise_table(noise: Noise, poses: Poses, robot: Robot) -> Table:
     rows = [
         ("one reading, along the beam [µm]", UM * along, noise.radial_scale),
         ("one reading, across the beam [µm]", UM * across, noise.transverse_scale),
-        ("joints come to rest within [µrad]", UM * repeat, noise.repeatability / repeat),
+        ("repeatability of the joints [µrad]", UM * repeat, noise.repeatability / repeat),
     ]
     measured = [(n, figures(s), figures(s * f), f"{f:.2f}") for n, s, f in rows]
     origin = (

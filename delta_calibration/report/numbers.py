@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,11 @@ import numpy as np
 from delta_calibration.errors import InputError
 from delta_calibration.report.document import Report
 from delta_calibration.report.drawing import Bars, Field, Figure, Line, Mark, Panel, Points, Rule
+from delta_calibration.wording import NO_VALUE, plain
 
 Row = tuple[object, ...]
+_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?(e[+-]\d+)?")
+_POWER_ALONE = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _HEAD = ("panel", "series", "x", "y", "value", "low", "high")
 
 
@@ -31,7 +35,9 @@ def write_numbers(report: Report, folder: Path) -> tuple[Path, ...]:
         whole.write_text(text + "\n", encoding="utf-8")
         paths = [whole]
         for table in report.tables():
-            paths.append(_write(folder / f"{table.name}.csv", table.head, table.rows))
+            head = [name or f"column {k}" for k, name in enumerate(table.head, 1)]
+            rows = (tuple(map(cell, row)) for row in table.rows)
+            paths.append(_write(folder / f"{table.name}.csv", head, rows))
         for figure in report.figures():
             paths.append(_write(folder / f"{figure.name}.csv", _HEAD, rows_of(figure)))
     except OSError as error:
@@ -45,6 +51,24 @@ def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) ->
         writer.writerow(head)
         writer.writerows(rows)
     return path
+
+
+def cell(text: str) -> str:
+    """A cell of a table as other programs read it: plain numbers, empty where there is none.
+
+    Shares in percent become numbers from 0 to 1; of a bound (< 10^-300, > 99.9 %) the bound is
+    written.
+    """
+    if text == NO_VALUE:
+        return ""
+    bare = plain(text.removeprefix("< ").removeprefix("> "))
+    if (power := _POWER_ALONE.fullmatch(text.removeprefix("< "))) is not None:
+        bare = plain(f"1 × {power[0]}")
+    share = bare.endswith(" %")
+    number = bare.removesuffix(" %").replace(" ", "")
+    if _NUMBER.fullmatch(number) is None:
+        return plain(text)
+    return f"{float(number) / 100:.6g}" if share else number.removeprefix("+")
 
 
 def as_json(report: Report) -> dict[str, Any]:

@@ -27,7 +27,7 @@ def build_page(
     diagnosis: Diagnosis,
     robot: Robot,
     provenance: Provenance,
-    iso: IsoReport | str = "it was not asked for",
+    iso: IsoReport | str = "not requested",
 ) -> str:
     """The report of a diagnosis as HTML; see `report_of`."""
     return page_of(report_of(diagnosis, robot, provenance, iso))

@@ -88,9 +88,9 @@ def set_by_data(found: Identification) -> Figure:
     place = np.arange(len(names), dtype=float)
     return Figure(
         "set_by_data",
-        "What the data set",
-        "Standard error left of each kind of dimension over its tolerance: near 0 the data set "
-        "it, near 1 only the drawing's tolerance does.",
+        "What the data determine",
+        "Standard error of each kind of dimension divided by its tolerance: near 0 the data "
+        "determine it, near 1 only its tolerance limits it.",
         (
             Panel(
                 "",
@@ -121,8 +121,8 @@ def correlation_figure(found: Identification) -> Figure:
     return Figure(
         "correlations",
         "Correlations of the estimates",
-        f"All {len(kept)} parameters in the order of the calibration file. Off the diagonal, dark "
-        "pairs are known together rather than each.",
+        f"All {len(kept)} parameters in the order of the calibration file. A dark pair off the "
+        "diagonal is only determined in combination.",
         (
             Panel(
                 "",
@@ -141,10 +141,10 @@ def correlation_table(found: Identification) -> Table:
     pairs = found.correlations[:_STRONG]
     return Table(
         "correlations_table",
-        "Estimates that lean on each other",
+        "Strongly correlated estimates",
         ("parameter", "with", "correlation"),
         tuple((spoken(a), spoken(b), f"{r:+.3f}".replace("-", "−")) for a, b, r in pairs),
-        "Beyond 0.95 either way." if pairs else "None beyond 0.95 either way.",
+        "Correlations beyond ±0.95." if pairs else "No correlation beyond ±0.95.",
         words=(0, 1),
     )
 
@@ -154,12 +154,12 @@ def unset_table(found: Identification) -> Table:
     seen = found.observability
     return Table(
         "not_set_by_the_data",
-        "What the data cannot set",
+        "What the data do not determine",
         ("combination",),
         tuple((_reworded(r.sentence()),) for r in seen.redundancies),
-        f"Rank {seen.rank} of {seen.columns} parameters, tracker frame and reflector offset "
-        "within. These are set by the tolerances alone; the predictions do not depend on "
-        "them.",
+        f"Rank {seen.rank} of {seen.columns} parameters, including tracker frame and reflector "
+        "offset. These combinations are determined by the tolerances alone; the predictions do "
+        "not depend on them.",
     )
 
 

@@ -50,7 +50,7 @@ def report_of(
     diagnosis: Diagnosis,
     robot: Robot,
     provenance: Provenance,
-    iso: IsoReport | str = "it was not asked for",
+    iso: IsoReport | str = "not requested",
 ) -> Report:
     """Everything that a diagnosis has to say, as a report.
 
@@ -116,7 +116,7 @@ def verdict_section(verdict: Verdict) -> Section:
                     "signal λ",
                     "held-out error, without it → with it [mm]",
                     "gain, 95 % [1]",
-                    "the same here; to part them",
+                    "indistinguishable here; to separate them",
                 ),
                 tuple(_finding(f) for f in verdict.findings),
                 words=(0, 1, 7),
@@ -126,7 +126,7 @@ def verdict_section(verdict: Verdict) -> Section:
         tables.append(
             Table(
                 "cannot_tell",
-                "What this session cannot tell",
+                "What this session cannot distinguish",
                 ("which", "because", "what would tell"),
                 tuple((between(e), e.because, e.next) for e in verdict.cannot_tell),
                 words=(0, 1, 2),
@@ -159,11 +159,11 @@ def _finding(finding: Finding) -> tuple[str, ...]:
 
 def _tests(verdict: Verdict) -> Table:
     unknown = verdict.unknown_structure
-    told = "Nothing is left that chance would not leave, beside what is too small to matter."
+    told = "The remaining errors are explained by chance, or are too small to matter."
     if unknown.found:
         told = capital(f"{structure(unknown)}.")
     rows = tuple((_test(name), chance(p)) for name, p in unknown.tests.items())
-    return Table("left", "Tests of what is left", ("test", "p"), rows, told)
+    return Table("left", "Tests of the remaining errors", ("test", "p"), rows, told)
 
 
 def _laws(verdict: Verdict) -> Table:
@@ -180,19 +180,32 @@ def _laws(verdict: Verdict) -> Table:
         for law in verdict.unknown_structure.laws
     )
     told = (
-        "Quantities are in SI units. A law is known where it was seen, and a guess beyond. It was "
-        "chosen among some thousands by what each explains and costs to say, against a smooth map."
+        "Quantities are in SI units. An equation is supported in the region of its data only. "
+        "It was selected among several thousand by how well each explains the data for its "
+        "complexity, compared with a smooth map."
     )
-    head = ("acts on", "equation", "values", "likely", "seen for", "or else; what parts them")
-    return Table("laws", "Likely laws of what has no name", head, rows, told, (0, 1, 2, 4, 5))
+    head = (
+        "acts on",
+        "equation",
+        "values",
+        "likely",
+        "seen for",
+        ("alternative; how to separate them"),
+    )
+    return Table(
+        "laws", "Likely equations of the unexplained error", head, rows, told, (0, 1, 2, 4, 5)
+    )
 
 
 def _test(name: str) -> str:
-    own = {MAP: "a smooth map explains as much", SET_ASIDE: "set aside: neighbours miss alike"}
+    own = {
+        MAP: "a smooth map explains the errors",
+        SET_ASIDE: ("poses set aside have similar errors"),
+    }
     if name in own:
         return own[name]
     kind, _, over = name.partition("moran_")
-    return f"likeness of neighbours in {spoken(over)} (Moran's I)" if over else spoken(kind)
+    return f"similarity of neighbours in {spoken(over)} (Moran's I)" if over else spoken(kind)
 
 
 def _set_aside(verdict: Verdict) -> tuple[str, ...]:
@@ -216,7 +229,7 @@ def _workspace(judged: Judged) -> Section:
     )
     table = Table(
         "error_workspace",
-        "Error over the workspace in figures",
+        "Error over the workspace in numbers",
         ("held-out error, 3-D", "RMS [mm]", "median [mm]", "largest [mm]"),
         rows,
     )
@@ -232,14 +245,16 @@ def _workspace(judged: Judged) -> Section:
 def _line(judged: Judged, robot: Robot) -> Section:
     line = along_line(judged, robot)
     if line is None:
-        return Section("line", "Along a line", ("This robot does not reach the plan's line.",))
+        return Section("line", "Along a line", ("This robot cannot reach the plan's line.",))
     return Section("line", line.title, (), (line_table(line),), (line_figure(line),))
 
 
 def _causes(judged: Judged, robot: Robot) -> Section:
-    title = "What gives the cause away"
+    title = "What points to the cause"
     shown = (*unknown_maps(judged), *giveaways(judged, robot))
-    text = () if shown else ("No effect was added to the geometry: what is left is shown below.",)
+    text = (
+        () if shown else ("No effect was added to the geometry; the residuals are shown below.",)
+    )
     return Section("causes", title, text, (), (*shown, leftovers(judged, robot)))
 
 
@@ -247,7 +262,7 @@ def _parts(judged: Judged) -> Section:
     found = judged.diagnosis.identification
     return Section(
         "geometry",
-        "Geometry, correlations and what the data cannot set",
+        "Geometry, correlations and what the data do not determine",
         (),
         (correlation_table(found), unset_table(found), indices_table(found)),
         (dimensions_figure(found), set_by_data(found), correlation_figure(found)),

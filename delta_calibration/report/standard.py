@@ -21,15 +21,15 @@ def standard_section(iso: IsoReport | str) -> Section:
     """The table; or why there is none."""
     title = "Accuracy by ISO 9283"
     if isinstance(iso, str):
-        why = "This session does not hold the standard's cycles"
+        why = "This session does not contain the cycles of the standard"
         how = "Record them by the plan iso9283, and name that session with --iso9283"
         return Section("iso9283", title, (f"{why}: {iso}. {how}.",))
     c = iso.conditions
     text = (
         f"{c.name}: {c.position_cycles} cycles for positions, {c.distance_cycles} for distances, "
         f"{c.path_cycles} for paths at {c.stations} stations; {100 * c.speed_fraction:.0f} % of "
-        f"the rated speed and {100 * c.load_fraction:.0f} % of the rated load are the conditions' "
-        f"own and are not checked. Tracker registered by the {iso.frame}.",
+        f"the rated speed and {100 * c.load_fraction:.0f} % of the rated load are required by "
+        f"the conditions and not checked. Tracker frame from the {iso.frame}.",
         *(f"Left out: {sentence}." for sentence in iso.left_out),
     )
     rows = tuple(

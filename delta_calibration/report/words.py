@@ -27,7 +27,7 @@ def statements(verdict: Verdict) -> tuple[Statement, ...]:
         Statement("How sure", _how_sure(verdict)),
         Statement("What it gains", _gains(verdict)),
         *([Statement("What to do", _to_do(verdict))] if verdict.findings else []),
-        Statement("What cannot be told", _untold(verdict)),
+        Statement("What cannot be distinguished", _untold(verdict)),
     )
 
 
@@ -49,7 +49,7 @@ def _how_sure(verdict: Verdict) -> str:
     parts = []
     for finding in verdict.findings:
         others = listed(map(spoken, finding.equivalents))
-        class_ = f"; the same on this session: {others}" if others else ""
+        class_ = f"; indistinguishable in this session: {others}" if others else ""
         parts.append(
             f"{finding.called()} {sure(finding.confidence)}, p = {chance(finding.p_value)}"
             f"{class_}."
@@ -58,12 +58,12 @@ def _how_sure(verdict: Verdict) -> str:
     least = chance(min((p for p in tests if p is not None), default=None))
     if verdict.unknown_structure.found and _mapped(verdict):
         parts.append(
-            "that something is there: a smooth map that follows it foretells poses it has not "
-            f"seen, and leaves nothing but noise (least p of {len(tests)} tests: {least}). "
-            "What it is: not known."
+            "that there is an error: a smooth map of it predicts poses it has not seen and "
+            f"leaves nothing but noise (smallest p of {len(tests)} tests: {least}). Its cause is "
+            "not known."
         )
     elif not parts or verdict.unknown_structure.found:
-        parts.append(f"least p of {len(tests)} tests of what is left: {least}.")
+        parts.append(f"smallest p of {len(tests)} tests of the remaining errors: {least}.")
     joined = " ".join(parts).replace("p = <", "p <")
     return capital(joined)
 
@@ -76,8 +76,8 @@ def _gains(verdict: Verdict) -> str:
     if _mapped(verdict):
         before, after = verdict.calibrated.held_out_rms_mm, verdict.extended.held_out_rms_mm
         parts.append(
-            f"all with the map of what has no name: held-out error {mm(before)} mm calibrated, "
-            f"{mm(after)} mm extended."
+            f"all with the map of the unexplained error: held-out error {mm(before)} mm "
+            f"calibrated, {mm(after)} mm extended."
         )
     return capital(" ".join(parts))
 
@@ -101,7 +101,7 @@ def structure(unknown: UnknownStructure) -> str:
     """Structure that no cause explains: how large, what it moves with, where."""
     where = f", {unknown.where.replace('= -', '= ' + MINUS)}" if unknown.where else ""
     size = "" if unknown.rms_mm is None else f", {mm(unknown.rms_mm)} mm RMS"
-    return f"structure of no known cause{size}; it moves with {unknown.moves()}{where}"
+    return f"error without a known cause{size}; it varies with {unknown.moves()}{where}"
 
 
 def _share(finding: Finding) -> str:
@@ -110,7 +110,7 @@ def _share(finding: Finding) -> str:
 
 def _untold(verdict: Verdict) -> str:
     if not verdict.cannot_tell:
-        return "Nothing that was asked of this session."
+        return "Nothing that was looked for in this session."
     return " ".join(f"{between(e)}: {e.because}." for e in verdict.cannot_tell)
 
 

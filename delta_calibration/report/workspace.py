@@ -38,9 +38,10 @@ def maps(
     width = kernel(place)
     middle = np.median(place, axis=0)
     told = (
-        f"Root mean square of the held-out error around each point (Gaussian kernel, "
-        f"{MM * width:.0f} mm), on poses that the fit has not seen; dots are the measured poses "
-        f"within {MM * _SLAB * width:.0f} mm of the plane. One logarithmic scale for all."
+        "Root mean square of the held-out error around each point (Gaussian kernel, "
+        f"{MM * width:.0f} mm), at poses that the fit has not seen; dots are the measured poses "
+        f"within {MM * _SLAB * width:.0f} mm of the plane. All maps have the same logarithmic "
+        "scale."
     )
     planes = [
         ("map", f"Seen from above, z = {MM * middle[2]:.0f} mm", (0, 1, 2)),
@@ -80,9 +81,9 @@ def _unknown(judged: Judged, term: Candidate) -> Figure:
     planes = (("above", (0, 1, 2)), ("side", (0, 2, 1)))[: 2 - int(_flat(place))]
     return Figure(
         "unknown_structure",
-        "Where the structure of no known cause lives",
-        "What the smooth map that follows it moves the reflector by, less the mean, around each "
-        f"point (Gaussian kernel, {MM * width:.0f} mm).",
+        "Where the error without a known cause occurs",
+        "Displacement of the reflector by the smooth map of this error, minus its mean, around "
+        f"each point (Gaussian kernel, {MM * width:.0f} mm).",
         tuple(
             _panel(
                 f"seen from {name}" if name == "above" else "section",

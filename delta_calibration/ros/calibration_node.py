@@ -1,4 +1,4 @@
-"""Lifecycle node on the way of the joint commands: compensates them, and calibrates the cell."""
+"""Lifecycle node that compensates joint commands for the drives and calibrates the cell."""
 
 from __future__ import annotations
 

@@ -12,11 +12,16 @@ from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.ros.parameters import FRAME_PREFIX, ROBOT, ParameterTable, Spec
 
 SPECS = (
-    replace(ROBOT, description=f"{ROBOT.description}; from configure on", read_only=False),
+    replace(ROBOT, description=f"{ROBOT.description}; takes effect at configure", read_only=False),
     Spec(
         "calibration", "", "calibration file for configure and ~/reload; may be empty", path=True
     ),
-    Spec("method", "newton", "how corrections are found; from configure on", choices=METHODS),
+    Spec(
+        "method",
+        "newton",
+        "how corrections are computed; takes effect at configure",
+        choices=METHODS,
+    ),
     Spec(
         "table",
         "",
@@ -27,98 +32,111 @@ SPECS = (
     Spec(
         "on_failure",
         PASS_THROUGH,
-        "what is sent for a command that cannot be compensated: itself, or the last good one",
+        "what is sent for a command that cannot be compensated: the command itself, or the last "
+        "good one",
         choices=ON_FAILURE,
     ),
     Spec(
         "beyond_limits",
         REFUSE,
-        "what becomes of a command beyond a joint's limit, compensated or not: nothing is sent "
-        "for it (the last good one with on_failure hold), or it is brought to the limit",
+        "what happens to a command beyond a joint limit, compensated or not: refuse sends "
+        "nothing (with on_failure hold, the last good command), clamp sends the limit",
         choices=BEYOND_LIMITS,
     ),
-    Spec("ramp_s", 1.0, "time [s] over which corrections come and go", range=(0.0, 60.0)),
+    Spec("ramp_s", 1.0, "time [s] over which corrections fade in and out", range=(0.0, 60.0)),
     Spec(
         "max_correction_rate",
         0.0,
-        "fastest change of a joint's correction in its own unit, [rad/s] or where joints slide "
-        "[m/s]; 0: 5 rad/s of a Delta, of another robot what moves its platform as fast",
+        "largest rate of change of a joint's correction [rad/s; m/s for sliding joints]; 0: 5 "
+        "rad/s on a Delta, the equivalent on other robots",
         range=(0.0, 1e5),
     ),
     Spec(
         "command_timeout_s",
         0.0,
-        "age [s] by the node's clock beyond which a command is not sent any more, nor one stamped "
-        "as far ahead; 0 for none, as where who commands has a clock of its own",
+        "largest age [s] of a command that is sent, by the node's clock; commands stamped as "
+        "far ahead are not sent either; 0: no limit, for a sender with its own clock",
         range=(0.0, 3600.0),
     ),
     Spec(
         "temperature_timeout_s",
         TEMPERATURE_TIMEOUT_S,
-        "age [s] beyond which a temperature is not known any more",
+        "age [s] after which a temperature counts as unknown",
         range=(1.0, 86400.0),
     ),
     Spec(
         "payload_timeout_s",
         0.0,
-        "the same of the payload; 0 for one that holds until it is said anew",
+        "age [s] after which the payload counts as unknown; 0: it is valid until the next message",
         range=(0.0, 86400.0),
     ),
     Spec(
         "model",
         "",
-        "mechanism that ~/fit fits, empty for the robot file's; from configure on",
+        "mechanism that ~/fit fits, empty for the robot file's; takes effect at configure",
         choices=("", *MECHANISMS),
     ),
-    Spec("tracker_timeout_s", 2.0, "silence [s] in a capture that is told", range=(0.1, 3600.0)),
+    Spec(
+        "tracker_timeout_s",
+        2.0,
+        "silence [s] of a stream during a capture after which a warning is given",
+        range=(0.1, 3600.0),
+    ),
     Spec(
         "capture_limit",
         1_000_000,
-        "messages a capture holds at most; from configure on",
+        "largest number of messages in a capture; takes effect at configure",
         range=(100, 100_000_000),
     ),
-    Spec("seed", 0, "of the parts held out and of the swarm; from configure on", (0, 2**31 - 1)),
+    Spec(
+        "seed",
+        0,
+        "seed of the held-out parts and of the swarm; takes effect at configure",
+        (0, 2**31 - 1),
+    ),
     Spec(
         "error_scale",
         100.0,
-        "factor by which ~/markers draws errors longer than they are",
+        "magnification of the errors in ~/markers",
         range=(0.0, 1e5),
     ),
     Spec(
         "realtime_priority",
         0,
         "priority (SCHED_FIFO) of the node's threads while it is active, 0 for none; refused to "
-        "users without rtprio, which diagnostics say; from activate on",
+        "users without rtprio, which diagnostics say; takes effect at activate",
         range=(0, 99),
     ),
     Spec("output", "", "calibration file that ~/save writes", path=True),
     Spec(
         "enabled",
         False,
-        "switch compensation on whenever the node is activated; wants a calibration",
+        "switch compensation on whenever the node is activated; needs a calibration",
         read_only=True,
     ),
     Spec(
         "command_controller",
         "",
-        "forward_command_controller whose commands topic gets commands too; from configure on",
+        "forward_command_controller whose commands topic gets commands too; takes effect at "
+        "configure",
     ),
     Spec(
         "command_joints",
         ("",),
         "joints in that controller's order, with what the robot file passes through or without; "
-        "empty for the file's, with it; from configure on",
+        "empty for the file's, with it; takes effect at configure",
     ),
     Spec(
         "trajectory_controller",
         "",
         "joint_trajectory_controller whose joint_trajectory topic gets commands too, each as a "
-        "trajectory of one point, or what comes on trajectory_input; from configure on",
+        "trajectory of one point, or what comes on trajectory_input; takes effect at configure",
     ),
     Spec(
         "trajectory_input",
         "",
-        "topic of trajectories to be compensated for trajectory_controller; from configure on",
+        "topic of trajectories to be compensated for trajectory_controller; takes effect at "
+        "configure",
     ),
     FRAME_PREFIX,
 )

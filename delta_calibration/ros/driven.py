@@ -56,9 +56,9 @@ class Driven:
         for name, managed in self._managed.items():
             if name not in self._listeners:
                 was = f", and was {managed.state}" if managed.state else ""
-                return f"{name} does not listen to {topic} any more{was}"
+                return f"{name} no longer listens to {topic}{was}"
             if managed.state and managed.state != ACTIVE:
-                return f"{name} is {managed.state}: it sends nothing on; activate it"
+                return f"{name} is {managed.state} and forwards nothing; activate it"
             if now_s - managed.heard_s > SILENT_S:
                 return f"{name} has not said for {SILENT_S:g} s whether it is active"
         found = self._commands.get_subscription_count()

@@ -1,4 +1,4 @@
-"""Node that drives points right by the tracker alone, and ends with a table of corrections.
+"""Node that corrects points with the tracker alone, without a model, and writes the commands.
 
 Its commands are nominal ones and go to `joint_command`, like those of any motion controller: the
 calibration node stays the only one that commands the drives, with its guards, and a recorder hears
@@ -75,15 +75,27 @@ SPECS = (
         read_only=True,
         path=True,
     ),
-    Spec("output", "corrections.csv", "CSV file for what is found", read_only=True, path=True),
     Spec(
-        "calibration",
-        "",
-        "calibration file that says how the tracker stands; empty: found by stops first",
+        "output",
+        "corrections.csv",
+        "CSV file for the corrected commands",
         read_only=True,
         path=True,
     ),
-    Spec("frame_stops", 24, "stops to find the tracker's frame by", (4, 1000), read_only=True),
+    Spec(
+        "calibration",
+        "",
+        "calibration file with the tracker frame; empty: the frame is found from stops first",
+        read_only=True,
+        path=True,
+    ),
+    Spec(
+        "frame_stops",
+        24,
+        "number of stops for finding the tracker's frame",
+        (4, 1000),
+        read_only=True,
+    ),
     Spec("repeats", 3, "searches for each point, averaged", (2, 100), read_only=True),
     Spec(
         "unit_deg",
@@ -97,7 +109,7 @@ SPECS = (
     Spec(
         "every_node",
         False,
-        "measure all neighbours (26 with three joints), whatever is predicted of them",
+        "measure all neighbours (26 with three joints), without using predictions",
         read_only=True,
     ),
     Spec("most_moves", 300, "stops of a search at most", (1, 10**6), read_only=True),
@@ -343,7 +355,9 @@ class GridPositioner(BaseNode):
         if outcome.stop is not Stop.FINEST:
             self.get_logger().warn(f"{text}: {outcome.stop.value}")
         elif outcome.after > outcome.before:
-            self.get_logger().warn(f"{text}: no nearer; it was as near as can be told before")
+            self.get_logger().warn(
+                f"{text}: not improved; it was already as near as can be measured"
+            )
         else:
             self.get_logger().info(text)
 
@@ -354,7 +368,7 @@ class GridPositioner(BaseNode):
         if self._stopped:
             return DiagnosticStatus.ERROR, self._stopped, values
         if not self._moves:
-            return DiagnosticStatus.OK, "waiting for somebody to listen", values
+            return DiagnosticStatus.OK, "waiting for a subscriber", values
         if positioning.done:
             return DiagnosticStatus.OK, "done", values
         if self._standing is not None:

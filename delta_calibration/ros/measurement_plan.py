@@ -1,4 +1,4 @@
-"""Node that drives a machine through a plan of poses, and ends with it.
+"""Node that drives a machine through a measurement plan and then ends.
 
 Commands follow the plan's times on a steady clock. The motion starts from where the machine
 stands, as upstream sees it: `joint_states_nominal` if that is there, else `joint_states`. It ends
@@ -61,10 +61,10 @@ SPECS = (
     ),
     Spec("count", 0, "different points; 0: the plan's usual number", (0, 10**5), read_only=True),
     Spec("dwell", 1.0, "time [s] at each stop", range=(0.0, 3600.0), read_only=True),
-    Spec("both_sides", True, "take each point from both sides", read_only=True),
+    Spec("both_sides", True, "approach each point from both sides", read_only=True),
     RATE,
-    Spec("radius", 0.45, "radius [m] of what is covered", range=(0.001, 10.0), read_only=True),
-    Spec("seed", 0, "of the order and of what is drawn", range=(0, 2**31), read_only=True),
+    Spec("radius", 0.45, "radius [m] of the covered region", range=(0.001, 10.0), read_only=True),
+    Spec("seed", 0, "seed of the order and of random poses", range=(0, 2**31), read_only=True),
     SUBSCRIBERS,
     WAIT_FOR_SUBSCRIBER,
 )

@@ -14,7 +14,7 @@ from delta_calibration.ros.peers import SERVICES
 
 ASKED = ("--help", "-h")
 WIDTH = 99
-KINDS = {bool: "true or false", int: "whole number", float: "number with a point", str: "text"}
+KINDS = {bool: "true or false", int: "whole number", float: "decimal number", str: "text"}
 
 
 def asks_for_help(argv: Sequence[str]) -> bool:
@@ -61,7 +61,7 @@ def _ends(inventory: Inventory) -> Iterator[str]:
         for name, kind in getattr(inventory, does).items():
             yield f"    {does:<10}  {name:<38}  {kind}"
     for part, parameter in inventory.named.items():
-        yield f"    {part}: what the parameter {parameter} says; empty, there is none"
+        yield f"    {part}: value of the parameter {parameter}; not used if that is empty"
 
 
 def _parameter(spec: Spec) -> Iterator[str]:

@@ -85,7 +85,7 @@ class Spec:
 DATA_DIR = Spec(
     "data_dir",
     "",
-    "folder under which files lie that parameters name; empty for the working folder",
+    "folder that contains all files named by parameters; empty for the working folder",
     read_only=True,
 )
 ROBOT = Spec(
@@ -102,14 +102,14 @@ RATE = Spec("rate", 50.0, "rate [Hz] of the commands", range=(1.0, 1000.0), read
 SUBSCRIBERS = Spec(
     "subscribers",
     1,
-    "how many have to listen before it begins: the cell, and the recorder if there is one",
+    "number of subscribers to wait for: the cell, and the recorder if there is one",
     range=(1, 100),
     read_only=True,
 )
 WAIT_FOR_SUBSCRIBER = Spec(
     "wait_for_subscriber",
     10.0,
-    "time [s] to wait until somebody listens to the commands and says where it stands",
+    "time [s] to wait for a subscriber of the commands and its joint states",
     range=(0.0, 3600.0),
     read_only=True,
 )
@@ -119,7 +119,7 @@ WAIT_FOR_SUBSCRIBER = Spec(
 FRAME_PREFIX = Spec(
     "frame_prefix",
     "",
-    "before the names of frames, such as left/ for left/base_link: for one robot among several",
+    "prefix of the frame names, such as left/ for left/base_link, for one of several robots",
     read_only=True,
 )
 

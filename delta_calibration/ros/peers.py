@@ -28,8 +28,9 @@ ROS_OWN = frozenset(
 SERVICES = Spec(
     "services",
     True,
-    "whether peers may call services, change the state and set parameters; where not, only who "
-    "started the node says what it does: parameters at the start, autostart, enabled, signals",
+    "whether other nodes may call services, change the state and set parameters; if false, only "
+    "the process that starts the node controls it: by parameters at the start, autostart, "
+    "enabled and signals",
     read_only=True,
 )
 

@@ -1,4 +1,4 @@
-"""Node that shows the robot: its URDF, and the states of all joints with the passive ones.
+"""Node that publishes the robot for display: its URDF and the states of all its joints.
 
 A closed chain is a tree in URDF, and whoever draws it needs the passive joints' values too. They
 come from the mechanism's closure, at a rate for the eye; the measured states are not republished

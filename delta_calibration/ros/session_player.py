@@ -1,4 +1,4 @@
-"""Node that plays a session onto its topics, with `/clock`: the recorded bytes at their log times.
+"""Node that plays a session on its topics, with `/clock`: the recorded bytes at their log times.
 
 Header stamps stay as recorded, and `/clock` shows log times: with `use_sim_time` the nodes that
 listen live in the recording. When a session is looped, their time goes back to its start.
@@ -34,16 +34,16 @@ FAREWELL_S = 0.5  # [s] for the last messages to arrive; to be acknowledged may 
 SPECS = (
     Spec("session", "", "folder or file of the session to play", read_only=True, path=True),
     Spec("topics", (ALL,), "topics to play, by their recorded names; * for all", read_only=True),
-    Spec("rate", 1.0, "seconds of session a second of wall time", range=(1e-3, 1e4)),
+    Spec("rate", 1.0, "speed: seconds of session per second", range=(1e-3, 1e4)),
     Spec("paused", False, "stand still until this is set to false"),
-    Spec("loop", False, "begin again at the end, until stopped"),
+    Spec("loop", False, "start again at the end, until stopped"),
     Spec("start", 0.0, "offset [s] into the session to start from", (0.0, 1e9), read_only=True),
     Spec("clock", True, "publish /clock", read_only=True),
     Spec("clock_rate", 100.0, "rate [Hz] of /clock", range=(1.0, 500.0), read_only=True),
     Spec(
         "wait_for_subscribers",
         0.0,
-        "time [s] to wait until every topic has a subscriber; then it plays in any case",
+        "time [s] to wait for a subscriber on every topic before playing anyway",
         range=(0.0, 3600.0),
         read_only=True,
     ),

@@ -1,4 +1,4 @@
-"""Node that records a session: the contract's input topics, as the bytes that came over the wire.
+"""Node that records a session: all input topics, as the bytes that were received.
 
 The bytes are taken from raw subscriptions and never serialised again. A topic is recorded under
 the contract's name even where a remap makes it listen elsewhere: the remap says which of the

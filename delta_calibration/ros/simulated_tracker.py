@@ -1,4 +1,4 @@
-"""Node that stands in for a cell: a machine unlike its drawing, and the tracker that measures it.
+"""Node that simulates a cell: a machine with manufacturing errors and a tracker in front of it.
 
 It answers commands with encoder and tracker readings. What the machine truly is, it keeps to
 itself.
@@ -48,11 +48,11 @@ SAY_AGAIN_S = 2.0  # [s] between two lines of log on refused commands
 
 SPECS = (
     ROBOT,
-    Spec("seed", 0, "of the machine that is drawn and of its noise", (0, 2**31), read_only=True),
+    Spec("seed", 0, "seed of the simulated machine and of its noise", (0, 2**31), read_only=True),
     Spec(
         "scatter",
         1.0,
-        "deviation of the parts in tolerances: 1 a real machine, 0 one as drawn",
+        "deviation of the parts in tolerances: 1 for a real machine, 0 for a machine as drawn",
         range=(0.0, 10.0),
         read_only=True,
     ),
@@ -61,13 +61,14 @@ SPECS = (
     Spec(
         "effects",
         ("",),
-        "causes to hide in the machine, as delta-cal simulate has them: NAME:key=value,key=value",
+        "causes to hide in the machine, as in delta-cal simulate: NAME:key=value,key=value",
         read_only=True,
     ),
     Spec(
         "warm_up",
         WARM_UP,
-        "time constant [s] of the arms' warm-up; where no part grows with it, the cell is steady",
+        "time constant [s] of the arms' warm-up; without thermal growth the temperature is "
+        "constant",
         range=(1.0, 1e6),
         read_only=True,
     ),

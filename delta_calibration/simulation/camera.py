@@ -33,7 +33,7 @@ class CameraOver:
         """
         sight = machine.robot.camera
         if sight is None:
-            raise ConfigError(f"robot {machine.robot.name}: no camera in its file")
+            raise ConfigError(f"robot {machine.robot.name}: its file has no camera")
         rng = np.random.default_rng([seed, 2])
         tilt = rotations.exp(np.append(_TILT * rng.standard_normal(2), 0.0))
         turn = rotations.about_z(rng.uniform(0, 2 * np.pi)) @ np.diag([1.0, -1.0, -1.0])
@@ -54,7 +54,7 @@ class CameraOver:
         point = self.frame.apply(self.machine.tool_points(at))
         pixel = np.full((1, 2), np.nan) if sight is None else sight.camera.image(point)
         if sight is None or not np.isfinite(pixel).all():
-            raise ReachError(f"joints {joint}: the tool cannot be seen there")
+            raise ReachError(f"joints {joint}: the camera cannot see the tool there")
         return np.asarray(pixel + sight.noise * rng.standard_normal((count, 2)))
 
 

@@ -1,0 +1,134 @@
+"""Two found tables put together: a robot's log and an instrument's export."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from os.path import relpath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.errors import InputError
+from delta_calibration.recording.presets import Other
+from delta_calibration.recording.table_found import FoundTable
+
+Pairs = NDArray[np.int64]  # (k, 2), rows of the first and of the second table
+
+_SHARED = 0.5  # of the shorter table's rows: names that both tables must have to go by them
+TIME = re.compile(r"(time|timestamp|zeit|stamp|t|clock)\b", re.IGNORECASE)
+
+
+def paired(
+    left: FoundTable, right: FoundTable, path: Path, other: Other, beside: Path
+) -> FoundTable:
+    """Join two tables by names, by row or by the nearest time.
+
+    Args:
+        left: the first table.
+        right: the second one.
+        path: file of the first.
+        other: file of the second and how rows go together (`by`; empty to find it).
+        beside: file of the mapping, to which the path of the second file is relative.
+
+    Raises:
+        InputError: no way in which the rows go together.
+    """
+    right = _distinct(left, right)
+    ways = {"name": _by_name, "row": _by_row, "nearest": _by_nearest}
+    for by in [other.by] if other.by else ways:
+        found = ways[by](left, right, other)
+        if found is not None:
+            rows, join, how = found
+            note = f"{len(rows)} rows of {path.name} and {other.file.name} joined by {how}"
+            file = relpath(other.file.absolute(), beside.absolute().parent)
+            return _joined(left, right, rows, {"file": file, **join, **_form(right)}, note)
+    columns = " and ".join(", ".join(table.names) for table in (left, right))
+    raise InputError(
+        f"{path} and {other.file}: rows do not go together by {other.by or 'name, row or time'}: "
+        f"{len(left.text)} and {len(right.text)} rows; columns {columns}"
+    )
+
+
+_Found = tuple[Pairs, dict[str, Any], str] | None
+
+
+def _by_name(left: FoundTable, right: FoundTable, _: Other) -> _Found:
+    """The two columns that have most texts in common, each text once."""
+    best: _Found = None
+    for ours, theirs in product(_keys(left), _keys(right)):
+        place = {text: k for k, text in enumerate(right.texts(theirs))}
+        rows = [(k, place[text]) for k, text in enumerate(left.texts(ours)) if text in place]
+        enough = _SHARED * min(len(left.text), len(right.text))
+        if len(rows) > max(enough, 0 if best is None else len(best[0])):
+            join = {"by": "column", "left": ours, "right": theirs}
+            best = np.array(rows), join, f"columns {ours} and {theirs}"
+    return best
+
+
+def _keys(table: FoundTable) -> Iterator[str]:
+    """Columns with a different text in every row, that are no measured numbers."""
+    for name in table.names:
+        texts, number = table.texts(name), table.column(name)
+        whole = np.isnan(number) | (number == np.round(number))
+        if len(set(texts)) == len(texts) and all(texts) and whole.all():
+            yield name
+
+
+def _by_row(left: FoundTable, right: FoundTable, _: Other) -> _Found:
+    if len(left.text) != len(right.text):
+        return None
+    return np.repeat(np.arange(len(left.text))[:, None], 2, axis=1), {"by": "row"}, "row"
+
+
+def _by_nearest(left: FoundTable, right: FoundTable, other: Other) -> _Found:
+    """Columns of time in numbers, each row with the nearest of the other table."""
+    times = [
+        next((n for n in table.names if TIME.match(n) and np.isfinite(table.column(n)).all()), "")
+        for table in (left, right)
+    ]
+    if not all(times):
+        return None
+    ours, theirs = left.column(times[0]), right.column(times[1]) + other.shift
+    near = np.abs(theirs[:, None] - ours).argmin(axis=0)
+    rows = np.flatnonzero(np.abs(theirs[near] - ours) <= other.within)
+    if not rows.size:
+        return None
+    join = {"by": "nearest", "left": times[0], "right": times[1], "within": other.within}
+    if other.shift:
+        join["shift"] = other.shift
+    return np.stack([rows, near[rows]], axis=1), join, f"the nearest {times[0]} and {times[1]}"
+
+
+def _distinct(left: FoundTable, right: FoundTable) -> FoundTable:
+    """The second table with other names for columns that the first has as well."""
+    if not set(left.names) & set(right.names):
+        return right
+    names = tuple(f"{name} (2)" if name in left.names else name for name in right.names)
+    form = replace(right.form, columns=names, first_line=right.first)
+    return replace(right, names=names, form=form)
+
+
+def _form(table: FoundTable) -> dict[str, Any]:
+    delimiter = {} if table.form.delimiter == "," else {"delimiter": table.form.delimiter}
+    return {**delimiter, **({"table": table.written()} if table.written() else {})}
+
+
+def _joined(
+    left: FoundTable, right: FoundTable, rows: Pairs, join: dict[str, Any], note: str
+) -> FoundTable:
+    text: Sequence[tuple[str, ...]] = [left.text[i] + right.text[j] for i, j in rows]
+    number = np.hstack([left.number[rows[:, 0]], right.number[rows[:, 1]]])
+    return replace(
+        left,
+        names=left.names + right.names,
+        named=left.named and right.named,
+        number=number,
+        text=tuple(text),
+        join=join,
+        notes=(note,),
+    )
