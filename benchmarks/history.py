@@ -85,10 +85,10 @@ def signals(steps: Steps, changes: Sequence[Hidden]) -> list[float]:
     """lambda of each true change beside the others, by the information of the sessions."""
     own = [_step(steps, change) for change in changes]
     found = []
-    for number, (step, change) in enumerate(zip(own, changes, strict=True)):
-        rest = [other for i, other in enumerate(own) if i != number]
+    for step, change in zip(own, changes, strict=True):
+        _, information = steps.still.stepped(s for s in own if s is not step).shift(step)
         size = change.size / steps.kept[step.rows[0]].scale
-        found.append(size**2 * float(steps.told(step, rest)[0, 0]))
+        found.append(size**2 * float(information[0, 0]))
     return found
 
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterable
-from contextlib import AbstractContextManager
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
+from delta_calibration.calibration_file import save_calibration, save_extended
 from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.diagnose import diagnosed
+from delta_calibration.cli.kept import dated_sessions, opened, robot_kept, store_option
 from delta_calibration.cli.options import (
-    progress,
     require_folder,
     robot_option,
     seed_option,
@@ -26,7 +25,7 @@ from delta_calibration.cli.options import (
 )
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.errors import InputError
-from delta_calibration.history import Dated, History, find_changes
+from delta_calibration.history import History, find_changes
 from delta_calibration.identification import identify
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
@@ -39,14 +38,6 @@ if TYPE_CHECKING:  # other verbs do not wait for a database's library
     from delta_calibration.history.store import Entry, Store
 
 _FILE = click.Path(path_type=Path)
-_STORE = click.option(
-    "--store",
-    "url",
-    default="history.sqlite",
-    show_default=True,
-    metavar="FILE|URL",
-    help="The history: a file of SQLite, or a database as SQLAlchemy names it.",
-)
 _MACHINE = click.option("--machine", required=True, metavar="NAME", help="Which machine.")
 
 
@@ -62,7 +53,7 @@ def command() -> None:
 @click.argument("sessions", nargs=-1, required=True, type=_FILE)
 @robot_option
 @_MACHINE
-@_STORE
+@store_option
 @click.option(
     "--id", "name", default=None, help="Of a single session.  [default: its folder's name]"
 )
@@ -93,7 +84,7 @@ def add(
         if not session.is_dir():
             raise InputError(f"{session}: no folder of a session")
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
-    with _opened(url, make=True) as store:
+    with opened(url, make=True) as store:
         for session in sessions:
             path = session.resolve()
             _add(store, machine, path, name or path.name, robot, given, topics, seed, quick)
@@ -130,10 +121,10 @@ def _add(
 
 @command.command("list")
 @click.option("--machine", default=None, metavar="NAME", help="Which machine; all if not given.")
-@_STORE
+@store_option
 def list_(machine: str | None, url: str) -> None:
     """List machines, or the sessions of one."""
-    with _opened(url) as store:
+    with opened(url) as store:
         if machine is None:
             rows = [(name, robot, str(len(store.sessions(name)))) for name, robot in _all(store)]
             click.echo(table(("machine", "robot", "sessions"), rows))
@@ -146,11 +137,11 @@ def list_(machine: str | None, url: str) -> None:
 @command.command("show")
 @click.argument("name", metavar="ID")
 @_MACHINE
-@_STORE
+@store_option
 @click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     """Show one session: where it is, what was found, whether the bag is still the same."""
-    with _opened(url) as store:
+    with opened(url) as store:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:
         raise InputError(
@@ -172,7 +163,7 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
 
 @command.command("changes")
 @_MACHINE
-@_STORE
+@store_option
 @click.option(
     "--json",
     "json_file",
@@ -203,29 +194,17 @@ def changes(machine: str, url: str, json_file: str | None) -> None:
 
 @command.command("report")
 @_MACHINE
-@_STORE
+@store_option
 @click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
 def report(machine: str, url: str, out: Path) -> None:
     """Write the change log of a machine as one HTML page."""
     require_folder(out)
     require_libraries()
-    with _opened(url) as store:
+    with opened(url) as store:
         errors = [(e.id, e.began, _held_out(e)) for e in store.sessions(machine)]
     found = _changes(machine, url)
     write_page(out, page_of_history(machine, found, errors))
     click.echo(plain("\n".join((*found.sentences(), f"written: {out}"))))
-
-
-def _opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
-    try:
-        from delta_calibration.history.store import open_store
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "sqlalchemy":
-            raise
-        raise InputError(
-            "a history needs SQLAlchemy: pip install 'delta_calibration[history]'"
-        ) from error
-    return open_store(url, make)
 
 
 def _all(store: Store) -> Iterable[tuple[str, str]]:
@@ -288,27 +267,7 @@ def _held_out(entry: Entry) -> float:
 
 def _changes(machine: str, url: str) -> History:
     """What changed, from the bags of the history."""
-    with _opened(url) as store:
+    with opened(url) as store:
+        robot = robot_kept(store, machine, url)
         entries = store.sessions(machine)
-        given, digest = store.robot_of(machine)
-    robot = load_robot(given)
-    if robot.machine_hash != digest:
-        raise InputError(
-            f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
-            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin "
-            "another history"
-        )
-    dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
-    return find_changes(dated, robot, named=robot.named)
-
-
-def _dated(entry: Entry, robot: Robot) -> Dated:
-    """The session of an entry, read again, with the effects that its calibration has."""
-    entry.require_unchanged()
-    recorded = read_session(entry.path, Topics.from_options(entry.topics))
-    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.json"
-        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
-        calibration = load_calibration(file, robot)
-    return Dated(entry.id, entry.began, seen, calibration.chain.effects)
+    return find_changes(dated_sessions(entries, robot), robot, named=robot.named)

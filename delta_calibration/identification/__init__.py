@@ -7,10 +7,12 @@ from delta_calibration.identification.alternating import (
     together,
 )
 from delta_calibration.identification.baseline import placing, registered
+from delta_calibration.identification.carried import Carried, carried_rows
 from delta_calibration.identification.doubt import DIAGNOSIS, doubt, doubts
 from delta_calibration.identification.encoder_closures import EncoderClosure
 from delta_calibration.identification.error_model import box_of, error_model
 from delta_calibration.identification.fit import (
+    FEWEST_CARRIED,
     Effort,
     Identification,
     Residuals,
@@ -84,10 +86,12 @@ from delta_calibration.identification.swarm import (
 
 __all__ = [
     "DIAGNOSIS",
+    "FEWEST_CARRIED",
     "METHODS",
     "ORDERS",
     "Apso",
     "Box",
+    "Carried",
     "DistanceBetween",
     "Effort",
     "EncoderClosure",
@@ -124,6 +128,7 @@ __all__ = [
     "alternate",
     "box_of",
     "build_problem",
+    "carried_rows",
     "chain_of",
     "doubt",
     "doubts",
