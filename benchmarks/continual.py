@@ -25,7 +25,7 @@ from delta_calibration.plans.renewal import renewal_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import Poses, survey
 from delta_calibration.simulation import Machine, draw_machine, simulate_session, visited
-from history import KINDS, Hidden
+from history import KINDS, SESSIONS, Hidden, drifted
 
 Array = NDArray[np.float64]
 
@@ -49,12 +49,8 @@ class Drifting:
             size = str(self.change.size)
             causes = [(self.change.what, {"location": self.change.location, "value": size})]
         machine = draw_machine(self.robot, self.seed, 1.0, causes)
-        theta = machine.theta.copy()
-        own = machine.chain.layout.geometry
-        prior = machine.chain.parameters.prior[own]
-        steps = np.random.default_rng([self.seed, 19]).standard_normal((200, len(prior)))
-        theta[own] += self.speed * prior * steps[:day].sum(axis=0)
-        return visited(replace(machine, theta=theta), self.robot, self.seed, day + 1)
+        machine = drifted(machine, self.seed, day, self.speed)
+        return visited(machine, self.robot, self.seed, day + 1)
 
     def dated(self, day: int, plan: Plan) -> Dated:
         """A session of a day."""
@@ -84,7 +80,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--count", type=int, default=18)
     parser.add_argument("--whole", type=int, default=60)
-    parser.add_argument("--sessions", type=int, default=12)
     parser.add_argument("--speed", type=float, default=0.03)
     parser.add_argument("--robot", default="srbd")
     given = parser.parse_args()
@@ -94,16 +89,16 @@ def main() -> None:
     for number in range(given.histories):
         seed = 1000 * given.seed + number
         rng = np.random.default_rng([seed, 20])
-        change = drawn(rng, given.sessions) if number % 2 else None
+        change = drawn(rng, SESSIONS) if number % 2 else None
         machine = Drifting(robot, seed, given.speed, change)
         whole = make_plan("identify", robot, count=given.whole, seed=seed)
-        old = [machine.dated(day, whole) for day in range(given.sessions)]
+        old = [machine.dated(day, whole) for day in range(SESSIONS)]
         known = prospect(old, robot).carried
         update = renewal_plan(robot, known, given.count, seed=seed).plan
-        new = machine.dated(given.sessions, update)
-        again = machine.dated(given.sessions, whole)
+        new = machine.dated(SESSIONS, update)
+        again = machine.dated(SESSIONS, whole)
         held = machine.dated(
-            given.sessions, make_plan("identify", robot, count=HELD, seed=seed + 7)
+            SESSIONS, make_plan("identify", robot, count=HELD, seed=seed + 7)
         ).survey.poses
         now = prospect(old, robot, new)
         poses = new.survey.poses

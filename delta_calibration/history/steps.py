@@ -16,6 +16,7 @@ take a step for its own where there are few sessions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +27,7 @@ from scipy.special import logsumexp
 from delta_calibration.history.walk import Kept, Part, Step, Walk
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _CHANGES = 0.05  # probability of a change in a gap before anything was measured
 _SURE = 0.99  # that there was one, for it to be told
@@ -176,29 +178,37 @@ class Steps:
 
     def _log_bayes(self, walk: Walk) -> Array:
         """ln B of each candidate beside what is known."""
+        r, n = (np.array(each) for each in zip(*walk.back, strict=True))
         found = np.empty(len(self.candidates))
-        for size, numbers in self._sizes.items():
-            rows = np.array([self.candidates[i].rows for i in numbers])
-            gaps = np.array([self.candidates[i].gap + 1 for i in numbers])[:, None]
-            r, n = (np.array(each) for each in zip(*walk.back, strict=True))
-            information = n[gaps[..., None], rows[:, :, None], rows[:, None, :]]
-            found[numbers] = _log_bayes(r[gaps, rows].reshape(-1, size), information)
+        for numbers, rows, gaps in self._sizes:
+            information = n[gaps[:, None, None], rows[:, :, None], rows[:, None, :]]
+            found[numbers] = log_bayes(r[gaps[:, None], rows], information)
         return found
 
     @cached_property
-    def _sizes(self) -> dict[int, list[int]]:
-        """Candidates by how many numbers step together."""
-        sizes: dict[int, list[int]] = {}
-        for number, step in enumerate(self.candidates):
-            sizes.setdefault(len(step.rows), []).append(number)
-        return sizes
+    def _sizes(self) -> list[tuple[Index, Index, Index]]:
+        """Candidates that step by as many numbers: which, their rows and sessions behind them."""
+        found = []
+        for numbers, rows in by_size([step.rows for step in self.candidates]):
+            found.append((numbers, rows, np.array([self.candidates[i].gap + 1 for i in numbers])))
+        return found
+
+
+def by_size(groups: Sequence[Sequence[int]]) -> list[tuple[Index, Index]]:
+    """Groups of numbers by how many they are: which groups, and their numbers (n, size)."""
+    sizes = np.array([len(group) for group in groups])
+    found = []
+    for size in np.unique(sizes):
+        here = np.flatnonzero(sizes == size)
+        found.append((here, np.array([groups[int(i)] for i in here])))
+    return found
 
 
 def _less(walk: Walk, step: Step) -> Walk:
     return walk.stepped(other for other in walk.steps if other is not step)
 
 
-def _log_bayes(g: Array, information: Array) -> Array:
+def log_bayes(g: Array, information: Array) -> Array:
     """ln B of steps with vectors g (n, r) and information (n, r, r), (n,)."""
     values, axes = np.linalg.eigh(information)
     values = np.clip(values, 0.0, None)[..., None]

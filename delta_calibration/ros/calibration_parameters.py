@@ -77,6 +77,13 @@ SPECS = (
         "messages a capture holds at most; from configure on",
         range=(100, 100_000_000),
     ),
+    Spec(
+        "watch_false_alarms",
+        0.0,
+        "false alarms a month at most of a watch that tells on diagnostics when readings at rest "
+        "say that the machine is no longer what was calibrated; 0 for no watch; from configure on",
+        range=(0.0, 10.0),
+    ),
     Spec("seed", 0, "of the parts held out and of the swarm; from configure on", (0, 2**31 - 1)),
     Spec(
         "error_scale",
@@ -141,4 +148,5 @@ def desk_settings(table: ParameterTable) -> Settings:
         model=table.text("model"),
         capture_limit=table.integer("capture_limit"),
         seed=table.integer("seed"),
+        false_alarms=table.number("watch_false_alarms"),
     )
