@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import tempfile
-from collections.abc import Iterable
-from datetime import datetime, timezone
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +22,6 @@ from delta_calibration.cli.options import (
     topics_option,
     write_text,
 )
-from delta_calibration.documents import load_schema, read_document
 from delta_calibration.errors import InputError
 from delta_calibration.history import History, find_changes
 from delta_calibration.identification import identify
@@ -50,7 +48,7 @@ def command() -> None:
 
 
 @command.command("add")
-@click.argument("sessions", nargs=-1, required=True, type=_FILE)
+@click.argument("sessions", nargs=-1, required=True)
 @robot_option
 @_MACHINE
 @store_option
@@ -63,7 +61,7 @@ def command() -> None:
 @seed_option
 @topics_option
 def add(
-    sessions: tuple[Path, ...],
+    sessions: tuple[str, ...],
     robot_file: str,
     machine: str,
     url: str,
@@ -74,20 +72,23 @@ def add(
 ) -> None:
     """Diagnose SESSIONS and add them to the history of a machine, with calibration and verdict.
 
-    The bags stay where they are: the history knows their paths and their hashes. What was added
+    The bags stay where they are: the history knows their paths and their hashes. A session may be
+    a URL as fsspec takes it, such as s3://bucket/day_1 or zip://day_1::days.zip. What was added
     before an error stays added.
     """
     robot = load_robot(robot_file)
     if name is not None and len(sessions) > 1:
         raise InputError(f"--id {name}: of a single session; {len(sessions)} are given")
+    from delta_calibration.history import bags
+
     for session in sessions:
-        if not session.is_dir():
+        if not bags.is_there(session):
             raise InputError(f"{session}: no folder of a session")
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
     with opened(url, make=True) as store:
         for session in sessions:
-            path = session.resolve()
-            _add(store, machine, path, name or path.name, robot, given, topics, seed, quick)
+            path, own = bags.place_of(session), name or bags.name_of(session)
+            _add(store, machine, path, own, robot, given, topics, seed, quick)
         known = len(store.sessions(machine))
     click.echo(f"{url}: {machine} has {known} session{'' if known == 1 else 's'}")
 
@@ -95,7 +96,7 @@ def add(
 def _add(
     store: Store,
     machine: str,
-    path: Path,
+    path: str,
     name: str,
     robot: Robot,
     given: str,
@@ -104,14 +105,15 @@ def _add(
     quick: bool,
 ) -> None:
     """Add one session, or note where it is now."""
-    from delta_calibration.history.store import folder_hash
+    from delta_calibration.history.bags import at_hand, bag_hash
 
-    digest = folder_hash(path)
+    digest = bag_hash(path)
     if store.require_new(machine, robot.machine_hash, digest, path, name):
         store.moved(machine, digest, path)
         click.echo(f"{machine}: a session that was elsewhere is now at {path}")
         return
-    recorded = read_session(path, Topics.from_options(topics))
+    with at_hand(path) as folder:
+        recorded = read_session(folder, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, given, False, True)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     entry = _entry(machine, name, path, digest, topics, seen, robot, seed, quick)
@@ -150,7 +152,8 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     entry = entries[name]
     click.echo(
         f"{machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M}\n"
-        f"path: {entry.path}\nsha256: {entry.sha256}\nadded: {entry.added:%Y-%m-%d %H:%M}\n"
+        f"path: {entry.path}\nsha256: {entry.sha256}\n"
+        f"added: {entry.added:%Y-%m-%d %H:%M} by {entry.added_by}\n"
         f"held-out error: {mm(_held_out(entry))} mm; {_found(entry)}"
     )
     if verdict_file is not None:
@@ -214,7 +217,7 @@ def _all(store: Store) -> Iterable[tuple[str, str]]:
 def _entry(
     machine: str,
     name: str,
-    path: Path,
+    path: str,
     digest: str,
     topics: tuple[str, ...],
     seen: Survey,
@@ -223,29 +226,19 @@ def _entry(
     quick: bool,
 ) -> Entry:
     """The session with what a fit or a diagnosis makes of it."""
-    from delta_calibration.history.store import Entry
+    from delta_calibration.history.adding import entry_of
 
-    verdict = None
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.yaml"
-        if quick:
-            save_calibration(file, identify(seen.poses, robot, seed=seed), robot, seen.poses)
-        else:
-            found = diagnosed(seen, robot, None, seed, None)
-            save_extended(file, found, robot, seen.poses)
-            verdict = found.verdict.as_dict()
-        calibration = read_document(file, lambda _: load_schema("calibration"))
-    return Entry(
-        machine=machine,
-        id=name,
-        path=path,
-        sha256=digest,
-        began=datetime.fromtimestamp(seen.poses.start_ns * 1e-9, timezone.utc),
-        added=datetime.now(timezone.utc),
-        topics=topics,
-        calibration=json.loads(json.dumps(calibration, default=str)),
-        verdict=verdict,
-    )
+    if quick:
+        fitted = identify(seen.poses, robot, seed=seed)
+        save: Callable[[Path], None] = partial(
+            save_calibration, found=fitted, robot=robot, poses=seen.poses
+        )
+        verdict = None
+    else:
+        found = diagnosed(seen, robot, None, seed, None)
+        save = partial(save_extended, found=found, robot=robot, poses=seen.poses)
+        verdict = found.verdict.as_dict()
+    return entry_of(machine, name, path, digest, seen.poses, save, verdict, topics)
 
 
 def _found(entry: Entry) -> str:

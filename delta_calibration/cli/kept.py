@@ -121,8 +121,11 @@ def dated_sessions(entries: Sequence[Entry], robot: Robot) -> list[Dated]:
 
 
 def _dated(entry: Entry, robot: Robot) -> Dated:
+    from delta_calibration.history.bags import at_hand
+
     entry.require_unchanged()
-    recorded = read_session(entry.path, Topics.from_options(entry.topics))
+    with at_hand(entry.path) as path:
+        recorded = read_session(path, Topics.from_options(entry.topics))
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "calibration.json"

@@ -1,0 +1,56 @@
+"""A session with what was made of it, as the history of a machine keeps it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from delta_calibration.documents import load_schema, read_document
+from delta_calibration.history.store import BY_COMMAND, Entry
+from delta_calibration.samples import Poses
+
+
+def entry_of(
+    machine: str,
+    name: str,
+    path: str,
+    digest: str,
+    poses: Poses,
+    save: Callable[[Path], None],
+    verdict: dict[str, Any] | None,
+    topics: Sequence[str] = (),
+    by: str = BY_COMMAND,
+) -> Entry:
+    """What is to be kept of a session.
+
+    Args:
+        machine: its name.
+        name: id of the session.
+        path: of its bag.
+        digest: SHA-256 of the bag.
+        poses: that were measured.
+        save: writes the calibration that was made of it.
+        verdict: of a diagnosis, as its file holds it; None where there was none.
+        topics: of other names, as STREAM=TOPIC.
+        by: which program adds it.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "calibration.yaml"
+        save(file)
+        calibration = read_document(file, lambda _: load_schema("calibration"))
+    return Entry(
+        machine=machine,
+        id=name,
+        path=path,
+        sha256=digest,
+        began=datetime.fromtimestamp(poses.start_ns * 1e-9, timezone.utc),
+        added=datetime.now(timezone.utc),
+        topics=tuple(topics),
+        calibration=json.loads(json.dumps(calibration, default=str)),
+        verdict=verdict,
+        added_by=by,
+    )
