@@ -7,7 +7,7 @@ everything as it was.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration, require_ours
+from delta_calibration.cell.archive import Archive
 from delta_calibration.cell.backlog import Backlog
 from delta_calibration.cell.capture import Capture
 from delta_calibration.cell.command_path import PASS_THROUGH, REFUSE, CommandPath, Sent
@@ -65,6 +66,9 @@ class Settings:
     capture_limit: int = 1_000_000  # messages
     seed: int = 0
     false_alarms: float = 0.0  # of the watch, a month at most; 0 for no watch
+    history: str = ""  # store that fits are added to, a file or URL; empty for none
+    machine: str = ""  # whose history that is
+    bags: str = ""  # folder for the bags of the history
 
 
 class Desk:
@@ -82,6 +86,9 @@ class Desk:
             raise InputError(f"parameter table: is for method {TABLE!r}, not {settings.method!r}")
         self.settings, self._follow = settings, follow
         self.robot = load_robot(settings.robot)
+        self._archive = Archive.of(
+            settings.history, settings.machine, settings.bags, self.robot, settings.robot
+        )
         self._model = self.robot.model(settings.model or None).name
         self._joints = len(self.robot.joints.names)
         self.capture = Capture(self.robot.joints.names, settings.capture_limit)
@@ -281,7 +288,10 @@ class Desk:
                 self._mistake = f"not fitted: {error}"
                 raise
             step(COMPENSATOR)
-            return fitted, self._compensator(fitted.calibration)
+            compensator = self._compensator(fitted.calibration)
+            if self._archive is not None:
+                fitted = replace(fitted, kept=self._archive.add(session, fitted))
+            return fitted, compensator
 
         return work
 

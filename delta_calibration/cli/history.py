@@ -13,7 +13,7 @@ import click
 from delta_calibration.calibration_file import save_calibration, save_extended
 from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.diagnose import diagnosed
-from delta_calibration.cli.kept import dated_sessions, opened, robot_kept, store_option
+from delta_calibration.cli.kept import dated_sessions, robot_kept, store_option
 from delta_calibration.cli.options import (
     require_folder,
     robot_option,
@@ -24,6 +24,7 @@ from delta_calibration.cli.options import (
 )
 from delta_calibration.errors import InputError
 from delta_calibration.history import History, find_changes
+from delta_calibration.history.opening import opened
 from delta_calibration.identification import identify
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.options import Function, progress
 from delta_calibration.errors import InputError
 from delta_calibration.history import Dated
+from delta_calibration.history.opening import opened
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.samples import survey
@@ -49,23 +49,6 @@ def known_machine_option(what: str) -> Callable[[Function], Function]:
         metavar="NAME",
         help=f"Machine of a history (--store): {what}",
     )
-
-
-def opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
-    """The store, see `open_store`.
-
-    Raises:
-        InputError: no SQLAlchemy.
-    """
-    try:
-        from delta_calibration.history.store import open_store
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "sqlalchemy":
-            raise
-        raise InputError(
-            "a history needs SQLAlchemy: pip install 'delta_calibration[history]'"
-        ) from error
-    return open_store(url, make)
 
 
 def robot_kept(store: Store, machine: str, url: str) -> Robot:
