@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.health import Level
 from delta_calibration.cell.vigil import WINDOWS, Vigil
 from delta_calibration.cell.watchman import EVERY_S, SILENT_S, Watchman
+from delta_calibration.effects import effect_named
 from delta_calibration.errors import InputError
 from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
@@ -164,6 +166,40 @@ def test_a_held_reading_is_not_looked_at(
     assert vigil.held == 3 * (len(poses) - 4)
 
 
+def test_a_calibration_that_wants_a_load_waits_until_it_is_known(
+    robot: Robot, calibration: Calibration, program: Poses
+) -> None:
+    """Without the payload nothing is foretold, and nothing is suspected."""
+    effect = effect_named("joint_compliance", robot, calibration.chain.mechanism, {})
+    chain = calibration.chain.with_effects((effect,))
+    size = chain.layout.size
+    assert calibration.uncertainty is not None
+    covariance = 1e-14 * np.eye(size)
+    inner = calibration.chain.layout.size
+    covariance[:inner, :inner] = calibration.uncertainty.covariance
+    wanting = replace(
+        calibration,
+        chain=chain,
+        theta=np.concatenate([calibration.theta, np.full(size - inner, 1e-5)]),
+        uncertainty=replace(calibration.uncertainty, covariance=covariance),
+    )
+    vigil = Vigil(wanting, 0.1)
+    nowhere = replace(program, payload=np.full(len(program), np.nan))
+    assert not vigil.take(nowhere).changed
+    assert (vigil.stops, vigil.unknown) == (0, len(program))
+    warm = replace(
+        program,
+        payload=np.zeros(len(program)),
+        payload_centre=np.zeros((len(program), 3)),
+        temperature_parts=("arm",),
+        temperature=np.full((len(program), 1), 25.0),
+    )
+    vigil.take(replace(warm, temperature_parts=(), temperature=np.zeros((len(program), 0))))
+    vigil.take(warm)  # a sensor that comes later
+    assert vigil.stops == 2 * len(program)
+    assert np.isfinite(vigil.suspicion.odds)
+
+
 def test_what_cannot_be_watched_is_refused(calibration: Calibration) -> None:
     with pytest.raises(InputError, match="does not say how uncertain it is; fit again"):
         Vigil(replace(calibration, uncertainty=None), 0.1)
@@ -185,9 +221,9 @@ def feed(watchman: Watchman, session: Session, now_s: float) -> None:
 
 def look(watchman: Watchman, now_s: float) -> None:
     watchman.look(now_s)
-    if watchman._work is not None:
-        watchman._work.result()
-    watchman.look(now_s)
+    while watchman._work is not None:
+        time.sleep(0.01)
+        watchman.look(now_s)
 
 
 def test_streams_are_judged_a_batch_at_a_time(
@@ -214,6 +250,22 @@ def test_streams_are_judged_a_batch_at_a_time(
     assert "no longer what was calibrated" in watchman.trouble
     watchman.watch(calibration)
     assert watchman.trouble == ""
+
+
+def test_a_watch_that_fails_does_not_take_the_cell_with_it(
+    machine: Machine, robot: Robot, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watchman = Watchman(robot.joints.names, 1.0, 0.1, 100_000)
+    watchman.watch(calibration)
+
+    def fails(self: Vigil, poses: Poses) -> None:
+        raise ValueError("odd")
+
+    monkeypatch.setattr(Vigil, "take", fails)
+    plan = make_plan("identify", robot, count=3, seed=3, dwell=0.4)
+    feed(watchman, simulate_session(machine, plan, 8), 0.0)
+    look(watchman, EVERY_S)
+    assert watchman.trouble == "not watched: ValueError('odd')"
 
 
 def test_what_a_watch_says_comes_first_in_the_health_of_a_cell(calibration: Calibration) -> None:

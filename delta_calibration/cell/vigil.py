@@ -86,6 +86,8 @@ class Vigil:
         self._last: Stop | None = None
         self.stops = 0  # that were looked at
         self.held = 0  # at which the tracker told what it had told elsewhere
+        self.unknown = 0  # of which the calibration cannot say where the machine stands
+        self._sensors: tuple[str, ...] = ()
         self.suspicion = Suspicion(0.0, min(w.limit for w in self._windows), None, None)
 
     def set_up(self) -> None:
@@ -95,9 +97,13 @@ class Vigil:
 
     def take(self, poses: Poses) -> Suspicion:
         """Look at what was read at rest; an alarm stays until a calibration is watched anew."""
-        fresh = [
-            stop for stop in stops_of(poses, self._about.joint_size) if not self._is_held(stop)
-        ]
+        if poses.temperature_parts != self._sensors:
+            self._sensors = poses.temperature_parts
+            self.set_up()
+        every = stops_of(poses, self._about.joint_size)
+        known = self._about.foreseen(poses)
+        fresh = [stop for stop in every if not self._is_held(stop) and known[stop.row]]
+        self.unknown += int(np.sum(~known))
         self.stops += len(fresh)
         for window in self._windows:
             found = window.take(fresh)
@@ -167,6 +173,13 @@ class _About:
             tuple((cause, location) for cause, location, _ in named),
             tuple(by_size(list(named.values()))),
             chain.mechanism.joint_size,
+        )
+
+    def foreseen(self, poses: Poses) -> NDArray[np.bool_]:
+        """Which poses the calibration can foretell, (n,): not without a load that it asks for."""
+        seen = self.calibration.chain.see(poses.conditions, self.calibration.theta)
+        return np.asarray(
+            np.isfinite(seen.reading).all(axis=1) & np.isfinite(seen.jacobian).all(axis=(1, 2))
         )
 
 

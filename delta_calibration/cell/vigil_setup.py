@@ -34,6 +34,7 @@ class Stop:
     point: Array  # (3,) [m] in the tracker's frame
     count: int  # readings
     at: Conditions  # one sample
+    row: int = 0  # of the poses that it was taken from
 
 
 def stops_of(poses: Poses, joint_size: float) -> list[Stop]:
@@ -50,6 +51,7 @@ def stops_of(poses: Poses, joint_size: float) -> list[Stop]:
             poses.point[row],
             int(poses.count[row]),
             at.take(np.array([row])),
+            row,
         )
         for row in range(len(poses))
     ]

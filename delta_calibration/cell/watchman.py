@@ -89,6 +89,8 @@ class Watchman:
                 pass
             except CalibrationError as error:
                 self._trouble = f"not watched: {error}"
+            except Exception as error:  # it must not take the commands with it
+                self._trouble = f"not watched: {error!r}"
         if self.capture.running and now_s - self._since_s >= EVERY_S:
             held = self.capture.frozen()
             self.capture.stop()
@@ -133,4 +135,5 @@ class Watchman:
             "watch ln of the odds of a change": f"{told.odds:.2f}",
             "watch alarm from": f"{told.limit:.2f}",
             "watch stops with a held reading": vigil.held,
+            "watch stops that the calibration cannot foretell": vigil.unknown,
         }
