@@ -105,13 +105,9 @@ class Vigil:
         fresh = [stop for stop in every if not self._is_held(stop) and known[stop.row]]
         self.unknown += int(np.sum(~known))
         self.stops += len(fresh)
-        for window in self._windows:
-            found = window.take(fresh)
-            if not self.suspicion.changed:
-                now = self.suspicion
-                worse = found.changed or found.odds - found.limit > now.odds - now.limit
-                if worse or found.limit == now.limit:
-                    self.suspicion = found
+        found = [window.take(fresh) for window in self._windows]
+        if not self.suspicion.changed:
+            self.suspicion = max(found, key=lambda each: each.odds - each.limit)
         return self.suspicion
 
     def signal(self, name: str, size: float) -> float:
@@ -209,7 +205,8 @@ class _Window:
     def take(self, stops: Sequence[Stop]) -> Suspicion:
         """Look at more stops."""
         for stop in stops:
-            if self._until is not None and stop.time > self._until:
+            until = self._until
+            if until is not None and not 0.0 <= until - stop.time <= self._length:
                 self._begin()
             if self._until is None:
                 self._until = stop.time + self._length
