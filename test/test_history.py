@@ -56,7 +56,7 @@ def changes_of(robot: Robot, each: list[dict[str, dict[str, str]]]) -> History:
 
 def test_a_tracker_set_up_anew_is_no_change(robot: Robot) -> None:
     found = changes_of(robot, [{}] * 5)
-    assert found.changes == ()
+    assert found.changes == found.drift == ()
     assert found.sentences()[0].startswith("nothing changed from day_0 to day_4")
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from delta_calibration.cli.main import run
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.history import Dated, Part, Step, Steps, Walk, prospect
+from delta_calibration.history import Dated, History, Part, Step, Steps, Walk, prospect
 from delta_calibration.history.walk import Kept, State
 from delta_calibration.identification import Carried, chain_of, identify
 from delta_calibration.plans import Plan, make_plan
@@ -76,6 +76,13 @@ def test_the_speed_of_each_class_is_learnt_and_the_last_state_with_its_error() -
         state = learnt.later(0.0)
         off.append((state.value - x) @ np.linalg.solve(state.covariance, state.value - x))
     assert 0.7 < np.mean(off) / len(x) < 1.4
+
+
+def test_only_what_clearly_drifts_is_told() -> None:
+    walk, _ = walked(np.random.default_rng(0), 12, (0.0, 0.2))
+    assert [name for name, _ in walk.learnt().clear()] == ["b"]
+    told = History(("a", "b"), (), np.zeros(2), np.zeros(2), (("arm_length", 0.031),))
+    assert told.sentences()[1].endswith("from one day to the next: arm length by 3.1 %")
 
 
 def test_smoothing_is_what_all_numbers_at_once_give() -> None:

@@ -92,15 +92,24 @@ class History:
     changes: tuple[Change, ...]
     before: Array  # (sessions,) chi square a number if nothing had changed
     after: Array  # (sessions,) the same with the changes
-    speed: tuple[tuple[str, float], ...] = ()  # of drift [typical sizes / sqrt(day)], by cause
+    # clear drifts by their cause, in tolerances (typical sizes of effects) a root of a day
+    drift: tuple[tuple[str, float], ...] = ()
 
     def sentences(self) -> tuple[str, ...]:
         """The change log."""
         first, last = self.sessions[0], self.sessions[-1]
         if not self.changes:
-            return (f"nothing changed from {first} to {last} that these sessions could show",)
+            nothing = f"nothing changed from {first} to {last} that these sessions could show"
+            return (nothing, *self._drifts())
         told = tuple(change.sentence() for change in self.changes)
-        return (*told, "nothing else changed that these sessions could show")
+        return (*told, "nothing else changed that these sessions could show", *self._drifts())
+
+    def _drifts(self) -> tuple[str, ...]:
+        """What drifts beside the changes."""
+        if not self.drift:
+            return ()
+        each = ", ".join(f"{spoken(cause)} by {100 * speed:.2g} %" for cause, speed in self.drift)
+        return (f"slow drift, in parts of the tolerance, from one day to the next: {each}",)
 
 
 def find_changes(
@@ -132,7 +141,7 @@ def find_changes(
         changes_of(steps, found, walk, causes, named),
         _costs(walk.stepped(())),
         _costs(walk),
-        walk.speed,
+        walk.clear(),
     )
 
 

@@ -38,6 +38,7 @@ _STEP = 5.0  # standard deviation of a step that is known, in typical sizes
 # s is expected around this, within a factor of e^2 or so: a twentieth of a typical size a month
 _USUAL, _LOG_SPREAD = 0.01, 2.0
 _LEAST, _MOST = 1e-4, 3.0  # [typical sizes / sqrt(day)]
+_CLEAR = 6.0  # of ln L, by which a drift is likelier than none for it to be told
 _SHORT = 1.0 / 24  # [days] sessions closer than that are taken for as far apart
 
 
@@ -221,6 +222,16 @@ class Walk:
         start = np.log([known.get(name, _USUAL) for name in classes])
         found = minimize(unlikely, start, jac=True, method="L-BFGS-B", bounds=bounds)
         return replace(self, speed=tuple(zip(classes, np.exp(found.x).tolist(), strict=True)))
+
+    def clear(self) -> tuple[tuple[str, float], ...]:
+        """Speeds of those classes that the sessions clearly show to drift."""
+        value, _ = self._score()
+        found = []
+        for name, speed in self.speed:
+            others = tuple((n, _LEAST if n == name else s) for n, s in self.speed)
+            if value - replace(self, speed=others)._score()[0] > _CLEAR:
+                found.append((name, speed))
+        return tuple(found)
 
     def _score(self) -> tuple[float, Array]:
         """ln L, and how it goes with ln s of every class."""
