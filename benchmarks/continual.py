@@ -19,13 +19,13 @@ from datetime import datetime, timedelta, timezone
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Poses, survey
+from delta_calibration.estimation import Carried, Identification, identify
 from delta_calibration.history import Dated, prospect
-from delta_calibration.identification import Carried, Identification, identify
 from delta_calibration.plans import Plan, make_plan
 from delta_calibration.plans.renewal import renewal_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Poses, survey
-from delta_calibration.simulation import Machine, draw_machine, simulate_session, visited
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, visited
 from history import KINDS, SESSIONS, Hidden, drifted
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Drifting:
     speed: float
     change: Hidden | None
 
-    def on(self, day: int) -> Machine:
+    def on(self, day: int) -> TrueMachine:
         """The machine on a day, before a tracker of that day."""
         causes = []
         if self.change is not None and day > self.change.gap:

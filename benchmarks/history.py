@@ -19,12 +19,12 @@ from datetime import datetime, timedelta, timezone
 
 import numpy as np
 
+from delta_calibration.data import survey
 from delta_calibration.history import Dated, Step, Steps, find_changes
 from delta_calibration.history.pooled import pooled
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import survey
-from delta_calibration.simulation import Machine, draw_machine, simulate_session, visited
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, visited
 
 STRONG = 80.0  # lambda
 SESSIONS = 12
@@ -64,7 +64,7 @@ def drawn(rng: np.random.Generator, smallest: float) -> tuple[Hidden, ...]:
     )
 
 
-def drifted(machine: Machine, seed: int, day: int, speed: float) -> Machine:
+def drifted(machine: TrueMachine, seed: int, day: int, speed: float) -> TrueMachine:
     """The machine so many days later, its dimensions on a walk of `speed` tolerances a day."""
     theta, own = machine.theta.copy(), machine.chain.layout.geometry
     prior = machine.chain.parameters.prior[own]

@@ -19,11 +19,11 @@ import numpy as np
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import from_identification
 from delta_calibration.cell.vigil import Vigil
-from delta_calibration.identification import identify
+from delta_calibration.data import Poses, collect
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Poses, collect
-from delta_calibration.simulation import Machine, draw_machine, simulate_session, visited
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, visited
 
 DAY_NS = 86_400_000_000_000
 ALIKE = 0.9
@@ -32,7 +32,7 @@ SIZES = (2e-5, 3e-5, 4e-5, 6e-5, 8e-5, 1.2e-4)  # [m]
 
 
 def days(
-    machine: Machine, robot: Robot, program: Poses, seed: int, visits: int
+    machine: TrueMachine, robot: Robot, program: Poses, seed: int, visits: int
 ) -> Iterator[Poses]:
     """Readings of one day after the other."""
     rng, n = np.random.default_rng([seed, 21]), len(program)
@@ -104,7 +104,7 @@ def main() -> None:
         print(f"arm 2 longer by {1e6 * size:.0f} um, lambda {signal:.0f}: {when}; {cause}")
 
 
-def calibrated(robot: Robot, seed: int, places: int) -> tuple[Machine, Calibration, Poses]:
+def calibrated(robot: Robot, seed: int, places: int) -> tuple[TrueMachine, Calibration, Poses]:
     """A machine, its calibration and the places that it comes to."""
     machine = draw_machine(robot, seed)
     plan = make_plan("identify", robot, count=40, seed=seed)

@@ -11,17 +11,17 @@ import pytest
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import from_identification
-from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.health import Level
 from delta_calibration.cell.vigil import WINDOWS, Vigil
 from delta_calibration.cell.watchman import EVERY_S, SILENT_S, Watchman
+from delta_calibration.data import Poses, Session, collect
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import InputError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Poses, Session, collect
-from delta_calibration.simulation import Machine, draw_machine, simulate_session, visited
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, visited
 
 SEED = 4
 DAY_NS = 86_400_000_000_000
@@ -36,19 +36,19 @@ def robot() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def machine(robot: Robot) -> Machine:
+def machine(robot: Robot) -> TrueMachine:
     return draw_machine(robot, SEED)
 
 
 @pytest.fixture(scope="module")
-def calibration(robot: Robot, machine: Machine) -> Calibration:
+def calibration(robot: Robot, machine: TrueMachine) -> Calibration:
     plan = make_plan("identify", robot, count=40, seed=SEED)
     poses = collect(simulate_session(machine, plan, SEED), robot.joints.names)
     return from_identification(identify(poses, robot), robot, poses)
 
 
 @pytest.fixture(scope="module")
-def program(robot: Robot, machine: Machine) -> Poses:
+def program(robot: Robot, machine: TrueMachine) -> Poses:
     """Twelve places that the machine comes to every day."""
     plan = make_plan("identify", robot, count=12, both_sides=False, seed=SEED + 1)
     return collect(simulate_session(machine, plan, SEED + 1), robot.joints.names)
@@ -64,7 +64,7 @@ def repeated(program: Poses, visits: int) -> Poses:
 
 
 def days(
-    machine: Machine, robot: Robot, program: Poses, seed: int, count: int, visits: int = 2
+    machine: TrueMachine, robot: Robot, program: Poses, seed: int, count: int, visits: int = 2
 ) -> Iterator[Poses]:
     """Readings of each day, the tracker and the reflector set up anew.
 
@@ -91,14 +91,14 @@ def days(
         )
 
 
-def changed(machine: Machine, name: str, by: float) -> Machine:
+def changed(machine: TrueMachine, name: str, by: float) -> TrueMachine:
     theta = machine.theta.copy()
     theta[machine.chain.parameters.names.index(name)] += by
     return replace(machine, theta=theta)
 
 
 def test_a_year_without_a_change_keeps_the_stated_rate(
-    machine: Machine, robot: Robot, calibration: Calibration, program: Poses
+    machine: TrueMachine, robot: Robot, calibration: Calibration, program: Poses
 ) -> None:
     """Every third day of a year, by a rate of one a month: twelve are allowed."""
     vigil, alarms = Vigil(calibration, 1.0), 0
@@ -112,7 +112,7 @@ def test_a_year_without_a_change_keeps_the_stated_rate(
 
 
 def test_a_change_is_seen_within_days_and_stays(
-    machine: Machine, robot: Robot, calibration: Calibration, program: Poses
+    machine: TrueMachine, robot: Robot, calibration: Calibration, program: Poses
 ) -> None:
     vigil = Vigil(calibration, 0.1)
     for poses in days(machine, robot, program, 2, 6):
@@ -134,7 +134,7 @@ def test_a_change_is_seen_within_days_and_stays(
 
 
 def test_a_tracker_that_is_moved_without_a_word_is_no_change(
-    machine: Machine, robot: Robot, calibration: Calibration, program: Poses
+    machine: TrueMachine, robot: Robot, calibration: Calibration, program: Poses
 ) -> None:
     vigil = Vigil(calibration, 0.1)
     for number, poses in enumerate(days(machine, robot, program, 5, 8)):
@@ -144,7 +144,7 @@ def test_a_tracker_that_is_moved_without_a_word_is_no_change(
 
 
 def test_one_bad_reading_is_no_change(
-    machine: Machine, robot: Robot, calibration: Calibration, program: Poses
+    machine: TrueMachine, robot: Robot, calibration: Calibration, program: Poses
 ) -> None:
     vigil = Vigil(calibration, 0.1)
     for number, poses in enumerate(days(machine, robot, program, 6, 6)):
@@ -156,7 +156,7 @@ def test_one_bad_reading_is_no_change(
 
 
 def test_a_held_reading_is_not_looked_at(
-    machine: Machine, robot: Robot, calibration: Calibration, program: Poses
+    machine: TrueMachine, robot: Robot, calibration: Calibration, program: Poses
 ) -> None:
     vigil = Vigil(calibration, 0.1)
     for poses in days(machine, robot, program, 7, 3):
@@ -227,7 +227,7 @@ def look(watchman: Watchman, now_s: float) -> None:
 
 
 def test_streams_are_judged_a_batch_at_a_time(
-    machine: Machine, robot: Robot, calibration: Calibration
+    machine: TrueMachine, robot: Robot, calibration: Calibration
 ) -> None:
     watchman = Watchman(robot.joints.names, 1.0, 0.1, 100_000)
     plan = make_plan("identify", robot, count=8, seed=3, dwell=0.4)
@@ -253,7 +253,7 @@ def test_streams_are_judged_a_batch_at_a_time(
 
 
 def test_a_watch_that_fails_does_not_take_the_cell_with_it(
-    machine: Machine, robot: Robot, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+    machine: TrueMachine, robot: Robot, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watchman = Watchman(robot.joints.names, 1.0, 0.1, 100_000)
     watchman.watch(calibration)
@@ -269,7 +269,7 @@ def test_a_watch_that_fails_does_not_take_the_cell_with_it(
 
 
 def test_what_a_watch_says_comes_first_in_the_health_of_a_cell(calibration: Calibration) -> None:
-    desk = Desk(Settings("srbd", false_alarms=0.1))
+    desk = CalibrationSession(Settings("srbd", false_alarms=0.1))
     assert desk.health(0.0, 1.0).values["watch"] == "off"
     desk.watchman.watch(replace(calibration, uncertainty=None))
     health = desk.health(0.0, 1.0)

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from delta_calibration.cli.main import run
+from delta_calibration.data import Session, survey
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.estimation import Carried, chain_of, identify
 from delta_calibration.history import Dated, History, Part, Step, Steps, Walk, prospect
 from delta_calibration.history.walk import Kept, State
-from delta_calibration.identification import Carried, chain_of, identify
 from delta_calibration.plans import Plan, make_plan
 from delta_calibration.plans.optimal import drawn_theta, unmeasured
 from delta_calibration.plans.renewal import renewal_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Session, survey
 from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
 
 BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 
-from delta_calibration.cell.fitting import Fitted
+from delta_calibration.cell.fitting import FittedCalibration
+from delta_calibration.data import Session
 from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.history.opening import opened, require_library
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session
 
 _TIME = "%Y%m%d_%H%M%S"
 
@@ -46,14 +46,14 @@ class Archive:
         own = str(Path(given).expanduser().resolve()) if Path(given).is_file() else given
         return cls(url, machine, Path(bags).expanduser(), robot, own)
 
-    def add(self, session: Session, fitted: Fitted) -> str:
+    def add(self, session: Session, fitted: FittedCalibration) -> str:
         """Write the bag and add it; a sentence, also of why that failed: a fit stays a fit."""
         try:
             return f"added to the history of {self.machine} as {self._added(session, fitted)}"
         except CalibrationError as error:
             return f"not added to the history of {self.machine}: {error}"
 
-    def _added(self, session: Session, fitted: Fitted) -> str:
+    def _added(self, session: Session, fitted: FittedCalibration) -> str:
         from delta_calibration.history.adding import entry_of
         from delta_calibration.history.bags import bag_hash
         from delta_calibration.history.store import BY_NODE

@@ -32,10 +32,10 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.cell.vigil_setup import SetUp, Stop, Told, stops_of
+from delta_calibration.data import Poses
 from delta_calibration.errors import InputError
+from delta_calibration.estimation import carried_rows
 from delta_calibration.history.steps import by_size, log_bayes
-from delta_calibration.identification import carried_rows
-from delta_calibration.samples import Poses
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

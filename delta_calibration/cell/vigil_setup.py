@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
+from delta_calibration.data import Conditions, Poses, joined
 from delta_calibration.errors import DataError
+from delta_calibration.estimation import Noise, whitening
 from delta_calibration.geometry import align
-from delta_calibration.identification import Noise, whitening
-from delta_calibration.samples import Conditions, Poses, joined
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

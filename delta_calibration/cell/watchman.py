@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.cell.background import Background
 from delta_calibration.cell.capture import Capture
+from delta_calibration.data import Poses, collect
 from delta_calibration.errors import CalibrationError, DataError, InputError, RecordingError
-from delta_calibration.samples import Poses, collect
 from delta_calibration.wording import spoken
 
 if TYPE_CHECKING:  # nobody waits for it who does not watch

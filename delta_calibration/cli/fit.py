@@ -29,8 +29,8 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
 )
-from delta_calibration.history import Dated, Prospect, prospect
-from delta_calibration.identification import (
+from delta_calibration.data import Poses, collect, survey
+from delta_calibration.estimation import (
     METHODS,
     ORDERS,
     Identification,
@@ -39,8 +39,8 @@ from delta_calibration.identification import (
     method_named,
     most_evaluations,
 )
+from delta_calibration.history import Dated, Prospect, prospect
 from delta_calibration.recording import Topics, read_session
-from delta_calibration.samples import Poses, collect, survey
 from delta_calibration.wording import mm, plain, spoken
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}

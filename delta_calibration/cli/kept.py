@@ -12,12 +12,12 @@ import click
 
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.options import Function, progress
+from delta_calibration.data import survey
 from delta_calibration.errors import InputError
 from delta_calibration.history import Dated
 from delta_calibration.history.opening import opened
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import survey
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
     from delta_calibration.history.store import Entry, Store

@@ -9,9 +9,9 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from delta_calibration.data import Poses
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.history.store import BY_COMMAND, Entry
-from delta_calibration.samples import Poses
 
 
 def entry_of(

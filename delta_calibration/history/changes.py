@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
 from delta_calibration.history.pooled import Dated, pooled
-from delta_calibration.history.steps import Found, Steps
+from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import DIMENSION, State, Step, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.wording import measured, spoken, sure
@@ -147,7 +147,7 @@ def find_changes(
 
 def changes_of(
     steps: Steps,
-    found: Sequence[Found],
+    found: Sequence[FoundSteps],
     walk: Walk,
     causes: Collection[str],
     named: Callable[[str], str],
@@ -168,7 +168,7 @@ def changes_of(
 
 def _change(
     steps: Steps,
-    found: Found,
+    found: FoundSteps,
     walk: Walk,
     here: NDArray[np.bool_],
     named: Callable[[str], str],

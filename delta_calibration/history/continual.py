@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from delta_calibration.errors import DataError
+from delta_calibration.estimation import Carried
 from delta_calibration.history.changes import Change, changes_of
 from delta_calibration.history.pooled import Dated, Pool, pool, pool_with
-from delta_calibration.history.steps import Found, Steps
+from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import State, Step, Walk, days_between
-from delta_calibration.identification import Carried
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
 
@@ -97,7 +97,9 @@ def _roughly(past: Pool, old: Sequence[Dated], new: Dated) -> Carried:
     return _carried(past, walk.later(float(days[-1])), old)
 
 
-def _believed(small: Pool, found: Sequence[Found], steps: Steps, walk: Walk, old: int) -> Walk:
+def _believed(
+    small: Pool, found: Sequence[FoundSteps], steps: Steps, walk: Walk, old: int
+) -> Walk:
     """The drift and steps of the model that is carried, learnt from the old sessions alone."""
     row = {kept.name: number for number, kept in enumerate(small.kept)}
     stepped = [*walk.steps, *(rival for each in found for rival, _ in each.rivals)]

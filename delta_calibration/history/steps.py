@@ -42,7 +42,7 @@ _LIKE = 0.02  # probability from which on a rival is told
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundSteps:
     """A step in the history, and how sure it is."""
 
     step: Step
@@ -97,7 +97,7 @@ class Steps:
         kept = self.kept[step.rows[0]]
         return kept.what, kept.location, step.gap
 
-    def search(self) -> tuple[tuple[Found, ...], Walk]:
+    def search(self) -> tuple[tuple[FoundSteps, ...], Walk]:
         """The steps that happened, in the order of their gaps, and the drift beside them."""
         if not self.candidates:
             return (), self.still if self.days is None else self.still.learnt()
@@ -156,13 +156,13 @@ class Steps:
             told[self.key(step)] = told.get(self.key(step), 0.0) + p
         return told
 
-    def _judged(self, step: Step, walk: Walk) -> Found:
+    def _judged(self, step: Step, walk: Walk) -> FoundSteps:
         posterior, none = self._posterior(walk)
         told, own = self._told(posterior), self.key(step)
         rivals = sorted(((p, key) for key, p in told.items() if key != own and p > _LIKE), key=str)
         first = {self.key(s): s for s in reversed(self.candidates)}
         g, information = walk.shift(step)
-        return Found(
+        return FoundSteps(
             step,
             told[own],
             1.0 - none,

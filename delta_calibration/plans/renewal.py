@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.errors import InputError
-from delta_calibration.identification import FEWEST_CARRIED, Carried, carried_rows, chain_of
-from delta_calibration.plans.bench import Bench, Level
+from delta_calibration.estimation import FEWEST_CARRIED, Carried, carried_rows, chain_of
+from delta_calibration.plans.bench import Bench, StopConditions
 from delta_calibration.plans.motion import Plan
 from delta_calibration.plans.optimal import (
     WEAK,
@@ -132,7 +132,7 @@ class _About:
         bench, noise = Bench.after(None, size), FiledNoise(robot, self.chain, self.theta)
         sides = []
         for side in _SIDES:
-            samples = bench.stops(joint, [Level(side=side)] * len(joint))
+            samples = bench.stops(joint, [StopConditions(side=side)] * len(joint))
             seen = self.chain.see(samples.at, self.theta)
             sides.append(noise(samples, seen.x) @ seen.jacobian @ self.scale)
         return np.concatenate(sides, axis=1)
