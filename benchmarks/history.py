@@ -1,18 +1,20 @@
 """Hidden histories: how often what changed, and when, is told right, and how often falsely.
 
 Each history is a simulated machine of its own, measured on twelve days with the tracker and the
-reflector set up anew; none, one or two numbers of it step in gaps drawn by lot. Nothing of the
-search is told what was hidden. A change counts where its signal is strong enough: lambda is the
-decrease of chi square that the true step would bring, by the information of these sessions.
+reflector set up anew; none, one or two numbers of it step in gaps drawn by lot, by sizes drawn
+evenly in their logarithm. With --speed all dimensions drift from day to day as well. Nothing of
+the search is told what was hidden. A change counts where its signal is strong enough: lambda is
+the decrease of chi square that the true step would bring, by the information of these sessions.
 
     python benchmarks/history.py [--histories 20] [--seed 0] [--plan identify] [--count 30]
+        [--smallest 0.3] [--speed 0]
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta, timezone
 
 import numpy as np
@@ -22,7 +24,7 @@ from delta_calibration.history import Dated, Step, Steps, find_changes
 from delta_calibration.history.pooled import pooled
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.simulation import draw_machine, simulate_session, visited
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, visited
 
 STRONG = 80.0  # lambda
 SESSIONS = 12
@@ -47,8 +49,8 @@ class Hidden:
     size: float
 
 
-def drawn(rng: np.random.Generator) -> tuple[Hidden, ...]:
-    """None, one or two changes of different causes."""
+def drawn(rng: np.random.Generator, smallest: float) -> tuple[Hidden, ...]:
+    """None, one or two changes of different causes, from `smallest` to two typical sizes."""
     count = int(rng.integers(3))
     what = rng.choice(list(KINDS), count, replace=False)
     return tuple(
@@ -56,14 +58,28 @@ def drawn(rng: np.random.Generator) -> tuple[Hidden, ...]:
             str(name),
             f"joint_{rng.integers(1, 4)}",
             int(rng.integers(SESSIONS - 1)),
-            float(KINDS[str(name)] * rng.uniform(0.3, 2.0)),
+            float(KINDS[str(name)] * np.exp(rng.uniform(np.log(smallest), np.log(2.0)))),
         )
         for name in what
     )
 
 
+def drifted(machine: TrueMachine, seed: int, day: int, speed: float) -> TrueMachine:
+    """The machine so many days later, its dimensions on a walk of `speed` tolerances a day."""
+    theta, own = machine.theta.copy(), machine.chain.layout.geometry
+    prior = machine.chain.parameters.prior[own]
+    steps = np.random.default_rng([seed, 19]).standard_normal((SESSIONS + 1, len(prior)))
+    theta[own] += speed * prior * steps[:day].sum(axis=0)
+    return replace(machine, theta=theta)
+
+
 def sessions_of(
-    robot: Robot, seed: int, changes: Sequence[Hidden], plan: str, count: int | None
+    robot: Robot,
+    seed: int,
+    changes: Sequence[Hidden],
+    plan: str,
+    count: int | None,
+    speed: float = 0.0,
 ) -> list[Dated]:
     """The days of one machine."""
     poses = make_plan(plan, robot, count=count, seed=seed)
@@ -74,7 +90,8 @@ def sessions_of(
             for c in changes
             if day > c.gap
         ]
-        machine = visited(draw_machine(robot, seed, 1.0, causes), robot, seed, day + 1)
+        machine = drifted(draw_machine(robot, seed, 1.0, causes), seed, day, speed)
+        machine = visited(machine, robot, seed, day + 1)
         recorded = simulate_session(machine, poses, seed + 1_000_003 * (day + 1))
         seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
         sessions.append(Dated(f"day_{day}", BEGAN + timedelta(days=day), seen))
@@ -85,10 +102,10 @@ def signals(steps: Steps, changes: Sequence[Hidden]) -> list[float]:
     """lambda of each true change beside the others, by the information of the sessions."""
     own = [_step(steps, change) for change in changes]
     found = []
-    for number, (step, change) in enumerate(zip(own, changes, strict=True)):
-        rest = [other for i, other in enumerate(own) if i != number]
+    for step, change in zip(own, changes, strict=True):
+        _, information = steps.still.stepped(s for s in own if s is not step).shift(step)
         size = change.size / steps.kept[step.rows[0]].scale
-        found.append(size**2 * float(steps.told(step, rest)[0, 0]))
+        found.append(size**2 * float(information[0, 0]))
     return found
 
 
@@ -105,21 +122,25 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--plan", default="identify")
     parser.add_argument("--count", type=int, default=None)
+    parser.add_argument("--smallest", type=float, default=0.3)
+    parser.add_argument("--speed", type=float, default=0.0)
     parser.add_argument("--robot", default="srbd")
     given = parser.parse_args()
     robot = load_robot(given.robot)
-    strong = named = false = beside = right_gap = sessions = weak = inside = 0
+    strong = named = false = beside = right_gap = sessions = inside = 0
+    weak, seen = 0, 0
     for number in range(given.histories):
         seed = 1000 * given.seed + number
-        changes = drawn(np.random.default_rng([seed, 18]))
-        dated = sessions_of(robot, seed, changes, given.plan, given.count)
+        changes = drawn(np.random.default_rng([seed, 18]), given.smallest)
+        dated = sessions_of(robot, seed, changes, given.plan, given.count, given.speed)
         found = find_changes(dated, robot)
         told = {(c.what, c.location, int(c.after[4:])): c for c in found.changes}
         true = {(c.what, c.location, c.gap): c for c in changes}
         lambdas = signals(Steps(*pooled(dated, robot)), changes) if changes else []
         for (key, change), value in zip(true.items(), lambdas, strict=True):
-            weak += value < STRONG
             if value < STRONG:
+                weak += 1
+                seen += key in told
                 continue
             strong += 1
             named += key in told
@@ -139,7 +160,7 @@ def main() -> None:
             flush=True,
         )
     print(f"{given.histories} histories, {sessions} sessions, plan {given.plan}")
-    print(f"changes of lambda >= {STRONG:g}: {strong}; weaker ones: {weak}")
+    print(f"changes of lambda >= {STRONG:g}: {strong}; weaker ones: {weak}, of them named {seen}")
     if strong:
         print(f"cause, place and gap right: {named} of {strong} ({100 * named / strong:.0f} %)")
         print(f"gap right, whatever the name: {right_gap} of {strong}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from pathlib import Path
 
@@ -266,3 +267,37 @@ def test_background_work_gives_its_result_or_raises_its_error_where_it_is_fetche
     failing: Background[float] = Background(lambda: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         failing.result()
+
+
+def test_a_fit_is_added_to_the_history_of_its_machine(session: Session, tmp_path: Path) -> None:
+    pytest.importorskip("sqlalchemy")
+    from delta_calibration.history.store import BY_NODE, open_store
+
+    store, bags = str(tmp_path / "h.sqlite"), tmp_path / "bags"
+    asked = Settings("srbd", model=FAST, history=store, machine="m", bags=str(bags))
+    desk = CalibrationSession(asked)
+    feed(desk, session)
+    assert "added to the history of m as 2023" in desk.take(*desk.prepare_fit()())
+    with open_store(store) as opened:
+        (entry,) = opened.sessions("m")
+    assert (entry.added_by, entry.verdict) == (BY_NODE, None)
+    entry.require_unchanged()
+    assert Path(entry.path).parent == bags / "m"
+    said = desk.take(*desk.prepare_fit()())  # a fit that is not added is a fit all the same
+    assert "not added to the history of m: " in said
+    assert "already" in said
+    assert desk.calibration is not None
+
+
+def test_a_history_that_cannot_be_kept_is_refused_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = str(tmp_path / "h.sqlite")
+    with pytest.raises(InputError, match="parameter machine: is empty"):
+        CalibrationSession(Settings("srbd", history=store, bags="bags"))
+    with pytest.raises(InputError, match="parameter history_bags: is empty"):
+        CalibrationSession(Settings("srbd", history=store, machine="m"))
+    monkeypatch.setitem(sys.modules, "sqlalchemy", None)
+    monkeypatch.delitem(sys.modules, "delta_calibration.history.store", raising=False)
+    with pytest.raises(InputError, match="parameter history: a history needs SQLAlchemy: pip"):
+        CalibrationSession(Settings("srbd", history=store, machine="m", bags="bags"))

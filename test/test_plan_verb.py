@@ -310,8 +310,8 @@ def test_a_plan_adds_to_a_session_or_goes_by_a_calibration(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "give one of --name, --identify and --separate"),
-        (["--name", "line", "--identify"], "give one of --name, --identify and --separate"),
+        ([], "give one of --name, --identify, --update and"),
+        (["--name", "line", "--identify"], "give one of --name, --identify, --update and"),
         (["--name", "spiral"], "no plan 'spiral'; there are: line, "),
         (["--separate", "rust", "geometry"], "no cause 'rust'; there are: tracker_scale, "),
         (["--separate", "backlash", "play"], "no cause 'play'; there are: "),
@@ -321,7 +321,7 @@ def test_a_plan_adds_to_a_session_or_goes_by_a_calibration(tmp_path, capsys):
             ["--separate", "backlash", "geometry", "--from", "x", "--calibration", "y"],
             "--from and --calibration exclude each other",
         ),
-        (["--name", "line", "--radius-mm", "100"], "--radius-mm is for --identify and --separate"),
+        (["--name", "line", "--radius-mm", "100"], "--radius-mm is for --identify, --update and"),
         (["--separate", "backlash", "geometry", "--from", "none"], "none"),
         (["--separate", "backlash", "geometry", "--calibration", "none"], "none"),
     ],

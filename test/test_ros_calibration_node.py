@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from array import array
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -408,3 +409,19 @@ def test_a_timeout_lets_nothing_pass_whose_age_is_not_known_or_cannot_be(bench: 
     assert cell.give(Q, now_ns + 1000 * 10**9) is None
     assert cell.diagnosed("ahead of the node's clock")
     np.testing.assert_array_equal(positions(cell.give(Q, time.time_ns())), Q)
+
+
+def test_a_watch_is_told_on_diagnostics(bench: Bench, file: Path) -> None:
+    cell = Cell(bench, calibration=file, watch_false_alarms=0.1)
+    assert cell.value("watch") == "as calibrated"
+    assert cell.value("watch stops looked at") == "0"
+    trouble = "the machine is no longer what was calibrated"
+    vigil = cell.node._desk.watchman._vigil
+    vigil.suspicion = replace(vigil.suspicion, odds=vigil.suspicion.limit + 1.0)
+    assert cell.diagnosed(trouble)
+    assert cell.call("reload")[0]  # watched anew
+    assert cell.value("watch") == "as calibrated"
+
+
+def test_no_watch_is_kept_where_none_is_asked_for(bench: Bench, file: Path) -> None:
+    assert Cell(bench, calibration=file).value("watch") == "off"

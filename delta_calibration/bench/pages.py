@@ -91,7 +91,7 @@ def machine(request: Request) -> Response:
         here="machines",
         name=name,
         robot=dict(bench.machines())[name],
-        entries=[(entry, _case_of(bench, entry.path)) for entry in entries],
+        entries=[(entry, _case_of(bench, Path(entry.path))) for entry in entries],
         log=log,
         progress=progress(log, folder) if log and folder else None,
         changes=_sentences(folder) if folder else [],

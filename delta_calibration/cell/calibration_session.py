@@ -7,7 +7,7 @@ everything as it was.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration, require_ours
+from delta_calibration.cell.archive import Archive
 from delta_calibration.cell.backlog import Backlog
 from delta_calibration.cell.capture import Capture
 from delta_calibration.cell.command_path import PASS_THROUGH, REFUSE, CommandPath, Sent
@@ -25,6 +26,7 @@ from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundi
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
 from delta_calibration.cell.trajectory import Sent as TrajectorySent
 from delta_calibration.cell.usual import UsualWay, warm_up
+from delta_calibration.cell.watchman import Watchman
 from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
 from delta_calibration.data import Session
 from delta_calibration.errors import (
@@ -63,6 +65,10 @@ class Settings:
     model: str = ""  # mechanism to fit; empty for the robot file's
     capture_limit: int = 1_000_000  # messages
     seed: int = 0
+    false_alarms: float = 0.0  # of the watch, a month at most; 0 for no watch
+    history: str = ""  # store that fits are added to, a file or URL; empty for none
+    machine: str = ""  # whose history that is
+    bags: str = ""  # folder for the bags of the history
 
 
 class CalibrationSession:
@@ -80,6 +86,9 @@ class CalibrationSession:
             raise InputError(f"parameter table: is for method {TABLE!r}, not {settings.method!r}")
         self.settings, self._follow = settings, follow
         self.robot = load_robot(settings.robot)
+        self._archive = Archive.of(
+            settings.history, settings.machine, settings.bags, self.robot, settings.robot
+        )
         self._model = self.robot.model(settings.model or None).name
         self._joints = len(self.robot.joints.names)
         self.capture = Capture(self.robot.joints.names, settings.capture_limit)
@@ -105,6 +114,12 @@ class CalibrationSession:
         self.usual = UsualWay(joints.names, self.path, self.around, joints.passed_through)
         self._by_conditions, self._way = False, settings.method
         self.watch = Watch()
+        self.watchman = Watchman(
+            joints.names,
+            self.robot.commanded.joint_size,
+            settings.false_alarms,
+            settings.capture_limit,
+        )
         self.backlog: Backlog[Any] = Backlog()
         self.fitted: FittedCalibration | None = None
         self.calibration: Calibration | None = None
@@ -160,6 +175,7 @@ class CalibrationSession:
         """Record a command, as given to `send`; what can wait until the drives have theirs."""
         if not already:
             self.capture.add_command(stamp_ns, q[: self._joints])
+            self.watchman.capture.add_command(stamp_ns, q[: self._joints])
 
     def begin_all(
         self, points: Callable[[], tuple[Points, bool]], now_s: float
@@ -181,18 +197,26 @@ class CalibrationSession:
     def measured(self, q: Array, stamp_ns: int) -> None:
         """Record where the drives stand, as given to `stand`."""
         self.capture.add_states(stamp_ns, q[: self._joints])
+        self.watchman.capture.add_states(stamp_ns, q[: self._joints])
+
+    def read(self, stamp_ns: int, position: Array, quaternion: Array | None, now_s: float) -> None:
+        """Take a reading of the tracker: (3,) [m], of a probe also (4,) x y z w."""
+        self.capture.add_tracker(stamp_ns, position, quaternion)
+        self.watchman.add_tracker(stamp_ns, position, quaternion, now_s)
 
     def is_warm(self, part: str, stamp_ns: int, celsius: float, now_s: float) -> None:
         """Temperature of a part [deg C]."""
         self.around.is_warm(part, celsius, now_s)
         self.usual.prepare(now_s)
         self.capture.add_temperature(part, stamp_ns, celsius)
+        self.watchman.capture.add_temperature(part, stamp_ns, celsius)
 
     def carries(self, stamp_ns: int, mass: float, centre: Array, now_s: float) -> None:
         """What is on the platform from now on: mass [kg], centre of mass (3,) [m]."""
         self.around.carries(mass, centre, now_s)
         self.usual.prepare(now_s)
         self.capture.add_payload(stamp_ns, mass, centre)
+        self.watchman.capture.add_payload(stamp_ns, mass, centre)
 
     def reset(self) -> None:
         """Forget the motion so far, as after a pause of unknown length; compensation is off."""
@@ -265,7 +289,10 @@ class CalibrationSession:
                 self._mistake = f"not fitted: {error}"
                 raise
             step(COMPENSATOR)
-            return fitted, self._compensator(fitted.calibration)
+            compensator = self._compensator(fitted.calibration)
+            if self._archive is not None:
+                fitted = replace(fitted, kept=self._archive.add(session, fitted))
+            return fitted, compensator
 
         return work
 
@@ -357,6 +384,7 @@ class CalibrationSession:
         troubles = self._silent(now_s, tracker_timeout_s) + self.watch.recent(now_s)
         troubles += self.capture.notes() if self.capture.running else ()
         troubles += tuple(filter(None, [self._mistake, self._doubt]))
+        troubles = [*filter(None, [self.watchman.trouble]), *troubles]
         message = "; ".join([self._state(), *troubles[:NAMED]])
         return Health(Level.WARN if troubles else Level.OK, message, self._values())
 
@@ -396,6 +424,7 @@ class CalibrationSession:
             "command late, a newer one sent": self.backlog.superseded,
             **{f"captured {stream}": n for stream, n in self.capture.counts.items()},
             "captured lost": self.capture.lost,
+            **self.watchman.values,
             **{f"command {what}": n for what, n in self.path.counts.items()},
             **{f"{stream} refused": n for stream, n in self.watch.refused.items()},
             **{f"{stream} lost on the way": n for stream, n in self.watch.lost.items()},
@@ -415,6 +444,7 @@ class CalibrationSession:
         self.calibration = calibration
         self._by_conditions, self._way = compensator.needs_conditions, compensator.way
         self.path.load(compensator)
+        self.watchman.watch(calibration)
 
     def _loaded_sentence(self) -> str:
         return "; ".join(filter(None, (self._loaded(), self.left_out)))

@@ -41,6 +41,7 @@ class FittedCalibration:
     poses: Poses
     calibration: Calibration
     diagnosis: Diagnosis | None = None
+    kept: str = ""  # what became of it in the history, as a sentence
 
     def save(self, path: Path, robot: Robot) -> None:
         """Write the calibration file, whole or not at all.
@@ -70,6 +71,7 @@ class FittedCalibration:
         found, seen = self.found, self.found.observability
         noise = f"noise of a pose: {mm(1e3 * found.noise.floor)} mm"
         warning = "".join(f"; warning: {text}" for text in self.doubts)
+        warning += f"; {self.kept}" if self.kept else ""
         if self.diagnosis is not None:
             told = self.diagnosis.verdict.sentence().removesuffix(".")
             return f"{len(self.poses)} poses; {told}; {noise}{warning}"

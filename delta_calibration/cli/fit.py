@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import datetime, timezone
 from pathlib import Path
 
 import click
@@ -10,6 +11,12 @@ import numpy as np
 
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cli.check import warn_of_mistakes
+from delta_calibration.cli.kept import (
+    known_machine_option,
+    robot_given,
+    sessions_of,
+    store_option,
+)
 from delta_calibration.cli.options import (
     SESSION,
     counter,
@@ -17,17 +24,17 @@ from delta_calibration.cli.options import (
     force_option,
     model_option,
     require_folder,
-    robot_option,
+    robot_or_machine_option,
     seed_option,
     table,
     topics_option,
 )
-from delta_calibration.data import Poses, collect
+from delta_calibration.data import Poses, collect, survey
 from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
+from delta_calibration.history import Dated, Prospect, prospect
 from delta_calibration.papers import METHODS, ORDERS, method_named
 from delta_calibration.recording import Topics, read_session
-from delta_calibration.robot import load_robot
-from delta_calibration.wording import mm
+from delta_calibration.wording import mm, plain, spoken
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}
 _SHOWN = 5  # of a long list, without -v
@@ -36,7 +43,9 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
 
 @click.command("fit", short_help="identify the real geometry of the machine")
 @SESSION
-@robot_option
+@robot_or_machine_option
+@known_machine_option("what its earlier sessions say about it is carried over.")
+@store_option
 @click.option(
     "--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write."
 )
@@ -82,7 +91,9 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
 )
 def command(
     session: Path,
-    robot_file: str,
+    robot_file: str | None,
+    machine: str | None,
+    url: str,
     out: Path | None,
     method: str,
     particles: int | None,
@@ -94,17 +105,31 @@ def command(
     force: bool,
     verbose: bool,
 ) -> None:
-    """Identify geometry, reflector offset and tracker frame from the poses at rest in SESSION."""
+    """Identify geometry, reflector offset and tracker frame from the still moments of SESSION.
+
+    With --machine, the earlier sessions in the history of the machine say what to expect of its
+    dimensions and of the effects found in it, so that few poses are enough
+    (`delta-cal plan --update`). If something changed, what was known of it is dropped.
+    """
     if out is not None:
         require_folder(out)
     chosen = method_named(method, particles, iterations, order)
-    robot = load_robot(robot_file)
+    robot = robot_given(robot_file, machine, url)
     recorded = read_session(session, Topics.from_options(topics))
-    warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
+    warn_of_mistakes(recorded, robot, robot_file or str(robot.source), force, out is not None)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
+    expected, carried = None, None
+    if machine is not None:
+        seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+        began = datetime.fromtimestamp(poses.start_ns * 1e-9, timezone.utc)
+        new = Dated(session.resolve().name, began, seen)
+        expected = prospect(sessions_of(machine, robot, url), robot, new, model)
+        carried = expected.carried
     with counter(most_evaluations(chosen, robot, model), "machine") as count:
-        found = identify(poses, robot, model, seed, chosen, count)
+        found = identify(poses, robot, model, seed, chosen, count, carried)
     click.echo(describe_poses(poses))
+    if expected is not None:
+        click.echo(describe_carried(expected, session.resolve().name))
     click.echo(describe(found, verbose))
     if out is not None:
         save_calibration(out, found, robot, poses)
@@ -123,6 +148,27 @@ def describe_poses(poses: Poses) -> str:
         *(f"note: {note}" for note in poses.notes),
     ]
     return "\n".join(lines)
+
+
+def describe_carried(expected: Prospect, session: str) -> str:
+    """What of the history the fit begins with."""
+    carried = expected.carried
+    effects = ", ".join(spoken(effect.cause) for effect in carried.effects)
+    names = carried.sessions
+    lines = [
+        f"carried over from {len(names)} session{'' if len(names) == 1 else 's'} "
+        f"({names[0]} to {names[-1]}): geometry{f' and {effects}' if effects else ''}"
+    ]
+    now = expected.changed_now(session)
+    lines += [f"changed: {change.sentence()}; what was known of it is dropped" for change in now]
+    if not now:
+        lines.append("nothing changed since that this session could show")
+    if expected.odd > 1:
+        lines.append(
+            f"warning: the session contradicts its history ({expected.odd:.1f} times what drift "
+            "and noise explain); that is believed so much less: measure a whole plan"
+        )
+    return plain("\n".join(lines))
 
 
 def describe(found: Identification, verbose: bool) -> str:
@@ -171,10 +217,16 @@ def _residuals(found: Identification) -> str:
         (name, *(mm(1e3 * v) for v in (r.in_sample, r.held_out, r.held_out_max)))
         for name, r in (
             ("before: nominal + frame", found.frame_only),
-            ("calibrated: geometry + frame", found.full),
+            (f"calibrated: {_model(found)}", found.full),
         )
     ]
     return table(("3-D distance, RMS [mm]", "in sample", "error left", "largest left"), rows)
+
+
+def _model(found: Identification) -> str:
+    """What is in the fit, by the names that a verdict has for it."""
+    effects = (effect.cause for effect in found.chain.effects)
+    return " + ".join(("geometry + frame", *effects))
 
 
 def _deviations(found: Identification) -> list[str]:

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from delta_calibration.calibration_file import load_calibration
-from delta_calibration.cli.adding import Found, entry_of, found_of, known_of
+from delta_calibration.cli.adding import Found, found_of, known_of
 from delta_calibration.cli.check import warn_of_mistakes
+from delta_calibration.cli.kept import dated_sessions, robot_kept, store_option
 from delta_calibration.cli.options import (
-    progress,
     require_folder,
     robot_option,
     seed_option,
@@ -26,7 +23,8 @@ from delta_calibration.cli.options import (
 )
 from delta_calibration.data import Survey, survey
 from delta_calibration.errors import InputError
-from delta_calibration.history import Dated, History, find_changes
+from delta_calibration.history import History, find_changes
+from delta_calibration.history.opening import opened
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.report.history import page_of_history
@@ -34,17 +32,9 @@ from delta_calibration.robot import Robot, load_robot
 from delta_calibration.wording import mm, plain
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
-    from delta_calibration.history.store import Entry, Store
+    from delta_calibration.history.store import Store
 
 _FILE = click.Path(path_type=Path)
-_STORE = click.option(
-    "--store",
-    "url",
-    default="history.sqlite",
-    show_default=True,
-    metavar="FILE|URL",
-    help="The history: an SQLite file, or the URL of a database as in SQLAlchemy.",
-)
 _MACHINE = click.option("--machine", required=True, metavar="NAME", help="Name of the machine.")
 
 
@@ -59,10 +49,10 @@ def command() -> None:
 
 
 @command.command("add")
-@click.argument("sessions", nargs=-1, required=True, type=_FILE)
+@click.argument("sessions", nargs=-1, required=True)
 @robot_option
 @_MACHINE
-@_STORE
+@store_option
 @click.option(
     "--id",
     "name",
@@ -91,7 +81,7 @@ def command() -> None:
 @seed_option
 @topics_option
 def add(
-    sessions: tuple[Path, ...],
+    sessions: tuple[str, ...],
     robot_file: str,
     machine: str,
     url: str,
@@ -104,22 +94,25 @@ def add(
 ) -> None:
     """Diagnose SESSIONS and add them, with calibration and verdict, to the history of a machine.
 
-    The bags stay where they are; the history stores their paths and hashes. After an error, the
+    The bags stay where they are; the history stores their paths and hashes. A session may be a
+    URL as fsspec takes it, such as s3://bucket/day_1 or zip://day_1::days.zip. After an error, the
     sessions added before it remain in the history.
     """
+    from delta_calibration.history import bags
+
     robot = load_robot(robot_file)
     if name is not None and len(sessions) > 1:
         raise InputError(f"--id {name}: names a single session, but {len(sessions)} are given")
     for session in sessions:
-        if not session.is_dir():
+        if not bags.is_there(session):
             raise InputError(f"{session}: not the folder of a session")
     known = known_of(sessions, verdict_file, calibration_file, quick)
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
-    with _opened(url, make=True) as store:
+    with opened(url, make=True) as store:
         for session in sessions:
-            path = session.resolve()
+            path, own = bags.place_of(session), name or bags.name_of(session)
             make = partial(found_of, known=known, robot=robot, seed=seed, quick=quick)
-            _add(store, machine, path, name or path.name, robot, given, topics, make)
+            _add(store, machine, path, own, robot, given, topics, make)
         count = len(store.sessions(machine))
     click.echo(f"{url}: {machine} has {count} session{'' if count == 1 else 's'}")
 
@@ -127,7 +120,7 @@ def add(
 def _add(
     store: Store,
     machine: str,
-    path: Path,
+    path: str,
     name: str,
     robot: Robot,
     given: str,
@@ -135,32 +128,29 @@ def _add(
     make: Callable[[Survey], Found],
 ) -> None:
     """Add one session, or note where it is now."""
-    from delta_calibration.history.store import folder_hash
+    from delta_calibration.history.adding import entry_of
+    from delta_calibration.history.bags import at_hand, bag_hash
 
-    digest = folder_hash(path)
+    digest = bag_hash(path)
     if store.require_new(machine, robot.machine_hash, digest, path, name):
         store.moved(machine, digest, path)
         click.echo(f"{machine}: a session of the history was moved; it is now at {path}")
         return
-    recorded = read_session(path, Topics.from_options(topics))
+    with at_hand(path) as folder:
+        recorded = read_session(folder, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, given, False, True)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    entry = entry_of(machine, name, path, digest, topics, seen, make(seen))
+    entry = entry_of(machine, name, path, digest, seen.poses, *make(seen), topics)
     store.add(entry, given, robot.machine_hash)
     click.echo(f"added: {name} of {entry.began:%Y-%m-%d %H:%M}; {entry.found}")
 
 
 @command.command("list")
-@click.option(
-    "--machine",
-    default=None,
-    metavar="NAME",
-    help="Name of the machine; all machines if not given.",
-)
-@_STORE
+@click.option("--machine", default=None, metavar="NAME", help="Which machine; all if not given.")
+@store_option
 def list_(machine: str | None, url: str) -> None:
-    """List all machines, or the sessions of one."""
-    with _opened(url) as store:
+    """List machines, or the sessions of one."""
+    with opened(url) as store:
         if machine is None:
             rows = [(name, robot, str(len(store.sessions(name)))) for name, robot in _all(store)]
             click.echo(table(("machine", "robot", "sessions"), rows))
@@ -173,17 +163,11 @@ def list_(machine: str | None, url: str) -> None:
 @command.command("show")
 @click.argument("name", metavar="ID")
 @_MACHINE
-@_STORE
-@click.option(
-    "--verdict",
-    "verdict_file",
-    type=_FILE,
-    default=None,
-    help="JSON file to write the session's verdict to.",
-)
+@store_option
+@click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
-    """Show one session: its folder, its findings, and whether the bag is unchanged."""
-    with _opened(url) as store:
+    """Show one session: where it is, what was found, whether the bag is still the same."""
+    with opened(url) as store:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:
         raise InputError(
@@ -192,7 +176,8 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     entry = entries[name]
     click.echo(
         f"{machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M}\n"
-        f"path: {entry.path}\nsha256: {entry.sha256}\nadded: {entry.added:%Y-%m-%d %H:%M}\n"
+        f"path: {entry.path}\nsha256: {entry.sha256}\n"
+        f"added: {entry.added:%Y-%m-%d %H:%M} by {entry.added_by}\n"
         f"held-out error: {mm(entry.held_out_mm)} mm; {entry.found}"
     )
     if verdict_file is not None:
@@ -205,7 +190,7 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
 
 @command.command("changes")
 @_MACHINE
-@_STORE
+@store_option
 @click.option(
     "--json",
     "json_file",
@@ -236,29 +221,17 @@ def changes(machine: str, url: str, json_file: str | None) -> None:
 
 @command.command("report")
 @_MACHINE
-@_STORE
+@store_option
 @click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
 def report(machine: str, url: str, out: Path) -> None:
     """Write the change log of a machine as one HTML page."""
     require_folder(out)
     require_libraries()
-    with _opened(url) as store:
+    with opened(url) as store:
         errors = [(e.id, e.began, e.held_out_mm) for e in store.sessions(machine)]
     found = _changes(machine, url)
     write_page(out, page_of_history(machine, found, errors))
     click.echo(plain("\n".join((*found.sentences(), f"written: {out}"))))
-
-
-def _opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
-    try:
-        from delta_calibration.history.store import open_store
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "sqlalchemy":
-            raise
-        raise InputError(
-            "a history needs SQLAlchemy: pip install 'delta_calibration[history]'"
-        ) from error
-    return open_store(url, make)
 
 
 def _all(store: Store) -> Iterable[tuple[str, str]]:
@@ -267,27 +240,7 @@ def _all(store: Store) -> Iterable[tuple[str, str]]:
 
 def _changes(machine: str, url: str) -> History:
     """What changed, from the bags of the history."""
-    with _opened(url) as store:
+    with opened(url) as store:
+        robot = robot_kept(store, machine, url)
         entries = store.sessions(machine)
-        given, digest = store.robot_of(machine)
-    robot = load_robot(given)
-    if robot.machine_hash != digest:
-        raise InputError(
-            f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
-            f"that file now has hash {robot.machine_hash[:12]}: restore the old file, or start "
-            "another history"
-        )
-    dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
-    return find_changes(dated, robot, named=robot.named)
-
-
-def _dated(entry: Entry, robot: Robot) -> Dated:
-    """The session of an entry, read again, with the effects that its calibration has."""
-    entry.require_unchanged()
-    recorded = read_session(entry.path, Topics.from_options(entry.topics))
-    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.json"
-        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
-        calibration = load_calibration(file, robot)
-    return Dated(entry.id, entry.began, seen, calibration.chain.effects)
+    return find_changes(dated_sessions(entries, robot), robot, named=robot.named)

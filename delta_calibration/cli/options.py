@@ -32,14 +32,23 @@ SESSION = click.argument("session", type=click.Path(path_type=Path))
 
 def robot_option(function: Function) -> Function:
     """`--robot`: a robot file or name."""
+    return _robot_option(function, True, "")
+
+
+def robot_or_machine_option(function: Function) -> Function:
+    """`--robot` of a verb that can take it from a history."""
+    return _robot_option(function, False, " Needed without --machine.")
+
+
+def _robot_option(function: Function, required: bool, more: str) -> Function:
     return click.option(
         "--robot",
         "robot_file",
-        required=True,
+        required=required,
         metavar="FILE|NAME",
         shell_complete=robots,
         help="Robot file, such as config/srbd.yaml, or the name of a robot of the package, such "
-        "as srbd.",
+        "as srbd." + more,
     )(function)
 
 

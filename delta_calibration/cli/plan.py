@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.chain import Chain
+from delta_calibration.cli.kept import (
+    known_machine_option,
+    robot_given,
+    sessions_of,
+    store_option,
+)
 from delta_calibration.cli.options import (
     calibration_option,
     progress,
     require_folder,
-    robot_option,
+    robot_or_machine_option,
     seed_option,
     table,
     topics_option,
@@ -28,18 +34,20 @@ from delta_calibration.diagnosis.constants import SAME
 from delta_calibration.diagnosis.experiments import NOTHING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.errors import InputError
+from delta_calibration.history import Prospect, prospect
 from delta_calibration.plans import PLACES, Plan, make_plan, write_plan
 from delta_calibration.plans.bench import SLOTS, StopConditions
 from delta_calibration.plans.optimal import OptimalPlan, optimal_plan
 from delta_calibration.plans.parting import Parting, part
+from delta_calibration.plans.renewal import UPDATE_PLACES, Renewal, renewal_plan
 from delta_calibration.recording import Topics, read_session
-from delta_calibration.robot import Robot, load_robot
+from delta_calibration.robot import Robot
 
 _STOPS = 20  # of --separate, where --count is not given
 
 
 @click.command("plan", short_help="plan where to measure, from which side and with what load")
-@robot_option
+@robot_or_machine_option
 @click.option(
     "--name",
     default=None,
@@ -53,6 +61,14 @@ _STOPS = 20  # of --separate, where --count is not given
     is_flag=True,
     help="Select D-optimal poses for fitting the geometry, each approached from both sides.",
 )
+@click.option(
+    "--update",
+    is_flag=True,
+    help="Select the few D-optimal poses that a new calibration of a machine needs, given the "
+    "sessions in its history (--machine, --store).",
+)
+@known_machine_option("its sessions are what --update adds to.")
+@store_option
 @click.option(
     "--separate",
     nargs=2,
@@ -74,8 +90,8 @@ _STOPS = 20  # of --separate, where --count is not given
     "--count",
     type=click.IntRange(min=1),
     default=None,
-    help=f"Number of different places ({PLACES} to identify by default), of cycles for iso9283, "
-    "or of stops for --separate (20 by default).",
+    help=f"Number of different places ({PLACES} to identify and {UPDATE_PLACES} to update by "
+    "default), of cycles for iso9283, or of stops for --separate (20 by default).",
 )
 @click.option(
     "--payload-kg",
@@ -94,9 +110,12 @@ _STOPS = 20  # of --separate, where --count is not given
 @topics_option
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
 def command(
-    robot_file: str,
+    robot_file: str | None,
     name: str | None,
     identify: bool,
+    update: bool,
+    machine: str | None,
+    url: str,
     separate: tuple[str, str] | None,
     session: Path | None,
     calibration_file: Path | None,
@@ -114,21 +133,23 @@ def command(
     duration_s are driven through without a stop, with the load of the last stop. A column `note`
     is for people; other columns are refused.
 
-    --identify and --separate select poses inside the robot file's `workspace` and turn the
-    platform no further than it allows. If the file has no workspace, all poses within the joint
-    limits are candidates, in the assembly mode of the home pose. Cables stay taut under the loads
-    of the plan.
+    --identify, --update and --separate select poses inside the robot file's `workspace` and turn
+    the platform no further than it allows. If the file has no workspace, all poses within the
+    joint limits are candidates, in the assembly mode of the home pose. Cables stay taut under the
+    loads of the plan.
     """
-    if [name is not None, identify, separate is not None].count(True) != 1:
-        raise InputError("give one of --name, --identify and --separate")
+    if [name is not None, identify, update, separate is not None].count(True) != 1:
+        raise InputError("give one of --name, --identify, --update and --separate")
+    if update != (machine is not None):
+        raise InputError("--update and --machine go together: whose history it adds to")
     if separate is None and (session or calibration_file):
         raise InputError("--from and --calibration are for --separate")
     if session and calibration_file:
         raise InputError("--from and --calibration exclude each other; give one")
     if name is not None and radius_mm is not None:
-        raise InputError("--radius-mm is for --identify and --separate")
+        raise InputError("--radius-mm is for --identify, --update and --separate")
     require_folder(out)
-    robot = load_robot(robot_file)
+    robot = robot_given(robot_file, machine, url)
     radius = None if radius_mm is None else 1e-3 * radius_mm
     if separate is not None:
         parting = part(
@@ -143,6 +164,11 @@ def command(
             follow=_bar,
         )
         plan, said = parting.plan, describe_parting(parting, separate, session)
+    elif update and machine is not None:
+        known = prospect(sessions_of(machine, robot, url), robot)
+        few = count or UPDATE_PLACES
+        renewal = renewal_plan(robot, known.carried, few, radius=radius, seed=seed, follow=_bar)
+        plan, said = renewal.plan, describe_renewal(renewal, known, robot)
     elif identify:
         best = optimal_plan(robot, count or PLACES, radius=radius, seed=seed, follow=_bar)
         plan, said = best.plan, describe_optimal(best, robot)
@@ -167,6 +193,20 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
             f"rank {seen.rank} of {seen.columns} parameters, O1 {seen.indices['O1']:.4g}",
             f"{_kept_to(robot)} and a condition of {robot.limits.condition / 2:g}, half of the "
             "file's limits.condition, because the file has no limit for the ball joints",
+        ]
+    )
+
+
+def describe_renewal(renewal: Renewal, known: Prospect, robot: Robot) -> str:
+    """What the stops add to, and how well the machine is known after them, for people."""
+    names = known.carried.sessions
+    return "\n".join(
+        [
+            f"{len(renewal.plan) // 2} poses of {renewal.candidates}, each from both sides, added "
+            f"to {len(names)} session{'' if len(names) == 1 else 's'} ({names[0]} to {names[-1]})",
+            f"the machine is then known to {renewal.after:.2f} times the noise of a stop; after "
+            f"{PLACES} poses by lot and without its history, to {renewal.whole:.2f} times",
+            f"{_kept_to(robot)} and a condition of {robot.limits.condition / 2:g}",
         ]
     )
 

@@ -44,7 +44,7 @@ from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
 from delta_calibration.wording import listed, spoken
 
-_FEWEST = 12  # different places
+FEWEST = 12  # different places
 _REFUSED = (
     "{} is not in the extended calibration, because held-out poses are predicted worse with it"
 )
@@ -179,13 +179,21 @@ def diagnose_observations(
 
 
 @one_thread()
-def calibrated(survey: Survey, robot: Robot, model: str | None = None) -> Model:
+def calibrated(
+    survey: Survey, robot: Robot, model: str | None = None, fewest: int = FEWEST
+) -> Model:
     """The machine with its geometry identified and nothing else in the chain.
+
+    Args:
+        survey: poses and paths of a session.
+        robot: drawing, tolerances, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+        fewest: different places that the session has to have.
 
     Raises:
         DataError: too few different poses, or of another robot.
     """
-    require_poses(survey.poses, _FEWEST)
+    require_poses(survey.poses, fewest)
     _, noise, problem = prepare(survey.poses, robot, chain_of(robot, model))
     require_this_robot(problem, survey.poses, robot)
     return solved(survey, robot, noise, problem)

@@ -1,8 +1,10 @@
 """From measured poses to what the machine really is."""
 
+from delta_calibration.estimation.carried import Carried, carried_rows
 from delta_calibration.estimation.cross_validation import Known, left_out
 from delta_calibration.estimation.encoder_closures import EncoderClosure
 from delta_calibration.estimation.fit import (
+    FEWEST_CARRIED,
     Effort,
     Identification,
     Residuals,
@@ -49,6 +51,8 @@ from delta_calibration.estimation.warnings import DIAGNOSIS, doubt, doubts
 
 __all__ = [
     "DIAGNOSIS",
+    "FEWEST_CARRIED",
+    "Carried",
     "DistanceBetween",
     "Effort",
     "EncoderClosure",
@@ -74,6 +78,7 @@ __all__ = [
     "Residuals",
     "Solution",
     "build_problem",
+    "carried_rows",
     "chain_of",
     "doubt",
     "doubts",

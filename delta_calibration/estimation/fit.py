@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from delta_calibration.chain import Chain
 from delta_calibration.data import Poses, require_poses
 from delta_calibration.errors import DataError, SingularityError
+from delta_calibration.estimation.carried import Carried
 from delta_calibration.estimation.cross_validation import Known, left_out
 from delta_calibration.estimation.measurements import Measured, PointMeasured, PoseMeasured
 from delta_calibration.estimation.method import LeastSquares, Method, Watch
@@ -34,6 +35,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
+FEWEST_CARRIED = 5  # where the machine is known: they place the tracker and show a change
 _FOLDS = 5
 _LOOSE = 1.0  # [m] by which parts within their tolerances never move a platform that is held
 _ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
@@ -138,6 +140,7 @@ def identify(
     seed: int = 0,
     method: Method = _LEAST_SQUARES,
     watch: Watch = lambda _: None,
+    carried: Carried | None = None,
 ) -> Identification:
     """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
 
@@ -151,19 +154,24 @@ def identify(
         seed: of the division into held-out parts, and of what a method leaves to chance.
         method: how the problem is solved.
         watch: is told of a slow method's evaluations while they are made.
+        carried: what earlier sessions say of the machine, in the place of its tolerances; its
+            effects are fitted, too.
 
     Raises:
         DataError: too few different poses, poses out of the nominal robot's reach or at a
             singularity, residuals that no manufacturing error explains (another robot), or a
             method that finds no rest.
     """
-    require_poses(poses, _FEWEST)
+    require_poses(poses, _FEWEST if carried is None else FEWEST_CARRIED)
     chain = chain_of(robot, model)
-    _, noise, problem = prepare(poses, robot, chain)
-    problem = _with_turns(problem, poses, robot, noise)
-    layout = problem.layout
-    before = registered(problem)
-    require_this_robot(problem, poses, robot)
+    if carried is not None:
+        chain = chain.with_effects(carried.effects)
+    _, noise, drawn = prepare(poses, robot, chain)
+    drawn = _with_turns(drawn, poses, robot, noise)
+    layout = drawn.layout
+    before = registered(drawn)
+    require_this_robot(drawn, poses, robot)
+    problem = drawn if carried is None else carried.applied(drawn)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch)
     full = fit.solution
@@ -181,10 +189,13 @@ def identify(
         )
     drawing = full.theta.copy()
     drawing[layout.chain] = chain.join(*_nominal_but_frame(chain, full.theta))
-    scale = np.diag(problem.basis)
-    about = replace(problem, basis=np.eye(layout.size)).linearized(drawing)
+    scale = np.diag(drawn.basis)
+    about = replace(drawn, basis=np.eye(layout.size)).linearized(drawing)
     observability = observe(about.slope, scale, problem.names)
-    nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
+    visited = poses.joint
+    if carried is not None:
+        visited = np.concatenate([visited, carried.joint])
+    nominal = chain.mechanism.forward(visited, chain.mechanism.parameters.nominal)
     missed_before = _held_out(before, folds, _LEAST_SQUARES, rng, watch)
     missed = _held_out(full, folds, method, rng, watch)
     theta = full.theta[layout.chain]
@@ -201,7 +212,7 @@ def identify(
         weight=full.weight,
         chi_square=chi_square,
         region=Region.of(chain.mechanism.position(nominal)),
-        region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
+        region_joints=(visited.min(axis=0), visited.max(axis=0)),
         seed=seed,
         effort=Effort(method.name, fit.evaluations, method.settings),
         missed_before=only(missed_before, counted),
@@ -402,15 +413,16 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     tracker stands is no part of the robot, and no reason to expect more of its parts.
 
     Args:
-        problem: with everything free, its chain without effects.
+        problem: with everything free and the drawing's priors.
         poses: what was measured.
         robot: drawing and tolerances.
 
     Raises:
         DataError: another robot, or other units.
     """
-    geometry = problem.layout.geometry
-    solution = solve(problem.only(~problem.layout.mask(geometry)), robust=False)
+    layout = problem.layout
+    geometry = layout.geometry
+    solution = solve(problem.only(~layout.mask(geometry, layout.effects)), robust=False)
     # about the drawing: a reflector that was sent far off would magnify what parts can do
     slope = problem.chain.jacobian(problem.at, problem.theta0)[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior

@@ -4,7 +4,20 @@
 """
 
 from delta_calibration.history.changes import Change, History, find_changes
+from delta_calibration.history.continual import Prospect, prospect
 from delta_calibration.history.pooled import Dated
-from delta_calibration.history.steps import Part, Step, Steps
+from delta_calibration.history.steps import Steps
+from delta_calibration.history.walk import Part, Step, Walk
 
-__all__ = ["Change", "Dated", "History", "Part", "Step", "Steps", "find_changes"]
+__all__ = [
+    "Change",
+    "Dated",
+    "History",
+    "Part",
+    "Prospect",
+    "Step",
+    "Steps",
+    "Walk",
+    "find_changes",
+    "prospect",
+]

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.errors import DataError
 from delta_calibration.history.pooled import Dated, pooled
-from delta_calibration.history.steps import FoundSteps, Step, Steps
+from delta_calibration.history.steps import FoundSteps, Steps
+from delta_calibration.history.walk import DIMENSION, State, Step, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.wording import measured, spoken, sure
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _NAMED = 0.5  # probability from which on a cause is told as the one
 
@@ -89,14 +92,24 @@ class History:
     changes: tuple[Change, ...]
     before: Array  # (sessions,) chi square a number if nothing had changed
     after: Array  # (sessions,) the same with the changes
+    # clear drifts by their cause, in tolerances (typical sizes of effects) a root of a day
+    drift: tuple[tuple[str, float], ...] = ()
 
     def sentences(self) -> tuple[str, ...]:
         """The change log."""
         first, last = self.sessions[0], self.sessions[-1]
         if not self.changes:
-            return (f"no change was found from {first} to {last}",)
+            nothing = f"no change was found from {first} to {last}"
+            return (nothing, *self._drifts())
         told = tuple(change.sentence() for change in self.changes)
-        return (*told, "no other change was found")
+        return (*told, "no other change was found", *self._drifts())
+
+    def _drifts(self) -> tuple[str, ...]:
+        """What drifts beside the changes."""
+        if not self.drift:
+            return ()
+        each = ", ".join(f"{spoken(cause)} by {100 * speed:.2g} %" for cause, speed in self.drift)
+        return (f"slow drift, in parts of the tolerance, from one day to the next: {each}",)
 
 
 def find_changes(
@@ -112,58 +125,64 @@ def find_changes(
     Raises:
         DataError: fewer than two sessions, or one that cannot be fitted.
     """
+    if len(sessions) < 2:
+        raise DataError(f"{len(sessions)} session in the history; changes need 2 or more")
+    if len(sessions) < 2:
+        raise DataError(f"{len(sessions)} session in the history; changes need 2 or more")
     ordered = sorted(sessions, key=lambda each: each.began)
     kept, parts = pooled(ordered, robot, model)
     causes = {effect.cause for each in ordered for effect in each.effects}
-    steps = Steps(kept, parts, frozenset(causes))
-    found = steps.search()
-    return _history(steps, found, causes, named)
+    days = days_between([each.began.timestamp() for each in ordered])
+    steps = Steps(kept, parts, frozenset(causes), tuple(days.tolist()))
+    found, walk = steps.search()
+    walk = walk.stepped(each.step for each in found)
+    return History(
+        tuple(part.name for part in parts),
+        changes_of(steps, found, walk, causes, named),
+        _costs(walk.stepped(())),
+        _costs(walk),
+        walk.clear(),
+    )
 
 
-def _history(
-    steps: Steps, found: Sequence[FoundSteps], causes: set[str], named: Callable[[str], str]
-) -> History:
-    names = tuple(part.name for part in steps.parts)
-    changed = [each.step for each in found]
-    causes = causes | {steps.key(step)[0] for step in changed}
-    geometry = np.array([k.spread == 1.0 for k in steps.kept])
-    only = geometry | np.array([k.what in causes for k in steps.kept])
-    value, covariance = steps.values(changed, only)
-    told = tuple(_change(steps, each, changed, value, covariance, named) for each in found)
-    none, _ = steps.values((), np.ones(len(only), dtype=bool))
-    full, _ = steps.values(changed, np.ones(len(only), dtype=bool))
-    return History(names, told, _costs(steps, (), none), _costs(steps, changed, full))
+def changes_of(
+    steps: Steps,
+    found: Sequence[FoundSteps],
+    walk: Walk,
+    causes: Collection[str],
+    named: Callable[[str], str],
+) -> tuple[Change, ...]:
+    """Steps in a reader's words, with the values before and behind each.
+
+    Args:
+        steps: the sessions.
+        found: what stepped in them.
+        walk: all steps and the drift beside them.
+        causes: that the machine is known to have beside those that stepped.
+        named: the name that the robot's file has for a parameter.
+    """
+    causes = {*causes, *(steps.key(step)[0] for step in walk.steps)}
+    here = np.array([k.spread == DIMENSION or k.what in causes for k in steps.kept])
+    return tuple(_change(steps, each, walk.only(here), here, named) for each in found)
 
 
 def _change(
     steps: Steps,
     found: FoundSteps,
-    changed: Sequence[Step],
-    value: Array,
-    covariance: Array,
+    walk: Walk,
+    here: NDArray[np.bool_],
     named: Callable[[str], str],
 ) -> Change:
-    """Values before and behind a step, with all steps of the same numbers before it in both."""
-    rows, size = found.step.rows, len(value)
-    kept = [steps.kept[row] for row in rows]
-    before, step = np.zeros((len(rows), size)), np.zeros((len(rows), size))
-    before[np.arange(len(rows)), list(rows)] = 1.0
-    at = len(steps.kept)
-    for other in changed:
-        here = range(at, at + len(other.rows))
-        if other is found.step:
-            step[np.arange(len(rows)), list(here)] = 1.0
-        elif other.gap < found.step.gap:
-            for i, row in zip(here, other.rows, strict=True):
-                if row in rows:
-                    before[rows.index(row), i] = 1.0
-        at += len(other.rows)
+    """Values before and behind a step, by all sessions."""
+    kept = [steps.kept[row] for row in found.step.rows]
+    rows = np.cumsum(here)[list(found.step.rows)] - 1
+    gap = found.step.gap
     nominal = np.array([k.nominal for k in kept])
-    scale = np.array([k.scale for k in kept])[:, None]
-    first = _size(scale * before, value, covariance, nominal)
-    last = _size(scale * (before + step), value, covariance, nominal)
-    change = _size(scale * step, value, covariance, np.zeros(len(rows)))
-    what, location, gap = steps.key(found.step)
+    scale = np.array([k.scale for k in kept])
+    first = _size(walk.smoothed(gap), rows, scale, nominal)
+    last = _size(walk.smoothed(gap + 1), rows, scale, nominal)
+    change = _size(walk.change(gap), rows, scale, 0.0 * nominal)
+    what, location, _ = steps.key(found.step)
     return Change(
         after=steps.parts[gap].name,
         before=steps.parts[gap + 1].name,
@@ -183,10 +202,10 @@ def _change(
     )
 
 
-def _size(rows: Array, value: Array, covariance: Array, nominal: Array) -> tuple[float, float]:
+def _size(state: State, rows: Index, scale: Array, nominal: Array) -> tuple[float, float]:
     """A number with its standard deviation, of several the length of their vector."""
-    vector = nominal + rows @ value
-    spread = rows @ covariance @ rows.T
+    vector = nominal + scale * state.value[rows]
+    spread = scale[:, None] * state.covariance[np.ix_(rows, rows)] * scale
     if len(vector) == 1:
         return float(vector[0]), float(np.sqrt(spread[0, 0]))
     size = float(np.linalg.norm(vector))
@@ -201,17 +220,12 @@ def _rival(steps: Steps, step: Step, probability: float) -> str:
     return f"{spoken(what)}{where} between {after} and {before} ({100 * probability:.0f} %)"
 
 
-def _costs(steps: Steps, changed: Sequence[Step], value: Array) -> Array:
+def _costs(walk: Walk) -> Array:
     """By how much each session's chi square is above its own best fit, (sessions,)."""
+    spread = np.diag([k.spread**-2.0 for k in walk.kept])
     costs = []
-    for number, part in enumerate(steps.parts):
-        x, at = value[: len(steps.kept)].copy(), len(steps.kept)
-        for step in changed:
-            if step.gap < number:
-                x[list(step.rows)] += value[at : at + len(step.rows)]
-            at += len(step.rows)
-        spread = np.diag([k.spread**-2.0 for k in steps.kept])
+    for number, part in enumerate(walk.parts):
         own = np.linalg.solve(part.information + spread, part.right)
-        off = x - own
+        off = walk.smoothed(number).value - own
         costs.append(float(off @ part.information @ off))
     return np.array(costs)

@@ -14,7 +14,7 @@ left of a session (`linear_model.py`), which is all that a comparison over month
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -27,8 +27,8 @@ from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.effects import Effect, Stage, catalogue
 from delta_calibration.effects.base import SPREAD
-from delta_calibration.errors import DataError
-from delta_calibration.history.steps import Kept, Part
+from delta_calibration.estimation import FEWEST_CARRIED, Carried, solve
+from delta_calibration.history.walk import DIMENSION, Kept, Part
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
 
@@ -45,10 +45,45 @@ class Dated:
     effects: tuple[Effect, ...] = ()  # that its own diagnosis found
 
 
+@dataclass(frozen=True)
+class Said:
+    """What a session says of all numbers of the machine, before it is judged what fits."""
+
+    name: str
+    information: Array  # (q, q) H
+    right: Array  # (q,) b
+    square: float  # r^T V^-1 r
+    degrees: float  # of freedom of the residuals
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Sessions of one machine as linear evidence about the same numbers."""
+
+    kept: tuple[Kept, ...]
+    said: tuple[Said, ...]
+    effects: tuple[Effect, ...]  # of the machine, in the order of `kept` behind its dimensions
+    visit: tuple[Effect, ...]  # of single sessions
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Each session's information, less where even its own fit misses more than noise does."""
+        return tuple(_believed(said, self.kept) for said in self.said)
+
+    def only(self, causes: Collection[str]) -> Pool:
+        """The same of the dimensions and of these effects, all others taken for nothing."""
+        effects = tuple(effect for effect in self.effects if effect.cause in causes)
+        here = np.array([k.spread == DIMENSION or k.what in causes for k in self.kept])
+        rows = np.flatnonzero(here)
+        said = tuple(
+            replace(s, information=s.information[np.ix_(rows, rows)], right=s.right[rows])
+            for s in self.said
+        )
+        return Pool(tuple(self.kept[row] for row in rows), said, effects, self.visit)
+
+
 @one_thread()
-def pooled(
-    sessions: Sequence[Dated], robot: Robot, model: str | None = None
-) -> tuple[tuple[Kept, ...], tuple[Part, ...]]:
+def pool(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> Pool:
     """What may change of the machine, and what each session says of it.
 
     Args:
@@ -57,18 +92,57 @@ def pooled(
         model: name of a mechanism; the robot file's own where not given.
 
     Raises:
-        DataError: a session has too few poses, is of another robot, or there are fewer than two.
+        DataError: a session has too few poses or is of another robot.
     """
-    if len(sessions) < 2:
-        raise DataError(f"{len(sessions)} session in the history; changes need 2 or more")
     models = [calibrated(each.survey, robot, model) for each in sessions]
     machine, visit = _effects(sessions, models, robot)
-    kept = _kept(models[0], machine)
-    parts = [
-        _believed(each.name, *_alone(fitted, machine, visit), kept)
-        for each, fitted in zip(sessions, models, strict=True)
-    ]
-    return kept, tuple(parts)
+    return Pool(
+        _kept(models[0], machine),
+        tuple(
+            _said(each.name, *_alone(fitted, machine, visit))
+            for each, fitted in zip(sessions, models, strict=True)
+        ),
+        tuple(machine),
+        tuple(visit),
+    )
+
+
+@one_thread()
+def pool_with(
+    past: Pool, new: Dated, known: Carried, robot: Robot, model: str | None = None
+) -> Pool:
+    """The same with one more session, which may have few poses.
+
+    A fit to few poses may end far from the machine, where nothing is linear that holds near it:
+    the session is taken about a fit that knows the machine roughly.
+
+    Args:
+        past: the sessions before.
+        new: the session.
+        known: what is roughly known of the machine's dimensions.
+        robot: drawing, tolerances, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+
+    Raises:
+        DataError: it has too few poses or is of another robot.
+    """
+    alone = calibrated(new.survey, robot, model, FEWEST_CARRIED)
+    near = solve(known.bare.applied(alone.problem))
+    about = replace(
+        alone, theta=near.theta, cell=replace(alone.cell, weight=near.weight), near=None
+    )
+    at = about.evidence.at
+    able = past.only([effect.cause for effect in past.effects if not effect.missing(at)])
+    said = _said(new.name, *_alone(about, able.effects, able.visit))
+    return replace(able, said=(*able.said, said))
+
+
+def pooled(
+    sessions: Sequence[Dated], robot: Robot, model: str | None = None
+) -> tuple[tuple[Kept, ...], tuple[Part, ...]]:
+    """What may change of the machine, and what each session says of it: see `pool`."""
+    found = pool(sessions, robot, model)
+    return found.kept, found.parts
 
 
 def _effects(
@@ -97,7 +171,7 @@ def _of_a_visit(effect: Effect) -> bool:
 
 def _kept(model: Model, effects: Sequence[Effect]) -> tuple[Kept, ...]:
     dimensions = [
-        Kept(p.name, p.cause, p.location, p.unit, p.nominal, p.prior, 1.0, (p.name,))
+        Kept(p.name, p.cause, p.location, p.unit, p.nominal, p.prior, DIMENSION, (p.name,))
         for p in model.bare.mechanism.parameters
     ]
     return (
@@ -132,13 +206,18 @@ def _alone(
     return alone, columns
 
 
-def _believed(name: str, evidence: LinearizedModel, columns: Array, kept: Sequence[Kept]) -> Part:
-    """The session's information, less where even its own fit misses more than noise explains."""
+def _said(name: str, evidence: LinearizedModel, columns: Array) -> Said:
     weighed = evidence.weigh(evidence.column)[:, 0]
-    information, right = evidence.information(columns), columns.T @ weighed
+    square = float(evidence.column[:, 0] @ weighed)
+    return Said(name, evidence.information(columns), columns.T @ weighed, square, evidence.degrees)
+
+
+def _believed(said: Said, kept: Sequence[Kept]) -> Part:
+    """The session's information, less where even its own fit misses more than noise explains."""
+    information, right = said.information, said.right
     normal = information + np.diag([k.spread**-2.0 for k in kept])
     x = np.linalg.solve(normal, right)
     used = float(np.trace(np.linalg.solve(normal, information)))
-    square = float(evidence.column[:, 0] @ weighed - 2 * right @ x + x @ information @ x)
-    misfit = max(1.0, square / max(evidence.degrees - used, 1.0))
-    return Part(name, information / misfit, right / misfit, misfit)
+    square = float(said.square - 2 * right @ x + x @ information @ x)
+    misfit = max(1.0, square / max(said.degrees - used, 1.0))
+    return Part(said.name, information / misfit, right / misfit, misfit)

@@ -1,13 +1,13 @@
 """The store of a history: machines and their sessions, with what a diagnosis made of each.
 
-A session is a folder by its path and the SHA-256 of what is in it; calibration and verdict are
-kept as the JSON text of their files. A store has a version; an older one is brought up by
-`UPGRADES`, step by step in one transaction, and a newer one is refused.
+A session is a folder by its path, or its URL on any file system that fsspec knows (`bags.py`), and
+the SHA-256 of what is in it; calibration and verdict are kept as the JSON text of their files. A
+store has a version; an older one is brought up by `UPGRADES`, step by step in one transaction, and
+a newer one is refused.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -31,16 +31,19 @@ from sqlalchemy import (
     insert,
     inspect,
     select,
+    text,
     update,
 )
+from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from delta_calibration.errors import InputError
+from delta_calibration.history.bags import bag_hash, is_there
 
-VERSION = 1
-UPGRADES: Mapping[int, Callable[[Connection], None]] = {}  # from a version to the next one
-_CHUNK = 1 << 20
+VERSION = 2
+BY_COMMAND, BY_NODE = "delta-cal history add", "calibration_node"  # who adds sessions
 _NAME = 255
+_POSTGRESQL = ("postgresql", "postgres")
 
 _METADATA = MetaData()
 _VERSION = Table("delta_cal_history", _METADATA, Column("version", Integer, nullable=False))
@@ -63,7 +66,22 @@ _SESSIONS = Table(
     Column("topics", JSON, nullable=False),  # of another name, as STREAM=TOPIC
     Column("calibration", JSON, nullable=False),
     Column("verdict", JSON, nullable=True),
+    Column("added_by", String(_NAME), nullable=False, server_default=BY_COMMAND),
 )
+
+
+def _who_added(connection: Connection) -> None:
+    """Version 2: by which program a session was added."""
+    connection.execute(
+        text(
+            f"ALTER TABLE sessions ADD COLUMN added_by VARCHAR({_NAME}) NOT NULL "
+            f"DEFAULT '{BY_COMMAND}'"
+        )
+    )
+
+
+# from a version to the next one
+UPGRADES: Mapping[int, Callable[[Connection], None]] = {1: _who_added}
 
 
 @dataclass(frozen=True)
@@ -72,13 +90,14 @@ class Entry:
 
     machine: str
     id: str
-    path: Path
+    path: str  # of its folder, or its URL
     sha256: str
     began: datetime
     added: datetime
     topics: tuple[str, ...]
     calibration: dict[str, Any]
     verdict: dict[str, Any] | None
+    added_by: str = BY_COMMAND
 
     @property
     def found(self) -> str:
@@ -104,12 +123,12 @@ class Entry:
         Raises:
             InputError: says which, and what mends it.
         """
-        if not self.path.is_dir():
+        if not is_there(self.path):
             raise InputError(
                 f"session {self.id!r} of machine {self.machine!r} is not at {self.path} any more; "
                 "add it again from where it is now (`delta-cal history add`)"
             )
-        if folder_hash(self.path) != self.sha256:
+        if bag_hash(self.path) != self.sha256:
             raise InputError(
                 f"session {self.id!r} of machine {self.machine!r}: {self.path} was changed since "
                 "it was added; put the original back, or add it under another --id"
@@ -154,7 +173,7 @@ class Store:
             rows = connection.execute(query.order_by(_SESSIONS.c.began, _SESSIONS.c.id))
             return tuple(_entry(row._asdict()) for row in rows)
 
-    def require_new(self, machine: str, robot: str, sha256: str, path: Path, name: str) -> bool:
+    def require_new(self, machine: str, robot: str, sha256: str, path: str, name: str) -> bool:
         """Refuse what cannot be added; whether it is a session whose folder was moved here.
 
         Args:
@@ -178,7 +197,7 @@ class Store:
             )
         for entry in self.sessions(machine):
             if entry.sha256 == sha256:
-                if entry.path.is_dir():
+                if is_there(entry.path):
                     raise InputError(
                         f"{path}: is in the history of {machine!r} already, as session "
                         f"{entry.id!r}, added on {entry.added:%Y-%m-%d}"
@@ -191,11 +210,11 @@ class Store:
                 )
         return False
 
-    def moved(self, machine: str, sha256: str, path: Path) -> None:
+    def moved(self, machine: str, sha256: str, path: str) -> None:
         """Note where a session is now."""
         here = (_SESSIONS.c.machine == machine) & (_SESSIONS.c.sha256 == sha256)
         with _told(self._name), self._engine.begin() as connection:
-            connection.execute(update(_SESSIONS).where(here).values(path=str(path)))
+            connection.execute(update(_SESSIONS).where(here).values(path=path))
 
     def add(self, entry: Entry, robot: str, robot_sha256: str) -> None:
         """Add a session, and its machine where it is the first."""
@@ -211,13 +230,14 @@ class Store:
                 insert(_SESSIONS).values(
                     machine=entry.machine,
                     id=entry.id,
-                    path=str(entry.path),
+                    path=entry.path,
                     sha256=entry.sha256,
                     began=entry.began.isoformat(),
                     added=entry.added.isoformat(),
                     topics=list(entry.topics),
                     calibration=entry.calibration,
                     verdict=entry.verdict,
+                    added_by=entry.added_by,
                 )
             )
 
@@ -238,10 +258,7 @@ def open_store(url: str, make: bool = False) -> Iterator[Store]:
         raise InputError(f"{url}: no history there; `delta-cal history add` makes one")
     if file is not None and not file.absolute().parent.is_dir():
         raise InputError(f"{url}: the folder {file.parent} does not exist")
-    try:
-        engine = create_engine(url if file is None else f"sqlite:///{file}")
-    except (ArgumentError, ImportError) as error:
-        raise InputError(f"--store {url}: cannot be opened: {_line(error)}") from error
+    engine, url = _engine(url, file)
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _foreign_keys)
     try:
@@ -250,6 +267,24 @@ def open_store(url: str, make: bool = False) -> Iterator[Store]:
         yield Store(engine, url)
     finally:
         engine.dispose()
+
+
+def _engine(url: str, file: Path | None) -> tuple[Engine, str]:
+    """The database, and its name without a password."""
+    try:
+        if file is not None:
+            return create_engine(f"sqlite:///{file}"), url
+        given = make_url(url)
+        if given.drivername in _POSTGRESQL:
+            given = given.set(drivername="postgresql+psycopg")
+        return create_engine(given), make_url(url).render_as_string(hide_password=True)
+    except ArgumentError as error:
+        raise InputError(f"--store: cannot be opened: {_line(error)}") from error
+    except ImportError as error:
+        raise InputError(
+            f"--store: its database needs {error.name or error}: "
+            "pip install 'delta_calibration[history]'"
+        ) from error
 
 
 def _foreign_keys(connection: Any, _: Any) -> None:
@@ -276,36 +311,18 @@ def _bring_up(connection: Connection, url: str, make: bool) -> None:
         connection.execute(update(_VERSION).values(version=step + 1))
 
 
-def folder_hash(folder: Path) -> str:
-    """SHA-256 of the names and contents of all files in a folder.
-
-    Raises:
-        InputError: a file cannot be read.
-    """
-    whole = hashlib.sha256()
-    try:
-        for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-            own = hashlib.sha256()
-            with path.open("rb") as file:
-                while chunk := file.read(_CHUNK):
-                    own.update(chunk)
-            whole.update(f"{path.relative_to(folder).as_posix()}\n{own.hexdigest()}\n".encode())
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be read: {error.strerror or error}") from error
-    return whole.hexdigest()
-
-
 def _entry(row: Mapping[str, Any]) -> Entry:
     return Entry(
         machine=row["machine"],
         id=row["id"],
-        path=Path(row["path"]),
+        path=row["path"],
         sha256=row["sha256"],
         began=datetime.fromisoformat(row["began"]),
         added=datetime.fromisoformat(row["added"]),
         topics=tuple(row["topics"]),
         calibration=row["calibration"],
         verdict=row["verdict"],
+        added_by=row["added_by"],
     )
 
 

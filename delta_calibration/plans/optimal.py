@@ -29,6 +29,7 @@ from delta_calibration.estimation import (
     Noise,
     Observability,
     PointMeasured,
+    Problem,
     build_problem,
     chain_of,
     whitening,
@@ -47,7 +48,7 @@ Index = NDArray[np.int64]
 _TRACKER = 3.0  # [m] of the tracker from the base, where nothing is known
 _READINGS = 20  # averaged at a stop
 _ON_PATH = 4  # averaged on a path
-_WEAK = 1e-6  # precision of what has no prior: the frame, to a metre
+WEAK = 1e-6  # precision of what has no prior: the frame, to a metre
 _CANDIDATES = 2000
 _ON_THE_WAY = 10  # steps from home to a pose
 _SAME = 1e-6  # [m, rad] by which poses may differ
@@ -67,7 +68,7 @@ def choose(
     """The stops that tell the most, each at most once, (count,).
 
     Args:
-        rows: whitened, of each candidate, (N, 3, P).
+        rows: whitened, of each candidate, (N, d, P).
         start: information that is there already, (P, P), positive definite.
         count: of stops.
         asked: the last so many of the P columns are what is asked about; P for all.
@@ -108,7 +109,7 @@ def _gains(rows: Array, information: Array, asked: int) -> Array:
 
 def _log_det(rows: Array, information: Array) -> Array:
     seen = rows @ np.linalg.inv(information) @ np.swapaxes(rows, 1, 2)
-    return np.asarray(np.linalg.slogdet(np.eye(3) + seen)[1])
+    return np.asarray(np.linalg.slogdet(np.eye(rows.shape[1]) + seen)[1])
 
 
 def foresight_of(robot: Robot, known: tuple[Chain, Array] | None = None) -> Foresight:
@@ -121,25 +122,35 @@ def foresight_of(robot: Robot, known: tuple[Chain, Array] | None = None) -> Fore
     """
     if known is None:
         chain = chain_of(robot)
-        place = Frame(np.eye(3), np.array([_TRACKER, 0.0, 0.0]))
-        theta = chain.join(chain.mechanism.parameters.nominal, chain.offset, place)
+        theta = drawn_theta(chain)
     else:
         chain, theta = known
-    nowhere, none = np.zeros((0, chain.mechanism.joints)), np.zeros((0, 3))
-    measured = Measured(PointMeasured(nowhere, none, None, 1.0), at_rest(nowhere))
-    problem = build_problem(chain, measured, theta)
+    problem = unmeasured(chain, theta)
     base = chain.layout.base
     return Foresight(
         chain,
         theta,
         problem.basis[base, base],
-        np.where(problem.has_prior, 1.0, _WEAK)[base],
-        _FiledNoise(robot, chain, theta),
+        np.where(problem.has_prior, 1.0, WEAK)[base],
+        FiledNoise(robot, chain, theta),
     )
 
 
+def drawn_theta(chain: Chain) -> Array:
+    """The drawing with the tracker three metres away, (P,)."""
+    place = Frame(np.eye(3), np.array([_TRACKER, 0.0, 0.0]))
+    return chain.join(chain.mechanism.parameters.nominal, chain.offset, place)
+
+
+def unmeasured(chain: Chain, theta: Array) -> Problem:
+    """The problem of fitting a chain about theta, (P,), before anything is measured."""
+    nowhere, none = np.zeros((0, chain.mechanism.joints)), np.zeros((0, 3))
+    measured = Measured(PointMeasured(nowhere, none, None, 1.0), at_rest(nowhere))
+    return build_problem(chain, measured, theta)
+
+
 @dataclass(frozen=True)
-class _FiledNoise:
+class FiledNoise:
     """Whitening of stops and of readings in motion by the noise that the robot's file states."""
 
     robot: Robot

@@ -366,8 +366,9 @@ class CalibrationNode(SafeLifecycleNode):
         self._take_reading(desk, conversions.tracker_point(message))
 
     def _take_reading(self, desk: CalibrationSession, reading: conversions.TrackerReading) -> None:
-        desk.watch.heard("tracker", time.monotonic())
-        desk.capture.add_tracker(reading.stamp_ns, reading.position, reading.quaternion)
+        now_s = time.monotonic()
+        desk.watch.heard("tracker", now_s)
+        desk.read(reading.stamp_ns, reading.position, reading.quaternion, now_s)
 
     def _on_temperature(self, desk: CalibrationSession, message: Any) -> None:
         desk.is_warm(*conversions.temperature(message), time.monotonic())
@@ -505,6 +506,7 @@ class CalibrationNode(SafeLifecycleNode):
         now_s, timeout_s = time.monotonic(), self._settings.number("tracker_timeout_s")
         if self._process.refused:
             self._desk.watch.trouble("realtime_priority", self._process.refused, now_s)
+        self._desk.watchman.look(now_s)
         health = self._desk.health(now_s, timeout_s)
         health = replace(health, values={**health.values, **self._process.values})
         if not self._active:

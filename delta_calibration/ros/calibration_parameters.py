@@ -89,11 +89,29 @@ SPECS = (
         range=(100, 100_000_000),
     ),
     Spec(
-        "seed",
-        0,
-        "seed of the held-out parts and of the swarm; takes effect at configure",
-        (0, 2**31 - 1),
+        "watch_false_alarms",
+        0.0,
+        "false alarms a month at most of a watch that tells on diagnostics when readings at rest "
+        "say that the machine is no longer what was calibrated; 0 for no watch; from configure on",
+        range=(0.0, 10.0),
     ),
+    Spec(
+        "history",
+        "",
+        "history that every fit is added to (docs/history.md): a file of SQLite, or a database's "
+        "URL; empty for none",
+        read_only=True,
+        path=True,
+    ),
+    Spec("machine", "", "whose history that is", read_only=True),
+    Spec(
+        "history_bags",
+        "history_bags",
+        "folder that captured sessions are written to for the history",
+        read_only=True,
+        path=True,
+    ),
+    Spec("seed", 0, "of the parts held out and of the swarm; from configure on", (0, 2**31 - 1)),
     Spec(
         "error_scale",
         100.0,
@@ -159,4 +177,14 @@ def desk_settings(table: ParameterTable) -> Settings:
         model=table.text("model"),
         capture_limit=table.integer("capture_limit"),
         seed=table.integer("seed"),
+        false_alarms=table.number("watch_false_alarms"),
+        history=_store(table),
+        machine=table.text("machine"),
+        bags=str(table.path("history_bags") or ""),
     )
+
+
+def _store(table: ParameterTable) -> str:
+    """The history's database: a URL as it is, or a file."""
+    text = table.text("history")
+    return text if "://" in text else str(table.path("history") or "")

@@ -1,0 +1,117 @@
+"""What verbs ask of a history: its store, the machine's robot, its sessions read again."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.options import Function, progress
+from delta_calibration.data import survey
+from delta_calibration.errors import InputError
+from delta_calibration.history import Dated
+from delta_calibration.history.opening import opened
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.robot import Robot, load_robot
+
+if TYPE_CHECKING:  # other verbs do not wait for a database's library
+    from delta_calibration.history.store import Entry, Store
+
+STORE = "history.sqlite"
+
+
+def store_option(function: Function) -> Function:
+    """`--store`: where a history is."""
+    return click.option(
+        "--store",
+        "url",
+        default=STORE,
+        show_default=True,
+        metavar="FILE|URL",
+        help="The history: a file of SQLite, or a database as SQLAlchemy names it.",
+    )(function)
+
+
+def known_machine_option(what: str) -> Callable[[Function], Function]:
+    """`--machine` of a verb that goes without a history as well.
+
+    Args:
+        what: is done with its history, in words.
+    """
+    return click.option(
+        "--machine",
+        default=None,
+        metavar="NAME",
+        help=f"Machine of a history (--store): {what}",
+    )
+
+
+def robot_kept(store: Store, machine: str, url: str) -> Robot:
+    """The robot of a machine, by the file that it was added with.
+
+    Raises:
+        InputError: no such machine, or the file is not what it was.
+    """
+    given, digest = store.robot_of(machine)
+    robot = load_robot(given)
+    if robot.machine_hash != digest:
+        raise InputError(
+            f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
+            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin "
+            "another history"
+        )
+    return robot
+
+
+def robot_given(robot_file: str | None, machine: str | None, url: str) -> Robot:
+    """The robot of `--robot`, or that of a machine of the history.
+
+    Raises:
+        InputError: neither is given, or the file is of another robot than the machine.
+    """
+    if machine is None:
+        if robot_file is None:
+            raise InputError("give --robot, or --machine of a history")
+        return load_robot(robot_file)
+    with opened(url) as store:
+        kept = robot_kept(store, machine, url)
+    if robot_file is None:
+        return kept
+    robot = load_robot(robot_file)
+    if robot.machine_hash != kept.machine_hash:
+        raise InputError(
+            f"--robot {robot_file} has hash {robot.machine_hash[:12]}; machine {machine!r} of "
+            f"{url} is of {kept.source} with hash {kept.machine_hash[:12]}"
+        )
+    return robot
+
+
+def sessions_of(machine: str, robot: Robot, url: str) -> list[Dated]:
+    """The sessions of a machine, read again."""
+    with opened(url) as store:
+        entries = store.sessions(machine)
+    return dated_sessions(entries, robot)
+
+
+def dated_sessions(entries: Sequence[Entry], robot: Robot) -> list[Dated]:
+    """Sessions read again, each with the effects that its calibration has."""
+    return [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
+
+
+def _dated(entry: Entry, robot: Robot) -> Dated:
+    from delta_calibration.history.bags import at_hand
+
+    entry.require_unchanged()
+    with at_hand(entry.path) as path:
+        recorded = read_session(path, Topics.from_options(entry.topics))
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "calibration.json"
+        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
+        calibration = load_calibration(file, robot)
+    return Dated(entry.id, entry.began, seen, calibration.chain.effects)

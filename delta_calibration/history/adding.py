@@ -1,0 +1,69 @@
+"""A session with what was made of it, as the history of a machine keeps it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from delta_calibration.data import Poses
+from delta_calibration.documents import load_schema, read_document
+from delta_calibration.history.store import BY_COMMAND, Entry
+
+
+def entry_of(
+    machine: str,
+    name: str,
+    path: str,
+    digest: str,
+    poses: Poses,
+    calibration: dict[str, Any],
+    verdict: dict[str, Any] | None,
+    topics: Sequence[str] = (),
+    by: str = BY_COMMAND,
+) -> Entry:
+    """What is to be kept of a session.
+
+    Args:
+        machine: its name.
+        name: id of the session.
+        path: of its bag.
+        digest: SHA-256 of the bag.
+        poses: that were measured.
+        calibration: that was made of it, the document of its file.
+        verdict: of a diagnosis, as its file holds it; None where there was none.
+        topics: of other names, as STREAM=TOPIC.
+        by: which program adds it.
+    """
+    return Entry(
+        machine=machine,
+        id=name,
+        path=path,
+        sha256=digest,
+        began=datetime.fromtimestamp(poses.start_ns * 1e-9, timezone.utc),
+        added=datetime.now(timezone.utc),
+        topics=tuple(topics),
+        calibration=json.loads(json.dumps(calibration, default=str)),
+        verdict=verdict,
+        added_by=by,
+    )
+
+
+def document_of(save: Callable[[Path], None]) -> dict[str, Any]:
+    """The document of a calibration file, by what writes the file."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "calibration.yaml"
+        save(file)
+        return calibration_document(file)
+
+
+def calibration_document(path: Path) -> dict[str, Any]:
+    """The document of a calibration file.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    return read_document(path, lambda _: load_schema("calibration"))

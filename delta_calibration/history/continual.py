@@ -1,0 +1,140 @@
+"""What a machine's history says of it before it is measured again.
+
+Old sessions are linear evidence about the machine's dimensions and the effects that were found in
+it (`pooled.py`); between sessions it drifts, as fast as the history shows (`drift.py`). Where
+something stepped (`steps.py`), whether between old sessions or before the new one, what was known
+of it before is forgotten: also of what the step may have been instead. The tracker's frame and
+the reflector's place are each session's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from delta_calibration.errors import DataError
+from delta_calibration.estimation import Carried
+from delta_calibration.history.changes import Change, changes_of
+from delta_calibration.history.pooled import Dated, Pool, pool, pool_with
+from delta_calibration.history.steps import FoundSteps, Steps
+from delta_calibration.history.walk import State, Step, Walk, days_between
+from delta_calibration.robot import Robot
+from delta_calibration.threads import one_thread
+
+Array = NDArray[np.float64]
+
+_FAST = 0.3  # [typical sizes / sqrt(day)] as if a machine drifted
+_ODD = 1e-3  # probability under which a session does not fit to what was known
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What old sessions say of the machine as it is now."""
+
+    carried: Carried
+    speed: tuple[tuple[str, float], ...]  # of each cause, typical sizes / sqrt(day)
+    changes: tuple[Change, ...]  # that were found; what was known before them is forgotten
+    odd: float = 1.0  # by how much less the history is believed, as the new session contradicts it
+
+    def changed_now(self, session: str) -> tuple[Change, ...]:
+        """Changes in the gap before a session."""
+        return tuple(change for change in self.changes if change.before == session)
+
+
+@one_thread()
+def prospect(
+    sessions: Sequence[Dated],
+    robot: Robot,
+    new: Dated | None = None,
+    model: str | None = None,
+) -> Prospect:
+    """What to expect of a machine in its next session.
+
+    Args:
+        sessions: of its history; those that began before the new one count.
+        robot: drawing, tolerances, tracker.
+        new: the session that is to be fitted. It tells no more than whether something changed
+            before it. Where not given, the next session is as far behind the last one as sessions
+            usually are from each other.
+        model: name of a mechanism; the robot file's own where not given.
+
+    Raises:
+        DataError: no session before the new one, or one that cannot be fitted.
+    """
+    old = sorted(sessions, key=lambda each: each.began)
+    if new is not None:
+        old = [each for each in old if each.began < new.began]
+    if not old:
+        raise DataError(
+            "no session in the history began before this one; an update needs 1 or more"
+            if new is not None
+            else "no session in the history; an update needs 1 or more"
+        )
+    every = old if new is None else [*old, new]
+    whole = pool(old, robot, model)
+    if new is not None:
+        whole = pool_with(whole, new, _roughly(whole, old, new), robot, model)
+    causes = {effect.cause for each in old for effect in each.effects}
+    days = days_between([each.began.timestamp() for each in every])
+    steps = Steps(whole.kept, whole.parts, frozenset(causes), tuple(days.tolist()))
+    found, walk = steps.search()
+    told = changes_of(steps, found, walk, causes, robot.named)
+    causes |= {steps.key(step)[0] for step in walk.steps}
+    small = whole.only(causes)
+    state, odd = _next(_believed(small, found, steps, walk, len(old)), new)
+    return Prospect(_carried(small, state, old), walk.speed, told, odd)
+
+
+def _roughly(past: Pool, old: Sequence[Dated], new: Dated) -> Carried:
+    """What is known of a machine that may have changed much since it was measured last."""
+    days = days_between([each.began.timestamp() for each in (*old, new)])
+    speed = tuple((kept.what, _FAST) for kept in past.kept)
+    walk = Walk(past.kept, past.parts, days[:-1], speed=speed)
+    return _carried(past, walk.later(float(days[-1])), old)
+
+
+def _believed(
+    small: Pool, found: Sequence[FoundSteps], steps: Steps, walk: Walk, old: int
+) -> Walk:
+    """The drift and steps of the model that is carried, learnt from the old sessions alone."""
+    row = {kept.name: number for number, kept in enumerate(small.kept)}
+    stepped = [*walk.steps, *(rival for each in found for rival, _ in each.rivals)]
+    forgotten = []
+    for step in stepped:
+        names = [steps.kept[k].name for k in step.rows]
+        rows = tuple(row[name] for name in names if name in row)
+        if rows:
+            forgotten.append(Step(rows, step.gap))
+    every = Walk(small.kept, small.parts, walk.days, tuple(forgotten))
+    past = tuple(step for step in forgotten if step.gap < old - 1)
+    before = Walk(small.kept, small.parts[:old], walk.days[: old - 1], past)
+    return replace(every, speed=before.learnt().speed)
+
+
+def _next(walk: Walk, new: Dated | None) -> tuple[State, float]:
+    """What is known before the new session, believed less where that contradicts it."""
+    if new is None:
+        usual = float(np.median(walk.days)) if len(walk.days) else 0.0
+        return walk.later(usual), 1.0
+    state = walk.expected[-1]
+    square, degrees = state.surprise(walk.parts[-1])
+    if chi2.sf(square, degrees) > _ODD:
+        return state, 1.0
+    odd = square / degrees
+    return State(state.value, odd * state.covariance), odd
+
+
+def _carried(small: Pool, state: State, old: Sequence[Dated]) -> Carried:
+    scale = np.array([kept.scale for kept in small.kept])
+    nominal = np.array([kept.nominal for kept in small.kept])
+    return Carried(
+        small.effects,
+        nominal + scale * state.value,
+        scale[:, None] * state.covariance * scale,
+        np.concatenate([each.survey.poses.joint for each in old]),
+        tuple(each.name for each in old),
+    )

@@ -1,0 +1,145 @@
+"""Few poses for a machine whose history is known: those that tell what is not known yet.
+
+The stops are D-optimal (`optimal.py`) given a prior of dimensions and effects (`Carried`); of the
+tracker's frame and the reflector's place no more is known than ever. Each is approached from both
+sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Chain
+from delta_calibration.errors import InputError
+from delta_calibration.estimation import FEWEST_CARRIED, Carried, carried_rows, chain_of
+from delta_calibration.plans.bench import Bench, StopConditions
+from delta_calibration.plans.motion import Plan
+from delta_calibration.plans.optimal import (
+    WEAK,
+    FiledNoise,
+    candidates,
+    choose,
+    drawn_theta,
+    unmeasured,
+)
+from delta_calibration.plans.points import PLACES, tool_points
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+
+UPDATE_PLACES = 18  # three tenths of a whole plan
+_CANDIDATES = 1000
+_SIDES = (1.0, -1.0)
+
+
+@dataclass(frozen=True)
+class Renewal:
+    """Stops for an update, and how well the tool is known after them."""
+
+    plan: Plan
+    candidates: int  # poses that they were chosen from
+    # what is uncertain of the machine over all candidates after the update, RMS, in standard
+    # deviations of a measured stop
+    after: float
+    whole: float  # the same after as many stops by lot as a whole plan has, nothing carried over
+
+
+def renewal_plan(
+    robot: Robot,
+    carried: Carried,
+    count: int = UPDATE_PLACES,
+    *,
+    dwell: float = 1.0,
+    radius: float | None = None,
+    seed: int = 0,
+    follow: Callable[[range], Iterable[int]] = iter,
+) -> Renewal:
+    """The D-optimal stops for a machine of which something is known.
+
+    Args:
+        robot: drawing, tolerances, limits.
+        carried: what is known of it.
+        count: of different stops.
+        dwell: at each [s].
+        radius: of the tool from the axis [m]; None for no limit.
+        seed: of the candidates and of the order.
+        follow: is handed the steps and hands them on; for a progress bar.
+
+    Raises:
+        InputError: too few stops, or too small a radius.
+    """
+    if count < FEWEST_CARRIED:
+        raise InputError(f"--count {count}: an update needs {FEWEST_CARRIED} places or more")
+    rng = np.random.default_rng(seed)
+    joint = candidates(robot, max(_CANDIDATES, 2 * count), radius, rng, follow=follow)
+    about = _About.of(robot, carried)
+    rows = about.rows(robot, joint)
+    chosen = rng.permutation(choose(rows, about.known, count, len(about.known), follow))
+    spread = rng.permutation(len(rows))[:PLACES]
+    stops = np.repeat(joint[chosen], len(_SIDES), axis=0)
+    return Renewal(
+        Plan(
+            name="update",
+            target=tool_points(robot, stops),
+            joint=stops,
+            direction=np.tile(_SIDES, count),
+            payload=np.zeros(len(stops)),
+            dwell=dwell,
+        ),
+        len(rows),
+        about.uncertain(rows, about.known, chosen),
+        about.uncertain(rows, about.drawn, spread),
+    )
+
+
+@dataclass(frozen=True)
+class _About:
+    """The machine as it is known, in scaled unknowns: frame and reflector, then its own."""
+
+    chain: Chain
+    theta: Array  # (P,)
+    scale: Array  # (P, P) d(theta)/dz
+    known: Array  # (P, P) information on z of history and tolerances of the reflector
+    drawn: Array  # (P, P) the same of the drawing's tolerances alone
+
+    @classmethod
+    def of(cls, robot: Robot, carried: Carried) -> _About:
+        """About what is known, the tracker three metres away."""
+        chain = chain_of(robot).with_effects(carried.effects)
+        own = carried_rows(chain.layout)
+        order = np.concatenate([np.setdiff1d(np.arange(chain.layout.size), own), own])
+        theta = drawn_theta(chain)
+        problem = carried.applied(unmeasured(chain, theta))
+        precision = np.where(problem.has_prior, 1.0, WEAK)[order]
+        scale = problem.basis[:, order]
+        tolerance = scale[own] / chain.parameters.prior[own, None]
+        before = np.diag(np.where(np.isin(order, own), 0.0, precision))
+        return cls(
+            chain,
+            problem.theta0,
+            scale,
+            np.diag(precision),
+            before + tolerance.T @ tolerance,
+        )
+
+    def rows(self, robot: Robot, joint: Array) -> Array:
+        """Whitened rows of stops approached from both sides, (N, 6, P)."""
+        size = self.chain.mechanism.joint_size
+        bench, noise = Bench.after(None, size), FiledNoise(robot, self.chain, self.theta)
+        sides = []
+        for side in _SIDES:
+            samples = bench.stops(joint, [StopConditions(side=side)] * len(joint))
+            seen = self.chain.see(samples.at, self.theta)
+            sides.append(noise(samples, seen.x) @ seen.jacobian @ self.scale)
+        return np.concatenate(sides, axis=1)
+
+    def uncertain(self, rows: Array, start: Array, chosen: NDArray[np.int64]) -> float:
+        """Of what is measured at any candidate, in standard deviations of a stop's noise, RMS."""
+        flat = rows[chosen].reshape(-1, rows.shape[-1])
+        covariance = np.linalg.inv(start + flat.T @ flat)
+        each = np.einsum("ndi,ij,ndj->n", rows[:, :3], covariance, rows[:, :3])
+        return float(np.sqrt(each.mean() / 3))
