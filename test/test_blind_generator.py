@@ -14,7 +14,7 @@ from blind.causes import CAUSES
 from blind.machine import Changed, assemble, drawing, manufactured
 from blind.plans import PLANS, joints_at, places, rich
 from blind.unknown import UNKNOWN
-from blind.weight import GRAVITY, ROD_KG, energy, inertia, tensions, torques
+from blind.weight import GRAVITY, ROD_KG, Moved, energy, tensions, torques
 from blind.world import CENTRE, Warming, World
 from delta_calibration.identification import identify
 from delta_calibration.robot import load_robot
@@ -151,7 +151,7 @@ def test_inertia_at_rest_is_a_mass_matrix() -> None:
     stand, payload, still = assemble(q, build), np.zeros(1), np.zeros((1, 3))
 
     def push(acceleration: np.ndarray) -> np.ndarray:
-        return inertia(q, still, acceleration, build, payload, CENTRE, stand)
+        return Moved(q, still, acceleration, build, payload, CENTRE, stand).moments()
 
     mass = np.stack([push(axis[None])[0] for axis in np.eye(3)])
     assert_allclose(mass, mass.T, atol=1e-6)

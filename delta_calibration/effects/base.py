@@ -221,6 +221,11 @@ class Effect(ABC):
     # what searched fields are called in a verdict, and their unit; the joints' for "rad"
     told: ClassVar[Mapping[str, tuple[str, str]]] = {}
 
+    @property
+    def chosen(self) -> dict[str, str]:
+        """What a verdict says of the shape in words, by name; nothing by default."""
+        return {}
+
     def refined(self, values: Array) -> Effect:
         """The same effect with the shape that these values of its parameters (k,) go with."""
         del values

@@ -21,7 +21,7 @@ _PARTS = ("arm", "base", "forearm")
 class Inputs(Mapping[str, Array]):
     """Those of a world, each (n,) in SI and degrees Celsius, worked out when asked for.
 
-    A torque is what the drive must give against weight and inertia; a rod's pull that of weight.
+    A torque is what the drive must give against weight and inertia, a pull what the rod must.
     """
 
     def __init__(self, world: World) -> None:
@@ -101,7 +101,7 @@ def _speed(world: World) -> Array:
 
 
 def _torque(world: World) -> Array:
-    return world.moments(Changed.nothing()) + world.pushes()
+    return world.moments(Changed.nothing())
 
 
 _OF_JOINTS: dict[str, Callable[[World], Array]] = {

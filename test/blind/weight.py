@@ -7,6 +7,9 @@ forces the work they do on what every mass point would move by (D'Alembert).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -82,26 +85,51 @@ def tensions(
     return result.reshape(-1, 3, 2)
 
 
-def inertia(
-    q: Array,
-    velocity: Array,
-    acceleration: Array,
-    build: Build,
-    payload: Array,
-    centre: Array,
-    near: Stand,
-) -> Array:
-    """Moment that each joint must give to move the masses as commanded, (n, 3) [N m]."""
+@dataclass(frozen=True)
+class Moved:
+    """Samples in motion: what was commanded of a machine, and what it carried."""
 
-    def where(angle: Array) -> Array:
-        return mass_points(assemble(angle, build, None, near), build, payload, centre)[1]
+    q: Array  # (n, 3) [rad]
+    velocity: Array  # (n, 3) [rad/s]
+    acceleration: Array  # (n, 3) [rad/s^2]
+    build: Build
+    payload: Array  # (n,) [kg]
+    centre: Array  # (3,) [m]
+    near: Stand
 
-    t = _MOMENT
-    later, sooner = (q + s * t * velocity + t**2 / 2 * acceleration for s in (1, -1))
-    mass, here = mass_points(assemble(q, build, None, near), build, payload, centre)
-    pushed = mass[..., None] * (where(later) - 2 * here + where(sooner)) / t**2
-    each = []
-    for joint in np.eye(3):
-        slope = (where(q + _TURN * joint) - where(q - _TURN * joint)) / (2 * _TURN)
-        each.append(np.sum(pushed * slope, axis=(1, 2)))
-    return np.stack(each, axis=1)
+    def where(self, q: Array, changed: Changed | None = None) -> Array:
+        """Places of the masses, (n, 17, 3) [m]."""
+        stand = assemble(q, self.build, changed, self.near)
+        return mass_points(stand, self.build, self.payload, self.centre)[1]
+
+    @cached_property
+    def pushed(self) -> Array:
+        """Force that moves each mass as commanded, (n, 17, 3) [N]."""
+        t = _MOMENT
+        ways = (t * s * self.velocity + t**2 / 2 * self.acceleration for s in (1, -1))
+        later, sooner = (self.where(self.q + way) for way in ways)
+        mass, here = mass_points(
+            assemble(self.q, self.build, None, self.near), self.build, self.payload, self.centre
+        )
+        return mass[..., None] * (later - 2 * here + sooner) / t**2
+
+    def moments(self) -> Array:
+        """Moment that each joint must give for it, (n, 3) [N m]."""
+        each = []
+        for joint in np.eye(3):
+            ends = (self.where(self.q + s * _TURN * joint) for s in (1, -1))
+            each.append(self._work(*ends) / (2 * _TURN))
+        return np.stack(each, axis=1)
+
+    def tensions(self) -> Array:
+        """Tension that each rod must give for it, (n, 3, 2) [N]."""
+        each = []
+        for rod in np.eye(6).reshape(6, 1, 3, 2):
+            ends = (
+                self.where(self.q, Changed.nothing().and_rod(s * _LONGER * rod)) for s in (1, -1)
+            )
+            each.append(-self._work(*ends) / (2 * _LONGER))
+        return np.stack(each, axis=1).reshape(-1, 3, 2)
+
+    def _work(self, up: Array, down: Array) -> Array:
+        return np.asarray(np.sum(self.pushed * (up - down), axis=(1, 2)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from blind.machine import Build, Changed, Stand, assemble
 from blind.plans import Item
-from blind.weight import inertia, tensions, torques
+from blind.weight import Moved, tensions, torques
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -132,37 +132,39 @@ class World:
         return np.stack(filled, axis=1).reshape(-1, *values.shape[1:])
 
     def moments(self, changed: Changed) -> Array:
-        """Of gravity at the joints, (n, 3) [N m]."""
+        """Of weight at the joints, and of inertia in motion, (n, 3) [N m]."""
 
         def at(rows: Index) -> Array:
             q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
             return torques(q, self.build, changed.take(rows), payload, CENTRE, near)
 
-        return self.spread(at)
+        return self.spread(at) + self.pushes()
 
     def pulls(self, changed: Changed) -> Array:
-        """Tension of the rods, (n, 3, 2) [N]."""
+        """Tension of the rods under weight, and under inertia in motion, (n, 3, 2) [N]."""
 
         def at(rows: Index) -> Array:
             q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
             return tensions(q, self.build, changed.take(rows), payload, CENTRE, near)
 
-        return self.spread(at)
+        result = self.spread(at)
+        rows, moved = self._moved
+        result[rows] += moved.tensions()
+        return result
 
     def pushes(self) -> Array:
         """Moments of inertia forces at the joints, (n, 3) [N m]."""
-        rows = np.flatnonzero(~self.still)
         result = np.zeros_like(self.command)
-        result[rows] = inertia(
-            self.command[rows],
-            self.velocity[rows],
-            self.acceleration[rows],
-            self.build,
-            self.payload[rows],
-            CENTRE,
-            self.stand.take(rows),
-        )
+        rows, moved = self._moved
+        result[rows] = moved.moments()
         return result
+
+    @cached_property
+    def _moved(self) -> tuple[Index, Moved]:
+        """All samples in motion: their rows, and what moved."""
+        rows = np.flatnonzero(~self.still)
+        motion = (values[rows] for values in (self.command, self.velocity, self.acceleration))
+        return rows, Moved(*motion, self.build, self.payload[rows], CENTRE, self.stand.take(rows))
 
 
 @dataclass
