@@ -135,12 +135,18 @@ class Backlash(Effect):
         """Torque of weight on the joints of the drawing's machine, (n, m) [N m]."""
         return nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
 
-    def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        """Play that the weight of the arms holds shut: (gap / 2) sign(torque), a zero offset."""
+    def disguised(self, at: Conditions, named: bool = False) -> tuple[str, str, str, str] | None:
+        """Play that the weight of the arms holds shut: (gap / 2) sign(torque), a zero offset.
+
+        Beside a play that was named, of joints where what holds it never lets go.
+        """
         if not isinstance(self.mechanism, DeltaModel) or not len(at):
             return None
+        if named and not self.held_by:
+            return None  # friction holds it
         torque = self._load(at)
-        held = np.abs(np.sign(torque).sum(axis=0)) == len(torque)
+        side = np.sign(torque) * (np.abs(torque) > self.held_by)
+        held = np.abs(side.sum(axis=0)) == len(torque)
         if not held.any():
             return None
         joints = "every joint"

@@ -243,14 +243,18 @@ class Effect(ABC):
         """Whether the mechanism has what it acts on."""
         return True
 
-    def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
+    def disguised(self, at: Conditions, named: bool = False) -> tuple[str, str, str, str] | None:
         """A form of the cause that such data show as something else, however well they were taken.
+
+        Args:
+            at: conditions of the poses at rest.
+            named: whether the cause was named, in this shape.
 
         Returns:
             What it is called, the cause that it is taken for, why, and what would tell; None where
             there is no such form.
         """
-        del at
+        del at, named
         return None
 
     @classmethod
