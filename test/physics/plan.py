@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 EVERY = 100  # steps from one reading to the next
 _BESIDE = 0.05  # [rad] where the slow approach begins
-_MOVE, _APPROACH, _SETTLE = 0.5, 0.4, 0.3  # [s]
+_MOVE, _APPROACH, _SETTLE = 0.4, 0.3, 0.25  # [s]
 _START, _LEVEL, _RADIUS = 0.3, -0.70, 0.14  # [s] to full speed, [m], [m]
 _LOWEST, _HIGHEST = np.radians(-30), np.radians(95)
 _LOW, _HIGH = -0.86, -0.60  # [m] of the workspace
@@ -65,9 +65,18 @@ def stops(
     count: int,
     payloads: tuple[float, ...] = (0.0, HEAVY),
     repeats: int = 8,
+    reach: float = 0.4,
 ) -> list[Item]:
-    """Places from both sides under each payload, shuffled, and a few of them twice more."""
-    goals = places(rng, count)
+    """Places from both sides under each payload, shuffled, and a few of them twice more.
+
+    Args:
+        rng: of places and order.
+        count: of places.
+        payloads: one after the other [kg].
+        repeats: stops that come twice more.
+        reach: of the places from the middle [m].
+    """
+    goals = places(rng, count, reach)
     items, here = [], np.zeros(3)
     for payload in payloads:
         every = [(goal, side) for goal in goals for side in (1.0, -1.0)]
