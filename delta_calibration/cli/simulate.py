@@ -38,7 +38,9 @@ Drive:
   encoder_eccentricity  value is the amplitude
   transmission_error    value is the amplitude; cycles= a turn, by default
                         the gear ratio
-  joint_scale backlash joint_compliance joint_lag
+  joint_scale joint_compliance joint_lag
+  backlash              on a Delta held_by= [N m]: loads beyond it hold the
+                        play on their own flank; 0: nothing does
   joint_zero_drift      a ramp, of an hour; or time_constant=, step_at= [s]
   stick_slip            beyond speed= [rad/s; m/s where joints slide] gone but
                         for level=0 of it; by default a Delta's 0.1 rad/s or
@@ -50,7 +52,8 @@ Structure:
   thermal_growth_forearm
                         no thermometer there: by the clock, time_constant=2400
   forearm_compliance dynamic_deflection
-  ball_joint_clearance  from end to end over force=0 [N]
+  ball_joint_clearance  from end to end over force=0 [N]; at the end=1
+                        (elbow) or -1 (platform) of the rods; 0: both
 By robot:
   every one             geometry smr_offset tracker_scale tracker_drift
                         timestamp_latency backlash joint_lag

@@ -97,7 +97,7 @@ class Backlash(Effect):
             yield Term(tuple(signals), (j,), (j,), self.constants(j))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """By direction alone; then held by any load, by the larger ones, by the largest.
+        """By direction alone; then held by any load, and by ever larger ones.
 
         Where loads are known, and hold a joint now on the one flank and now on the other, or not
         at all poses.
@@ -178,4 +178,4 @@ class Backlash(Effect):
 
 _LEAST = 1e-9  # [rad of a Delta]
 _ANY = 1e-3  # [N m] a load that holds an arm which has no friction
-_SHARES = (0.25, 0.5, 0.75)  # of samples whose load is smaller
+_SHARES = np.arange(0.1, 1.0, 0.1)  # of joints at samples, those whose load is smaller

@@ -13,8 +13,8 @@ from physics.machine import ARM, PLATFORM, RADIUS, ROD
 Array = NDArray[np.float64]
 
 EVERY = 100  # steps from one reading to the next
-_BESIDE = 0.05  # [rad] where the slow approach begins
-_MOVE, _APPROACH, _SETTLE = 0.4, 0.3, 0.25  # [s]
+_BESIDE = 0.02  # [rad] where the slow approach begins
+_MOVE, _APPROACH, _SETTLE = 0.4, 0.35, 0.25  # [s]
 _START, _LEVEL, _RADIUS = 0.3, -0.70, 0.14  # [s] to full speed, [m], [m]
 _LOWEST, _HIGHEST = np.radians(-30), np.radians(95)
 _LOW, _HIGH = -0.86, -0.60  # [m] of the workspace
