@@ -1,4 +1,4 @@
-"""A judge with bodies: the Delta in a physics engine, against statics by hand and the diagnosis.
+"""A judge with bodies: a Delta in a physics engine, against equilibria by hand; then diagnosed.
 
 The whole of it is `python -m study.bodies`; this is the small one.
 """
@@ -117,7 +117,7 @@ def fallen(**faults) -> float:
     return -HEIGHT - place[2]
 
 
-def test_bodies_give_way_as_statics_by_hand_have_it():
+def test_bodies_give_way_as_equilibria_by_hand_have_it():
     """Arms level, all three alike: an arm that turns by dq lowers all beyond it by ARM dq."""
     torque = GRAVITY * ARM * (PLATFORM_KG / 3 + 2 * ROD_KG + ARM_CENTRE * ARM_KG)
     lean = HEIGHT / ROD
