@@ -114,6 +114,13 @@ class Backlash(Effect):
         """That any load holds the arm, where it does."""
         return {"flank": "by load"} if 0 < self.held_by <= _ANY else {}
 
+    def searches(self, at: Conditions) -> Iterator[tuple[Effect, ...]]:
+        """Play by direction alone has nothing to search; that held by loads has."""
+        plain, *held = self.shapes(at)
+        yield (plain,)
+        if held:
+            yield tuple(held)
+
     def intervals(self) -> tuple[Interval, ...]:
         """A load that holds the arm lies between the neighbours of the search."""
         if self.held_by <= _ANY:

@@ -91,6 +91,11 @@ class BallJointClearance(Effect):
         for force, end in product((0.0, 0.2, 0.8), (0.0, -1.0, 1.0)):
             yield replace(self, force=force, end=end)
 
+    def searches(self, at: Conditions) -> Iterator[tuple[Effect, ...]]:
+        """Wherever the play is, and at the one end or at the other."""
+        every = tuple(self.shapes(at))
+        yield from (every[::3], every[1::3] + every[2::3])
+
     @property
     def chosen(self) -> dict[str, str]:
         """End of the rods that the play is at, where that was found."""

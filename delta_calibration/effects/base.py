@@ -190,6 +190,10 @@ class Effect(ABC):
         del at
         yield self
 
+    def searches(self, at: Conditions) -> Iterator[tuple[Effect, ...]]:
+        """The shapes that are searched together: one explanation pays for no other's search."""
+        yield tuple(self.shapes(at))
+
     def regressor(self, at: Conditions) -> Regressor:
         """Quantity that gives it away: the horizontal axis of its picture in the report."""
         del at
