@@ -15,10 +15,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import Verdict, diagnose
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 
 pytest.importorskip("mujoco", reason="needs the extra [physics]")
 

@@ -25,9 +25,9 @@ for library in ("OPENBLAS", "MKL", "OMP"):  # one thread a process: the matrices
 import click
 import numpy as np
 
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import Diagnosis, diagnose
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 from physics.machine import ELBOW_END, PLATFORM_END, from_the_workshop
 from physics.plan import HEAVY, circles, stops
 from physics.session import measured

@@ -22,7 +22,8 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
 )
-from delta_calibration.identification import (
+from delta_calibration.data import Poses, collect
+from delta_calibration.estimation import (
     METHODS,
     ORDERS,
     Identification,
@@ -33,7 +34,6 @@ from delta_calibration.identification import (
 )
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Poses, collect
 from delta_calibration.wording import mm
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}

@@ -18,6 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import ADJUST, Remedy
@@ -35,7 +36,6 @@ from delta_calibration.model.chain_constants import OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, absolute, maximum, minimum, sign, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
@@ -25,7 +26,6 @@ from delta_calibration.model.chain_constants import FREE_FALL
 from delta_calibration.model.symbols import Symbol, maximum, sign, sin, tanh, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from delta_calibration.samples import JointStream, PayloadStream, Session, TrackerStream
+from delta_calibration.data import JointStream, PayloadStream, Session, TrackerStream
 from physics.bodies import CENTRE, STEP
 from physics.machine import Machine
 from physics.plan import EVERY, Item
