@@ -130,7 +130,7 @@ def test_a_machine_is_the_same_for_the_same_seed():
     [
         ("scara", "reducer_compliance", 500.0),
         ("linear_delta", "thermal_growth_arm", 600.0),
-        ("five_axis", "backlash", 600.0),
+        ("five_axis", "joint_lag", 600.0),
     ],
 )
 def test_a_hidden_cause_of_another_machine_is_named(robot: str, cause: str, strength: float):

@@ -76,8 +76,8 @@ def robots(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _intervals(outcomes: Sequence[Outcome]) -> Rate:
-    inside = [inside(item) for o in outcomes for item in o["intervals"]]
-    return Rate(sum(inside), len(inside))
+    every = [inside(item) for o in outcomes for item in o["intervals"]]
+    return Rate(sum(every), len(every))
 
 
 def _spread(seconds: Sequence[float], most: bool = False) -> str:

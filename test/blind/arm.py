@@ -86,12 +86,14 @@ class Arm(Kind):
         self.sweep = np.diag(np.minimum(span, 0.6))
         self._lines(geometry)
         long, tool = 1e-3 * tolerance["length_mm"], 1e-3 * tolerance["tool_mm"]
-        links = np.full((len(self.joints) + 1, 3), long)
-        links[-1] = tool
+        # along the common normal and the line; aside by as much would be a zero off by more
+        parallel = np.array([[row.get("parallel", False)] for row in geometry["links"]])
+        links = long * (np.abs(self.across[:, 0]) + np.where(parallel, 0.0, np.abs(self.axes)))
         links[0] = 0.0  # where the first line stands is the base
+        about = np.concatenate([np.ones_like(parallel), parallel], axis=1)
         self.expected = {
-            "link": links,
-            "tilt": 1e-3 * tolerance["twist_mrad"],
+            "link": np.append(links, np.full((1, 3), tool), axis=0),
+            "tilt": 1e-3 * tolerance["twist_mrad"] * about,
             "zero": 1e-3 * tolerance["zero_mrad"],
         }
         self.rise = {"link": (9.0, 14.0)}
@@ -101,7 +103,7 @@ class Arm(Kind):
     def _lines(self, geometry: Any) -> None:
         """Directions of the lines, points on them, and how the tool is turned, at zero."""
         self.lengths = [i for i, row in enumerate(geometry["links"]) if row["length_mm"]]
-        frame, points, axes = np.eye(4), [np.zeros(3)], []
+        frame, points, axes, normals = np.eye(4), [np.zeros(3)], [], []
         for row in geometry["links"]:
             before, after = np.eye(4), np.eye(4)
             before[:3, :3] = Rotation.from_euler("x", row["twist_deg"], degrees=True).as_matrix()
@@ -110,13 +112,12 @@ class Arm(Kind):
             frame = frame @ before @ after
             points.append(frame[:3, 3])
             axes.append(frame[:3, 2])
+            normals.append(frame[:3, 0])
         points.append((frame @ np.append(1e-3 * np.array(geometry["tool_mm"]), 1.0))[:3])
         mount = Rotation.from_euler("XYZ", geometry["mount_deg"], degrees=True)
         self.axes, self.mounted = np.array(axes), frame[:3, :3] @ mount.as_matrix()
         self.links = np.diff(np.array(points), axis=0)
-        other = np.where(np.abs(self.axes) < 0.9, 1.0, 0.0)
-        first = np.cross(self.axes, other)
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        first = np.array(normals)  # common normals of each line and the one before
         self.across = np.stack([first, np.cross(self.axes, first)], axis=1)  # (m, 2, 3)
 
     def drawing(self) -> Build:
