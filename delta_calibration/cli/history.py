@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
-from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
 from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.options import (
@@ -24,15 +21,13 @@ from delta_calibration.cli.options import (
     topics_option,
     write_text,
 )
-from delta_calibration.documents import load_schema, read_document
 from delta_calibration.errors import InputError
 from delta_calibration.history import Dated, History, find_changes
-from delta_calibration.identification import identify
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.report.history import page_of_history
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Survey, survey
+from delta_calibration.samples import survey
 from delta_calibration.wording import mm, plain
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
@@ -113,6 +108,7 @@ def _add(
     quick: bool,
 ) -> None:
     """Add one session, or note where it is now."""
+    from delta_calibration.history.entries import Origin, entry_of, found_in
     from delta_calibration.history.store import folder_hash
 
     digest = folder_hash(path)
@@ -123,9 +119,11 @@ def _add(
     recorded = read_session(path, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, given, False, True)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    entry = _entry(machine, name, path, digest, topics, seen, robot, seed, quick)
+    origin = Origin(machine, name, path, digest, topics)
+    diagnose = None if quick else lambda seen, robot: diagnosed(seen, robot, None, seed, None)
+    entry = entry_of(origin, seen, robot, seed, diagnose)
     store.add(entry, given, robot.machine_hash)
-    click.echo(f"added: {name} of {entry.began:%Y-%m-%d %H:%M}; {_found(entry)}")
+    click.echo(f"added: {name} of {entry.began:%Y-%m-%d %H:%M}; {found_in(entry.verdict)}")
 
 
 @command.command("list")
@@ -133,13 +131,17 @@ def _add(
 @_STORE
 def list_(machine: str | None, url: str) -> None:
     """List machines, or the sessions of one."""
+    from delta_calibration.history.entries import found_in, held_out
+
     with _opened(url) as store:
         if machine is None:
             rows = [(name, robot, str(len(store.sessions(name)))) for name, robot in _all(store)]
             click.echo(table(("machine", "robot", "sessions"), rows))
             return
         entries = store.sessions(machine)
-    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(_held_out(e)), _found(e)) for e in entries]
+    lines = [
+        (e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(held_out(e)), found_in(e.verdict)) for e in entries
+    ]
     click.echo(table(("session", "began", "held-out error [mm]", "found"), lines))
 
 
@@ -150,6 +152,8 @@ def list_(machine: str | None, url: str) -> None:
 @click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     """Show one session: where it is, what was found, whether the bag is still the same."""
+    from delta_calibration.history.entries import found_in, held_out
+
     with _opened(url) as store:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:
@@ -160,7 +164,7 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     click.echo(
         f"{machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M}\n"
         f"path: {entry.path}\nsha256: {entry.sha256}\nadded: {entry.added:%Y-%m-%d %H:%M}\n"
-        f"held-out error: {mm(_held_out(entry))} mm; {_found(entry)}"
+        f"held-out error: {mm(held_out(entry))} mm; {found_in(entry.verdict)}"
     )
     if verdict_file is not None:
         if entry.verdict is None:
@@ -210,7 +214,9 @@ def report(machine: str, url: str, out: Path) -> None:
     require_folder(out)
     require_libraries()
     with _opened(url) as store:
-        errors = [(e.id, e.began, _held_out(e)) for e in store.sessions(machine)]
+        from delta_calibration.history.entries import held_out
+
+        errors = [(e.id, e.began, held_out(e)) for e in store.sessions(machine)]
     found = _changes(machine, url)
     write_page(out, page_of_history(machine, found, errors))
     click.echo(plain("\n".join((*found.sentences(), f"written: {out}"))))
@@ -232,60 +238,6 @@ def _all(store: Store) -> Iterable[tuple[str, str]]:
     return store.machines()
 
 
-def _entry(
-    machine: str,
-    name: str,
-    path: Path,
-    digest: str,
-    topics: tuple[str, ...],
-    seen: Survey,
-    robot: Robot,
-    seed: int,
-    quick: bool,
-) -> Entry:
-    """The session with what a fit or a diagnosis makes of it."""
-    from delta_calibration.history.store import Entry
-
-    verdict = None
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.yaml"
-        if quick:
-            save_calibration(file, identify(seen.poses, robot, seed=seed), robot, seen.poses)
-        else:
-            found = diagnosed(seen, robot, None, seed, None)
-            save_extended(file, found, robot, seen.poses)
-            verdict = found.verdict.as_dict()
-        calibration = read_document(file, lambda _: load_schema("calibration"))
-    return Entry(
-        machine=machine,
-        id=name,
-        path=path,
-        sha256=digest,
-        began=datetime.fromtimestamp(seen.poses.start_ns * 1e-9, timezone.utc),
-        added=datetime.now(timezone.utc),
-        topics=topics,
-        calibration=json.loads(json.dumps(calibration, default=str)),
-        verdict=verdict,
-    )
-
-
-def _found(entry: Entry) -> str:
-    if entry.verdict is None:
-        return "no causes looked for"
-    named = [
-        f["cause"] + (f" at {f['location']}" if f["location"] else "")
-        for f in entry.verdict["findings"]
-    ]
-    return f"found: {', '.join(named) or 'nothing beyond geometry'}"
-
-
-def _held_out(entry: Entry) -> float:
-    """Error left of the model of a session [mm]."""
-    if entry.verdict is not None:
-        return float(entry.verdict["extended"]["held_out_rms_mm"])
-    return float(entry.calibration["residuals"]["full"]["error_left_rms_mm"])
-
-
 def _changes(machine: str, url: str) -> History:
     """What changed, from the bags of the history."""
     with _opened(url) as store:
@@ -298,17 +250,12 @@ def _changes(machine: str, url: str) -> History:
             f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin "
             "another history"
         )
-    dated = [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
-    return find_changes(dated, robot, named=robot.named)
+    days = [_read(entry, robot) for entry in progress(entries, len(entries), "session")]
+    return find_changes(days, robot, named=robot.named)
 
 
-def _dated(entry: Entry, robot: Robot) -> Dated:
-    """The session of an entry, read again, with the effects that its calibration has."""
+def _read(entry: Entry, robot: Robot) -> Dated:
+    from delta_calibration.history.entries import dated
+
     entry.require_unchanged()
-    recorded = read_session(entry.path, Topics.from_options(entry.topics))
-    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.json"
-        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
-        calibration = load_calibration(file, robot)
-    return Dated(entry.id, entry.began, seen, calibration.chain.effects)
+    return dated(entry, robot, entry.path)
