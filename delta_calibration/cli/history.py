@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # other verbs do not wait for a database's library
     from delta_calibration.history.store import Entry, Store
 
 _FILE = click.Path(path_type=Path)
-_STORE = click.option(
+STORE = click.option(
     "--store",
     "url",
     default="history.sqlite",
@@ -57,7 +57,7 @@ def command() -> None:
 @click.argument("sessions", nargs=-1, required=True, type=_FILE)
 @robot_option
 @_MACHINE
-@_STORE
+@STORE
 @click.option(
     "--id", "name", default=None, help="Of a single session.  [default: its folder's name]"
 )
@@ -88,7 +88,7 @@ def add(
         if not session.is_dir():
             raise InputError(f"{session}: no folder of a session")
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
-    with _opened(url, make=True) as store:
+    with opened(url, make=True) as store:
         for session in sessions:
             path = session.resolve()
             _add(store, machine, path, name or path.name, robot, given, topics, seed, quick)
@@ -128,12 +128,12 @@ def _add(
 
 @command.command("list")
 @click.option("--machine", default=None, metavar="NAME", help="Which machine; all if not given.")
-@_STORE
+@STORE
 def list_(machine: str | None, url: str) -> None:
     """List machines, or the sessions of one."""
     from delta_calibration.history.entries import found_in, held_out
 
-    with _opened(url) as store:
+    with opened(url) as store:
         if machine is None:
             rows = [(name, robot, str(len(store.sessions(name)))) for name, robot in _all(store)]
             click.echo(table(("machine", "robot", "sessions"), rows))
@@ -148,13 +148,13 @@ def list_(machine: str | None, url: str) -> None:
 @command.command("show")
 @click.argument("name", metavar="ID")
 @_MACHINE
-@_STORE
+@STORE
 @click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     """Show one session: where it is, what was found, whether the bag is still the same."""
     from delta_calibration.history.entries import found_in, held_out
 
-    with _opened(url) as store:
+    with opened(url) as store:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:
         raise InputError(
@@ -176,7 +176,7 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
 
 @command.command("changes")
 @_MACHINE
-@_STORE
+@STORE
 @click.option(
     "--json",
     "json_file",
@@ -207,13 +207,13 @@ def changes(machine: str, url: str, json_file: str | None) -> None:
 
 @command.command("report")
 @_MACHINE
-@_STORE
+@STORE
 @click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
 def report(machine: str, url: str, out: Path) -> None:
     """Write the change log of a machine as one HTML page."""
     require_folder(out)
     require_libraries()
-    with _opened(url) as store:
+    with opened(url) as store:
         from delta_calibration.history.entries import held_out
 
         errors = [(e.id, e.began, held_out(e)) for e in store.sessions(machine)]
@@ -222,7 +222,12 @@ def report(machine: str, url: str, out: Path) -> None:
     click.echo(plain("\n".join((*found.sentences(), f"written: {out}"))))
 
 
-def _opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
+def opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
+    """A store by its file or URL.
+
+    Raises:
+        InputError: SQLAlchemy is not there, or the store cannot be opened.
+    """
     try:
         from delta_calibration.history.store import open_store
     except ModuleNotFoundError as error:
@@ -240,7 +245,7 @@ def _all(store: Store) -> Iterable[tuple[str, str]]:
 
 def _changes(machine: str, url: str) -> History:
     """What changed, from the bags of the history."""
-    with _opened(url) as store:
+    with opened(url) as store:
         entries = store.sessions(machine)
         given, digest = store.robot_of(machine)
     robot = load_robot(given)

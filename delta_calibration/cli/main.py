@@ -26,6 +26,7 @@ VERBS = (
     "certificate",
     "compare",
     "history",
+    "fleet",
     "compensate",
     "export",
     "iso9283",

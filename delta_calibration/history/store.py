@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,14 +45,14 @@ _NAME = 255
 
 _METADATA = MetaData()
 _VERSION = Table("delta_cal_history", _METADATA, Column("version", Integer, nullable=False))
-_MACHINES = Table(
+MACHINES = Table(
     "machines",
     _METADATA,
     Column("name", String(_NAME), primary_key=True),
     Column("robot", String, nullable=False),  # file or name, as it was given
     Column("robot_sha256", String(64), nullable=False),
 )
-_SESSIONS = Table(
+SESSIONS = Table(
     "sessions",
     _METADATA,
     Column("machine", ForeignKey("machines.name"), primary_key=True),
@@ -80,6 +81,11 @@ class Entry:
     calibration: dict[str, Any]
     verdict: dict[str, Any] | None
 
+    @property
+    def url(self) -> str:
+        """Where it is as it was given: a path loses a slash of `s3://bucket/session`."""
+        return re.sub(r"^([a-z][a-z0-9+.-]*):/(?=[^/])", r"\1://", str(self.path))
+
     def require_unchanged(self) -> None:
         """Refuse a session that is not where it was, or not what it was.
 
@@ -105,23 +111,34 @@ class Store:
         """Take a database that is of the present version; see `open_store`."""
         self._engine, self._name = engine, name
 
+    @contextmanager
+    def transaction(self) -> Iterator[Connection]:
+        """All that is written within, or nothing; errors of the database are told as ours.
+
+        Raises:
+            InputError: the database refuses it.
+        """
+        with _told(self._name), self._engine.begin() as connection:
+            yield connection
+
     def robot_of(self, machine: str) -> tuple[str, str]:
         """Robot file or name of a machine, and its hash.
 
         Raises:
             InputError: no such machine.
         """
+        query = select(MACHINES).where(MACHINES.c.name == machine)
         with _told(self._name), self._engine.connect() as connection:
-            rows = {row.name: row for row in connection.execute(select(_MACHINES))}
-        if machine not in rows:
-            known = ", ".join(sorted(rows)) or "none"
+            row = connection.execute(query).first()
+        if row is None:
+            known = ", ".join(name for name, _ in self.machines()) or "none"
             raise InputError(f"{self._name}: no machine {machine!r}; there are: {known}")
-        return rows[machine].robot, rows[machine].robot_sha256
+        return row.robot, row.robot_sha256
 
     def machines(self) -> tuple[tuple[str, str], ...]:
         """Name and robot of every machine."""
         with _told(self._name), self._engine.connect() as connection:
-            rows = connection.execute(select(_MACHINES).order_by(_MACHINES.c.name))
+            rows = connection.execute(select(MACHINES).order_by(MACHINES.c.name))
             return tuple((row.name, row.robot) for row in rows)
 
     def sessions(self, machine: str) -> tuple[Entry, ...]:
@@ -131,9 +148,9 @@ class Store:
             InputError: no such machine.
         """
         self.robot_of(machine)
-        query = select(_SESSIONS).where(_SESSIONS.c.machine == machine)
+        query = select(SESSIONS).where(SESSIONS.c.machine == machine)
         with _told(self._name), self._engine.connect() as connection:
-            rows = connection.execute(query.order_by(_SESSIONS.c.began, _SESSIONS.c.id))
+            rows = connection.execute(query.order_by(SESSIONS.c.began, SESSIONS.c.id))
             return tuple(_entry(row._asdict()) for row in rows)
 
     def require_new(self, machine: str, robot: str, sha256: str, path: Path, name: str) -> bool:
@@ -175,33 +192,35 @@ class Store:
 
     def moved(self, machine: str, sha256: str, path: Path) -> None:
         """Note where a session is now."""
-        here = (_SESSIONS.c.machine == machine) & (_SESSIONS.c.sha256 == sha256)
+        here = (SESSIONS.c.machine == machine) & (SESSIONS.c.sha256 == sha256)
         with _told(self._name), self._engine.begin() as connection:
-            connection.execute(update(_SESSIONS).where(here).values(path=str(path)))
+            connection.execute(update(SESSIONS).where(here).values(path=str(path)))
 
     def add(self, entry: Entry, robot: str, robot_sha256: str) -> None:
         """Add a session, and its machine where it is the first."""
-        new = entry.machine not in dict(self.machines())
-        with _told(self._name), self._engine.begin() as connection:
-            if new:
-                connection.execute(
-                    insert(_MACHINES).values(
-                        name=entry.machine, robot=robot, robot_sha256=robot_sha256
-                    )
-                )
-            connection.execute(
-                insert(_SESSIONS).values(
-                    machine=entry.machine,
-                    id=entry.id,
-                    path=str(entry.path),
-                    sha256=entry.sha256,
-                    began=entry.began.isoformat(),
-                    added=entry.added.isoformat(),
-                    topics=list(entry.topics),
-                    calibration=entry.calibration,
-                    verdict=entry.verdict,
-                )
-            )
+        with self.transaction() as connection:
+            insert_entry(connection, entry, robot, robot_sha256)
+
+
+def insert_entry(connection: Connection, entry: Entry, robot: str, robot_sha256: str) -> None:
+    """Add a session within a transaction, and its machine where it is the first."""
+    known = select(MACHINES.c.name).where(MACHINES.c.name == entry.machine)
+    if connection.execute(known).first() is None:
+        machine = {"name": entry.machine, "robot": robot, "robot_sha256": robot_sha256}
+        connection.execute(insert(MACHINES).values(machine))
+    connection.execute(
+        insert(SESSIONS).values(
+            machine=entry.machine,
+            id=entry.id,
+            path=str(entry.path),
+            sha256=entry.sha256,
+            began=entry.began.isoformat(),
+            added=entry.added.isoformat(),
+            topics=list(entry.topics),
+            calibration=entry.calibration,
+            verdict=entry.verdict,
+        )
+    )
 
 
 @contextmanager

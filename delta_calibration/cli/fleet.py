@@ -1,0 +1,200 @@
+"""`delta-cal fleet`: many machines at once, and what their fleet tells."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import click
+from tqdm import tqdm
+
+from delta_calibration.cli.history import opened
+from delta_calibration.cli.options import robots, seed_option, topics_option
+from delta_calibration.errors import InputError
+from delta_calibration.wording import plain
+
+if TYPE_CHECKING:  # other verbs do not wait for a cluster's library
+    from delta_calibration.fleet.places import Machine
+    from delta_calibration.fleet.run import Result
+
+_LIBRARIES = ("dask", "distributed", "fsspec", "sqlalchemy")
+
+
+class _Verbs(click.Group):
+    """A first argument that is no verb is what `run` is given."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put `run` before the source of sessions."""
+        if args and not args[0].startswith("-") and args[0] not in self.commands:
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group("fleet", cls=_Verbs, short_help="work through many machines on a cluster")
+def command() -> None:
+    """Check, fit and diagnose the sessions of many machines, and tell what they have in common.
+
+    `delta-cal fleet FOLDER` is short for `delta-cal fleet run FOLDER`.
+    Needs Dask and SQLAlchemy: pip install 'delta_calibration[fleet]'.
+    """
+
+
+@command.command("run")
+@click.argument("source", metavar="FOLDER|STORE")
+@click.option(
+    "--robot",
+    "robot_given",
+    default=None,
+    metavar="FILE|NAME",
+    shell_complete=robots,
+    help="Robot of all machines.  [default: robot.yaml in the folder, or in a machine's own]",
+)
+@click.option(
+    "--store",
+    "url",
+    default=None,
+    metavar="FILE|URL",
+    help="History to write to.  [default: history.sqlite, or the STORE that is given]",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    default=None,
+    help="Address of a Dask scheduler, such as tcp://host:8786.  [default: a local cluster]",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=None,
+    help="Processes of the local cluster.  [default: as many as cores]",
+)
+@click.option(
+    "--memory",
+    "memory_gb",
+    type=click.FloatRange(min=0.5),
+    default=2.0,
+    show_default=True,
+    metavar="GB",
+    help="Most memory of a worker of the local cluster; one that needs more is begun anew.",
+)
+@click.option("--quick", is_flag=True, help="Fit the geometry only; look for no causes.")
+@click.option("--no-changes", is_flag=True, help="Do not compare the sessions of a machine.")
+@click.option("--again", is_flag=True, help="Try sessions once more that failed before.")
+@seed_option
+@topics_option
+@click.option("-v", "--verbose", is_flag=True, help="Print a line for every session.")
+def run_(
+    source: str,
+    robot_given: str | None,
+    url: str | None,
+    scheduler: str | None,
+    workers: int | None,
+    memory_gb: float,
+    quick: bool,
+    no_changes: bool,
+    again: bool,
+    seed: int,
+    topics: tuple[str, ...],
+    verbose: bool,
+) -> None:
+    """Check, fit and diagnose all sessions of the machines in FOLDER, or of a history, a STORE.
+
+    FOLDER has a folder for each machine, with a folder for each of its sessions; it may be the URL
+    of any file system that fsspec knows. Sessions whose result is in the history are not worked on
+    again: a run that was stopped goes on where it was. A session that cannot be used is told, and
+    the others go on; the exit code is 1 then.
+    """
+    _require_libraries()
+    from delta_calibration.fleet.places import is_folder
+    from delta_calibration.fleet.run import Settings, cluster, run
+    from delta_calibration.history.ledger import Ledger
+
+    folder = is_folder(source)
+    store_url = url or ("history.sqlite" if folder else source)
+    if not folder and (robot_given or topics):
+        raise InputError("--robot and --topic are of a folder; a history knows its own")
+    machines = _machines(source, folder, robot_given, topics)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is told by us
+    told = _Told(sum(len(machine.sessions) for machine in machines), verbose)
+    with opened(store_url, make=True) as store, cluster(scheduler, workers, memory_gb) as client:
+        settings = Settings(quick, again, not no_changes, seed)
+        with told.bar:
+            run(client, machines, Ledger(store), settings, told)
+    click.echo(f"{store_url}: {told.summary(len(machines))}")
+    if told.counts["failed"]:
+        raise click.exceptions.Exit(1)
+
+
+def _machines(
+    source: str, folder: bool, robot_given: str | None, topics: tuple[str, ...]
+) -> tuple[Machine, ...]:
+    from delta_calibration.fleet.places import machines_in, robot_file
+    from delta_calibration.fleet.run import machines_of
+
+    if folder:
+        robot = None if robot_given is None else robot_file(robot_given)
+        return machines_in(source, robot, topics)
+    with opened(source) as store:
+        return machines_of(store)
+
+
+class _Told:
+    """Tells results as they come, and counts them."""
+
+    def __init__(self, sessions: int, verbose: bool) -> None:
+        """Begin with nothing done of so many sessions."""
+        self.counts: Counter[str] = Counter()
+        self.bar = tqdm(total=sessions, unit="session", delay=1.0, disable=None, leave=False)
+        self._verbose = verbose
+
+    def __call__(self, result: Result, new: bool) -> None:
+        """Take a result, and whether it was written just now."""
+        from delta_calibration.fleet.work import There
+        from delta_calibration.history.entries import found_in
+        from delta_calibration.history.ledger import Compared, Failure
+
+        if isinstance(result, Compared):
+            self.counts["changes"] += len(result.changes)
+            if result.told:
+                self._say(f"not compared: {result.machine}: {result.told}", True)
+            for change in result.changes:
+                self._say(f"{result.machine}: {change['told']}")
+            return
+        self.bar.update()
+        name = f"{result.machine}/{result.id}"
+        if isinstance(result, Failure):
+            self.counts["failed"] += 1
+            self._say(f"failed: {name}: {result.told}", True)
+        elif isinstance(result, There):
+            self.counts["failed" if result.failed else "there"] += 1
+            state = "failed before (--again tries it once more)" if result.failed else "there"
+            self._say(f"{state}: {name}")
+        else:
+            self.counts["added" if new else "there"] += 1
+            state = "added" if new else "there"
+            self._say(f"{state}: {name}; {found_in(result.verdict)}")
+
+    def _say(self, text: str, always: bool = False) -> None:
+        if always or self._verbose:
+            with tqdm.external_write_mode():
+                click.echo(plain(text), err=always)
+
+    def summary(self, machines: int) -> str:
+        """What was done, in a line."""
+        of = self.counts
+        return (
+            f"{of['added']} sessions added, {of['there']} there already, {of['failed']} failed, "
+            f"of {machines} machines; {of['changes']} changes found"
+        )
+
+
+def _require_libraries() -> None:
+    try:
+        import delta_calibration.fleet.run  # noqa: F401 - whether it can be
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in _LIBRARIES:
+            raise
+        raise InputError(
+            f"a fleet needs {error.name}: pip install 'delta_calibration[fleet]'"
+        ) from error
