@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 from tqdm import tqdm
 
-from delta_calibration.cli.history import opened
-from delta_calibration.cli.options import robots, seed_option, topics_option
-from delta_calibration.errors import InputError
+from delta_calibration.cli.history import FILE, STORE, opened
+from delta_calibration.cli.options import require_folder, robots, seed_option, topics_option
+from delta_calibration.effects import catalogue
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.fleet.shared import shared_causes
+from delta_calibration.fleet.standing import standing
+from delta_calibration.report import require_libraries, write_page
+from delta_calibration.report.fleet import page_of_fleet
+from delta_calibration.robot import load_robot
 from delta_calibration.wording import plain
 
 if TYPE_CHECKING:  # other verbs do not wait for a cluster's library
@@ -137,6 +145,54 @@ def _machines(
         return machines_in(source, robot, topics)
     with opened(source) as store:
         return machines_of(store)
+
+
+@command.command("report")
+@STORE
+@click.option("--out", type=FILE, required=True, help="HTML page to write; it opens offline.")
+@click.option(
+    "--on",
+    "day",
+    type=click.DateTime(["%Y-%m-%d"]),
+    default=None,
+    metavar="DATE",
+    help="Day of which is told, as 2026-05-31.  [default: today]",
+)
+@click.option(
+    "--lately",
+    type=click.IntRange(min=1),
+    default=90,
+    show_default=True,
+    metavar="DAYS",
+    help="How long ago a session or a change counts.",
+)
+def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
+    """Write one page of all machines: their states, what they share, which to visit first."""
+    _require_libraries()
+    require_folder(out)
+    require_libraries()
+    from delta_calibration.fleet.stored import known_machines, never_measured
+    from delta_calibration.history.ledger import Ledger
+
+    now = datetime.now(timezone.utc)
+    on = now if day is None else day.replace(tzinfo=timezone.utc) + timedelta(days=1)
+    with opened(url) as store:
+        ledger = Ledger(store)
+        fleet = [standing(known, on, timedelta(days=lately)) for known in known_machines(ledger)]
+        never = never_measured(ledger)
+    if not fleet:
+        raise DataError(f"{url}: no machine has a session with a result")
+    shared = shared_causes(fleet, *_looked_for({each.robot for each in fleet}))
+    page = page_of_fleet(fleet, shared, never, on, lately)
+    write_page(out, page)
+    click.echo(plain(f"{page.sentence}\n{page.statements[1].answer}\nwritten: {out}"))
+
+
+def _looked_for(robots: set[str]) -> tuple[int, int]:
+    """How many causes a diagnosis looks for in these robots, and at how many places."""
+    known = [load_robot(robot) for robot in robots]
+    causes = {e.cause for robot in known for e in catalogue(robot, robot.model())}
+    return len(causes), max(len(robot.joints.names) for robot in known)
 
 
 class _Told:

@@ -33,7 +33,7 @@ from delta_calibration.wording import mm, plain
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
     from delta_calibration.history.store import Entry, Store
 
-_FILE = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path)
 STORE = click.option(
     "--store",
     "url",
@@ -54,7 +54,7 @@ def command() -> None:
 
 
 @command.command("add")
-@click.argument("sessions", nargs=-1, required=True, type=_FILE)
+@click.argument("sessions", nargs=-1, required=True, type=FILE)
 @robot_option
 @_MACHINE
 @STORE
@@ -149,7 +149,7 @@ def list_(machine: str | None, url: str) -> None:
 @click.argument("name", metavar="ID")
 @_MACHINE
 @STORE
-@click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
+@click.option("--verdict", "verdict_file", type=FILE, default=None, help="Write its verdict.")
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
     """Show one session: where it is, what was found, whether the bag is still the same."""
     from delta_calibration.history.entries import found_in, held_out
@@ -208,7 +208,7 @@ def changes(machine: str, url: str, json_file: str | None) -> None:
 @command.command("report")
 @_MACHINE
 @STORE
-@click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
+@click.option("--out", type=FILE, required=True, help="HTML page to write; it opens offline.")
 def report(machine: str, url: str, out: Path) -> None:
     """Write the change log of a machine as one HTML page."""
     require_folder(out)

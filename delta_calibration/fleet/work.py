@@ -85,7 +85,10 @@ def compare(job: Comparison) -> Compared:
         found = find_changes(days, robot, named=robot.named)
     except CalibrationError as error:
         return Compared(job.machine, digest, (), str(error))
-    said = ({**each.as_dict(), "told": each.sentence()} for each in found.changes)
+    said = (
+        {**each.as_dict(), "signal": each.signal, "told": each.sentence()}
+        for each in found.changes
+    )
     return Compared(job.machine, digest, tuple(said))
 
 

@@ -1,0 +1,141 @@
+"""Causes that machines of a fleet share: more of them than chance would give the same one.
+
+Every machine has been looked at for the same causes, at the same places. With n machines and
+counts k_j of those that have the j-th, a count is held against what all the others say of how
+often one is found: their rate with its spread, a beta distribution by its moments, so that a
+count by chance is beta-binomial. The chance of as many or more, times the number of causes looked
+at (Bonferroni), is the p value. The same is done with places (which joint) and with the searched
+shape (which order of an error of the gears) taken as part of the cause: a bad batch of gears may
+sit at any joint, and shows by its order.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import betabinom
+
+from delta_calibration.fleet.standing import Standing
+from delta_calibration.wording import spoken
+
+Array = NDArray[np.float64]
+
+SURE = 0.01  # p value under which a cause is told as shared
+_LEAST = 3  # machines that share one
+_ORDER = "order"  # of a shape: periods a turn
+
+
+@dataclass(frozen=True)
+class Shared:
+    """A cause that several machines have."""
+
+    what: str  # in words
+    machines: tuple[str, ...]
+    of: int  # machines that were looked at
+    expected: float  # how many by chance
+    p_value: float
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What is taken for the same: signs of the machines, and how many such there could be."""
+
+    signs: Mapping[str, frozenset[str]]  # of each machine
+    possible: int
+
+
+def shared_causes(fleet: Sequence[Standing], causes: int, places: int) -> tuple[Shared, ...]:
+    """Causes, and changes, that more machines have than chance explains, surest first.
+
+    Args:
+        fleet: how each machine stands.
+        causes: how many causes a diagnosis looks for.
+        places: at how many places (joints) a cause can be.
+    """
+    kinds = [
+        _kind(fleet, "findings", _cause, causes),
+        _kind(fleet, "findings", _cause_and_place, causes * places),
+        _kind(fleet, "findings", _cause_and_shape, causes * places),
+        _kind(fleet, "changes", _cause, causes),
+        _kind(fleet, "changes", _cause_and_place, causes * places),
+    ]
+    words = ("", "", "", "a change of ", "a change of ")
+    tried = sum(kind.possible for kind in kinds)
+    found = [
+        each
+        for kind, word in zip(kinds, words, strict=True)
+        for each in _of_kind(kind, len(fleet), tried, word)
+    ]
+    return _plainest(sorted(found, key=lambda each: each.p_value))
+
+
+def chance_of(counts: Array, number: int, machines: int) -> tuple[float, float]:
+    """Expected count of one cause, and the chance of as many as it has, by the other causes.
+
+    Args:
+        counts: of machines that have each cause, (c,).
+        number: which of them.
+        machines: how many were looked at.
+    """
+    others = np.delete(counts, number)
+    rate = (others.sum() + 0.5) / (machines * len(others) + 1.0)
+    spread = float(np.var(others / machines))
+    binomial = rate * (1 - rate) / machines
+    # correlation of two machines in the same cause: what the counts vary by more than chance
+    alike = max((spread - binomial) / (rate * (1 - rate)), 1.0 / (machines * len(others)))
+    alike = min(alike, 0.5)
+    size = (1 - alike) / alike
+    tail = betabinom.sf(counts[number] - 1, machines, rate * size, (1 - rate) * size)
+    return float(rate * machines), float(tail)
+
+
+def _of_kind(kind: _Kind, machines: int, tried: int, word: str) -> list[Shared]:
+    counted = Counter(sign for signs in kind.signs.values() for sign in signs)
+    possible = max(kind.possible, len(counted) + 1)
+    counts = np.zeros(possible)
+    counts[: len(counted)] = list(counted.values())
+    found = []
+    for number, (sign, count) in enumerate(counted.items()):
+        expected, p = chance_of(counts, number, machines)
+        p = min(1.0, p * tried)
+        if count >= _LEAST and p < SURE:
+            having = tuple(name for name, signs in kind.signs.items() if sign in signs)
+            found.append(Shared(word + sign, having, machines, expected, p))
+    return found
+
+
+def _plainest(found: Sequence[Shared]) -> tuple[Shared, ...]:
+    """Without those whose machines another one has already, nearly all of them."""
+    kept: list[Shared] = []
+    for each in found:
+        own = set(each.machines)
+        if not any(len(own & set(k.machines)) > 0.8 * len(own) for k in kept):
+            kept.append(each)
+    return tuple(kept)
+
+
+def _kind(fleet: Sequence[Standing], what: str, sign: Any, possible: int) -> _Kind:
+    signs = {
+        each.machine: frozenset(filter(None, (sign(one) for one in getattr(each, what))))
+        for each in fleet
+    }
+    return _Kind(signs, possible)
+
+
+def _cause(one: Mapping[str, Any]) -> str:
+    return spoken(one.get("cause") or one["what"])
+
+
+def _cause_and_place(one: Mapping[str, Any]) -> str:
+    return f"{_cause(one)} at {spoken(one['location'])}" if one["location"] else ""
+
+
+def _cause_and_shape(one: Mapping[str, Any]) -> str:
+    """A cause with the searched order, which a part has by how it is made."""
+    order = one.get("shape", {}).get(_ORDER)
+    return "" if order is None else f"{_cause(one)} of order {order:.3g}"
