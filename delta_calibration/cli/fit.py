@@ -22,6 +22,7 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
 )
+from delta_calibration.fleet.priors import read_priors
 from delta_calibration.identification import (
     METHODS,
     ORDERS,
@@ -74,6 +75,14 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     help="How stepwise_qpso goes: by singular direction, or by parameter as soon as it has "
     "settled, as in that paper.  [default: singular]",
 )
+@click.option(
+    "--priors",
+    "priors_file",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="What a fleet of this type has in common (`delta-cal fleet priors`), in the place of the "
+    "tolerances.",
+)
 @model_option
 @seed_option
 @topics_option
@@ -87,6 +96,7 @@ def command(
     particles: int | None,
     iterations: int | None,
     order: str | None,
+    priors_file: Path | None,
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
@@ -98,11 +108,12 @@ def command(
         require_folder(out)
     chosen = method_named(method, particles, iterations, order)
     robot = load_robot(robot_file)
+    population = None if priors_file is None else read_priors(priors_file, robot, model)
     recorded = read_session(session, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     with counter(most_evaluations(chosen, robot, model), "machine") as count:
-        found = identify(poses, robot, model, seed, chosen, count)
+        found = identify(poses, robot, model, seed, chosen, count, population)
     click.echo(describe_poses(poses))
     click.echo(describe(found, verbose))
     if out is not None:

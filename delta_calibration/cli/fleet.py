@@ -6,7 +6,7 @@ import logging
 from collections import Counter
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from tqdm import tqdm
@@ -15,11 +15,13 @@ from delta_calibration.cli.history import FILE, STORE, opened
 from delta_calibration.cli.options import require_folder, robots, seed_option, topics_option
 from delta_calibration.effects import catalogue
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.fleet.evidence import fitted
+from delta_calibration.fleet.priors import write_priors
 from delta_calibration.fleet.shared import shared_causes
 from delta_calibration.fleet.standing import standing
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.report.fleet import page_of_fleet
-from delta_calibration.robot import load_robot
+from delta_calibration.robot import Robot, load_robot
 from delta_calibration.wording import plain
 
 if TYPE_CHECKING:  # other verbs do not wait for a cluster's library
@@ -186,6 +188,71 @@ def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
     page = page_of_fleet(fleet, shared, never, on, lately)
     write_page(out, page)
     click.echo(plain(f"{page.sentence}\n{page.statements[1].answer}\nwritten: {out}"))
+
+
+@command.command("priors")
+@STORE
+@click.option(
+    "--robot",
+    "robot_given",
+    default=None,
+    metavar="FILE|NAME",
+    shell_complete=robots,
+    help="Which type of machine, where the history has several.",
+)
+@click.option("--out", type=FILE, required=True, help="File of priors (YAML) to write.")
+def priors(url: str, robot_given: str | None, out: Path) -> None:
+    """Estimate the dimensions that machines of one type have in common, as priors of the next.
+
+    Mean and spread of every dimension over the machines, by all their fits and what each is sure
+    of; odd machines are told and not counted among the others. `delta-cal fit --priors` uses it.
+    """
+    require_folder(out)
+    _require_libraries()
+    from delta_calibration.history.ledger import Ledger
+
+    with opened(url) as store:
+        known = Ledger(store).made_for()
+        robot = _type_of(url, known, robot_given)
+        names = sorted(name for name, (_, made) in known.items() if made == robot.machine_hash)
+        machines = [
+            fitted(name, (e.calibration for e in store.sessions(name)), robot) for name in names
+        ]
+    told = write_priors(out, machines, robot)
+    click.echo(_priors_told(told))
+    click.echo(f"written: {out}")
+
+
+def _type_of(url: str, known: dict[str, tuple[str, str]], given: str | None) -> Robot:
+    """The type of machine that priors are asked for."""
+    if given is not None:
+        return load_robot(given)
+    types = {made_for: robot for robot, made_for in known.values()}
+    if len(types) != 1:
+        several = ", ".join(sorted(types.values())) or "none"
+        raise InputError(f"{url}: machines of several robots ({several}): choose one by --robot")
+    return load_robot(next(iter(types.values())))
+
+
+def _priors_told(document: dict[str, Any]) -> str:
+    """The priors, for people: how wide the crowd is beside the tolerances, and who is odd."""
+    known = [p for p in document["parameters"] if p["machines_worth"] >= 1.0]
+    ratio = sorted(p["spread"] / p["tolerance"] for p in known)
+    odd: dict[str, list[str]] = {}
+    for each in document["odd"]:
+        odd.setdefault(each["machine"], []).append(each["parameter"])
+    lines = [
+        f"{document['machines']} machines, {document['sessions']} sessions; "
+        f"{len(known)} of {len(document['parameters'])} dimensions are told by them"
+    ]
+    if ratio:
+        lines.append(f"their spread is {ratio[len(ratio) // 2]:.2f} of the tolerance (median)")
+    lines += [f"odd: {machine}: {', '.join(names)}" for machine, names in sorted(odd.items())]
+    lines += [
+        f"{e['cause']} ({e['parameter']}): found in {e['found_in']} of {e['of']} machines"
+        for e in document["effects"]
+    ]
+    return "\n".join(lines)
 
 
 def _looked_for(robots: set[str]) -> tuple[int, int]:

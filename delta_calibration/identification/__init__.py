@@ -51,6 +51,13 @@ from delta_calibration.identification.observations import (
     PoseMeasured,
     RadiusMeasured,
 )
+from delta_calibration.identification.population import (
+    Belief,
+    Likelihood,
+    Population,
+    believe,
+    likelihood_of,
+)
 from delta_calibration.identification.pose_residual import (
     LinearResidual,
     PoseResidual,
@@ -87,6 +94,7 @@ __all__ = [
     "METHODS",
     "ORDERS",
     "Apso",
+    "Belief",
     "Box",
     "DistanceBetween",
     "Effort",
@@ -98,6 +106,7 @@ __all__ = [
     "JointFit",
     "JointProblem",
     "Known",
+    "Likelihood",
     "Linear",
     "LinearResidual",
     "Machine",
@@ -109,6 +118,7 @@ __all__ = [
     "Observation",
     "PointInImage",
     "PointMeasured",
+    "Population",
     "PoseMeasured",
     "PoseResidual",
     "Problem",
@@ -122,6 +132,7 @@ __all__ = [
     "SwarmSettings",
     "all_singular",
     "alternate",
+    "believe",
     "box_of",
     "build_problem",
     "chain_of",
@@ -135,6 +146,7 @@ __all__ = [
     "joint_covariance",
     "least_squares",
     "left_out",
+    "likelihood_of",
     "method_named",
     "minimise",
     "most_evaluations",

@@ -21,6 +21,7 @@ from delta_calibration.identification.observability import (
     strong_correlations,
 )
 from delta_calibration.identification.observations import Measured, PointMeasured, PoseMeasured
+from delta_calibration.identification.population import Population, with_population
 from delta_calibration.identification.problem import Problem, Solution, build_problem, solve
 from delta_calibration.identification.turns import mount_of, pose_covariance, turns_of
 from delta_calibration.parameters import ParameterSet
@@ -137,6 +138,7 @@ def identify(
     seed: int = 0,
     method: Method = _LEAST_SQUARES,
     watch: Watch = lambda _: None,
+    population: Population | None = None,
 ) -> Identification:
     """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
 
@@ -150,6 +152,7 @@ def identify(
         seed: of the division into held-out parts, and of what a method leaves to chance.
         method: how the problem is solved.
         watch: is told of a slow method's evaluations while they are made.
+        population: of the machines of this type, in the place of the tolerances.
 
     Raises:
         DataError: too few different poses, poses out of the nominal robot's reach or at a
@@ -163,6 +166,10 @@ def identify(
     layout = problem.layout
     before = registered(problem)
     require_this_robot(problem, poses, robot)
+    if population is not None:
+        problem = with_population(solve(problem), population)
+    # a fit that was told of others is no evidence about a population
+    prior = {} if population is None else {"prior": "population"}
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch)
     full = fit.solution
@@ -202,7 +209,7 @@ def identify(
         region=Region.of(chain.mechanism.position(nominal)),
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
-        effort=Effort(method.name, fit.evaluations, method.settings),
+        effort=Effort(method.name, fit.evaluations, {**method.settings, **prior}),
         missed_before=only(missed_before, counted),
         missed=only(missed, counted),
         model_error=model_error_of(chain, theta, _left_out(full, known, poses.place, spread)),
