@@ -14,25 +14,37 @@ of the workspace that were not measured, against the simulated machine itself.
 from __future__ import annotations
 
 import argparse
+import hashlib
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration_file import from_identification
+from delta_calibration.cli.main import run as run_verb
+from delta_calibration.diagnosis import diagnose
+from delta_calibration.effects import catalogue
 from delta_calibration.fleet.evidence import Fitted, together
 from delta_calibration.fleet.population import estimate
+from delta_calibration.history.entries import Origin, entry_of
+from delta_calibration.history.ledger import Compared, Failure, Ledger
+from delta_calibration.history.store import Entry, open_store
 from delta_calibration.identification import Identification, Population, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Poses, collect
+from delta_calibration.samples import Poses, collect, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 from delta_calibration.simulation.machine import Machine, standing
 
 Array = NDArray[np.float64]
 
-PLACES = (12, 14, 16, 20, 24, 32, 40, 48)
+PLACES = (6, 8, 10, 12, 16, 20, 24, 32)
+FEWEST = 12  # places of a fit by tolerances
 MOST = 48  # places of a full measurement
 OFF = 0.5  # [tolerances] of the population's mean, standard deviation
 ODD = 6.0  # [tolerances] of the odd dimension of an odd machine
@@ -105,6 +117,9 @@ def priors(
     for places in PLACES:
         row = []
         for prior in (None, population):
+            if prior is None and places < FEWEST:
+                row.append("-")
+                continue
             errors = [
                 error_of(identify(poses_of(m, places, 700 + n), robot, population=prior), m, at)
                 for n, m in enumerate(new)
@@ -133,7 +148,7 @@ def _odd(
         deviation = like_them()
         deviation[row] = ODD * (1.0 if number % 2 else -1.0)
         machine = drawn(robot, 10_000 * seed + 8000 + number, deviation)
-        poses = poses_of(machine, PLACES[0], 900 + number)
+        poses = poses_of(machine, FEWEST, 900 + number)
         for name, prior in (
             ("tolerances", None),
             ("fleet", population),
@@ -143,7 +158,7 @@ def _odd(
             found = identify(poses, robot, population=prior)
             arm = (found.theta[row] - nominal) / tolerance - deviation[row]
             told.setdefault(name, []).append((error_of(found, machine, at), arm))
-    print(f"machines with one arm {ODD:g} tolerances off, {PLACES[0]} places:")
+    print(f"machines with one arm {ODD:g} tolerances off, {FEWEST} places:")
     for name, values in told.items():
         error, arm = np.array(values).T
         print(
@@ -152,18 +167,123 @@ def _odd(
         )
 
 
+def page(robot: Robot, out: Path, seed: int) -> None:
+    """The page of 200 machines, their results made of one real fit and drawn verdicts."""
+    rng = np.random.default_rng([seed, 200])
+    machine = draw_machine(robot, seed)
+    plan = make_plan("identify", robot, count=24, seed=seed)
+    seen = survey(
+        simulate_session(machine, plan, seed), robot.joints.names, robot.commanded.joint_size
+    )
+    origin = Origin("m", "s", Path("/sessions/m/s"), "0" * 64)
+    fit = entry_of(origin, seen, robot, seed, diagnose)
+    day = datetime(2026, 6, 1, tzinfo=timezone.utc)
+    with TemporaryDirectory() as folder:
+        url = str(Path(folder) / "fleet.sqlite")
+        with open_store(url, make=True) as store:
+            ledger = Ledger(store)
+            for number in range(200):
+                _add_machine(ledger, robot, fit, number, day, rng)
+        run_verb(["fleet", "report", "--store", url, "--on", f"{day:%Y-%m-%d}", "--out", str(out)])
+
+
+def _add_machine(
+    ledger: Ledger,
+    robot: Robot,
+    fit: Entry,
+    number: int,
+    day: datetime,
+    rng: np.random.Generator,
+) -> None:
+    """One machine with its sessions: most are fine, one in ten has a cause, a batch shares one."""
+    name, sessions = f"press_{number:03d}", int(rng.integers(2, 6))
+    last = day - timedelta(days=float(rng.exponential(30.0)))
+    verdict = _verdict(fit, robot, number, rng)
+    for k in range(sessions):
+        began = last - timedelta(days=30.0 * (sessions - 1 - k))
+        entry = replace(
+            fit,
+            machine=name,
+            id=f"{began:%Y-%m-%d}",
+            sha256=hashlib.sha256(f"{name} {k}".encode()).hexdigest(),
+            began=began,
+            verdict=verdict if k == sessions - 1 else fit.verdict,
+        )
+        ledger.keep(entry, "srbd", robot.machine_hash)
+    changes: tuple[dict[str, Any], ...] = ()
+    if rng.random() < 0.06:
+        entries = ledger.store.sessions(name)
+        what, where = str(rng.choice(["backlash", "arm_length"])), f"joint_{rng.integers(1, 4)}"
+        change = {"after": entries[-2].id, "before": entries[-1].id, "what": what}
+        signal = float(rng.exponential(3000.0))
+        changes = ({**change, "location": where, "signal": signal},)
+    ledger.keep_compared(Compared(name, "", changes))
+    if rng.random() < 0.02:
+        ledger.fail(Failure(name, "last_week", "", "last_week: holds no tracker readings"))
+
+
+def _verdict(fit: Entry, robot: Robot, number: int, rng: np.random.Generator) -> dict[str, Any]:
+    """The verdict of a fit with what is drawn for a machine; 60 to 73 are of the batch."""
+    assert fit.verdict is not None
+    verdict: dict[str, Any] = {**fit.verdict, "findings": []}
+    left = float(rng.lognormal(np.log(0.015), 0.15))
+    verdict["calibrated"] = verdict["extended"] = {"model": "m", "held_out_rms_mm": left}
+    every = {effect.cause: effect for effect in catalogue(robot, robot.model())}
+    batch = 60 <= number < 74
+    if batch or rng.random() < 0.12:
+        cause = "transmission_error" if batch else str(rng.choice(list(every)))
+        effect, size = every[cause], float(rng.lognormal(np.log(0.06), 0.5))
+        remedy = effect.remedy
+        where = f"joint_{rng.integers(1, 4)}" if effect.parameters.items[0].location else None
+        orders = {"order": float(rng.normal(33.0, 0.02))} if batch else {}
+        finding = {
+            "cause": cause,
+            "location": where,
+            "kind": effect.kind,
+            "shape": orders,
+            "action": {
+                "do": remedy.do,
+                "part": f"{remedy.part} of {where}" if where else remedy.part,
+            },
+        }
+        verdict["findings"] = [finding]
+        verdict["calibrated"] = {"model": "m", "held_out_rms_mm": float(np.hypot(left, size))}
+    elif rng.random() < 0.03:
+        unknown = {
+            "found": True,
+            "moves_with": "position",
+            "rms_mm": float(rng.uniform(0.01, 0.05)),
+        }
+        verdict["unknown_structure"] = {**verdict["unknown_structure"], **unknown}
+    return verdict
+
+
 def main() -> None:
     """Run what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--priors", action="store_true")
+    parser.add_argument("--page", type=Path)
     parser.add_argument("--robot", default="srbd")
     parser.add_argument("--spread", type=float, default=0.2)
     parser.add_argument("--machines", type=int, default=40)
     parser.add_argument("--places", type=int, default=48, help="of each machine of the fleet")
     parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--noise", type=float, default=1.0, help="times the tracker's")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     robot = load_robot(given.robot)
+    tracker = robot.tracker
+    robot = replace(
+        robot,
+        tracker=replace(
+            tracker,
+            radial=given.noise * tracker.radial,
+            transverse=given.noise * tracker.transverse,
+            transverse_per_metre=given.noise * tracker.transverse_per_metre,
+        ),
+    )
+    if given.page is not None:
+        page(robot, given.page, given.seed)
     if given.priors:
         priors(robot, given.spread, given.machines, given.places, given.trials, given.seed)
 

@@ -20,8 +20,11 @@ from delta_calibration.robot import Robot, load_robot
 from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
 
 pytest.importorskip("sqlalchemy")
-distributed = pytest.importorskip("distributed")
-fsspec = pytest.importorskip("fsspec")
+pytest.importorskip("distributed")
+pytest.importorskip("fsspec")
+
+import distributed
+import fsspec
 
 from delta_calibration.fleet.places import Machine, machines_in, robot_file
 from delta_calibration.fleet.run import Result, Settings, machines_of, run
@@ -150,13 +153,10 @@ def test_a_killed_worker_and_a_stop_lose_nothing_and_write_nothing_twice(
 ) -> None:
     address, workers = cluster
     store_file = str(tmp_path / "h.sqlite")
-    with (
-        open_store(store_file, make=True) as store,
-        distributed.Client(address) as client,
-        pytest.raises(KeyboardInterrupt),
-    ):
+    with open_store(store_file, make=True) as store, distributed.Client(address) as client:
         disturbed = Disturbed(client, workers)
-        run(client, machines(folder), Ledger(store), ONCE, disturbed)
+        with pytest.raises(KeyboardInterrupt):
+            run(client, machines(folder), Ledger(store), ONCE, disturbed)
     assert disturbed.lost > 0, "the worker that was killed had nothing to do"
     assert [w.poll() for w in workers.values()].count(-signal.SIGKILL) == 1
     with open_store(store_file) as store, distributed.Client(address) as client:

@@ -177,7 +177,7 @@ def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
     from delta_calibration.history.ledger import Ledger
 
     now = datetime.now(timezone.utc)
-    on = now if day is None else day.replace(tzinfo=timezone.utc) + timedelta(days=1)
+    on = now if day is None else day.replace(tzinfo=timezone.utc, hour=23, minute=59)
     with opened(url) as store:
         ledger = Ledger(store)
         fleet = [standing(known, on, timedelta(days=lately)) for known in known_machines(ledger)]

@@ -90,8 +90,9 @@ def chance_of(counts: Array, number: int, machines: int) -> tuple[float, float]:
     alike = max((spread - binomial) / (rate * (1 - rate)), 1.0 / (machines * len(others)))
     alike = min(alike, 0.5)
     size = (1 - alike) / alike
-    tail = betabinom.sf(counts[number] - 1, machines, rate * size, (1 - rate) * size)
-    return float(rate * machines), float(tail)
+    as_many = np.arange(counts[number], machines + 1)
+    tail = np.exp(betabinom.logpmf(as_many, machines, rate * size, (1 - rate) * size)).sum()
+    return float(rate * machines), float(min(tail, 1.0))
 
 
 def _of_kind(kind: _Kind, machines: int, tried: int, word: str) -> list[Shared]:

@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
+_FEWEST_OF_MANY = 6  # the same where the machines of its type say what to expect
 _FOLDS = 5
 _LOOSE = 1.0  # [m] by which parts within their tolerances never move a platform that is held
 _ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
@@ -159,7 +160,7 @@ def identify(
             singularity, residuals that no manufacturing error explains (another robot), or a
             method that finds no rest.
     """
-    require_poses(poses, _FEWEST)
+    require_poses(poses, _FEWEST if population is None else _FEWEST_OF_MANY)
     chain = chain_of(robot, model)
     _, noise, problem = prepare(poses, robot, chain)
     problem = _with_turns(problem, poses, robot, noise)

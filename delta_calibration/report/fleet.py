@@ -35,6 +35,7 @@ from delta_calibration.report.drawing import (
 from delta_calibration.wording import NO_VALUE, capital, chance, figures, listed, mm
 
 _FIRST = 10  # visits on top; the others are in the table of all
+_WIDE = 20.0  # times the least error from which on the axis is logarithmic
 _NAMED = 6  # machines that a sentence names
 _COLOUR = {UNKNOWN: THIRD, DRIFTED: BEFORE, CAUSE: CALIBRATED, STALE: GREY, FINE: EXTENDED}
 
@@ -68,6 +69,7 @@ def page_of_fleet(
         key_figures=tuple(
             KeyFigure(state, str(of[state]), "of " + str(len(fleet)), _MEANING[state])
             for state in STATES
+            if state != FINE
         ),
         sections=(
             Section(
@@ -106,7 +108,12 @@ _MEANING = {
     DRIFTED: "something changed between sessions",
     CAUSE: "a cause beyond the dimensions",
     STALE: "last session too long ago",
-    FINE: "calibration explains the last session",
+}
+_COUNTED = {
+    UNKNOWN: "of unknown state",
+    DRIFTED: "drifted",
+    CAUSE: "with a cause",
+    STALE: "not measured lately",
 }
 _AT_STAKE = (
     "At stake: the error that a visit may take away, what the calibrated dimensions leave beyond "
@@ -121,7 +128,7 @@ _HOW_SHARED = (
 
 def _sentence(of: Counter[str], machines: int) -> str:
     fine = of[FINE]
-    others = [f"{of[state]} {state}" for state in STATES if of[state] and state != FINE]
+    others = [f"{of[state]} {told}" for state, told in _COUNTED.items() if of[state]]
     rest = f"; {listed(others)}" if others else ""
     return f"{fine} of {machines} machines {'is' if fine == 1 else 'are'} fine{rest}."
 
@@ -131,7 +138,7 @@ def _first(visits: Sequence[Standing]) -> str:
         return "None: all machines are fine."
     told = [f"{v.machine} ({v.why})" for v in visits[:3]]
     more = len(visits) - len(told)
-    return capital(f"{'; '.join(told)}{f'; and {more} more below' if more else ''}.")
+    return f"{'; '.join(told)}{f'; and {more} more' if more else ''}."
 
 
 def _sharing(shared: Sequence[Shared]) -> str:
@@ -155,11 +162,11 @@ def _unused(fleet: Sequence[Standing], never: Mapping[str, Sequence[str]]) -> st
 
 def _visits(visits: Sequence[Standing]) -> Table:
     rows = tuple(
-        (v.machine, v.state, v.why, v.to_do, mm(v.stake_mm) if v.stake_mm else NO_VALUE)
+        (v.machine, mm(v.stake_mm) if v.stake_mm else NO_VALUE, v.why, v.to_do, v.state)
         for v in visits
     )
-    head = ("machine", "state", "why", "what to do", "at stake [mm]")
-    return Table("visits", "", head, rows, "", words=(0, 1, 2, 3))
+    head = ("machine", "at stake [mm]", "why", "what to do", "state")
+    return Table("visits", "", head, rows, "", words=(0, 2, 3, 4))
 
 
 def _shared(shared: Sequence[Shared]) -> Table:
@@ -167,20 +174,20 @@ def _shared(shared: Sequence[Shared]) -> Table:
         (
             each.what,
             str(len(each.machines)),
+            ", ".join(each.machines),
             figures(each.expected, 2),
             chance(each.p_value),
-            ", ".join(each.machines),
         )
         for each in shared
     )
-    head = ("what", "machines", "by chance", "p", "which")
+    head = ("what", "machines", "which", "by chance", "p")
     caption = "" if rows else "Nothing is shared that chance would not explain."
-    return Table("shared", "", head, rows, caption, words=(0, 4))
+    return Table("shared", "", head, rows, caption, words=(0, 2))
 
 
 def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
     """Held-out error of each machine's last session over its age, by state."""
-    marks = []
+    every, marks = [each.held_out_mm for each in fleet], []
     for state, symbol in zip(STATES, SYMBOLS, strict=True):
         here = [each for each in fleet if each.state == state]
         if here:
@@ -191,7 +198,7 @@ def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
     panel = Panel(
         "",
         Axis("days since the last session", low=0.0),
-        Axis("held-out error [mm]", log=True),
+        Axis("held-out error [mm]", log=max(every) > _WIDE * min(every)),
         tuple(marks),
         tall=1.2,
     )
