@@ -30,7 +30,7 @@ from delta_calibration.cli.main import run as run_verb
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.fleet.evidence import Fitted, together
-from delta_calibration.fleet.population import estimate
+from delta_calibration.fleet.population import estimate, kinds_of
 from delta_calibration.history.entries import Origin, entry_of
 from delta_calibration.history.ledger import Compared, Failure, Ledger
 from delta_calibration.history.store import Entry, open_store
@@ -43,7 +43,7 @@ from delta_calibration.simulation.machine import Machine, standing
 
 Array = NDArray[np.float64]
 
-PLACES = (6, 8, 10, 12, 16, 20, 24, 32)
+PLACES = (6, 8, 10, 12, 16, 20, 24, 32, 48)
 FEWEST = 12  # places of a fit by tolerances
 MOST = 48  # places of a full measurement
 OFF = 0.5  # [tolerances] of the population's mean, standard deviation
@@ -100,12 +100,12 @@ def priors(
         poses = poses_of(drawn(robot, 10_000 * seed + number, like_them()), measured, number)
         found = identify(poses, robot)
         fits.append(Fitted(str(number), (from_identification(found, robot, poses),)))
-    learnt = estimate(together(fits))
+    learnt = estimate(together(fits), kinds_of(robot.detailed.parameters.names))
     population = replace(
         learnt.population, spread=np.hypot(learnt.population.spread, learnt.mean_std)
     )
     well = learnt.told > machines / 4
-    print(f"{machines} machines of {measured} places, spread {spread:g} tolerances, seed {seed}")
+    print(f"{machines} machines of {measured} places, spread {spread:g} tolerances")
     print(
         f"dimensions told: {well.sum()} of {size}; their spread over the true one: median "
         f"{np.median((learnt.population.spread / own)[well]):.2f}; mean off by "
@@ -285,6 +285,7 @@ def main() -> None:
     if given.page is not None:
         page(robot, given.page, given.seed)
     if given.priors:
+        print(f"{robot.name}, noise {given.noise:g} times the tracker's, seed {given.seed}")
         priors(robot, given.spread, given.machines, given.places, given.trials, given.seed)
 
 

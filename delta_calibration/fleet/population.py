@@ -2,9 +2,10 @@
 
 Machine i has dimensions d_i off the drawing, seen through the likelihood of its data (L_i, l_i);
 each is of the crowd N(m, s^2) or odd (`identification/population.py`). Sought are m, s and the
-share o of odd ones that make all data likeliest, with weak priors that only count where the fleet
-says nothing: m within a tolerance of the drawing, s about a tolerance, as a fifth of a machine
-would tell it. By turns:
+share o of odd ones that make all data likeliest. Parts of the same kind, as the arms of the three
+legs, share s, each with a mean of its own. Weak priors only count where the fleet says nothing: m
+within a tolerance of the drawing, s about a tolerance, as a fiftieth of a machine would tell it.
+By turns:
 
     E   belief of each machine, by expectation propagation
     m   generalised least squares: machine i tells of m through D - D (L_i + D)^-1 D, with D the
@@ -18,6 +19,8 @@ A dimension that no session shows keeps the tolerance of the drawing.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +34,7 @@ Array = NDArray[np.float64]
 FEWEST = 5  # machines that are a fleet
 _ROUNDS = 80
 _SETTLED = 1e-4  # [tolerances] change of mean and spread
-_AS_ONE = 0.2  # machines that the drawing's own tolerances count for
+_AS_ONE = 0.02  # machines that the drawing's own tolerances count for
 _ODD = (1.0, 19.0)  # odd dimensions and others that are supposed to be known beforehand
 _NARROWEST, _WIDEST = 0.01, 1.0  # [tolerances] of a spread
 
@@ -42,15 +45,17 @@ class Estimated:
 
     population: Population
     mean_std: Array  # (p,)
-    told: Array  # (p,) so many machines' worth of knowledge is in each spread
+    told: Array  # (p,) so many machines' worth of knowledge of each dimension is in its spread
     belief: Belief  # of each machine, (N, p)
 
 
-def estimate(data: Likelihood) -> Estimated:
+def estimate(data: Likelihood, kinds: Sequence[str] | None = None) -> Estimated:
     """Estimate the population that N machines are of.
 
     Args:
         data: (N, p, p) and (N, p), in tolerances off the drawing.
+        kinds: of each dimension, (p,); those of one kind share their spread. Each is of its own
+            kind where not given.
 
     Raises:
         DataError: too few machines.
@@ -59,10 +64,11 @@ def estimate(data: Likelihood) -> Estimated:
     if machines < FEWEST:
         raise DataError(f"{machines} machines of this type; priors need {FEWEST} or more")
     population, belief = Population.as_drawn(size), None
+    number = np.arange(size) if kinds is None else np.unique(kinds, return_inverse=True)[1]
     for _ in range(_ROUNDS):
         belief = believe(data, population, belief)
         mean, std = _mean(data, population, belief)
-        spread, told = _spread(population, belief, mean)
+        spread, told = _spread(population, belief, mean, number)
         odd = (np.sum(1 - belief.crowd) + _ODD[0]) / (belief.crowd.size + sum(_ODD))
         last, population = population, Population(mean, spread, float(odd))
         moved = (np.abs(last.mean - mean).max(), np.abs(last.spread - spread).max())
@@ -85,11 +91,18 @@ def _mean(data: Likelihood, population: Population, belief: Belief) -> tuple[Arr
     return covariance @ told.sum(axis=0), np.sqrt(np.diag(covariance))
 
 
-def _spread(population: Population, belief: Belief, mean: Array) -> tuple[Array, Array]:
+def kinds_of(names: Sequence[str]) -> tuple[str, ...]:
+    """Kinds of dimensions by their names: `arm` of `arm_1`, `elbow_half_width` of `..._1a`."""
+    return tuple(re.sub(r"_\d+[ab]?\b", "", name) for name in names)
+
+
+def _spread(
+    population: Population, belief: Belief, mean: Array, kind: NDArray[np.intp]
+) -> tuple[Array, Array]:
     """Spread of the crowd, and how many machines tell of it, (p,) each."""
     weight = belief.crowd
     known = np.clip(1 - belief.crowd_variance / population.spread**2, 0.0, 1.0)
-    told = np.sum(weight * known, axis=0)
-    square = np.sum(weight * (belief.crowd_mean - mean) ** 2, axis=0)
-    variance = (square + _AS_ONE) / (told + _AS_ONE)
-    return np.clip(np.sqrt(variance), _NARROWEST, _WIDEST), told
+    own = np.sum(weight * known, axis=0)
+    square = np.bincount(kind, np.sum(weight * (belief.crowd_mean - mean) ** 2, axis=0))
+    variance = (square + _AS_ONE) / (np.bincount(kind, own) + _AS_ONE)
+    return np.clip(np.sqrt(variance[kind]), _NARROWEST, _WIDEST), own

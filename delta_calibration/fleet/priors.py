@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from delta_calibration.documents import load_schema, read_document, write_document
 from delta_calibration.errors import ConfigError, DataError
 from delta_calibration.fleet.evidence import Fitted, together
-from delta_calibration.fleet.population import FEWEST, Estimated, estimate
+from delta_calibration.fleet.population import FEWEST, Estimated, estimate, kinds_of
 from delta_calibration.identification import Population
 from delta_calibration.parameters import Parameter
 from delta_calibration.robot import Robot
@@ -48,7 +48,8 @@ def write_priors(path: Path, machines: Sequence[Fitted], robot: Robot) -> dict[s
         )
     parameters = machines[0].calibrations[0].chain.mechanism.parameters.items
     _require_tolerances(parameters, robot)
-    document = _document(machines, robot, parameters, estimate(together(machines)))
+    kinds = kinds_of([p.name for p in parameters])
+    document = _document(machines, robot, parameters, estimate(together(machines), kinds))
     write_document(path, document)
     return document
 
