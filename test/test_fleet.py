@@ -62,7 +62,7 @@ def folder(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def client() -> Iterator[distributed.Client]:
     """A cluster of one thread in this process: what is in memory:// is seen by it."""
     with distributed.Client(
-        processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None
+        processes=False, n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
     ) as client:
         yield client
 

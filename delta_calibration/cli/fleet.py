@@ -125,7 +125,7 @@ def run_(
     if not folder and (robot_given or topics):
         raise InputError("--robot and --topic are of a folder; a history knows its own")
     machines = _machines(source, folder, robot_given, topics)
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is told by us
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is a result
     told = _Told(sum(len(machine.sessions) for machine in machines), verbose)
     with opened(store_url, make=True) as store, cluster(scheduler, workers, memory_gb) as client:
         settings = Settings(quick, again, not no_changes, seed)

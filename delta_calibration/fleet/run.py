@@ -8,6 +8,7 @@ workers with it is a failure of that session.
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -68,7 +69,11 @@ def cluster(scheduler: str | None, workers: int | None, memory_gb: float) -> Ite
         limit = int(memory_gb * 1e9)
         with (
             LocalCluster(
-                workers, threads_per_worker=1, memory_limit=limit, dashboard_address=None
+                workers,
+                threads_per_worker=1,
+                memory_limit=limit,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,  # what is lost is told as a result
             ) as own,
             Client(own) as client,
         ):
