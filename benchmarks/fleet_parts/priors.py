@@ -84,9 +84,7 @@ def priors(
         found = identify(poses, robot)
         fits.append(Fitted(str(number), (from_identification(found, robot, poses),)))
     learnt = estimate(together(fits), kinds_of(robot.detailed.parameters.names))
-    population = replace(
-        learnt.population, spread=np.hypot(learnt.population.spread, learnt.mean_std)
-    )
+    population = learnt.next_machine
     well = learnt.told > machines / 4
     print(f"{machines} machines of {measured} places, spread {spread:g} tolerances")
     print(

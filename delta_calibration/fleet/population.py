@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,25 @@ class Estimated:
     mean_std: Array  # (p,)
     told: Array  # (p,) so many machines' worth of knowledge of each dimension is in its spread
     belief: Belief  # of each machine, (N, p)
+
+    @property
+    def next_machine(self) -> Population:
+        """What is expected of a machine that is not among them."""
+        return expected(self.population, self.told)
+
+
+def expected(crowd: Population, told: Array) -> Population:
+    """The prior of the next machine: the crowd's, wider by how well its middle is known.
+
+    What no session shows of the middle, combinations of dimensions that do not move the platform,
+    does not count: it would not show in the next machine either.
+
+    Args:
+        crowd: of the machines that were measured.
+        told: (p,) so many machines' worth is known of each dimension.
+    """
+    wider = np.sqrt(1 + 1 / (told + 1))
+    return replace(crowd, spread=np.minimum(wider * crowd.spread, _WIDEST))
 
 
 def estimate(data: Likelihood, kinds: Sequence[str] | None = None) -> Estimated:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from delta_calibration.documents import load_schema, read_document, write_document
 from delta_calibration.errors import ConfigError, DataError
 from delta_calibration.fleet.evidence import Fitted, together
-from delta_calibration.fleet.population import FEWEST, Estimated, estimate, kinds_of
+from delta_calibration.fleet.population import FEWEST, Estimated, estimate, expected, kinds_of
 from delta_calibration.identification import Population
 from delta_calibration.parameters import Parameter
 from delta_calibration.robot import Robot
@@ -79,13 +79,12 @@ def read_priors(path: Path, robot: Robot, model: str | None = None) -> Populatio
             "fitted"
         )
     entries = data["parameters"]
-    value, nominal, tolerance, std, spread = (
+    value, nominal, tolerance, spread, told = (
         np.array([float(each[key]) for each in entries])
-        for key in ("mean", "nominal", "tolerance", "mean_std", "spread")
+        for key in ("mean", "nominal", "tolerance", "spread", "machines_worth")
     )
-    return Population(
-        (value - nominal) / tolerance, np.hypot(spread, std) / tolerance, float(data["odd_share"])
-    )
+    mean, odd = (value - nominal) / tolerance, float(data["odd_share"])
+    return expected(Population(mean, spread / tolerance, odd), told)
 
 
 def _document(
