@@ -36,7 +36,7 @@ SIZE, SEEN = 12, 9  # dimensions, and combinations of them that each machine's d
 def machines(
     rng: np.random.Generator, count: int, mean: Array, spread: Array
 ) -> tuple[Likelihood, Array]:
-    """Data of machines as numpy draws them: normal dimensions, seen through a matrix with noise."""
+    """Machines as numpy draws them: normal dimensions, seen through a matrix with noise."""
     dimensions = mean + spread * rng.standard_normal((count, SIZE))
     return seen(rng, dimensions), dimensions
 

@@ -156,7 +156,7 @@ def _unused(fleet: Sequence[Standing], never: Mapping[str, Sequence[str]]) -> st
     count = sum(len(each.failed) for each in fleet) + sum(map(len, never.values()))
     if not count:
         return "Nothing: every session gave a result."
-    rest = f"; {_names(sorted(never))} have no result at all" if never else ""
+    rest = f"; no result at all of {_names(sorted(never))}" if never else ""
     return f"{count} sessions{rest}: see the table at the end."
 
 
