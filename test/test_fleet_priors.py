@@ -192,3 +192,13 @@ def test_a_fit_by_priors_is_no_evidence_of_a_population(
     assert plain.effort.settings == {}
     assert told.effort.settings == {"prior": "population"}
     assert (told.std[told.chain.layout.geometry] <= 1.05 * plain.std[:10]).all()
+
+
+def test_a_machine_unlike_any_other_is_not_explained_as_noise(robot: Robot) -> None:
+    """Of a crowd that is far tighter: what is left of the fit stays that of the tolerances."""
+    size = len(chain_of(robot).mechanism.parameters)
+    tight = Population(np.full(size, 0.3), np.full(size, 0.01), 0.001)
+    poses = poses_of(robot, 3)
+    plain, told = identify(poses, robot), identify(poses, robot, population=tight)
+    assert told.full.in_sample < 1.2 * plain.full.in_sample
+    assert told.full.held_out < 1.2 * plain.full.held_out

@@ -167,12 +167,15 @@ def identify(
     layout = problem.layout
     before = registered(problem)
     require_this_robot(problem, poses, robot)
+    near = None
     if population is not None:
-        problem = with_population(solve(problem), population)
+        plain = solve(problem)
+        problem = with_population(plain, population)
+        near = problem.unknowns(plain.theta)  # where what is left tells the noise, not the prior
     # a fit that was told of others is no evidence about a population
     prior = {} if population is None else {"prior": "population"}
     rng = np.random.default_rng([seed, 1])
-    fit = method.fit(problem, rng, watch)
+    fit = method.fit(problem, rng, watch, near)
     full = fit.solution
     folds, counted = parts_of(poses, seed), full.weight > 0
     known = _known(full)
