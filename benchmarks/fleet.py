@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("--spread", type=float, default=0.1)
     parser.add_argument("--machines", type=int, default=40)
     parser.add_argument("--places", type=int, default=48, help="of each machine of the fleet")
-    parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--trials", type=int, default=10)
     parser.add_argument("--noise", type=float, default=10.0, help="times the tracker's")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
