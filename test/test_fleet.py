@@ -150,6 +150,7 @@ def test_a_killed_worker_and_a_stop_lose_nothing_and_write_nothing_twice(
     folder: Path,
     tmp_path: Path,
     cluster: tuple[str, dict[str, subprocess.Popen[bytes]]],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     address, workers = cluster
     store_file = str(tmp_path / "h.sqlite")
@@ -168,6 +169,9 @@ def test_a_killed_worker_and_a_stop_lose_nothing_and_write_nothing_twice(
         assert len(heard.of(There)) == 3
         kept = [f"{n}/{e.id}" for n, _ in store.machines() for e in store.sessions(n)]
     assert sorted(kept) == ALL
+    verb = ["fleet", str(folder), "--robot", "srbd", "--scheduler", address]
+    assert run_verb([*verb, "--store", store_file, "--quick", "--no-changes"]) == 0
+    assert "0 sessions added, 8 there already, 0 failed" in capsys.readouterr().out
 
 
 def test_sessions_in_memory_are_fitted_compared_and_not_done_again(

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections import Counter
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-from tqdm import tqdm
 
+from delta_calibration.cli.fleet_told import Told, priors_told
 from delta_calibration.cli.history import FILE, STORE, opened
 from delta_calibration.cli.options import require_folder, robots, seed_option, topics_option
 from delta_calibration.effects import catalogue
@@ -26,7 +25,6 @@ from delta_calibration.wording import plain
 
 if TYPE_CHECKING:  # other verbs do not wait for a cluster's library
     from delta_calibration.fleet.places import Machine
-    from delta_calibration.fleet.run import Result
 
 _LIBRARIES = ("dask", "distributed", "fsspec", "sqlalchemy")
 
@@ -36,7 +34,7 @@ class _Verbs(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Put `run` before the source of sessions."""
-        if args and not args[0].startswith("-") and args[0] not in self.commands:
+        if args and args[0] not in {*self.commands, "--help", "-h"}:
             args = ["run", *args]
         return super().parse_args(ctx, args)
 
@@ -126,7 +124,7 @@ def run_(
         raise InputError("--robot and --topic are of a folder; a history knows its own")
     machines = _machines(source, folder, robot_given, topics)
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is a result
-    told = _Told(sum(len(machine.sessions) for machine in machines), verbose)
+    told = Told(sum(len(machine.sessions) for machine in machines), verbose)
     with opened(store_url, make=True) as store, cluster(scheduler, workers, memory_gb) as client:
         settings = Settings(quick, again, not no_changes, seed)
         with told.bar:
@@ -219,7 +217,7 @@ def priors(url: str, robot_given: str | None, out: Path) -> None:
             fitted(name, (e.calibration for e in store.sessions(name)), robot) for name in names
         ]
     told = write_priors(out, machines, robot)
-    click.echo(_priors_told(told))
+    click.echo(priors_told(told))
     click.echo(f"written: {out}")
 
 
@@ -234,82 +232,11 @@ def _type_of(url: str, known: dict[str, tuple[str, str]], given: str | None) -> 
     return load_robot(next(iter(types.values())))
 
 
-def _priors_told(document: dict[str, Any]) -> str:
-    """The priors, for people: how wide the crowd is beside the tolerances, and who is odd."""
-    known = [p for p in document["parameters"] if p["machines_worth"] >= 1.0]
-    ratio = sorted(p["spread"] / p["tolerance"] for p in known)
-    odd: dict[str, list[str]] = {}
-    for each in document["odd"]:
-        odd.setdefault(each["machine"], []).append(each["parameter"])
-    lines = [
-        f"{document['machines']} machines, {document['sessions']} sessions; "
-        f"{len(known)} of {len(document['parameters'])} dimensions are told by them"
-    ]
-    if ratio:
-        lines.append(f"their spread is {ratio[len(ratio) // 2]:.2f} of the tolerance (median)")
-    lines += [f"odd: {machine}: {', '.join(names)}" for machine, names in sorted(odd.items())]
-    lines += [
-        f"{e['cause']} ({e['parameter']}): found in {e['found_in']} of {e['of']} machines"
-        for e in document["effects"]
-    ]
-    return "\n".join(lines)
-
-
 def _looked_for(robots: set[str]) -> tuple[int, int]:
     """How many causes a diagnosis looks for in these robots, and at how many places."""
     known = [load_robot(robot) for robot in robots]
     causes = {e.cause for robot in known for e in catalogue(robot, robot.model())}
     return len(causes), max(len(robot.joints.names) for robot in known)
-
-
-class _Told:
-    """Tells results as they come, and counts them."""
-
-    def __init__(self, sessions: int, verbose: bool) -> None:
-        """Begin with nothing done of so many sessions."""
-        self.counts: Counter[str] = Counter()
-        self.bar = tqdm(total=sessions, unit="session", delay=1.0, disable=None, leave=False)
-        self._verbose = verbose
-
-    def __call__(self, result: Result, new: bool) -> None:
-        """Take a result, and whether it was written just now."""
-        from delta_calibration.fleet.work import There
-        from delta_calibration.history.entries import found_in
-        from delta_calibration.history.ledger import Compared, Failure
-
-        if isinstance(result, Compared):
-            self.counts["changes"] += len(result.changes)
-            if result.told:
-                self._say(f"not compared: {result.machine}: {result.told}", True)
-            for change in result.changes:
-                self._say(f"{result.machine}: {change['told']}")
-            return
-        self.bar.update()
-        name = f"{result.machine}/{result.id}"
-        if isinstance(result, Failure):
-            self.counts["failed"] += 1
-            self._say(f"failed: {name}: {result.told}", True)
-        elif isinstance(result, There):
-            self.counts["failed" if result.failed else "there"] += 1
-            state = "failed before (--again tries it once more)" if result.failed else "there"
-            self._say(f"{state}: {name}")
-        else:
-            self.counts["added" if new else "there"] += 1
-            state = "added" if new else "there"
-            self._say(f"{state}: {name}; {found_in(result.verdict)}")
-
-    def _say(self, text: str, always: bool = False) -> None:
-        if always or self._verbose:
-            with tqdm.external_write_mode():
-                click.echo(plain(text), err=always)
-
-    def summary(self, machines: int) -> str:
-        """What was done, in a line."""
-        of = self.counts
-        return (
-            f"{of['added']} sessions added, {of['there']} there already, {of['failed']} failed, "
-            f"of {machines} machines; {of['changes']} changes found"
-        )
 
 
 def _require_libraries() -> None:

@@ -16,9 +16,11 @@ from sqlalchemy import (
     JSON,
     Column,
     Connection,
+    Index,
     MetaData,
     String,
     Table,
+    cast,
     delete,
     insert,
     select,
@@ -46,6 +48,7 @@ _CHANGES = Table(
     Column("changes", JSON, nullable=False),
     Column("told", String, nullable=False),  # why there are none, where it failed
 )
+_ONCE = Index("one_result", SESSIONS.c.machine, SESSIONS.c.sha256, unique=True)
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class Ledger:
         self.store = store
         with store.transaction() as connection:
             _METADATA.create_all(connection)
+            _ONCE.create(connection, checkfirst=True)
 
     def done(self, machine: str, quick: bool) -> frozenset[str]:
         """Hashes of a machine's sessions that need no more work.
@@ -86,8 +90,9 @@ class Ledger:
         """
         here = SESSIONS.c.machine == machine
         query = select(SESSIONS.c.sha256).where(here)
-        # a JSON column holds the JSON value null where there is no verdict
-        query = query if quick else query.where(SESSIONS.c.verdict != JSON.NULL)
+        # a JSON column holds the JSON value null where there is no verdict; not all databases
+        # compare JSON
+        query = query if quick else query.where(cast(SESSIONS.c.verdict, String) != "null")
         with self.store.transaction() as connection:
             return frozenset(connection.execute(query).scalars())
 
