@@ -1,6 +1,6 @@
 """What a fleet brings and what it costs: priors, throughput, the page.
 
-python benchmarks/fleet.py --priors [--spread 0.1] [--noise 10] [--machines 40] [--trials 10]
+python benchmarks/fleet.py --priors [--spread 0.1] [--noise 10] [--machines 30] [--trials 8]
 python benchmarks/fleet.py --throughput
 python benchmarks/fleet.py --scale
 python benchmarks/fleet.py --page fleet.html
@@ -29,9 +29,9 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=100, help="of a machine, for --scale")
     parser.add_argument("--robot", default="srbd")
     parser.add_argument("--spread", type=float, default=0.1)
-    parser.add_argument("--machines", type=int, default=40)
+    parser.add_argument("--machines", type=int, default=30)
     parser.add_argument("--places", type=int, default=48, help="of each machine of the fleet")
-    parser.add_argument("--trials", type=int, default=10)
+    parser.add_argument("--trials", type=int, default=8)
     parser.add_argument("--noise", type=float, default=10.0, help="times the tracker's")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
@@ -49,7 +49,7 @@ def main() -> None:
     if given.throughput:
         throughput(robot, given.most)
     if given.scale:
-        scale(robot, given.machines if given.machines > 40 else 10_000, given.sessions)
+        scale(robot, given.machines if given.machines > 30 else 10_000, given.sessions)
     if given.page is not None:
         page(robot, given.page, given.seed)
     if given.priors:

@@ -26,7 +26,7 @@ from delta_calibration.simulation.machine import Machine, standing
 
 Array = NDArray[np.float64]
 
-PLACES = (6, 8, 10, 12, 16, 20, 24, 32, 48)
+PLACES = (6, 8, 10, 12, 16, 20, 24)
 FEWEST = 12  # places of a fit by tolerances
 MOST = 48  # places of a full measurement
 OFF = 0.5  # [tolerances] of the population's mean, standard deviation
@@ -122,8 +122,7 @@ def _odd(
     row = robot.detailed.parameters.row("arm_2")
     tolerance = float(robot.detailed.parameters.prior[row])
     nominal = float(robot.detailed.parameters.nominal[row])
-    plain = Population.as_drawn(len(population.mean))
-    narrow = replace(population, odd=1e-12)  # all that is not of the crowd is pulled to it
+    narrow = replace(population, odd=0.0)  # all that is not of the crowd is pulled to it
     told: dict[str, list[tuple[float, float]]] = {}
     for number in range(trials):
         deviation = like_them()
@@ -134,7 +133,6 @@ def _odd(
             ("tolerances", None),
             ("fleet", population),
             ("fleet, none odd", narrow),
-            ("tolerances, odd ones", plain),
         ):
             found = identify(poses, robot, population=prior)
             arm = (found.theta[row] - nominal) / tolerance - deviation[row]
