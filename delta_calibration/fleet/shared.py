@@ -139,4 +139,4 @@ def _cause_and_place(one: Mapping[str, Any]) -> str:
 def _cause_and_shape(one: Mapping[str, Any]) -> str:
     """A cause with the searched order, which a part has by how it is made."""
     order = one.get("shape", {}).get(_ORDER)
-    return "" if order is None else f"{_cause(one)} of order {order:.3g}"
+    return "" if order is None else f"{_cause(one)} of order {float(f'{order:.2g}'):g}"
