@@ -16,6 +16,7 @@ from delta_calibration.robot import load_robot
 from fleet_parts.page import page
 from fleet_parts.priors import priors
 from fleet_parts.scale import scale, throughput
+from fleet_parts.shared import shared
 
 
 def main() -> None:
@@ -23,6 +24,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--priors", action="store_true")
     parser.add_argument("--page", type=Path)
+    parser.add_argument("--shared", type=int, default=0, metavar="FLEETS")
     parser.add_argument("--throughput", action="store_true")
     parser.add_argument("--most", type=int, default=2, help="workers")
     parser.add_argument("--scale", action="store_true")
@@ -50,6 +52,8 @@ def main() -> None:
         throughput(robot, given.most)
     if given.scale:
         scale(robot, given.machines if given.machines > 30 else 10_000, given.sessions)
+    if given.shared:
+        shared(given.shared, given.seed)
     if given.page is not None:
         page(robot, given.page, given.seed)
     if given.priors:

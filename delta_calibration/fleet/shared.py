@@ -1,19 +1,20 @@
-"""Causes that machines of a fleet share: more of them than chance would give the same one.
+"""Causes of a fleet's machines that more of them have than chance explains.
 
 Every machine has been looked at for the same causes, at the same places. With n machines and
 counts k_j of those that have the j-th, a count is held against what all the others say of how
 often one is found: their rate with its spread, a beta distribution by its moments, so that a
-count by chance is beta-binomial. The chance of as many or more, times the number of causes looked
-at (Bonferroni), is the p value. The same is done with places (which joint) and with the searched
-shape (which order of an error of the gears) taken as part of the cause: a bad batch of gears may
-sit at any joint, and shows by its order.
+count by chance is beta-binomial. The spread is taken as `_WIDER` times what the others show: it
+is known from a few dozen counts only, and rates of causes have longer tails than a beta
+distribution. The chance of as many or more, times the number of causes looked at (Bonferroni), is
+the p value. The same is done with places (which joint) taken as part of the cause. Where those
+that share a cause have the same searched order as well, as a bad batch of gears has, that is told.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,10 @@ from delta_calibration.wording import spoken
 
 Array = NDArray[np.float64]
 
-SURE = 0.01  # p value under which a cause is told as shared
+SURE = 1e-3  # p value under which a cause is told as shared
 _LEAST = 3  # machines that share one
+_MOST = 0.8  # share of machines that is nearly all of them
+_WIDER = 3.0  # times the spread of the other causes' rates
 _ORDER = "order"  # of a shape: periods a turn
 
 
@@ -60,18 +63,19 @@ def shared_causes(fleet: Sequence[Standing], causes: int, places: int) -> tuple[
     kinds = [
         _kind(fleet, "findings", _cause, causes),
         _kind(fleet, "findings", _cause_and_place, causes * places),
-        _kind(fleet, "findings", _cause_and_shape, causes * places),
         _kind(fleet, "changes", _cause, causes),
         _kind(fleet, "changes", _cause_and_place, causes * places),
     ]
-    words = ("", "", "", "a change of ", "a change of ")
+    words = ("", "", "a change of ", "a change of ")
     tried = sum(kind.possible for kind in kinds)
     found = [
         each
         for kind, word in zip(kinds, words, strict=True)
         for each in _of_kind(kind, len(fleet), tried, word)
     ]
-    return _plainest(sorted(found, key=lambda each: each.p_value))
+    orders = {each.machine: _orders(each) for each in fleet}
+    told = _plainest(sorted(found, key=lambda each: each.p_value))
+    return tuple(_with_order(each, orders) for each in told)
 
 
 def chance_of(counts: Array, number: int, machines: int) -> tuple[float, float]:
@@ -87,8 +91,8 @@ def chance_of(counts: Array, number: int, machines: int) -> tuple[float, float]:
     spread = float(np.var(others / machines))
     binomial = rate * (1 - rate) / machines
     # correlation of two machines in the same cause: what the counts vary by more than chance
-    alike = max((spread - binomial) / (rate * (1 - rate)), 1.0 / (machines * len(others)))
-    alike = min(alike, 0.5)
+    alike = _WIDER * (spread - binomial) / (rate * (1 - rate))
+    alike = float(np.clip(alike, 1.0 / (machines * len(others)), 0.5))
     size = (1 - alike) / alike
     as_many = np.arange(counts[number], machines + 1)
     tail = np.exp(betabinom.logpmf(as_many, machines, rate * size, (1 - rate) * size)).sum()
@@ -115,7 +119,7 @@ def _plainest(found: Sequence[Shared]) -> tuple[Shared, ...]:
     kept: list[Shared] = []
     for each in found:
         own = set(each.machines)
-        if not any(len(own & set(k.machines)) > 0.8 * len(own) for k in kept):
+        if not any(len(own & set(k.machines)) > _MOST * len(own) for k in kept):
             kept.append(each)
     return tuple(kept)
 
@@ -136,7 +140,16 @@ def _cause_and_place(one: Mapping[str, Any]) -> str:
     return f"{_cause(one)} at {spoken(one['location'])}" if one["location"] else ""
 
 
-def _cause_and_shape(one: Mapping[str, Any]) -> str:
-    """A cause with the searched order, which a part has by how it is made."""
-    order = one.get("shape", {}).get(_ORDER)
-    return "" if order is None else f"{_cause(one)} of order {float(f'{order:.2g}'):g}"
+def _orders(each: Standing) -> frozenset[float]:
+    """Orders of a machine's causes, to two figures: the same parts have the same."""
+    orders = (one.get("shape", {}).get(_ORDER) for one in each.findings)
+    return frozenset(float(f"{order:.2g}") for order in orders if order is not None)
+
+
+def _with_order(each: Shared, orders: Mapping[str, frozenset[float]]) -> Shared:
+    """The same with the order that most of its machines have."""
+    counted = Counter(order for machine in each.machines for order in orders[machine])
+    for order, count in counted.most_common(1):
+        if count > _MOST * len(each.machines):
+            return replace(each, what=f"{each.what} of order {order:g}")
+    return each
