@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from delta_calibration.doctor import hypotheses
 from delta_calibration.doctor.change import Answer
-from delta_calibration.doctor.placing import place, turned_by
+from delta_calibration.doctor.placing import Placed, place, turned_by
 from delta_calibration.doctor.stops import thinned
 from delta_calibration.robot import Robot
 from delta_calibration.samples import Session
+
+Array = NDArray[np.float64]
 
 _TURNING = 0.02  # [rad] by which a platform turns
 _STRAIGHT = 0.03, 0.15  # [rad] of a probe mounted straight, and of one that is not
@@ -27,9 +30,12 @@ def turn_misfit(stops: Session, robot: Robot) -> tuple[float, bool] | None:
     if stops.tracker is None or stops.tracker.quaternion is None:
         return None
     placed = place(stops, robot)
-    if not placed.found:
-        return None
-    mount, about = turned_by(placed, stops.tracker.quaternion, robot)
+    return _misfit(placed, stops.tracker.quaternion, robot) if placed.found else None
+
+
+def _misfit(placed: Placed, quaternion: Array, robot: Robot) -> tuple[float, bool]:
+    """The same of a drawing that has been laid before the tracker."""
+    mount, about = turned_by(placed, quaternion, robot)
     pose = placed.pose[np.isfinite(placed.pose).all(axis=1)]
     turned = robot.model().rotation(pose)
     turning = float(np.median(np.linalg.norm(turned - turned.mean(axis=0), axis=(1, 2))))
@@ -47,13 +53,23 @@ def doubt(score: tuple[float, bool] | None) -> float:
 def turn_answer(stops: Session, robot: Robot) -> Answer | None:
     """Order and sense of the tracker's turns, and axes that only turns tell."""
     stops = thinned(stops, _TRIED)
-    here = turn_misfit(stops, robot)
-    if here is None or here[0] < (DOUBTED if here[1] else _STRAIGHT[1]):
+    if stops.tracker is None or stops.tracker.quaternion is None:
         return None
-    if not here[1] and _is_straight_some_way(stops, robot):
+    placed, quaternion = place(stops, robot), stops.tracker.quaternion
+    if not placed.found:
+        return None
+    here = _misfit(placed, quaternion, robot)
+    if here[0] < (DOUBTED if here[1] else _STRAIGHT[1]):
+        return None
+    if not here[1] and _is_straight_some_way(placed, quaternion, robot):
         return None
     scored = []
-    for change in (*hypotheses.rotation_orders(), *hypotheses.cyclic_axes()):
+    for change in hypotheses.rotation_orders():  # these leave the drawing where it stands
+        tracker = change.undo(stops).tracker
+        assert tracker is not None
+        assert tracker.quaternion is not None
+        scored.append((change, _misfit(placed, tracker.quaternion, robot)[0]))
+    for change in hypotheses.cyclic_axes():
         score = turn_misfit(change.undo(stops), robot)
         if score is not None:
             scored.append((change, score[0]))
@@ -67,10 +83,7 @@ def turn_answer(stops: Session, robot: Robot) -> Answer | None:
     return Answer((change,), evidence)
 
 
-def _is_straight_some_way(stops: Session, robot: Robot) -> bool:
+def _is_straight_some_way(placed: Placed, quaternion: Array, robot: Robot) -> bool:
     """Whether the probe is mounted at right angles: no reason for doubt."""
-    placed = place(stops, robot)
-    assert stops.tracker is not None
-    assert stops.tracker.quaternion is not None
-    mount, _ = turned_by(placed, stops.tracker.quaternion, robot)
+    mount, _ = turned_by(placed, quaternion, robot)
     return bool(np.sort(np.abs(mount), axis=1)[:, 2].min() > np.cos(_STRAIGHT[0]))
