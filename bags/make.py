@@ -16,9 +16,9 @@ import numpy as np
 
 from delta_calibration import __version__
 from delta_calibration.cli.main import run
+from delta_calibration.data import collect
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 
 HERE = Path(__file__).parent
 # name: arguments of `delta-cal simulate`, and what the session is for

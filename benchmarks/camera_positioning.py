@@ -24,7 +24,13 @@ from numpy.typing import NDArray
 from delta_calibration.cell.camera_frame import CameraFrame
 from delta_calibration.cell.positioning import Positioning
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.simulation import CameraOver, Machine, draw_machine, other_elbow, standing
+from delta_calibration.simulation import (
+    CameraOver,
+    TrueMachine,
+    draw_machine,
+    other_elbow,
+    standing,
+)
 from positioning import lattice
 
 Array = NDArray[np.float64]
@@ -58,7 +64,11 @@ def targets(robot: Robot, seed: int, count: int) -> Array:
 
 
 def drive(
-    machine: Machine, seed: int, points: int = POINTS, stops: int = STOPS, repeats: int = REPEATS
+    machine: TrueMachine,
+    seed: int,
+    points: int = POINTS,
+    stops: int = STOPS,
+    repeats: int = REPEATS,
 ) -> Run:
     """Let a machine be driven to its targets; without stops, the camera's place is known."""
     robot, rng = machine.robot, np.random.default_rng([seed, 7])

@@ -21,14 +21,14 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions, collect, survey
 from delta_calibration.diagnosis import diagnose
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.report import Examined, examined_fit
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import Conditions, collect, survey
 from delta_calibration.simulation import draw_machine, effect_options, simulate_session
-from delta_calibration.simulation.machine import Machine
+from delta_calibration.simulation.machine import TrueMachine
 
 CAUSES = ("none", "backlash", "transmission_error", "encoder_eccentricity", "cable_sag")
 HAVE = {  # what each can have of these
@@ -86,7 +86,7 @@ def diagnosed(robot_name: str, cause: str, seed: int) -> Coverage:
     return _held_against(machine, examined, at, rng)
 
 
-def _machine(robot_name: str, cause: str, seed: int) -> Machine:
+def _machine(robot_name: str, cause: str, seed: int) -> TrueMachine:
     hidden = [] if cause == "none" else [effect_options(cause)]
     return draw_machine(load_robot(robot_name), seed, hidden=hidden)
 
@@ -109,7 +109,7 @@ def _elsewhere(examined: Examined, at: Conditions, rng: np.random.Generator) -> 
 
 
 def _held_against(
-    machine: Machine, examined: Examined, at: Conditions, rng: np.random.Generator
+    machine: TrueMachine, examined: Examined, at: Conditions, rng: np.random.Generator
 ) -> Coverage:
     """True errors of commands whose joints come from either side, which the compensator knows."""
     shape, own = at.joint.shape, examined.identified.machine

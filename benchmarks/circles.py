@@ -33,6 +33,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from delta_calibration.circle_test import DIMENSIONS, CircleTest, circle_test, measured_circles
+from delta_calibration.data import Session, Survey, survey
 from delta_calibration.diagnosis import calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.model import Model
@@ -40,8 +41,7 @@ from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Session, Survey, survey
-from delta_calibration.simulation import Machine, draw_machine, simulate_session
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session
 
 SURE = 80.0  # lambda
 _GEOMETRY = "geometry"
@@ -50,7 +50,7 @@ _ANEW = 50_000  # between the seeds of a session and of the one after the repair
 _MATTERS = 0.1  # of the deviation, that a repair changes
 
 
-def drive(machine: Machine, seed: int) -> tuple[Session, Survey]:
+def drive(machine: TrueMachine, seed: int) -> tuple[Session, Survey]:
     """A machine's circle test."""
     robot = machine.robot
     session = simulate_session(machine, make_plan("circles", robot), seed)
@@ -83,7 +83,7 @@ def possible(
             return hidden
 
 
-def signal(start: Model, machine: Machine, options: dict[str, str]) -> float:
+def signal(start: Model, machine: TrueMachine, options: dict[str, str]) -> float:
     """Lambda of the hidden cause beside the geometry."""
     (hidden,) = machine.chain.effects
     effect = effect_named(hidden.cause, machine.robot, start.bare.mechanism, hidden.settings)
@@ -94,7 +94,7 @@ def signal(start: Model, machine: Machine, options: dict[str, str]) -> float:
     return float(true[list(rows)] @ start.evidence.information(column) @ true[list(rows)])
 
 
-def mean_deviation(machine: Machine, seed: int) -> float:
+def mean_deviation(machine: TrueMachine, seed: int) -> float:
     """Mean circular deviation of a machine, measured anew with other noise [m]."""
     session, seen = drive(machine, seed + _ANEW)
     circles = measured_circles(session, machine.robot, calibrated(seen, machine.robot))

@@ -28,15 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation import JointCompensator, Verdict
+from delta_calibration.compensation import CommandStatus, JointCompensator
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import Effect, catalogue
+from delta_calibration.estimation import chain_of
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import chain_of
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans import make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot, known_robots, load_robot
-from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ def times(calibration: Calibration, calls: int) -> tuple[Array, int]:
     good = [
         single
         for single in singles
-        if compensator.compensate(*single).verdicts[0] is Verdict.CORRECTED
+        if compensator.compensate(*single).verdicts[0] is CommandStatus.CORRECTED
     ]
     seconds = np.full(calls if good else 0, np.nan)
     for i in range(len(seconds)):

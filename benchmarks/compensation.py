@@ -35,7 +35,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.compensation import (
     Apso,
     ApsoSettings,
-    Machine,
+    IdentifiedMachine,
     Newton,
     NewtonSettings,
     Swarm,
@@ -69,7 +69,7 @@ class Task:
     settings: ApsoSettings
 
     @property
-    def machine(self) -> Machine:
+    def machine(self) -> IdentifiedMachine:
         """The machine as the compensation takes it."""
         return machine_of(self.mechanism, self.geometry)
 
@@ -85,11 +85,11 @@ class Row:
     tried: int
 
 
-def machine_of(mechanism: Mechanism, geometry: Array) -> Machine:
+def machine_of(mechanism: Mechanism, geometry: Array) -> IdentifiedMachine:
     """A machine of these parameters (p,), without effects, its tool at the platform's centre."""
     chain = Chain(mechanism, np.zeros(3), 1.0)
     theta = chain.join(geometry, np.zeros(3), Frame.identity())
-    return Machine(chain, theta, np.zeros(3))
+    return IdentifiedMachine(chain, theta, np.zeros(3))
 
 
 def commands(robot: Robot, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -160,7 +160,7 @@ def places(
     return found
 
 
-def fast_point(machine: Machine) -> Callable[[Array], Array]:
+def fast_point(machine: IdentifiedMachine) -> Callable[[Array], Array]:
     """The same for the libraries, with as little as can be about the compiled function."""
     signals = machine.resting(machine.mechanism.home[None]).rows[0].copy()
     compiled_machine, room = machine.compiled, scratch(machine.compiled, len(signals))

@@ -20,11 +20,11 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 # ruff: noqa: E402
 import numpy as np
 
+from delta_calibration.data import Paths, Poses, Survey, joined, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Paths, Poses, Survey, joined, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 SIZES = (1, 2, 5, 10)

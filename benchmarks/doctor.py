@@ -26,11 +26,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import collect
 from delta_calibration.doctor import check
 from delta_calibration.doctor.steps import Fitted
 from delta_calibration.errors import CalibrationError
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import hideable_causes
 from mistakes import KINDS, ROBOTS, clean_case, examined, has_turns, judged
 

@@ -24,14 +24,14 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     Apso,
     Box,
-    Found,
     LinearResidual,
     PoseResidual,
     Pso,
     Settled,
+    SwarmResult,
     SwarmSettings,
     all_singular,
     in_rounds,
@@ -60,7 +60,7 @@ LEVER = 0.2  # [m] what an angle's error counts in the residual
 PRINTED_ERROR, PRINTED_DEVIATION = 10.0, 3.4369e-4  # [%], [mm] of the paper's stepwise
 ON_ARC, ON_EVALUATION = 11, 16  # poses
 
-Method = Callable[[PoseResidual, np.random.Generator], Found]
+Method = Callable[[PoseResidual, np.random.Generator], SwarmResult]
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def geometry(deviation: Array) -> Array:
     return values
 
 
-def judge(found: Found, truth: Array, seconds: float) -> Outcome:
+def judge(found: SwarmResult, truth: Array, seconds: float) -> Outcome:
     """Against the true deviations, (20,)."""
     joint = MACHINE.inverse(EVALUATED, NOMINAL)
     reached, meant = (tip(MACHINE.forward(joint, geometry(d))) for d in (found.best, truth))
@@ -177,7 +177,7 @@ def methods() -> dict[str, Method]:
         return once(lambda r, box, rng: minimise(r, box, settings, rng))
 
     return {
-        "the drawing, nothing identified": lambda r, _: Found(
+        "the drawing, nothing identified": lambda r, _: SwarmResult(
             np.zeros(len(FREE)), float(r(np.zeros((1, len(FREE))))[0]), 0, np.empty(0)
         ),
         "least squares (Gauss-Newton)": lambda r, _: in_rounds(r, search_box(), least_squares, 3),
@@ -199,7 +199,7 @@ def methods() -> dict[str, Method]:
     }
 
 
-def once(search: Callable[[LinearResidual, Box, np.random.Generator], Found]) -> Method:
+def once(search: Callable[[LinearResidual, Box, np.random.Generator], SwarmResult]) -> Method:
     """One round about the drawing, the paper's error model."""
     return lambda r, rng: in_rounds(r, search_box(), lambda line, box: search(line, box, rng), 1)
 
@@ -284,7 +284,7 @@ def conditions(machines: int) -> None:
         print(f"| {' | '.join(cells)} |", flush=True)
 
 
-def _on_model(search: Callable[..., Found], factor: Array, seed: int) -> Array:
+def _on_model(search: Callable[..., SwarmResult], factor: Array, seed: int) -> Array:
     """Errors of the parameters over their true values, (20,) [%], on a linear machine."""
     truth = np.random.default_rng(seed).uniform(-ERROR, ERROR, len(FREE))
     model = LinearResidual(factor, factor @ truth, 0.0)

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import f as fisher
 
+from delta_calibration.data import at_rest
 from delta_calibration.effects import Effect
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.drum_build_up import DrumBuildUp
@@ -30,7 +31,6 @@ from delta_calibration.errors import DataError, RecordingError
 from delta_calibration.mechanisms import CableDimensions, CableRobot, CableTolerances, Mechanism
 from delta_calibration.mechanisms.cable_dimensions import CableMasses
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import at_rest
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "real" / "hangprinter"
 LINES = "ABCD"

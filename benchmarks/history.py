@@ -17,11 +17,11 @@ from datetime import datetime, timedelta, timezone
 
 import numpy as np
 
+from delta_calibration.data import survey
 from delta_calibration.history import Dated, Step, Steps, find_changes
 from delta_calibration.history.pooled import pooled
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session, visited
 
 STRONG = 80.0  # lambda

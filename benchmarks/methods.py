@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from delta_calibration.identification import (
+from delta_calibration.data import collect
+from delta_calibration.estimation import (
     METHODS,
     Method,
     Problem,
@@ -38,8 +39,7 @@ from delta_calibration.identification import (
 )
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import collect
-from delta_calibration.simulation import Machine, draw_machine, simulate_session, standing
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, standing
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ class Case:
 def case(name: str, seed: int) -> Case:
     """A machine of a robot, drawn and measured."""
     robot = load_robot(name)
-    machine: Machine = draw_machine(robot, seed)
+    machine: TrueMachine = draw_machine(robot, seed)
     plan = make_plan("identify", robot, count=MEASURED, seed=seed)
     poses = collect(simulate_session(machine, plan, seed), robot.joints.names)
     joint = make_plan("identify", robot, count=JUDGED, seed=seed + ELSEWHERE).joint

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from delta_calibration.data import Poses, collect
 from delta_calibration.effects import effect_named
-from delta_calibration.identification import Identification, identify
+from delta_calibration.estimation import Identification, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.processes import child_environment, remove_dead_shared_memory
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses, collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 PATIENCE_S = 30.0

@@ -27,7 +27,7 @@ from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.simulated_machine import SimulatedMachine
-from delta_calibration.simulation import Machine, draw_machine, standing
+from delta_calibration.simulation import TrueMachine, draw_machine, standing
 
 Array = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ def drive(
     )
 
 
-def truth(machine: Machine) -> Calibration:
+def truth(machine: TrueMachine) -> Calibration:
     """A calibration that knows all of a machine: here, where the tracker stands before it."""
     joints = machine.robot.joints
     anywhere = Region(np.vstack([np.zeros(3), np.eye(3)]))
@@ -113,11 +113,11 @@ def truth(machine: Machine) -> Calibration:
     )
 
 
-def _off(machine: Machine, joint: Array, wanted: Array) -> Array:
+def _off(machine: TrueMachine, joint: Array, wanted: Array) -> Array:
     return np.linalg.norm(machine.tool_points(standing(joint)) - wanted, axis=1)
 
 
-def _frame_error(machine: Machine, found: TrackerFrame | None, wanted: Array) -> Array:
+def _frame_error(machine: TrueMachine, found: TrackerFrame | None, wanted: Array) -> Array:
     """Distance of each target, as the found frame has it before the tracker, from where it is.
 
     A frame that was laid on readings has the reflector's offset in it.

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.cli.diagnose import describe
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.diagnosis import Judgement, Measured, Observed, diagnose_observations
 from delta_calibration.diagnosis.candidates import columns_of
 from delta_calibration.diagnosis.rivals import reached
 from delta_calibration.effects.drum_build_up import DrumBuildUp
-from delta_calibration.identification.closures import ClosureAtPose, ClosureWithoutPose
+from delta_calibration.estimation.closures import ClosureAtPose, ClosureWithoutPose
 from delta_calibration.mechanisms import CableRobot
 from delta_calibration.report.candidates import evidence_figure
 from delta_calibration.report.drawing import (
@@ -34,7 +35,6 @@ from delta_calibration.report.drawing import (
     Rule,
 )
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Conditions, at_rest
 from hangprinter import BUILD_UP, BY_HAND, LINES, load
 
 Array = NDArray[np.float64]
@@ -144,13 +144,13 @@ def likeness(found: Judgement) -> dict[str, float]:
     From 0.95 on the verdict calls both one class.
     """
     model = found.model
-    evidence, (member, *_) = model.evidence, model.members
-    signal = columns_of(member, evidence) @ model.scaled(member)
+    evidence, (term, *_) = model.evidence, model.terms
+    signal = columns_of(term, evidence) @ model.scaled(term)
     weighed = evidence.weigh(signal[:, None])[:, 0]
     near: dict[str, float] = {}
     for score in found.found.first.scores:
         candidate = score.candidate
-        if candidate.unexplained or candidate.same_cause(member):
+        if candidate.unexplained or candidate.same_cause(term):
             continue
         columns = columns_of(candidate, evidence)
         share = reached(evidence.information(columns), columns.T @ weighed) / (signal @ weighed)

@@ -18,9 +18,9 @@ from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 
+from delta_calibration.estimation.measurements import PoseMeasured
+from delta_calibration.estimation.mixed_measurements import MixedFit, fit_observations
 from delta_calibration.geometry import Frame, align
-from delta_calibration.identification.mixed import MixedFit, fit_observations
-from delta_calibration.identification.observations import PoseMeasured
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.robot import load_robot

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.identification.mixed import MixedFit
-from delta_calibration.identification.observations import DistanceBetween, HeightAtContact
-from delta_calibration.identification.printer import Touched, fit_printer, left_out, printer
+from delta_calibration.estimation.measurements import DistanceBetween, HeightAtContact
+from delta_calibration.estimation.mixed_measurements import MixedFit
+from delta_calibration.estimation.printer import Touched, fit_printer, left_out, printer
 
 Array = NDArray[np.float64]
 

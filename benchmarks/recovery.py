@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.extension import covariance_of
@@ -30,7 +31,6 @@ from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import DataError, ReachError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 Array = NDArray[np.float64]

@@ -26,11 +26,11 @@ import numpy as np
 
 from delta_calibration.calibration_file import from_identification
 from delta_calibration.compensation import JointCompensator
-from delta_calibration.identification import identify
+from delta_calibration.data import at_rest, collect
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest, collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 SAMPLES = 10_000

@@ -35,7 +35,7 @@ import numpy as np
 
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cell import command_path as path
-from delta_calibration.compensation import Verdict
+from delta_calibration.compensation import CommandStatus
 from delta_calibration.robot import load_robot
 from node_processes import Processes, identified, processes, with_effects
 from soak_cell import Cell
@@ -49,12 +49,12 @@ EFFECTS = {"backlash": ({}, 4e-4), "thermal_growth_arm": ({"sensor": "arm"}, 23e
 FIRST = 10.0  # [MB] that a first round takes: what is used for the first time stays
 BROKEN = "broken.yaml"
 GUARDS = (
-    Verdict.CORRECTED.value,
+    CommandStatus.CORRECTED.value,
     path.BEYOND,
-    Verdict.OUTSIDE_REGION.value,
-    Verdict.SINGULAR.value,
-    Verdict.NOT_REACHED.value,
-    Verdict.MISSING_CONDITION.value,
+    CommandStatus.OUTSIDE_REGION.value,
+    CommandStatus.SINGULAR.value,
+    CommandStatus.NOT_REACHED.value,
+    CommandStatus.MISSING_CONDITION.value,
     path.PASSED,
     path.ALREADY,
     path.ECHO,

@@ -27,8 +27,8 @@ import numpy as np
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
 from delta_calibration.compensation import (
+    IdentifiedMachine,
     JointCompensator,
-    Machine,
     Newton,
     NewtonSettings,
     TableSettings,
@@ -65,9 +65,9 @@ def machine(robot: Robot, model: str, seed: int) -> Calibration:
     return Calibration(robot, chain, theta, region, lower, upper, 1e-5, "bench", "0" * 64)
 
 
-def identified(known: Calibration) -> Machine:
+def identified(known: Calibration) -> IdentifiedMachine:
     """The machine of a calibration, with the robot's tool."""
-    return Machine(known.chain, known.theta, known.robot.tool_offset)
+    return IdentifiedMachine(known.chain, known.theta, known.robot.tool_offset)
 
 
 def least(function: Callable[[], object], number: int, items: int, repeats: int) -> float:

@@ -6,10 +6,10 @@ What `delta-cal fit` does, in Python (no ROS needed):
 from pathlib import Path
 
 from delta_calibration.calibration_file import save_calibration
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
+from delta_calibration.data import collect
 
 robot = load_robot("srbd")
 poses = collect(read_session("bags/srbd_plain"), robot.joints.names)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
+from delta_calibration.data import Poses, Readings
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import align
 from delta_calibration.iso9283 import (
@@ -23,7 +24,6 @@ from delta_calibration.iso9283 import (
 )
 from delta_calibration.plans import cube_of, tool_points
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses, Readings
 
 Array = NDArray[np.float64]
 

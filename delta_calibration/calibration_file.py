@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
+from delta_calibration.data import Poses
 from delta_calibration.documents import content_hash, load_schema, read_document, write_document
 from delta_calibration.effects import Effect, effect_named
 from delta_calibration.errors import ConfigError, InputError
-from delta_calibration.identification import Identification, Residuals, chain_of
+from delta_calibration.estimation import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses
 from delta_calibration.uncertainty import ModelError, Uncertainty
 
 if TYPE_CHECKING:  # a fit does not wait for it

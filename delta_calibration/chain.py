@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects import SPREAD, Effect, Stage
 from delta_calibration.effects.base import asked_of_stages, stages_of, table_of_stage
 from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
@@ -33,7 +34,6 @@ from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import NOTHING, POSES, READINGS, STRAY
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
 from delta_calibration.theta import Layout, Parts, frame_names, vector_names
 
 if TYPE_CHECKING:

@@ -27,16 +27,16 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import from_identification, save_calibration
-from delta_calibration.compensation import JointCompensator, Verdict, methods_for
+from delta_calibration.compensation import CommandStatus, JointCompensator, methods_for
+from delta_calibration.data import Session as Recording
+from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import Diagnosis, diagnose
-from delta_calibration.identification import Identification, doubts, identify
+from delta_calibration.estimation import Identification, doubts, identify
 from delta_calibration.plans.points import joints_toward
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report.missing import required
 from delta_calibration.report.residual_plot import plot_errors
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Session as Recording
-from delta_calibration.samples import Survey, survey
 from delta_calibration.wording import measured, mm, spoken, sure
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ def _commands(calibration: Calibration, targets: Any, method: str | None) -> pd.
     nominal = joints_toward(robot, places)
     method = method or methods_for(robot.commanded)[0]
     reached = np.isfinite(nominal).all(axis=1)
-    command, status = nominal.copy(), np.full(len(places), Verdict.OUT_OF_REACH.name.lower())
+    command, status = nominal.copy(), np.full(len(places), CommandStatus.OUT_OF_REACH.name.lower())
     status = status.astype(object)
     if reached.any():
         done = JointCompensator(calibration, method).compensate(nominal[reached])

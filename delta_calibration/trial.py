@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation import Aim, Apso, ApsoSettings
+from delta_calibration.compensation import Apso, ApsoSettings, TaskCoordinates
+from delta_calibration.data import Conditions, Poses
 from delta_calibration.geometry import align, rotations
 from delta_calibration.plans import make_plan
-from delta_calibration.samples import Conditions, Poses
-from delta_calibration.simulation import Machine, standing
+from delta_calibration.simulation import TrueMachine, standing
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def measured_errors(calibration: Calibration, poses: Poses, targets: Array) -> E
 
 
 def true_errors(
-    calibration: Calibration, machine: Machine, poses: Poses, targets: Array
+    calibration: Calibration, machine: TrueMachine, poses: Poses, targets: Array
 ) -> Errors:
     """Where the machine really goes at the encoders' angles: no tracker noise, no repeatability.
 
@@ -72,7 +72,9 @@ def true_errors(
     return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
 
 
-def paper_simulation(machine: Machine, count: int = 181, seed: int = 0) -> tuple[Errors, Errors]:
+def paper_simulation(
+    machine: TrueMachine, count: int = 181, seed: int = 0
+) -> tuple[Errors, Errors]:
     """The Delta paper's own simulation, its errors known to the model: before and after.
 
     APSO along the line x = -y, z = -711 mm, |x| <= 450 mm.
@@ -97,7 +99,7 @@ def _nearest(targets: Array, reached: Array) -> Array:
 
 
 def true_misses(
-    calibration: Calibration, machine: Machine, at: Conditions, meant: Array, registered: bool
+    calibration: Calibration, machine: TrueMachine, at: Conditions, meant: Array, registered: bool
 ) -> tuple[Array, Array]:
     """How far the tool truly is from nominal poses, distance (n,) [m] and turn (n,) [rad].
 
@@ -113,7 +115,7 @@ def true_misses(
     """
     robot, chain = machine.robot, machine.chain
     nominal, (_, _, frame) = robot.commanded, chain.split(machine.theta)
-    axes = list(Aim.of(nominal, robot.tool_offset).axes)
+    axes = list(TaskCoordinates.of(nominal, robot.tool_offset).axes)
     x = chain.pose(at, machine.theta)
     reached = calibration.tool_points(machine.reflector_points(at), at.joint)
     wanted = nominal.points(meant, robot.tool_offset)

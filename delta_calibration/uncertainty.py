@@ -37,8 +37,8 @@ from numpy.typing import NDArray
 from scipy.special import bdtrc, chdtri, fdtri, gammainc  # scipy.stats takes long to import
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions
 from delta_calibration.effects import Stage
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

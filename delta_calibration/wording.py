@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from datetime import datetime, timezone
 from math import floor, log10
 
+from delta_calibration.data import SIMULATED_NS
 from delta_calibration.effects import called
-from delta_calibration.samples import SIMULATED_NS
 
 NO_VALUE = "–"
 _LEAST_P = 1e-300

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.calibration_node import CalibrationNode
@@ -39,8 +39,8 @@ def session_fixture() -> Any:
 
 
 @pytest.fixture(scope="module", name="desk")
-def desk_fixture(session: Any) -> Desk:
-    desk = Desk(Settings("srbd", model="rotary_delta"))
+def desk_fixture(session: Any) -> CalibrationSession:
+    desk = CalibrationSession(Settings("srbd", model="rotary_delta"))
     desk.start_capture(0.0)
     for k, stamp in enumerate(session.states.stamp_ns.tolist()):
         desk.capture.add_states(stamp, session.states.position[k])
@@ -50,7 +50,7 @@ def desk_fixture(session: Any) -> Desk:
 
 
 @pytest.fixture(name="file")
-def file_fixture(desk: Desk, tmp_path: Path) -> Path:
+def file_fixture(desk: CalibrationSession, tmp_path: Path) -> Path:
     path = tmp_path / "calibration.yaml"
     desk.save(str(path))
     return path

@@ -13,29 +13,29 @@ import numpy as np
 import pytest
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation import Verdict
+from delta_calibration.compensation import CommandStatus
+from delta_calibration.data import Conditions, at_rest
+from delta_calibration.estimation import chain_of
 from delta_calibration.export import c_files
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import chain_of
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans import make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, at_rest
 
 COMPILER = shutil.which("cc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc) here")
 STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 VERDICTS = (
-    Verdict.CORRECTED,
-    Verdict.NOT_FINITE,
-    Verdict.JOINT_LIMIT,
-    Verdict.OUT_OF_REACH,
-    Verdict.OUTSIDE_REGION,
-    Verdict.SINGULAR,
-    Verdict.SLACK,
-    Verdict.NOT_REACHED,
-    Verdict.MISSING_CONDITION,
+    CommandStatus.CORRECTED,
+    CommandStatus.NOT_FINITE,
+    CommandStatus.JOINT_LIMIT,
+    CommandStatus.OUT_OF_REACH,
+    CommandStatus.OUTSIDE_REGION,
+    CommandStatus.SINGULAR,
+    CommandStatus.SLACK,
+    CommandStatus.NOT_REACHED,
+    CommandStatus.MISSING_CONDITION,
 )
 EVERYWHERE = Region(10.0 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0))  # [m]
 _DOUBLES = ctypes.POINTER(ctypes.c_double)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from delta_calibration.effects import effect_named
-from delta_calibration.identification import Identification
+from delta_calibration.estimation import Identification
 from delta_calibration.robot import Robot
 
 Effects = Mapping[str, tuple[Mapping[str, object], object]]

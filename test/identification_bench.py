@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from delta_calibration.identification import identify
+from delta_calibration.data import at_rest
+from delta_calibration.estimation import identify
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 from six_rods import Cell, SixRods, workspace
 
 ROBOT = load_robot("srbd")

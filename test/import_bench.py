@@ -8,9 +8,9 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from delta_calibration.cli.main import run
+from delta_calibration.data import collect
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 SRBD = load_robot("srbd")

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from delta_calibration.data import JointStream, Session, TrackerStream
 from delta_calibration.doctor import Checked, Mistake, check, examine
 from delta_calibration.documents import write_document
 from delta_calibration.geometry import rotations
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot, robot_document
-from delta_calibration.samples import JointStream, Session, TrackerStream
-from delta_calibration.simulation import Machine, draw_machine, simulate_session, standing
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, standing
 
 ROBOTS = ("srbd", "linear_delta", "five_axis", "cdpr8", "scara", "ur10")
 BOTH = ("joint_command", "joint_states")
@@ -35,7 +35,7 @@ class Case:
     session: Session
     robot: Robot
     document: dict
-    machine: Machine
+    machine: TrueMachine
 
     @property
     def slides(self) -> bool:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from delta_calibration.data import JointStream, Session
 from delta_calibration.robot import Robot, load_robot, robot_document, robot_from
-from delta_calibration.samples import JointStream, Session
 
 SIGNS = np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 ZEROS = {"rad": np.array([90.0, -30.0, 12.5, 0.0, 400.0, -7.0, 33.0, 1.0]), "m": None}

@@ -10,6 +10,13 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from delta_calibration.data.streams import (
+    JointStream,
+    PayloadStream,
+    Session,
+    TemperatureStream,
+    TrackerStream,
+)
 from delta_calibration.recording.messages import (
     JOINT_STATE,
     POINT_STAMPED,
@@ -18,13 +25,6 @@ from delta_calibration.recording.messages import (
     encode_point,
     encode_pose,
     message_type,
-)
-from delta_calibration.samples.streams import (
-    JointStream,
-    PayloadStream,
-    Session,
-    TemperatureStream,
-    TrackerStream,
 )
 
 SHARED = Path(__file__).parents[1].parent / "shared"

@@ -6,10 +6,10 @@ from dataclasses import replace
 from functools import lru_cache
 
 from blind import hide
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import Diagnosis, diagnose
 from delta_calibration.report import Provenance
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 
 ROBOT = load_robot("srbd")
 SEED = 1100

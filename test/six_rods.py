@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from delta_calibration.samples import Poses, Rejected
+from delta_calibration.data import Poses, Rejected
 
 Array = NDArray[np.float64]
 

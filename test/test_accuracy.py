@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from delta_calibration.accuracy import evaluate
 from delta_calibration.calibration import Calibration
+from delta_calibration.data import JointStream, Session, TrackerStream, at_rest, collect, match
 from delta_calibration.errors import DataError
+from delta_calibration.estimation import chain_of
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import chain_of
 from delta_calibration.iso9283 import DELTA_PAPER, STANDARD, Conditions
 from delta_calibration.plans import CUBE, legs, make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import JointStream, Session, TrackerStream, at_rest, collect, match
 from delta_calibration.simulation import draw_machine, simulate_session
 from six_rods import SixRods, drawing_joints
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.diagnose import calibrated
 from delta_calibration.diagnosis.findings import HeldOutModels
@@ -13,7 +14,6 @@ from delta_calibration.effects.remedy import ADJUST, COMPENSATE, MEASURE, REPAIR
 from delta_calibration.plans import make_plan
 from delta_calibration.report.verdict_file import verdict_of
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
@@ -41,7 +41,7 @@ def test_what_is_left_after_one_repair_is_what_was_foretold(found):
     for finding in found.findings:
         rest = [name for name in CAUSES if name != finding.cause]
         held = HeldOutModels(calibrated(measured(rest), ROBOT))
-        left = held.mm(held.members((), held.sectors))
+        left = held.mm(held.terms((), held.sectors))
         assert finding.action.held_out_rms_after_mm == pytest.approx(left, rel=0.15)
 
 

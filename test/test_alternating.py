@@ -22,14 +22,14 @@ from cables import (
     workspace,
 )
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.geometry import Frame
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     JointProblem,
     alternate,
+    fit_together,
     joint_covariance,
-    together,
     whitening,
 )
+from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import CableRobot, RotaryDelta, SixRodDelta
 from identification_bench import ROBOT
 
@@ -63,7 +63,7 @@ def test_residual_is_zero_for_the_machine_written_apart():
     problem, truth = measured(noise=0.0)
     frame = Frame(Rotation.from_rotvec(TURN).as_matrix(), PLACE)
     np.testing.assert_allclose(problem.residual(truth, frame), 0, atol=1e-9)
-    fit = together(problem)
+    fit = fit_together(problem)
     np.testing.assert_allclose((fit.geometry - truth) / problem.scale[:-6], 0, atol=1e-6)
 
 
@@ -86,7 +86,7 @@ def test_slopes_are_those_of_the_residual(cables):
 def test_in_turn_and_at_once_give_the_same_answer_at_other_costs(priors):
     """Eight cables, counters zero at home: nothing is left to a gauge; 62 of 62 unknowns show."""
     problem, truth = measured(priors=priors)
-    both, turns = together(problem), alternate(problem)
+    both, turns = fit_together(problem), alternate(problem)
     assert apart(problem, both, turns) < 1e-4
     assert turns.cost == pytest.approx(both.cost, abs=1e-4)
     assert (both.observability.rank, both.observability.columns) == (62, 62)
@@ -102,7 +102,7 @@ def test_in_turn_and_at_once_give_the_same_answer_at_other_costs(priors):
 def test_chi_square_is_that_of_the_noise():
     """First-order noise of the pose in the joints is all there is: 320 residuals, 62 unknowns."""
     low, high = chi2.interval(1 - 1e-4, 8 * 40 - 62)
-    assert low < together(measured()[0]).cost < high
+    assert low < fit_together(measured()[0]).cost < high
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_chi_square_is_that_of_the_noise():
 def test_rank_and_gauge_with_the_frame(cables, free, rank, columns):
     """Free zeros: the whole frame is gauge. A point with known home: a turn about the home is."""
     problem, _ = measured(cables, free)
-    seen = together(problem).observability
+    seen = fit_together(problem).observability
     assert (seen.rank, seen.columns) == (rank, columns)
     assert len(seen.redundancies) == columns - rank
     assert all(r.parameter.startswith("robot_") for r in seen.redundancies)
@@ -121,7 +121,7 @@ def test_rank_and_gauge_with_the_frame(cables, free, rank, columns):
 def test_a_gauge_stays_where_it_was_in_turn_and_the_prediction_is_the_same():
     """The frame never moves: the geometry takes up its error whole, and both rest at once."""
     problem, _ = measured(8, True)
-    both, turns = together(problem), alternate(problem)
+    both, turns = fit_together(problem), alternate(problem)
     assert turns.rounds <= 3
     assert turns.cost == pytest.approx(both.cost, abs=1e-3)
     assert apart(problem, both, turns) > 0.05
@@ -139,9 +139,9 @@ def test_in_turn_says_where_it_does_not_come_to_rest():
 def test_a_far_frame_is_found_as_well():
     """Believed half a metre and twenty degrees off, as measured by hand."""
     problem, _ = measured()
-    near = together(problem)
+    near = fit_together(problem)
     far = near.frame @ Frame.from_vector(np.array([0.2, -0.2, 0.2, 0.3, -0.3, 0.3]))
-    assert apart(problem, near, together(problem, far)) < 1e-6
+    assert apart(problem, near, fit_together(problem, far)) < 1e-6
 
 
 def test_any_mechanism_with_an_explicit_inverse_problem():
@@ -152,7 +152,7 @@ def test_any_mechanism_with_an_explicit_inverse_problem():
     truth = parameters.nominal + parameters.prior * rng.standard_normal(len(parameters))
     y = delta.forward(q, truth) @ Rotation.from_rotvec(TURN).as_matrix().T + PLACE
     problem = JointProblem(delta, q, y, np.tile(np.eye(3) / 1e-5, (50, 1, 1)))
-    both, turns = together(problem), alternate(problem, still=1e-3)
+    both, turns = fit_together(problem), alternate(problem, still=1e-3)
     assert both.rms < 1e-6  # what the priors, at 1e-5 rad of noise, still hold back
     assert turns.rms < 1e-6
     assert (both.observability.rank, both.observability.columns) == (24, 30)
@@ -180,7 +180,7 @@ def test_too_few_poses_are_refused():
     problem, _ = measured()
     few = JointProblem(problem.mechanism, problem.joint[:7], problem.pose[:7], problem.whiten[:7])
     with pytest.raises(DataError, match=r"7 measured poses of 8 joints .* 62 unknowns; 8 or more"):
-        together(few)
+        fit_together(few)
 
 
 def test_joints_out_of_reach_are_refused_by_number():
@@ -189,4 +189,4 @@ def test_joints_out_of_reach_are_refused_by_number():
     joint[4, 0] += 400.0
     torn = JointProblem(problem.mechanism, joint, problem.pose, problem.whiten)
     with pytest.raises(DataError, match=r"recorded joint command 5 .* out of the robot's reach"):
-        together(torn)
+        fit_together(torn)

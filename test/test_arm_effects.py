@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from delta_calibration.chain import Chain
+from delta_calibration.data.conditions import at_rest
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.reducer_compliance import ReducerCompliance
 from delta_calibration.effects.signals import GRAVITY, INERTIA
@@ -17,7 +18,6 @@ from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.robot import load_robot
-from delta_calibration.samples.conditions import at_rest
 
 ROBOT = load_robot("scara")
 SCARA = ROBOT.dimensions

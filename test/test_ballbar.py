@@ -21,14 +21,14 @@ from delta_calibration.circle_test import (
     read_ballbar,
 )
 from delta_calibration.cli.main import run
+from delta_calibration.data import Session, at_rest
 from delta_calibration.diagnosis import Observed
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.estimation import Measured, RadiusMeasured, TrueMachine
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import Machine, Measured, RadiusMeasured
 from delta_calibration.plans import make_plan, tool_points
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Session, at_rest
-from delta_calibration.simulation import Machine as SimulatedMachine
+from delta_calibration.simulation import TrueMachine as SimulatedMachine
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("scara")
@@ -93,7 +93,7 @@ def test_slopes_are_those_of_the_length() -> None:
     robot = load_robot("srbd")
     joint = np.array([[0.1, 0.3, -0.2], [0.4, -0.1, 0.2]])
     offset, frame = np.array([0.01, -0.02, 0.03]), Frame(np.eye(3), np.array([0.1, 0.05, 0.6]))
-    machine = Machine.of(robot.detailed, robot.detailed.parameters.nominal, frame)
+    machine = TrueMachine.of(robot.detailed, robot.detailed.parameters.nominal, frame)
     bar = RadiusMeasured(joint, np.full(2, 0.3), offset, 1e-6)
     point = machine.chain.point(machine.poses(joint), offset) + frame.translation
     np.testing.assert_allclose(bar.missed(machine)[:, 0], 0.3 - np.linalg.norm(point, axis=1))
@@ -105,7 +105,7 @@ def test_slopes_are_those_of_the_length() -> None:
         for step in (1e-6, -1e-6):
             theta = machine.theta.copy()
             theta[k] += step
-            ends.append(-bar.missed(Machine(machine.chain, theta)))
+            ends.append(-bar.missed(TrueMachine(machine.chain, theta)))
         np.testing.assert_allclose(slope[..., k], (ends[0] - ends[1]) / 2e-6, atol=1e-6)
 
 

@@ -16,13 +16,13 @@ from blind.plans import PLANS, joints_at, places, rich
 from blind.unknown import UNKNOWN
 from blind.weight import GRAVITY, ROD_KG, energy, inertia, tensions, torques
 from blind.world import CENTRE, Warming, World
-from delta_calibration.identification import identify
+from delta_calibration.data import Session, collect
+from delta_calibration.estimation import identify
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Session, collect
 
 JOINTS = ("joint_1", "joint_2", "joint_3")
 BLIND = Path(__file__).parent / "blind"
-ALLOWED = {"delta_calibration.samples", "delta_calibration.recording"}
+ALLOWED = {"delta_calibration.data", "delta_calibration.recording"}
 
 CONTRACT = {
     "geometry",

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.scan import scan
 from delta_calibration.diagnosis.search import _without_maps
 from delta_calibration.effects import catalogue
-from delta_calibration.samples import survey
 from study.judge import scaled
 from study.trials import Task
 from trial_bench import ROBOT, trial
@@ -55,8 +55,8 @@ def test_causes_take_the_places_of_two_maps_that_drew_them():
         next(c for c in tried if c.label == f"unexplained ({family})")
         for family in ("temperature", "time")
     )
-    members = _without_maps(model.fitted(drawn), effects, rng)
-    assert {m.cause for m in members} == {cause for cause, _ in PAIRS[0][1]}
+    terms = _without_maps(model.fitted(drawn), effects, rng)
+    assert {m.cause for m in terms} == {cause for cause, _ in PAIRS[0][1]}
 
 
 def test_what_may_be_a_part_of_a_cause_found_is_said():

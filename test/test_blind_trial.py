@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from blind import hide
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import Verdict, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import subsets
 from delta_calibration.diagnosis.model import _cost, fit, rested
 from delta_calibration.effects import catalogue
 from delta_calibration.recording import read_session
-from delta_calibration.samples import survey
 from study.judge import scaled
 from study.trials import PRECISE, Task
 from trial_bench import ROBOT, SIGNAL, trial
@@ -142,6 +142,6 @@ def test_paths_and_poses_together_set_the_reflector():
     held = fit(start, (scale,))
     free = rested(held)
     true = list(trial.causes[0].values.values())
-    off = [abs(model.values(model.members[0]) - true).max() for model in (held, free)]
+    off = [abs(model.values(model.terms[0]) - true).max() for model in (held, free)]
     assert _cost(free, 1.0) < _cost(held, 1.0) - 5.0
     assert off[1] < 1.4e-4 < 1.5e-4 < off[0]

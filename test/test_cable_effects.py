@@ -17,6 +17,7 @@ from cables import (
     TOLERANCES,
     workspace,
 )
+from delta_calibration.data import at_rest
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag, slack_of_sag
@@ -26,7 +27,6 @@ from delta_calibration.effects.pulley_radius import PulleyRadius, excess
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.mechanisms import CableRobot
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 
 GRAVITY = 9.80665
 ROBOT = load_robot("cdpr8")

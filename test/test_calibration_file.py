@@ -17,13 +17,13 @@ from delta_calibration.calibration_file import (
     load_calibration,
     save_calibration,
 )
+from delta_calibration.data import collect
 from delta_calibration.documents import content_hash
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import ConfigError
-from delta_calibration.identification import Effort, identify
+from delta_calibration.estimation import Effort, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")

@@ -7,7 +7,7 @@ import pytest
 
 from delta_calibration.cell import command_path
 from delta_calibration.cell.command_path import ON_FAILURE, CommandPath, Sent
-from delta_calibration.compensation import Compensated, Verdict
+from delta_calibration.compensation import CommandStatus, Compensated
 
 LARGEST = 0.01  # [rad] of any correction here
 LIMIT = 1.2  # [rad] of each joint, either way
@@ -23,12 +23,12 @@ class Smooth:
         self.size = size
 
     def compensate(self, q: np.ndarray, at: object = None) -> Compensated:
-        dq, verdict = self.size * np.sin(q + 0.3), Verdict.CORRECTED
+        dq, verdict = self.size * np.sin(q + 0.3), CommandStatus.CORRECTED
         if np.abs(q + dq).max() > LIMIT:
-            verdict = Verdict.JOINT_LIMIT
+            verdict = CommandStatus.JOINT_LIMIT
         if q[0, 0] > SINGULAR:
-            verdict = Verdict.SINGULAR
-        dq = dq if verdict is Verdict.CORRECTED else 0.0 * dq
+            verdict = CommandStatus.SINGULAR
+        dq = dq if verdict is CommandStatus.CORRECTED else 0.0 * dq
         return Compensated(q + dq, dq, 0.0 * q[:, 0], np.ones(1, dtype=np.int64), (verdict,))
 
 
@@ -116,5 +116,9 @@ def test_no_order_of_events_makes_the_output_jump(seed: int) -> None:
             motion.out = [*motion.out[-9:], entry]
     told = path.counts
     assert {command_path.ECHO, command_path.ALREADY, command_path.STALE} <= set(told)
-    assert {command_path.REFUSED, Verdict.NOT_FINITE.value, Verdict.CORRECTED.value} <= set(told)
+    assert {
+        command_path.REFUSED,
+        CommandStatus.NOT_FINITE.value,
+        CommandStatus.CORRECTED.value,
+    } <= set(told)
     assert told[command_path.HELD] > 10 or told[command_path.DROPPED] > 10

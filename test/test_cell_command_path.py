@@ -9,9 +9,9 @@ import pytest
 
 from delta_calibration.cell import command_path
 from delta_calibration.cell.command_path import HOLD, PASS_THROUGH, CommandPath
-from delta_calibration.compensation import Compensated, Verdict
+from delta_calibration.compensation import CommandStatus, Compensated
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.samples import Conditions, at_rest
 
 Q = np.array([0.1, 0.2, 0.3])
 DQ = np.array([0.01, -0.02, 0.005])
@@ -29,7 +29,9 @@ class Fixed:
         self.calls += 1
         inside = q[:, 0] <= EDGE
         dq = np.where(inside[:, None], self.dq, 0.0)
-        verdicts = tuple(Verdict.CORRECTED if i else Verdict.OUTSIDE_REGION for i in inside)
+        verdicts = tuple(
+            CommandStatus.CORRECTED if i else CommandStatus.OUTSIDE_REGION for i in inside
+        )
         return Compensated(q + dq, dq, 0.0 * q[:, 0], np.ones(len(q), dtype=np.int64), verdicts)
 
 
@@ -64,7 +66,7 @@ def test_with_compensation_the_correction_is_added_and_taken_off_the_states() ->
     np.testing.assert_allclose(sent.joint, Q + DQ)
     assert sent.compensated
     np.testing.assert_allclose(path.nominal(sent.joint), Q, atol=1e-15)
-    assert path.counts == {Verdict.CORRECTED.value: 1}
+    assert path.counts == {CommandStatus.CORRECTED.value: 1}
 
 
 def test_enabling_and_disabling_ramp_without_a_jump() -> None:
@@ -105,7 +107,7 @@ def test_leaving_the_region_ramps_out_what_was_applied() -> None:
         sent = path.send(outside(), 2, now_s)
         np.testing.assert_allclose(sent.joint - outside(), share * DQ, atol=1e-15)
         assert sent.compensated
-    assert path.trouble == Verdict.OUTSIDE_REGION.value
+    assert path.trouble == CommandStatus.OUTSIDE_REGION.value
 
 
 def test_hold_sends_the_last_good_command_and_nothing_before_there_is_one() -> None:
@@ -115,7 +117,7 @@ def test_hold_sends_the_last_good_command_and_nothing_before_there_is_one() -> N
     held = path.send(outside(), 2, 0.0)
     np.testing.assert_array_equal(held.joint, good.joint)
     np.testing.assert_allclose(path.nominal(held.joint), Q)  # upstream sees where it stands
-    assert path.counts[Verdict.OUTSIDE_REGION.value] == 2
+    assert path.counts[CommandStatus.OUTSIDE_REGION.value] == 2
     assert path.counts[command_path.DROPPED] == 1
     assert path.counts[command_path.HELD] == 1
 
@@ -136,8 +138,8 @@ def test_what_is_not_finite_never_goes_out(bad: float, on: bool, already: bool) 
         path.send(Q, 0, 0.0)
     assert passing.send(q, 1, 0.0, already) is None
     assert np.isfinite(holding.send(q, 1, 0.0, already).joint).all()
-    assert passing.counts[Verdict.NOT_FINITE.value] == 1
-    assert passing.trouble == Verdict.NOT_FINITE.value
+    assert passing.counts[CommandStatus.NOT_FINITE.value] == 1
+    assert passing.trouble == CommandStatus.NOT_FINITE.value
 
 
 def test_a_malformed_command_is_dropped_or_held() -> None:
@@ -178,7 +180,7 @@ def test_a_dwell_is_solved_once() -> None:
     for k in range(50):
         np.testing.assert_allclose(path.send(Q.copy(), k, float(k)).joint, Q + DQ)
     assert corrects.calls == 1
-    assert path.counts[Verdict.CORRECTED.value] == 50
+    assert path.counts[CommandStatus.CORRECTED.value] == 50
     path.send(Q + 1e-9, 50, 50.0)
     assert corrects.calls == 2
 
@@ -212,7 +214,7 @@ class Sided:
         assert at is not None
         known = bool((at.direction != 0).all())
         dq = GAP / 2 * at.direction if known else np.zeros((1, 3))
-        verdict = Verdict.CORRECTED if known else Verdict.MISSING_CONDITION
+        verdict = CommandStatus.CORRECTED if known else CommandStatus.MISSING_CONDITION
         missing = "" if known else "which way it went is not known"
         return Compensated(
             q + dq, dq, np.zeros(1), np.ones(1, dtype=np.int64), (verdict,), missing
@@ -260,8 +262,10 @@ def test_a_condition_that_is_missing_is_named_and_the_policy_followed(on_failure
     good = path.send(Q, 0, 0.0, at=going(1.0))
     sent = path.send(Q + 0.1, 1, 1.0, at=going(0.0))
     np.testing.assert_array_equal(sent.joint, good.joint if on_failure == HOLD else Q + 0.1)
-    assert path.trouble == (f"{Verdict.MISSING_CONDITION.value}: which way it went is not known")
-    assert path.counts[Verdict.MISSING_CONDITION.value] == 1
+    assert path.trouble == (
+        f"{CommandStatus.MISSING_CONDITION.value}: which way it went is not known"
+    )
+    assert path.counts[CommandStatus.MISSING_CONDITION.value] == 1
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from delta_calibration.cell.background import Background
-from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.health import Level
+from delta_calibration.data import Session
 from delta_calibration.errors import CalibrationError, ConfigError, DataError, InputError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Session
 from delta_calibration.simulation import draw_machine, simulate_session
 
 FAST = "rotary_delta"
@@ -28,7 +28,7 @@ def session() -> Session:
     return simulate_session(draw_machine(robot, 3), plan, 3)
 
 
-def feed(desk: Desk, session: Session, stop: int | None = None) -> None:
+def feed(desk: CalibrationSession, session: Session, stop: int | None = None) -> None:
     """Capture a session's messages as a node would."""
     desk.start_capture(0.0)
     for k in range(len(session.states.stamp_ns[:stop])):
@@ -40,15 +40,15 @@ def feed(desk: Desk, session: Session, stop: int | None = None) -> None:
 
 
 @pytest.fixture(scope="module")
-def fitted(session: Session) -> Desk:
-    desk = Desk(Settings("srbd", model=FAST))
+def fitted(session: Session) -> CalibrationSession:
+    desk = CalibrationSession(Settings("srbd", model=FAST))
     feed(desk, session)
     desk.take(*desk.prepare_fit()())
     return desk
 
 
 @pytest.fixture
-def file(fitted: Desk, tmp_path: Path) -> Path:
+def file(fitted: CalibrationSession, tmp_path: Path) -> Path:
     path = tmp_path / "calibration.yaml"
     fitted.save(str(path))
     return path
@@ -68,7 +68,7 @@ def test_the_rate_of_corrections_is_of_the_joints_own_unit(
     name: str, usual: float, unit: str
 ) -> None:
     """5 m/s of a slider would hold back nothing, 5 rad/s of a drum what is sound."""
-    desk = Desk(Settings(name))
+    desk = CalibrationSession(Settings(name))
     assert desk.path.ramp.rate == pytest.approx(usual)
     desk.set_options("pass_through", 1.0, 0.25, 0.0, "refuse")
     assert desk.path.ramp.rate == 0.25
@@ -89,7 +89,7 @@ def test_the_rate_of_corrections_is_of_the_joints_own_unit(
 
 
 def test_a_fit_says_its_result_and_is_loaded_but_not_enabled(session: Session) -> None:
-    desk = Desk(Settings("srbd", model=FAST))
+    desk = CalibrationSession(Settings("srbd", model=FAST))
     with pytest.raises(DataError, match="no calibration"):
         desk.enable(True)
     feed(desk, session)
@@ -108,10 +108,10 @@ def test_a_fit_says_its_result_and_is_loaded_but_not_enabled(session: Session) -
 
 
 def test_a_fit_without_data_or_with_too_little_keeps_what_was(
-    fitted: Desk, session: Session
+    fitted: CalibrationSession, session: Session
 ) -> None:
     with pytest.raises(DataError, match="nothing was captured"):
-        Desk(Settings("srbd")).prepare_fit()
+        CalibrationSession(Settings("srbd")).prepare_fit()
     before = fitted.calibration
     for stop, reason in ((60, "poses at rest|stands still"), (0, "nothing was captured")):
         feed(fitted, session, stop)
@@ -125,8 +125,10 @@ def test_a_fit_without_data_or_with_too_little_keeps_what_was(
     assert fitted.calibration is before
 
 
-def test_a_saved_calibration_is_the_one_that_is_loaded_again(fitted: Desk, file: Path) -> None:
-    other = Desk(Settings("srbd", calibration=str(file)))
+def test_a_saved_calibration_is_the_one_that_is_loaded_again(
+    fitted: CalibrationSession, file: Path
+) -> None:
+    other = CalibrationSession(Settings("srbd", calibration=str(file)))
     np.testing.assert_allclose(other.calibration.theta, fitted.calibration.theta, rtol=1e-12)
     other.enable(True)
     q = make_plan("line", other.robot, count=5).joint[2]
@@ -139,9 +141,9 @@ def test_a_saved_calibration_is_the_one_that_is_loaded_again(fitted: Desk, file:
 
 @pytest.mark.parametrize("harm", ["cut", "half", "empty", "gone", "changed", "binary"])
 def test_a_file_that_is_no_good_leaves_the_one_in_force(
-    fitted: Desk, file: Path, tmp_path: Path, harm: str
+    fitted: CalibrationSession, file: Path, tmp_path: Path, harm: str
 ) -> None:
-    desk = Desk(Settings("srbd", calibration=str(file)))
+    desk = CalibrationSession(Settings("srbd", calibration=str(file)))
     desk.enable(True)
     before = desk.calibration
     bad, content = tmp_path / "bad.yaml", file.read_bytes()
@@ -160,18 +162,18 @@ def test_a_file_that_is_no_good_leaves_the_one_in_force(
     assert desk.calibration is before
     assert desk.path.enabled
     with pytest.raises(ConfigError, match=r"bad\.yaml"):
-        Desk(Settings("srbd", calibration=str(bad)))
+        CalibrationSession(Settings("srbd", calibration=str(bad)))
 
 
 def test_a_table_is_made_when_a_calibration_is_loaded_and_compensates(
-    fitted: Desk, file: Path
+    fitted: CalibrationSession, file: Path
 ) -> None:
     """The first command finds it ready: nothing is left to be made, compiled or loaded."""
-    desk = Desk(Settings("srbd", calibration=str(file), method="table", ramp_s=0.0))
+    desk = CalibrationSession(Settings("srbd", calibration=str(file), method="table", ramp_s=0.0))
     desk.enable(True)
     assert "compensating by table (" in desk.health(0.0, TIMEOUT_S).message
     assert "um off at" in desk.health(0.0, TIMEOUT_S).message
-    newton = Desk(Settings("srbd", calibration=str(file), ramp_s=0.0))
+    newton = CalibrationSession(Settings("srbd", calibration=str(file), ramp_s=0.0))
     newton.enable(True)
     assert newton.health(0.0, TIMEOUT_S).message == "compensating by newton"
     for k, q in enumerate(make_plan("disc", desk.robot, count=9, radius=0.15).joint):
@@ -180,8 +182,10 @@ def test_a_table_is_made_when_a_calibration_is_loaded_and_compensates(
         assert np.abs(sent.joint - q).max() > 1e-5
 
 
-def test_orders_out_of_turn_are_refused_with_the_reason(fitted: Desk, tmp_path: Path) -> None:
-    desk = Desk(Settings("srbd"))
+def test_orders_out_of_turn_are_refused_with_the_reason(
+    fitted: CalibrationSession, tmp_path: Path
+) -> None:
+    desk = CalibrationSession(Settings("srbd"))
     with pytest.raises(DataError, match="nothing is being captured"):
         desk.stop_capture()
     desk.start_capture(0.0)
@@ -196,11 +200,11 @@ def test_orders_out_of_turn_are_refused_with_the_reason(fitted: Desk, tmp_path: 
     with pytest.raises(InputError, match="calibration: is empty"):
         desk.reload("")
     with pytest.raises(ConfigError, match="mechanism"):
-        Desk(Settings("srbd", model="tripod"))
+        CalibrationSession(Settings("srbd", model="tripod"))
 
 
 def test_health_tells_a_silent_tracker_in_a_capture_only() -> None:
-    desk = Desk(Settings("srbd"))
+    desk = CalibrationSession(Settings("srbd"))
     assert desk.health(100.0, TIMEOUT_S).level is Level.OK
     desk.start_capture(100.0)
     for now_s in (100.5, 101.0, 103.0):
@@ -216,7 +220,7 @@ def test_health_tells_a_silent_tracker_in_a_capture_only() -> None:
 
 
 def test_health_tells_a_trouble_for_a_while_and_counts_it_for_ever() -> None:
-    desk = Desk(Settings("srbd"))
+    desk = CalibrationSession(Settings("srbd"))
     desk.watch.refuse("joint_states", "3 names, 2 positions", 10.0)
     now = desk.health(11.0, TIMEOUT_S)
     assert now.level is Level.WARN
@@ -227,7 +231,7 @@ def test_health_tells_a_trouble_for_a_while_and_counts_it_for_ever() -> None:
 
 
 def test_health_tells_what_a_full_capture_lost() -> None:
-    desk = Desk(Settings("srbd", capture_limit=3))
+    desk = CalibrationSession(Settings("srbd", capture_limit=3))
     desk.start_capture(0.0)
     for k in range(5):
         desk.capture.add_states(k, np.zeros(3))
@@ -238,7 +242,7 @@ def test_health_tells_what_a_full_capture_lost() -> None:
 
 
 def test_health_tells_commands_that_take_longer_than_their_period() -> None:
-    desk, period_ns = Desk(Settings("srbd")), 20_000_000
+    desk, period_ns = CalibrationSession(Settings("srbd")), 20_000_000
     for k, took_s in enumerate((0.5, 0.015, 0.019, 0.015)):  # the first has no period yet
         desk.watch.took(took_s, k * period_ns, 1.0)
     assert desk.health(1.0, TIMEOUT_S).level is Level.OK

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.command_path import HOLD, PASS_THROUGH
-from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.health import Level
-from delta_calibration.compensation import Verdict
-from delta_calibration.identification import Identification, identify
+from delta_calibration.compensation import CommandStatus
+from delta_calibration.data import Poses, collect
+from delta_calibration.estimation import Identification, identify
 from delta_calibration.plans import make_plan, nominal_joints
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Poses, collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from extended_bench import Effects, with_effects
 
@@ -44,7 +44,9 @@ class Bench:
         path = folder / "extended.yaml"
         save_calibration(path, with_effects(fitted[0], ROBOT, effects), ROBOT, fitted[1])
         self.path = path
-        self.desk = Desk(Settings("srbd", calibration=str(path), ramp_s=0.0, **settings))
+        self.desk = CalibrationSession(
+            Settings("srbd", calibration=str(path), ramp_s=0.0, **settings)
+        )
         self.desk.enable(True)
         self.tick = 0
 
@@ -88,7 +90,7 @@ def test_the_way_is_known_from_before_it_is_switched_on(fitted: Any, tmp_path: P
 def test_the_way_is_known_from_before_there_is_a_calibration(fitted: Any, tmp_path: Path) -> None:
     bench = Bench(fitted, tmp_path, {"backlash": ({}, GAP)})
     up = bench.come(Q - AWAY)
-    bench.desk = Desk(Settings("srbd", ramp_s=0.0))
+    bench.desk = CalibrationSession(Settings("srbd", ramp_s=0.0))
     np.testing.assert_array_equal(bench.come(Q - AWAY), 0.0)
     bench.desk.reload(str(bench.path))
     bench.desk.enable(True)
@@ -118,7 +120,7 @@ def test_a_load_is_corrected_once_the_payload_is_known(
         assert bench.desk.send(Q, 1, 0.0, False) is None
     else:
         np.testing.assert_array_equal(bench.give(Q), 0.0)
-    said = f"{Verdict.MISSING_CONDITION.value}: the payload is not known"
+    said = f"{CommandStatus.MISSING_CONDITION.value}: the payload is not known"
     assert bench.desk.path.trouble == said
     corrections = []
     for mass in (0.0, 3.0):

@@ -9,7 +9,7 @@ import pytest
 
 from delta_calibration.cell import command_path
 from delta_calibration.cell.command_path import HOLD, PASS_THROUGH, CommandPath
-from delta_calibration.compensation import JointCompensator, Verdict
+from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.errors import InputError
 from delta_calibration.robot import load_robot
 from six_rods import drawing_joints
@@ -336,8 +336,12 @@ def test_a_correction_is_blended_out_by_place_over_the_margin() -> None:
     steps = np.abs(np.diff(done.correction, axis=0)).max()
     assert steps < 1.1 * largest * np.abs(np.diff(share)).max() + 1e-6
     inside, out = beyond <= 0, beyond > MARGIN + 1e-9
-    assert {v for v, b in zip(done.verdicts, out, strict=True) if b} == {Verdict.OUTSIDE_REGION}
-    assert {v for v, b in zip(done.verdicts, out, strict=True) if not b} == {Verdict.CORRECTED}
+    assert {v for v, b in zip(done.verdicts, out, strict=True) if b} == {
+        CommandStatus.OUTSIDE_REGION
+    }
+    assert {v for v, b in zip(done.verdicts, out, strict=True) if not b} == {
+        CommandStatus.CORRECTED
+    }
     blended = (share > 1e-6) & (share < 1 - 1e-6)
     clear = blended | (share == 0) | (beyond < -1e-6)
     found = np.array([done.blended(k) for k in range(len(q))])
@@ -362,7 +366,7 @@ def test_across_the_edge_the_output_has_no_step(on_failure: str) -> None:
     moved, followed = np.abs(np.diff(q, axis=0)).max(), np.abs(np.diff(sent, axis=0)).max()
     assert followed < 1.5 * moved
     beyond = made.region.outside(across()) > MARGIN + 1e-9
-    assert path.counts[Verdict.OUTSIDE_REGION.value] == beyond.sum()
+    assert path.counts[CommandStatus.OUTSIDE_REGION.value] == beyond.sum()
     assert path.counts[command_path.BLENDED] > 100
     if on_failure == PASS_THROUGH:
         # the same place, the same correction, on the way out and on the way in: no ramp by time
@@ -379,7 +383,7 @@ def test_without_a_margin_corrections_end_at_the_region() -> None:
     q = drawing_joints(across(5))
     done = JointCompensator(made).compensate(q)
     inside = made.region.outside(across(5)) <= 1e-9
-    assert [v is Verdict.CORRECTED for v in done.verdicts] == inside.tolist()
+    assert [v is CommandStatus.CORRECTED for v in done.verdicts] == inside.tolist()
     assert done.share is None  # none in part
 
 
@@ -404,15 +408,15 @@ def test_each_guard_of_a_real_calibration_is_counted_on_the_path() -> None:
     path.load(JointCompensator(calibration({"joint_zero_1": 1e-3}, robot)))
     path.enable(True)
     np.testing.assert_array_equal(path.send(Q, 0, 0.0).joint, Q)
-    assert path.counts[Verdict.NOT_REACHED.value] == 1
+    assert path.counts[CommandStatus.NOT_REACHED.value] == 1
     strict = replace(ROBOT, limits=replace(ROBOT.limits, condition=1.01))
     path.load(JointCompensator(calibration({}, strict)))
     q = drawing_joints(np.array([[0.3, 0.0, -0.711]]))[0]
     np.testing.assert_array_equal(path.send(q, 0, 0.0).joint, q)
-    assert path.counts[Verdict.SINGULAR.value] == 1
+    assert path.counts[CommandStatus.SINGULAR.value] == 1
     far = ROBOT.joints.upper + 0.1
     np.testing.assert_array_equal(path.send(far, 0, 0.0).joint, far)
-    assert path.counts[Verdict.JOINT_LIMIT.value] == 1
+    assert path.counts[CommandStatus.JOINT_LIMIT.value] == 1
 
 
 @pytest.mark.parametrize("method", ["newton", "apso"])
@@ -424,7 +428,7 @@ def test_a_command_alone_is_judged_and_corrected_as_among_others(method: str) ->
     together = compensator.compensate(q)
     alone = [compensator.compensate(row[None]) for row in q]
     assert tuple(a.verdicts[0] for a in alone) == together.verdicts
-    assert {Verdict.CORRECTED, Verdict.OUTSIDE_REGION} < set(together.verdicts)
+    assert {CommandStatus.CORRECTED, CommandStatus.OUTSIDE_REGION} < set(together.verdicts)
     for name, atol in (("correction", 1e-15), ("model_error", 1e-15), ("share", 1e-12)):
         each = [getattr(a, name)[0] for a in alone]
         np.testing.assert_allclose(each, getattr(together, name), atol=atol)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session, standing
@@ -18,7 +18,7 @@ ROBOTS = ("five_axis", "linear_delta", "scara", "ur10")
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_cell_is_captured_fitted_and_compensated(name: str) -> None:
-    desk = Desk(Settings(robot=name, ramp_s=0.0, rate=100.0))
+    desk = CalibrationSession(Settings(robot=name, ramp_s=0.0, rate=100.0))
     machine = draw_machine(desk.robot, 5)
     plan = make_plan("identify", desk.robot, count=24, dwell=0.4, both_sides=False, seed=5)
     session = simulate_session(machine, plan, 5)

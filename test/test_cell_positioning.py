@@ -17,7 +17,7 @@ from delta_calibration.cell.positioning import (
     frame_joints,
     write_outcomes,
 )
-from delta_calibration.cell.standing import Standing
+from delta_calibration.cell.stop_detector import StopDetector
 from delta_calibration.compensation.grid_search import Stop
 from delta_calibration.errors import DataError, InputError, ReachError
 from delta_calibration.geometry import Frame
@@ -163,8 +163,8 @@ def test_a_file_of_another_is_not_written_over(tmp_path: Path, there: str) -> No
 # --- standing
 
 
-def standing(count: int = 3, last: np.ndarray | None = None) -> Standing:
-    return Standing(NAMES, TOLD, 1e-4, count, ROBOT.tracker, last)
+def standing(count: int = 3, last: np.ndarray | None = None) -> StopDetector:
+    return StopDetector(NAMES, TOLD, 1e-4, count, ROBOT.tracker, last)
 
 
 def test_the_mean_is_of_the_readings_after_it_came_to_rest() -> None:
@@ -209,7 +209,7 @@ def test_a_tracker_that_says_the_same_as_elsewhere_has_lost_sight() -> None:
 
 def test_a_noisier_tracker_may_spread_more() -> None:
     noisy = replace(ROBOT.tracker, transverse=1e-4)
-    stop = Standing(NAMES, TOLD, 1e-4, 3, noisy)
+    stop = StopDetector(NAMES, TOLD, 1e-4, 3, noisy)
     stop.joints(TOLD)
     for shift in (2e-4, -2e-4, 0.0):
         stop.reading(PLACE + shift * ALONG)
@@ -217,6 +217,6 @@ def test_a_noisier_tracker_may_spread_more() -> None:
 
 
 def test_where_a_sliding_joint_stands_is_said_in_its_unit():
-    stop = Standing(NAMES, TOLD, 1e-4, 3, ROBOT.tracker, unit="m")
+    stop = StopDetector(NAMES, TOLD, 1e-4, 3, ROBOT.tracker, unit="m")
     stop.joints(TOLD + 0.01)
     assert re.search(r"stands at \S+ m and was told", stop.trouble)

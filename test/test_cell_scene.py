@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.command_path import HOLD, CommandPath
-from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.guard_trail import FADED, HELD, PASSED, GuardTrail
 from delta_calibration.cell.scene import Drawing, Errors, Kind, errors, scene, workspace
 from delta_calibration.cell.task import Task
 from delta_calibration.compensation import JointCompensator
+from delta_calibration.data import collect
 from delta_calibration.plans import make_plan, nominal_joints
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
@@ -30,8 +30,8 @@ def session_fixture() -> Any:
 
 
 @pytest.fixture(scope="module", name="desk")
-def desk_fixture(session: Any) -> Desk:
-    desk = Desk(Settings("srbd", model="rotary_delta"))
+def desk_fixture(session: Any) -> CalibrationSession:
+    desk = CalibrationSession(Settings("srbd", model="rotary_delta"))
     desk.start_capture(0.0)
     for k, stamp in enumerate(session.states.stamp_ns.tolist()):
         desk.capture.add_command(stamp, session.command.position[k])
@@ -46,7 +46,9 @@ def named(drawings: Any, name: str) -> Drawing:
     return found
 
 
-def test_error_vectors_go_from_where_it_was_meant_to_be_to_where_it_is(desk: Desk) -> None:
+def test_error_vectors_go_from_where_it_was_meant_to_be_to_where_it_is(
+    desk: CalibrationSession,
+) -> None:
     """The errors drawn against the machine's own, which the fit never saw: its truth."""
     drawings = scene(ROBOT, desk.calibration, desk.fitted, 100.0)
     lines = named(drawings, "error measured")
@@ -85,7 +87,9 @@ def test_poses_out_of_reach_are_left_out_and_many_thinned() -> None:
     assert not len(named(errors(Errors(*3 * (meant[7:8],)), 1.0), "nominal").points)
 
 
-def test_a_calibration_that_was_loaded_draws_the_errors_that_it_expects(desk: Desk) -> None:
+def test_a_calibration_that_was_loaded_draws_the_errors_that_it_expects(
+    desk: CalibrationSession,
+) -> None:
     """Of the region's places; against the identified model, solved by the closure's residual."""
     other = replace(desk.calibration, source="another")
     drawings = scene(ROBOT, other, desk.fitted, 100.0)
@@ -101,7 +105,7 @@ def test_a_calibration_that_was_loaded_draws_the_errors_that_it_expects(desk: De
     assert {d.name for d in scene(ROBOT, None, None, 100.0)} == {"workspace"}
 
 
-def test_the_region_is_the_hull_that_guards_go_by(desk: Desk) -> None:
+def test_the_region_is_the_hull_that_guards_go_by(desk: CalibrationSession) -> None:
     held = desk.calibration.region
     faces = named(scene(ROBOT, desk.calibration, None, 1.0), "region").points
     assert np.abs(held.outside(faces)).max() < 1e-6  # on the boundary, all of it
@@ -126,7 +130,7 @@ def test_the_workspace_is_the_file_s_box_or_what_plans_of_a_delta_cover() -> Non
     assert points[:, 2].max() >= covered[:, 2].max()
 
 
-def enabled(desk: Desk, on_failure: str) -> CommandPath:
+def enabled(desk: CalibrationSession, on_failure: str) -> CommandPath:
     path = CommandPath(on_failure, 0.0)
     path.load(JointCompensator(desk.calibration))
     path.enable(True)
@@ -140,7 +144,9 @@ def drive(path: CommandPath, trail: GuardTrail, points: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(("on_failure", "act"), [("pass_through", PASSED), (HOLD, HELD)])
-def test_guards_are_seen_where_they_acted(desk: Desk, on_failure: str, act: str) -> None:
+def test_guards_are_seen_where_they_acted(
+    desk: CalibrationSession, on_failure: str, act: str
+) -> None:
     """Outwards, out of the region: corrected, blended out on its margin, then not at all."""
     # 5 mm apart, as the cells are of which one point each is kept, and not on their edges
     way = np.linspace([0.0, 0.0, -0.711], [0.66, 0.0, -0.711], 133) + 0.002
@@ -161,7 +167,7 @@ def test_guards_are_seen_where_they_acted(desk: Desk, on_failure: str, act: str)
     assert trail.drawings() == ()
 
 
-def test_commands_that_nothing_happened_to_leave_no_trail(desk: Desk) -> None:
+def test_commands_that_nothing_happened_to_leave_no_trail(desk: CalibrationSession) -> None:
     trail = GuardTrail()
     path = enabled(desk, HOLD)
     drive(path, trail, np.linspace([0.0, 0.0, -0.711], [0.1, 0.0, -0.711], 20))
@@ -199,7 +205,7 @@ def test_a_task_says_its_step() -> None:
     assert values["elapsed [s]"] == "2.5"
 
 
-def test_a_fit_tells_its_steps_in_order(desk: Desk, session: Any) -> None:
+def test_a_fit_tells_its_steps_in_order(desk: CalibrationSession, session: Any) -> None:
     from delta_calibration.cell.fitting import FIT_STEPS
 
     told: list[str] = []

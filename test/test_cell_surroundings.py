@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from delta_calibration.cell.surroundings import MOST_PARTS, Surroundings
+from delta_calibration.data import motion_of
 from delta_calibration.errors import InputError
-from delta_calibration.samples import motion_of
 
 MS = 1_000_000
 

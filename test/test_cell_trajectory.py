@@ -11,9 +11,9 @@ from delta_calibration.cell import command_path, trajectory
 from delta_calibration.cell.command_path import HOLD, PASS_THROUGH, CommandPath
 from delta_calibration.cell.surroundings import Surroundings
 from delta_calibration.cell.trajectory import Points, TrajectoryPath
-from delta_calibration.compensation import Compensated, JointCompensator, Verdict
+from delta_calibration.compensation import CommandStatus, Compensated, JointCompensator
+from delta_calibration.data import Conditions
 from delta_calibration.errors import DataError
-from delta_calibration.samples import Conditions
 from six_rods import drawing_joints
 from test_cell_command_path import DQ, GAP, Fixed, Q, Sided, compensating, outside
 from test_compensator import calibration, errors
@@ -79,8 +79,8 @@ def test_a_point_that_fails_a_guard_passes_or_refuses_the_whole() -> None:
     passing = TrajectoryPath(path := compensating(PASS_THROUGH))
     sent = passing.send(Points(TIME, joint), 0.0)
     np.testing.assert_allclose(sent.joint - joint, [DQ, 0 * DQ, DQ])
-    assert path.counts[Verdict.OUTSIDE_REGION.value] == 1
-    assert path.trouble == f"point 1: {Verdict.OUTSIDE_REGION.value}"
+    assert path.counts[CommandStatus.OUTSIDE_REGION.value] == 1
+    assert path.trouble == f"point 1: {CommandStatus.OUTSIDE_REGION.value}"
     holding = TrajectoryPath(path := compensating(HOLD))
     with pytest.raises(DataError, match="point 1: outside the calibrated region"):
         holding.send(Points(TIME, joint), 0.0)

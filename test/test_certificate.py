@@ -19,6 +19,7 @@ import pypdf
 
 from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.main import run
+from delta_calibration.data import collect
 from delta_calibration.documents import (
     check_document,
     content_hash,
@@ -27,14 +28,13 @@ from delta_calibration.documents import (
     write_document,
 )
 from delta_calibration.errors import ConfigError, InputError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.report import read_about
 from delta_calibration.report.certificate_figures import planes_of
 from delta_calibration.report.decision import Decision, decided, of_all
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from delta_calibration.uncertainty import Identified
 from delta_calibration.wording import places_for, rounded

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import at_rest
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 from six_rods import Cell, SixRods, workspace
 
 ROBOT = load_robot("srbd")

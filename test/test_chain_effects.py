@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import EFFECTS, Effect, Stage, catalogue, effect_named
 from delta_calibration.effects.signals import OF_JOINTS
 from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Conditions, at_rest
 from delta_calibration.theta import entries
 from six_rods import SixRods, workspace
 

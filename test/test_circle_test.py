@@ -23,6 +23,7 @@ from delta_calibration.circle_test import (
 )
 from delta_calibration.circle_test.circles import circular_deviation, circular_hysteresis
 from delta_calibration.cli.main import run
+from delta_calibration.data import Session, survey
 from delta_calibration.diagnosis import Model, calibrated, diagnose
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.errors import DataError
@@ -30,7 +31,6 @@ from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.report.circles import on_a_part
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Session, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("scara")

@@ -12,11 +12,11 @@ import pytest
 
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.main import run
+from delta_calibration.data import survey
+from delta_calibration.data.streams import JointStream, Session, TrackerStream
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
-from delta_calibration.samples.streams import JointStream, Session, TrackerStream
 from delta_calibration.simulation import draw_machine, hideable_causes, standing
 
 ROBOT = str(Path(__file__).parents[1] / "config" / "srbd.yaml")

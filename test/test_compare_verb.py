@@ -16,7 +16,7 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import from_diagnosis, save_extended
 from delta_calibration.cli.main import run
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.identification import chain_of
+from delta_calibration.estimation import chain_of
 from delta_calibration.report import drift_of_verdicts, read_verdict
 from delta_calibration.report.drift import read_calibration, shift, standardised
 from delta_calibration.report.glossary import TERMS

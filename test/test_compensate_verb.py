@@ -10,10 +10,10 @@ import pytest
 
 from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.main import run
-from delta_calibration.identification import identify
+from delta_calibration.data import at_rest, collect
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan, nominal_joints
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest, collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from extended_bench import Effects, with_effects
 

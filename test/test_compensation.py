@@ -13,7 +13,7 @@ from delta_calibration.compensation import (
     ApsoSettings,
     ApsoStep,
     Compensator,
-    Machine,
+    IdentifiedMachine,
     Newton,
     NewtonSettings,
     backward_kernel,
@@ -63,7 +63,7 @@ class ToyDelta:
         turn = self.arm[:, None] * (-np.sin(a) * UNIT - np.cos(a) * [0, 0, 1])
         return np.linalg.solve(rods, np.sum(rods * turn, axis=-1)[..., None] * np.eye(3))
 
-    def machine(self) -> Machine:
+    def machine(self) -> IdentifiedMachine:
         """The package's Delta of the same dimensions: what Newton's method works on."""
         cos, sin, none = np.cos(ETA), np.sin(ETA), np.zeros(3)
         x, y, z = self.base.T  # of each leg, to be seen from its own frame
@@ -83,12 +83,12 @@ def machine(seed: int) -> ToyDelta:
     return ToyDelta(np.random.default_rng(seed))
 
 
-def of(mechanism: Mechanism, geometry: Array, tool: Array) -> Machine:
+def of(mechanism: Mechanism, geometry: Array, tool: Array) -> IdentifiedMachine:
     chain = Chain(mechanism, np.zeros(3), 1.0)
-    return Machine(chain, np.concatenate([geometry, np.zeros(9)]), tool)
+    return IdentifiedMachine(chain, np.concatenate([geometry, np.zeros(9)]), tool)
 
 
-def task(name: str, model: str | None = None) -> tuple[Machine, Array, Array]:
+def task(name: str, model: str | None = None) -> tuple[IdentifiedMachine, Array, Array]:
     """A robot's machine within its tolerances; commands, and what its drawing means by them."""
     robot, rng = load_robot(name), np.random.default_rng(3)
     mechanism = robot.model(model)

@@ -9,10 +9,10 @@ import pytest
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
-from delta_calibration.compensation import JointCompensator, Verdict
+from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.errors import InputError
+from delta_calibration.estimation import identify
 from delta_calibration.geometry import Frame, align
-from delta_calibration.identification import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
@@ -65,7 +65,7 @@ def test_a_compensated_machine_goes_where_the_drawing_meant(method, seed):
     truth = SixRods(wrong)
     before = np.linalg.norm(truth.point(q) - target, axis=1)
     after = np.linalg.norm(truth.point(done.joint) - target, axis=1)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     assert before.mean() > 2e-4
     assert after.max() < 1e-6
     np.testing.assert_allclose(done.model_error, after, atol=1e-9)  # the model is the truth here
@@ -96,7 +96,7 @@ def test_a_tool_off_the_centre_is_what_is_brought_there():
     target = line(9)
     q = drawing_joints(target)
     done = JointCompensator(calibration(wrong, robot)).compensate(q)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     truth = SixRods(wrong)
     tool = truth.point(done.joint, robot.tool_offset)
     assert np.abs(tool - robot.tool_offset - target).max() < 1e-6
@@ -110,7 +110,7 @@ def verdict(q, wrong=None, robot=ROBOT, method="newton", **change):
     done = JointCompensator(calibration(wrong or {}, robot, **change), method).compensate(
         np.atleast_2d(q)
     )
-    if done.verdicts[0] is not Verdict.CORRECTED:
+    if done.verdicts[0] is not CommandStatus.CORRECTED:
         np.testing.assert_array_equal(done.correction[0], 0)
         np.testing.assert_array_equal(done.joint[0], np.atleast_2d(q)[0])
         assert np.isinf(done.model_error[0])
@@ -120,18 +120,18 @@ def verdict(q, wrong=None, robot=ROBOT, method="newton", **change):
 @pytest.mark.parametrize("method", METHODS)
 def test_each_verdict_by_a_command_made_for_it(method):
     home = np.array([0.1, 0.2, 0.15])
-    assert verdict(home, method=method) is Verdict.CORRECTED
+    assert verdict(home, method=method) is CommandStatus.CORRECTED
     for bad in (np.nan, np.inf, -np.inf):
-        assert verdict([0.1, bad, 0.1], method=method) is Verdict.NOT_FINITE
+        assert verdict([0.1, bad, 0.1], method=method) is CommandStatus.NOT_FINITE
     beyond = ROBOT.joints.upper + np.array([0, 1e-6, 0])
-    assert verdict(beyond, method=method) is Verdict.JOINT_LIMIT
+    assert verdict(beyond, method=method) is CommandStatus.JOINT_LIMIT
     out = drawing_joints(np.array([[0.3, 0.0, -0.711]]))
-    assert verdict(out, method=method, reach=0.25) is Verdict.OUTSIDE_REGION
-    assert verdict(out, method=method, reach=0.295) is Verdict.CORRECTED  # within the margin
+    assert verdict(out, method=method, reach=0.25) is CommandStatus.OUTSIDE_REGION
+    assert verdict(out, method=method, reach=0.295) is CommandStatus.CORRECTED  # within the margin
     tight = replace(ROBOT, limits=replace(ROBOT.limits, correction=1e-4))
-    assert verdict(home, {"joint_zero_1": 1e-3}, tight, method) is Verdict.NOT_REACHED
+    assert verdict(home, {"joint_zero_1": 1e-3}, tight, method) is CommandStatus.NOT_REACHED
     strict = replace(ROBOT, limits=replace(ROBOT.limits, condition=1.01))
-    assert verdict(out, robot=strict, method=method) is Verdict.SINGULAR
+    assert verdict(out, robot=strict, method=method) is CommandStatus.SINGULAR
 
 
 def test_stretched_legs_are_singular():
@@ -139,13 +139,13 @@ def test_stretched_legs_are_singular():
     limits = replace(ROBOT.limits, region_margin=1.0)
     q = drawing_joints(np.array([[0.0, 0.0, deep]]))
     wide = replace(ROBOT.joints, lower=np.full(3, -2.0), upper=np.full(3, 2.0))
-    assert verdict(q, robot=replace(ROBOT, limits=limits, joints=wide)) is Verdict.SINGULAR
+    assert verdict(q, robot=replace(ROBOT, limits=limits, joints=wide)) is CommandStatus.SINGULAR
 
 
 def test_what_the_drawing_cannot_assemble_is_out_of_reach():
     """One arm folded inward: three elbows nearly on one line, on a circle too wide for rods."""
     wide = replace(ROBOT, joints=replace(ROBOT.joints, upper=np.full(3, np.pi)))
-    assert verdict([3.0, 0.0, 0.0], robot=wide) is Verdict.OUT_OF_REACH
+    assert verdict([3.0, 0.0, 0.0], robot=wide) is CommandStatus.OUT_OF_REACH
 
 
 def test_a_correction_beyond_a_joints_limit_is_none():
@@ -153,8 +153,8 @@ def test_a_correction_beyond_a_joints_limit_is_none():
     wrong = {f"joint_zero_{leg}": -1e-3 for leg in (1, 2, 3)}
     q = drawing_joints(np.array([[0.0, 0.0, -0.8]]))
     joints = replace(ROBOT.joints, upper=q[0] + 1e-4)
-    assert verdict(q, wrong) is Verdict.CORRECTED
-    assert verdict(q, wrong, replace(ROBOT, joints=joints)) is Verdict.JOINT_LIMIT
+    assert verdict(q, wrong) is CommandStatus.CORRECTED
+    assert verdict(q, wrong, replace(ROBOT, joints=joints)) is CommandStatus.JOINT_LIMIT
 
 
 def test_one_bad_command_does_not_touch_the_others():
@@ -164,7 +164,10 @@ def test_one_bad_command_does_not_touch_the_others():
     done = JointCompensator(calibration(wrong)).compensate(mixed)
     good = [1, 2, 3, 5, 6]
     np.testing.assert_array_equal(done.joint[good], alone.joint)
-    assert [done.verdicts[k] for k in (0, 4)] == [Verdict.NOT_FINITE, Verdict.JOINT_LIMIT]
+    assert [done.verdicts[k] for k in (0, 4)] == [
+        CommandStatus.NOT_FINITE,
+        CommandStatus.JOINT_LIMIT,
+    ]
     assert np.isfinite(done.correction).all()
 
 
@@ -176,7 +179,7 @@ def test_nothing_is_nan_and_nothing_beyond_the_bound_wherever_one_asks(method):
     assert np.isfinite(done.joint).all()
     assert not np.isnan(done.model_error).any()
     assert np.abs(done.correction).max() <= ROBOT.limits.correction
-    corrected = np.array([v is Verdict.CORRECTED for v in done.verdicts])
+    corrected = np.array([v is CommandStatus.CORRECTED for v in done.verdicts])
     assert (done.model_error[corrected] < 1e-6).all()
     assert (done.correction[~corrected] == 0).all()
 
@@ -226,7 +229,7 @@ def test_an_unknown_machine_is_better_after_its_calibration(seed):
     target = line(41)
     q = drawing_joints(target)
     done = JointCompensator(calibrated).compensate(q)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     seen = cell.reading(done.joint)  # the machine itself, without noise
     after = np.linalg.norm(calibrated.tool_points(seen, done.joint) - target, axis=1)
     uncorrected, bent = cell.reading(q), drawing_joints(SPREAD)

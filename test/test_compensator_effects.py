@@ -15,12 +15,12 @@ from scipy.optimize import root
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
-from delta_calibration.compensation import Compensated, JointCompensator, Verdict
+from delta_calibration.compensation import CommandStatus, Compensated, JointCompensator
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import effect_named
 from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Conditions, at_rest
 from six_rods import SixRods, drawing_joints
 
 ROBOT = load_robot("srbd")
@@ -105,7 +105,7 @@ TOGETHER = [("backlash", "forearm_compliance"), ("joint_compliance", "thermal_gr
 def test_the_whole_chain_ends_where_the_drawing_means(causes: tuple[str, ...], model: str) -> None:
     made, at = calibration(*causes, model=model), conditions(Q)
     done = JointCompensator(made).compensate(Q, at)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     after = np.linalg.norm(missed(made, at, done.joint), axis=1)
     assert after.max() < 1e-6
     np.testing.assert_allclose(done.model_error, after, atol=2e-9)
@@ -120,7 +120,7 @@ def test_the_swarm_goes_through_the_stages_as_newton_does() -> None:
     newton, swarm = (
         JointCompensator(made, method).compensate(Q, at) for method in ("newton", "apso")
     )
-    assert set(swarm.verdicts) == {Verdict.CORRECTED}
+    assert set(swarm.verdicts) == {CommandStatus.CORRECTED}
     np.testing.assert_allclose(swarm.joint, newton.joint, atol=1e-6)
     assert (swarm.evaluations > newton.evaluations).all()
 
@@ -135,7 +135,9 @@ def test_a_play_is_taken_back_by_half_the_gap_on_the_side_it_is_on() -> None:
     for direction in ([1, 1, 1], [-1, -1, -1], [1, -1, 0], [0, 0, 0]):
         at = replace(conditions(Q), direction=np.tile(np.array(direction, float), (len(Q), 1)))
         done = compensated(made, at)
-        assert set(done.verdicts) == {Verdict.CORRECTED}  # none is no reason to correct nothing
+        assert set(done.verdicts) == {
+            CommandStatus.CORRECTED
+        }  # none is no reason to correct nothing
         np.testing.assert_allclose(
             done.correction, np.tile(gap / 2 * direction, (len(Q), 1)), atol=1e-9
         )
@@ -157,7 +159,7 @@ def test_a_lag_is_led_by_its_time_at_the_speed_of_the_command() -> None:
     made = with_values(calibration("joint_lag", scatter=0.0), lag)
     np.testing.assert_allclose(compensated(made, at).correction, lag * at.velocity, atol=1e-9)
     far = with_values(made, 20 * lag)  # 180 ms at 0.5 rad/s: more than any correction may be
-    assert Verdict.NOT_REACHED in compensated(far, at).verdicts
+    assert CommandStatus.NOT_REACHED in compensated(far, at).verdicts
 
 
 def potential(q: np.ndarray, payload: float) -> float:
@@ -208,7 +210,7 @@ def test_a_clearance_is_taken_back_or_left_open_by_its_own_size_at_most(size: fl
     at = conditions(q)
     assert np.ptp(effect.columns(at), axis=0).max() == 2  # pulled, then pushed
     done = JointCompensator(made).compensate(q, at)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     after = np.linalg.norm(missed(made, at, done.joint), axis=1)
     np.testing.assert_allclose(done.model_error, after, atol=2e-9)
     assert (after.max() > 1e-6) == (size < 0)
@@ -243,7 +245,7 @@ def test_without_a_condition_that_the_model_needs_nothing_is_corrected(
     stale = replace(at, payload=np.full(len(Q), np.nan), temperature=np.full((len(Q), 2), np.nan))
     for unknown in (None, stale, replace(stale, temperature_parts=("a", "b"))):
         done = compensator.compensate(Q, unknown)
-        assert set(done.verdicts) == {Verdict.MISSING_CONDITION}
+        assert set(done.verdicts) == {CommandStatus.MISSING_CONDITION}
         assert done.missing == said
         np.testing.assert_array_equal(done.joint, Q)
         assert np.isinf(done.model_error).all()
@@ -253,8 +255,8 @@ def test_without_a_condition_that_the_model_needs_nothing_is_corrected(
     q = Q.copy()
     q[2] = np.nan
     done = compensator.compensate(q, mixed)
-    missing = Verdict.MISSING_CONDITION
-    assert done.verdicts == (Verdict.CORRECTED, missing, Verdict.NOT_FINITE, missing)
+    missing = CommandStatus.MISSING_CONDITION
+    assert done.verdicts == (CommandStatus.CORRECTED, missing, CommandStatus.NOT_FINITE, missing)
     assert compensator.compensate(Q, at).missing == ""
 
 

@@ -13,6 +13,7 @@ from blind import hide
 from delta_calibration.calibration_file import from_diagnosis, load_calibration, save_extended
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.cli.main import run
+from delta_calibration.data import Session, TrackerStream, survey
 from delta_calibration.diagnosis import diagnose, judge
 from delta_calibration.diagnosis.scan import scanned
 from delta_calibration.effects import catalogue
@@ -20,7 +21,6 @@ from delta_calibration.errors import DataError
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Session, TrackerStream, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")

@@ -12,6 +12,7 @@ from scipy.special import logsumexp
 from scipy.stats import chi2, f_oneway, kstest, multivariate_normal
 
 from blind.session import hide
+from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import (
     audit,
     calibrated,
@@ -24,14 +25,13 @@ from delta_calibration.diagnosis import (
     unseen,
 )
 from delta_calibration.diagnosis.candidates import columns_of, maps, subsets
+from delta_calibration.diagnosis.joint_fit import as_score
 from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Weighed
-from delta_calibration.diagnosis.together import as_score
 from delta_calibration.effects import EFFECTS, catalogue
 from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
@@ -85,11 +85,11 @@ def with_residual(evidence, residual):
     return replace(evidence, residual=np.asarray(residual).reshape(-1, 3))
 
 
-# Members
+# Terms
 
 
 def test_a_finer_map_takes_the_place_of_a_coarse_one_of_the_same_name() -> None:
-    """Both are maps over the payload; one name stands for one member."""
+    """Both are maps over the payload; one name stands for one term."""
     trial = hide({"unknown:grip": 3.0}, 5, "still")
     model = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
     effects = catalogue(ROBOT, model.problem.chain.mechanism)
@@ -102,8 +102,8 @@ def test_a_finer_map_takes_the_place_of_a_coarse_one_of_the_same_name() -> None:
     )
     here = Scan((as_score(fine, ()),), 1)
     model = model.fitted((coarse,))
-    members = sets.improved(model, here, here.scores[0], here.scores)
-    assert members == (fine,)
+    terms = sets.improved(model, here, here.scores[0], here.scores)
+    assert terms == (fine,)
 
 
 # Noise
@@ -460,17 +460,17 @@ def test_an_interval_counts_how_far_a_sensor_is_behind_its_part() -> None:
         next(e for e in catalogue(ROBOT, ROBOT.model()) if e.cause == "thermal_growth_arm"),
         sensor="arm",
     )
-    member = next(subsets(growth))
+    term = next(subsets(growth))
 
     def grown(session):
-        return model.fit(calibrated(survey(session, ROBOT.joints.names), ROBOT), (member,))
+        return model.fit(calibrated(survey(session, ROBOT.joints.names), ROBOT), (term,))
 
     late = tuple(
         replace(stream, stamp_ns=stream.stamp_ns - 60 * 10**9)
         for stream in trial.session.temperature
     )
     found, earlier = grown(trial.session), grown(replace(trial.session, temperature=late))
-    own = found.members[0]
+    own = found.terms[0]
     whole = findings.spread_of(found.evidence, found, own)[0]
     columns = columns_of(own, found.evidence)
     alone = np.sqrt(np.linalg.inv(found.evidence.information(columns))[0, 0])

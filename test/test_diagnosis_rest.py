@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from delta_calibration.diagnosis.rest import AT_REST, Rest
-from delta_calibration.samples import Conditions, at_rest
+from delta_calibration.data import Conditions, at_rest
+from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 
 RNG = np.random.default_rng(1)
 STOPS, EACH = 4, 6
@@ -37,8 +37,8 @@ def conditions() -> Conditions:
 
 
 @pytest.fixture(scope="module")
-def rest() -> Rest:
-    return Rest.of(PATH, conditions(), OWN)
+def rest() -> SharedPathError:
+    return SharedPathError.of(PATH, conditions(), OWN)
 
 
 @pytest.fixture(scope="module")

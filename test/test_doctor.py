@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.cell.desk import Desk, Settings
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.health import Level
 from delta_calibration.cli.main import run
+from delta_calibration.data import Session
 from delta_calibration.doctor import check
 from delta_calibration.documents import check_document, load_schema, write_document
 from delta_calibration.errors import MistakeError
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import robot_document
-from delta_calibration.samples import Session
 from mistakes import KINDS, clean_case, examined, has_turns, judged, stamped
 
 # kinds by robot: on the one whose sessions are quickest all, on the others what is special there
@@ -214,7 +214,7 @@ def test_a_robot_of_other_joints_is_said(
 # The cell
 
 
-def captured(desk: Desk, session: Session) -> None:
+def captured(desk: CalibrationSession, session: Session) -> None:
     """Let a cell measure what a session holds."""
     desk.start_capture(0.0)
     for stream, add in (
@@ -228,7 +228,7 @@ def captured(desk: Desk, session: Session) -> None:
 
 
 def test_a_cell_fits_nothing_over_a_mistake_and_says_so(tmp_path: Path) -> None:
-    case, desk = case_of("linear_delta"), Desk(Settings("linear_delta"))
+    case, desk = case_of("linear_delta"), CalibrationSession(Settings("linear_delta"))
     captured(desk, stamped(case.session, "tracker", lambda t: t + 3.0))
     with pytest.raises(MistakeError, match="clock_offset in tracker"):
         desk.prepare_fit()()

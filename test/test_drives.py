@@ -10,20 +10,20 @@ import pytest
 from blind import hide
 from delta_calibration.calibration_file import from_diagnosis
 from delta_calibration.compensation import JointCompensator
-from delta_calibration.compensation.machine import Machine, Swarm
+from delta_calibration.compensation.machine import IdentifiedMachine, Swarm
+from delta_calibration.data import Conditions, at_rest, survey
 from delta_calibration.description import describe
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.effects.base import SENSOR, Stage
 from delta_calibration.errors import ConfigError
-from delta_calibration.identification import chain_of, identify
+from delta_calibration.estimation import chain_of, identify
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import OF_INERTIA, OF_WEIGHT
 from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import joints_toward
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot, load_robot, robot_document, robot_from
-from delta_calibration.samples import Conditions, at_rest, survey
 from delta_calibration.simulation import draw_machine
 from delta_calibration.simulation.climate import PARTS
 from delta_calibration.simulation.machine import standing
@@ -389,7 +389,7 @@ def test_a_swarm_searches_alike(burdened) -> None:
         calibration = machine(
             robot, "rotary_delta", [effects[k] for k in kept], [values[k] for k in kept]
         )
-        made = Machine(calibration.chain, calibration.theta, robot.tool_offset)
+        made = IdentifiedMachine(calibration.chain, calibration.theta, robot.tool_offset)
         q = joints_toward(robot, np.array([[0.0, 0.0, -0.72], [0.1, -0.1, -0.8]]))
         target = made.stand(robot.drives.read(robot.drives.own(q) + 2e-4))[0]
         found.append(Swarm(made).correct(q, target).dq)

@@ -16,6 +16,7 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 
 from delta_calibration.cli.machine_demo import _shown
 from delta_calibration.cli.second_act import _shown as shown_live
+from delta_calibration.data import at_rest
 from delta_calibration.description.look import Look
 from delta_calibration.description.looks import LOOKS
 from delta_calibration.diagnosis.candidates import Candidate
@@ -33,10 +34,9 @@ from delta_calibration.effects.signals import JOINT
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.model.symbols import sin
-from delta_calibration.report.giveaway import _figure
+from delta_calibration.report.effect_plots import _figure
 from delta_calibration.report.judged import Judged
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 from delta_calibration.simulation import draw_machine, hideable_causes
 from delta_calibration.wording import spoken
 from report_bench import found
@@ -190,16 +190,16 @@ def test_it_is_called_what_its_file_says() -> None:
 def drawn(effect: Effect):
     """Its picture in the report of a session, with the figures of what is in the model there."""
     judged = Judged.of(found())
-    member = judged.diagnosis.model.members[0]
+    term = judged.diagnosis.model.terms[0]
 
     class Swapped:
-        """The judged session with another effect's name on its first member."""
+        """The judged session with another effect's name on its first term."""
 
         evidence, rows = judged.evidence, judged.rows
-        beside_member = staticmethod(lambda _, rows: judged.beside_member(member, rows))
-        moved_by = staticmethod(lambda _, rows: judged.moved_by(member, rows))
+        beside_term = staticmethod(lambda _, rows: judged.beside_term(term, rows))
+        moved_by = staticmethod(lambda _, rows: judged.moved_by(term, rows))
 
-    other = Candidate(effect.cause, effect.kind, None, effect, member.rows)
+    other = Candidate(effect.cause, effect.kind, None, effect, term.rows)
     return _figure(Swapped, ROBOT, other, effect, 1)
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from cables import FOUR_CABLES, TOLERANCES, ZEROS_FREE
 from delta_calibration.chain import Chain
+from delta_calibration.data import at_rest
 from delta_calibration.effects import EFFECTS, Effect, Stage, catalogue
 from delta_calibration.effects.base import terms_of
 from delta_calibration.effects.joint_curve import JointCurve
@@ -33,7 +34,6 @@ from delta_calibration.effects.signals import (
 from delta_calibration.effects.unexplained import FAMILIES, Unexplained
 from delta_calibration.mechanisms import MECHANISMS, CableRobot
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 from machines import MODELS, ROBOTS, differences
 
 PARTS = ("arm", "base")

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import EFFECTS, Effect, Stage, catalogue, effect_named
 from delta_calibration.effects.unexplained import UNEXPLAINED, Unexplained, families
 from delta_calibration.errors import InputError
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Conditions, at_rest
 
 ROBOT = load_robot("srbd")
 MODELS = ("rotary_delta", "six_rod_delta")

@@ -14,10 +14,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions, at_rest, motion_of
 from delta_calibration.effects import effect_named
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Conditions, at_rest, motion_of
 from six_rods import PLATFORM, SixRods, workspace
 
 ROBOT = load_robot("srbd")

@@ -9,17 +9,17 @@ import pytest
 
 from delta_calibration.calibration_file import from_identification
 from delta_calibration.compensation import JointCompensator
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.errors import SingularityError
+from delta_calibration.estimation import Known, identify
 from delta_calibration.geometry.frames import align
-from delta_calibration.identification import Known, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import tool_points
 from delta_calibration.robot import Robot, known_robots, load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import (
-    Machine,
+    TrueMachine,
     draw_machine,
     effect_options,
     simulate_session,
@@ -37,7 +37,7 @@ HIDDEN = {
 }
 
 
-def machine_of(robot: Robot, effect: str, seed: int) -> Machine:
+def machine_of(robot: Robot, effect: str, seed: int) -> TrueMachine:
     return draw_machine(robot, seed, hidden=[effect_options(effect)] if effect else [])
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
 from delta_calibration.diagnosis.contrast import Pair
@@ -17,14 +18,19 @@ from delta_calibration.diagnosis.experiments import (
     next_experiment,
     visibility,
 )
-from delta_calibration.diagnosis.foresight import AT_REST, Foresight, Products, Samples, together
 from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.predicted_information import (
+    AT_REST,
+    Foresight,
+    Products,
+    Samples,
+    stacked,
+)
 from delta_calibration.effects import EFFECTS, catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
 from recording_helpers import SHARED
 
@@ -235,7 +241,7 @@ def test_farther_out_is_farther_out(poor):
 
 def test_paths_of_several_experiments_stay_apart(poor):
     one = Samples(poor.at, np.repeat([0, 1, AT_REST], [10, 10, 10]))
-    both = together([one, one, Samples(poor.at, np.full(len(poor), AT_REST))])
+    both = stacked([one, one, Samples(poor.at, np.full(len(poor), AT_REST))])
     assert len(both) == 3 * len(poor)
     assert sorted(set(both.path.tolist())) == [AT_REST, 0, 1, 2, 3]
     assert (both.path[:30] != both.path[30:60])[:20].all()

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import loops_in_c
-from delta_calibration.compensation import JointCompensator, Verdict
+from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.errors import ConfigError
+from delta_calibration.estimation import chain_of
 from delta_calibration.export import c_files, c_laws, c_loops
-from delta_calibration.identification import chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from export_bench import (
@@ -86,7 +86,7 @@ def held_against(calibration, folder, n, far=0, least=0.8):
     assert same[far:].all()
     assert np.count_nonzero(~same) <= far // 200
     np.testing.assert_allclose(out[same], expected.joint[same], rtol=0, atol=SAME)
-    corrected = [verdict is Verdict.CORRECTED for verdict in verdicts]
+    corrected = [verdict is CommandStatus.CORRECTED for verdict in verdicts]
     assert np.mean(corrected) > least
     return made, verdicts
 
@@ -99,7 +99,7 @@ def test_c_answers_as_the_compensator_does(name, model, tmp_path):
     region = Region.of(robot.commanded.position(at_drawing))
     calibration = machine(robot, model, region=region)
     _, verdicts = held_against(calibration, tmp_path, 3000, 600, least=0.2)
-    assert {Verdict.CORRECTED, Verdict.OUTSIDE_REGION} < set(verdicts)
+    assert {CommandStatus.CORRECTED, CommandStatus.OUTSIDE_REGION} < set(verdicts)
     assert len(set(verdicts)) >= 3
 
 
@@ -149,9 +149,11 @@ def test_unknown_conditions_are_told_where_they_are_needed(tmp_path):
         expected = compensator.compensate(q, at)
         assert verdicts == list(expected.verdicts)
         needed = name != "direction"
-        assert set(verdicts) == {Verdict.MISSING_CONDITION if needed else Verdict.CORRECTED}
+        assert set(verdicts) == {
+            CommandStatus.MISSING_CONDITION if needed else CommandStatus.CORRECTED
+        }
         np.testing.assert_allclose(out, expected.joint, rtol=0, atol=SAME)
-    assert set(made.correct(q)[1]) == {Verdict.MISSING_CONDITION}
+    assert set(made.correct(q)[1]) == {CommandStatus.MISSING_CONDITION}
 
 
 def test_without_effects_nothing_has_to_be_known(tmp_path):
@@ -159,7 +161,7 @@ def test_without_effects_nothing_has_to_be_known(tmp_path):
     made = Compiled(calibration, tmp_path)
     q = commands(calibration.robot, calibration.chain.mechanism, 50, 0)
     out, verdicts = made.correct(q)
-    assert set(verdicts) == {Verdict.CORRECTED}
+    assert set(verdicts) == {CommandStatus.CORRECTED}
     np.testing.assert_allclose(out, JointCompensator(calibration).compensate(q).joint, atol=SAME)
 
 
@@ -169,7 +171,7 @@ def test_a_command_that_is_no_command_comes_back_as_it_is(value, tmp_path):
     made = Compiled(calibration, tmp_path)
     q = np.array([[0.2, value, 0.1]])
     out, verdicts = made.correct(q)
-    expected = Verdict.JOINT_LIMIT if np.isfinite(value) else Verdict.NOT_FINITE
+    expected = CommandStatus.JOINT_LIMIT if np.isfinite(value) else CommandStatus.NOT_FINITE
     assert verdicts == [expected] == list(JointCompensator(calibration).compensate(q).verdicts)
     np.testing.assert_array_equal(out, q)
 

@@ -14,11 +14,11 @@ from ruamel.yaml import YAML
 from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.compensation import JointCompensator
+from delta_calibration.data import collect
+from delta_calibration.estimation import identify
 from delta_calibration.geometry import rotations
-from delta_calibration.identification import identify
 from delta_calibration.plans import joints_toward, make_plan, tool_frames
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from export_bench import COMPILER, STRICT, needs_compiler
 from extended_bench import with_effects

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 import five_axis as trial
 from closures_by_hand import placed
 from delta_calibration.chain import Chain
+from delta_calibration.data import at_rest
 from delta_calibration.effects.slider_pitch import SliderPitch
 from delta_calibration.errors import ReachError
+from delta_calibration.estimation import observe
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import observe
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 from machines import complex_step
 
 MACHINE = load_robot("five_axis").model()

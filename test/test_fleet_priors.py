@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration_file import from_identification, save_calibration
 from delta_calibration.cli.main import run
+from delta_calibration.data import Poses, collect
 from delta_calibration.documents import read_document
 from delta_calibration.errors import ConfigError, DataError
-from delta_calibration.fleet.evidence import Fitted, likelihood_of_calibration
-from delta_calibration.fleet.population import estimate, kinds_of
-from delta_calibration.fleet.priors import read_priors, write_priors
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     Likelihood,
     Population,
     believe,
     chain_of,
     identify,
 )
+from delta_calibration.fleet.evidence import Fitted, likelihood_of_calibration
+from delta_calibration.fleet.population import estimate, kinds_of
+from delta_calibration.fleet.priors import read_priors, write_priors
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Poses, collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 Array = NDArray[np.float64]

@@ -15,6 +15,7 @@ import pytest
 from blind import hide
 from blind.cause import Cause
 from delta_calibration.cli.diagnose import describe
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
 from delta_calibration.diagnosis.law_grammar import Grammar
@@ -28,7 +29,6 @@ from delta_calibration.errors import InputError
 from delta_calibration.export.effect_file import effect_file, require_effect_name
 from delta_calibration.report.verdict_file import verdict_of
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 from study.judge import judge
 from study.trials import Task
 

@@ -23,9 +23,10 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.data import collect
 from delta_calibration.documents import content_hash
 from delta_calibration.errors import CalibrationError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan, read_plan
 from delta_calibration.plans.target_file import read_rows, targets_of
 from delta_calibration.recording import read_session, write_session
@@ -34,7 +35,6 @@ from delta_calibration.recording.reader import read_messages
 from delta_calibration.recording.table_mapping import read_mapping
 from delta_calibration.recording.table_session import session_of_table
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from extended_bench import with_effects
 from import_bench import mapping_of

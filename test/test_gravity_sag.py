@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.cli.main import run
+from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.diagnose import calibrated
@@ -21,7 +22,6 @@ from delta_calibration.effects.joint_curve import JointCurve
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import at_rest, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 from real_machines import DATA
 
@@ -116,9 +116,9 @@ def test_a_cable_driven_arm_has_play_and_gives_way(tmp_path):
     )
     models = [(), (play,), (sag,), (play, sag)]
     errors = {}
-    for members in models:
-        held = HeldOutModels(start.fitted(members) if members else start)
-        errors[members] = held.mm(held.members(members, held.sectors))
+    for terms in models:
+        held = HeldOutModels(start.fitted(terms) if terms else start)
+        errors[terms] = held.mm(held.terms(terms, held.sectors))
     assert errors[()] < 2.8
     assert errors[play, sag] < 2.05
     assert errors[play, sag] < 0.9 * min(errors[play,], errors[sag,])

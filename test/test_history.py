@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from delta_calibration.cli.main import run
+from delta_calibration.data import Session, survey
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.history import Dated, History, find_changes
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Session, survey
 from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
 
 pytest.importorskip("sqlalchemy")

@@ -9,27 +9,27 @@ import pytest
 
 from blind import hide
 from delta_calibration.calibration import Calibration
+from delta_calibration.compensation import CommandStatus as Outcome
 from delta_calibration.compensation import JointCompensator
-from delta_calibration.compensation import Verdict as Outcome
-from delta_calibration.diagnosis import Verdict, calibrated, diagnose
-from delta_calibration.diagnosis.aside import Aside
-from delta_calibration.diagnosis.audit import Audit, misses_alike
+from delta_calibration.data import Survey, at_rest, collect, survey
+from delta_calibration.diagnosis import CommandStatus, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, maps
 from delta_calibration.diagnosis.findings import HeldOutModels
+from delta_calibration.diagnosis.identifiability import _too_small
 from delta_calibration.diagnosis.judge import _shipped, _unknown
+from delta_calibration.diagnosis.residual_tests import ResidualTests, misses_alike
 from delta_calibration.diagnosis.scan import Scan
-from delta_calibration.diagnosis.search import Found
+from delta_calibration.diagnosis.search import SearchResult
+from delta_calibration.diagnosis.set_aside import Aside
 from delta_calibration.diagnosis.statement import MAP, shown
-from delta_calibration.diagnosis.unseen import _too_small
 from delta_calibration.diagnosis.verdict import Finding, UnknownStructure
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.unexplained import FAMILIES, Unexplained
+from delta_calibration.estimation import chain_of, doubts, identify
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import chain_of, doubts, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Survey, at_rest, collect, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
@@ -58,12 +58,12 @@ def start(clean):
 # Never ship what predicts worse
 
 
-def finding_of(member: Candidate, in_motion: bool) -> Finding:
+def finding_of(term: Candidate, in_motion: bool) -> Finding:
     numbers = dict.fromkeys(("confidence", "p_value", "rms_before_mm", "rms_after_mm"), 0.5)
     return Finding(
-        member.cause,
+        term.cause,
         None,
-        member.kind,
+        term.kind,
         (),
         None,
         {},
@@ -86,27 +86,27 @@ def overfitted(start):
 
 @pytest.mark.parametrize("in_motion", [False, True])
 def test_what_predicts_held_out_poses_worse_is_not_shipped(start, overfitted, in_motion):
-    member, held = overfitted.members[0], HeldOutModels(overfitted)
-    errors = [held.members(of, held.sectors).rms(held.poses) for of in ((), (member,))]
+    term, held = overfitted.terms[0], HeldOutModels(overfitted)
+    errors = [held.terms(of, held.sectors).rms(held.poses) for of in ((), (term,))]
     assert errors[1] > 1.02 * errors[0]
-    found = Found(overfitted, Scan((), 1), Scan((), 1), ())
-    said = {member: finding_of(member, in_motion)}
+    found = SearchResult(overfitted, Scan((), 1), Scan((), 1), ())
+    said = {term: finding_of(term, in_motion)}
     left, after, refused = _shipped(found, held, said, start)
     assert after.rms(held.poses) == errors[0]
     if in_motion:  # it has no business at rest: there all is as calibrated
         base = start.layout.base
-        assert left.model.members == (member,)
+        assert left.model.terms == (term,)
         assert not refused
         np.testing.assert_array_equal(left.model.theta[base], start.theta[base])
-        np.testing.assert_array_equal(left.model.values(member), overfitted.values(member))
+        np.testing.assert_array_equal(left.model.values(term), overfitted.values(term))
     else:
         assert left.model is start
-        assert refused == (member,)
+        assert refused == (term,)
 
 
 def test_a_map_that_does_harm_in_sectors_not_seen_is_not_borne_out(overfitted):
     held = HeldOutModels(overfitted)
-    assert not held.foretells((), overfitted.members)
+    assert not held.foretells((), overfitted.terms)
 
 
 # A map, and a correction, are only as wide as their data
@@ -205,8 +205,8 @@ def test_the_statement_follows_from_the_tests():
 def test_what_is_left_is_told_however_strong_the_causes_beside_it(start):
     """13.4 um over a noise of 8.8, a fifth of what the causes explained: nothing was said."""
     p = {"lack_of_fit": 1e-9, "moran_joints": 1e-18, "moran_direction": 1e-12}
-    left, nothing = Audit(p, 10e-6, 0.0, np.array([0.1, 0.0, -0.7])), Scan((), 1)
-    found = Found(start, nothing, nothing, ())
+    left, nothing = ResidualTests(p, 10e-6, 0.0, np.array([0.1, 0.0, -0.7])), Scan((), 1)
+    found = SearchResult(start, nothing, nothing, ())
     said = _unknown(found, start, left, Aside(None, 0.0, None), False)
     assert said.found
     assert said.moves_with == "joints"
@@ -257,7 +257,7 @@ def test_an_unknown_reflector_is_no_error_of_the_robot():
 # What is set aside
 
 
-def knocked(session, points: int, alike: bool) -> Verdict:
+def knocked(session, points: int, alike: bool) -> CommandStatus:
     """Stops at the outer edge off by 12 mm, all in one direction or each in its own."""
     poses = collect(session, ROBOT.joints.names)
     far = np.argsort(-poses.joint[:, 0])[:points]

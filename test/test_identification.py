@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
+from delta_calibration.data import collect
 from delta_calibration.errors import DataError
-from delta_calibration.identification import identify, parts_of
+from delta_calibration.estimation import identify, parts_of
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from identification_bench import PARAMETERS, ROBOT, errors, found, prediction, rms
 from six_rods import Cell, SixRods, drawing_joints, workspace

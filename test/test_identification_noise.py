@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from delta_calibration.identification import identify
-from delta_calibration.identification.noise import estimate_noise
+from delta_calibration.estimation import identify
+from delta_calibration.estimation.noise import estimate_noise
 from identification_bench import ROBOT, errors, slope_of
 from six_rods import (
     PER_METRE,

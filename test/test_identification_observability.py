@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from delta_calibration.identification import chain_of, identify
-from delta_calibration.identification.observability import observe, strong_correlations
+from delta_calibration.estimation import chain_of, identify
+from delta_calibration.estimation.observability import observe, strong_correlations
 from identification_bench import ROBOT, found, rms
 from six_rods import SixRods
 

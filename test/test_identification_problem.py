@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from delta_calibration.data import at_rest
 from delta_calibration.errors import DataError
-from delta_calibration.identification import chain_of
-from delta_calibration.identification.fit import prepare
-from delta_calibration.identification.problem import _Loss, solve
-from delta_calibration.samples import at_rest
+from delta_calibration.estimation import chain_of
+from delta_calibration.estimation.fit import prepare
+from delta_calibration.estimation.problem import _Loss, solve
 from identification_bench import ROBOT, errors, found, rms
 from six_rods import Cell, SixRods, workspace
 

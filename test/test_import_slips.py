@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from delta_calibration.data import collect
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from import_bench import imported, refused
 

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.main import run
-from delta_calibration.identification import identify
+from delta_calibration.data import collect, survey
+from delta_calibration.estimation import identify
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect, survey
 from import_bench import JOINTS, SRBD, imported, mapping_of, measured, refused, stops
 from real_machines import DATA
 

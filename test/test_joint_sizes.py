@@ -8,9 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from delta_calibration.data import Conditions, at_rest, motion_of, survey
+from delta_calibration.data.motion import TURNED
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.proposals import Session
-from delta_calibration.diagnosis.rest import Rest
+from delta_calibration.diagnosis.shared_path_error import SharedPathError
 from delta_calibration.effects import EFFECTS, catalogue
 from delta_calibration.effects.base import Array, Effect
 from delta_calibration.effects.catalogue import effect_named
@@ -27,9 +29,7 @@ from delta_calibration.effects.unexplained import (
 )
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import Conditions, at_rest, motion_of, survey
-from delta_calibration.samples.motion import TURNED
-from delta_calibration.simulation import Machine, draw_machine, simulate_session
+from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session
 
 DELTA = "srbd"
 MAPS = [(family, reach) for family in FAMILIES for reach in reaches(family)]
@@ -146,13 +146,13 @@ def test_motion_goes_by_the_joint_size(name: str) -> None:
     for away, apart in ((0.015, False), (0.025, True)):
         joint = model.home + size * away * np.array([0, 0, 1, 1])[:, None]
         at = replace(at_rest(joint), time=np.arange(4.0))
-        rest = Rest.of(number, at, np.zeros((4, 3, model.joints)), size)
+        rest = SharedPathError.of(number, at, np.zeros((4, 3, model.joints)), size)
         assert (rest.row[0] != rest.row[-1]) == apart
     stops = Session(at_rest(model.home[None]), 0.0, model, model.home, model.home).ten(1)
     np.testing.assert_allclose(stops.travel, 0.01 * size, rtol=1e-12)
 
 
-def with_bump(machine: Machine, joint: Array) -> Machine:
+def with_bump(machine: TrueMachine, joint: Array) -> TrueMachine:
     """The machine with a bump of `BUMP` about the middle of a plan's places, (n, m).
 
     The joints' shifts are a map's, with the weights that displace the platform like that.

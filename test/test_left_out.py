@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from delta_calibration.identification.left_out import Known, left_out
+from delta_calibration.estimation.cross_validation import Known, left_out
 
 RNG = np.random.default_rng(11)
 POSES, NUMBERS, UNKNOWNS = 40, 3, 9

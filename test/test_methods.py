@@ -14,9 +14,10 @@ from delta_calibration.calibration_file import (
     save_calibration,
 )
 from delta_calibration.cli.main import run
+from delta_calibration.data import collect
 from delta_calibration.documents import read_document
 from delta_calibration.errors import DataError, InputError, SingularityError
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     METHODS,
     Box,
     LinearResidual,
@@ -33,7 +34,6 @@ from delta_calibration.identification import (
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 SWARMS = ("stepwise_qpso", "qpso", "apso", "pso")

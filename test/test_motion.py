@@ -10,10 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from delta_calibration.chain import Chain
-from delta_calibration.effects import effect_named
-from delta_calibration.geometry import Frame
-from delta_calibration.robot import load_robot
-from delta_calibration.samples import (
+from delta_calibration.data import (
     Conditions,
     JointStream,
     PayloadStream,
@@ -25,7 +22,10 @@ from delta_calibration.samples import (
     motion_of,
     survey,
 )
-from delta_calibration.samples.motion import TURNED
+from delta_calibration.data.motion import TURNED
+from delta_calibration.effects import effect_named
+from delta_calibration.geometry import Frame
+from delta_calibration.robot import load_robot
 from six_rods import SixRods
 
 ROBOT = load_robot("srbd")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.identification import identify
+from delta_calibration.data import collect
+from delta_calibration.estimation import identify
 from delta_calibration.notebook import Identified, Session, open_session
-from delta_calibration.samples import collect
 
 pytest.importorskip("pandas")
 ROOT = Path(__file__).resolve().parents[1]

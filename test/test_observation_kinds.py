@@ -13,16 +13,16 @@ from scipy.spatial.transform import Rotation
 from cables import EIGHT_CABLES, FOUR_CABLES, ZEROS_FREE, built, geometry_of, workspace
 from closures_by_hand import BY_HAND
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.geometry import Camera, Frame, rotations
-from delta_calibration.identification.closures import ClosureWithoutPose
-from delta_calibration.identification.encoder_closures import EncoderClosure
-from delta_calibration.identification.image import PointInImage
-from delta_calibration.identification.mixed import fit_observations
-from delta_calibration.identification.observations import (
+from delta_calibration.estimation.closures import ClosureWithoutPose
+from delta_calibration.estimation.encoder_closures import EncoderClosure
+from delta_calibration.estimation.image import PointInImage
+from delta_calibration.estimation.measurements import (
     DistanceBetween,
-    Machine,
+    PlacedMachine,
     PointMeasured,
 )
+from delta_calibration.estimation.mixed_measurements import fit_observations
+from delta_calibration.geometry import Camera, Frame, rotations
 from delta_calibration.mechanisms.base import Limb, Mechanism
 from delta_calibration.mechanisms.cable_dimensions import CableTolerances
 from delta_calibration.mechanisms.cable_robot import CableRobot
@@ -42,7 +42,7 @@ TOLERANCES = CableTolerances(10e-3, 2e-3, 0.5e-2)
 
 def scara_built(rng):
     p = SCARA.parameters
-    return Machine.of(SCARA, p.nominal + p.prior * rng.standard_normal(len(p)), LOOKS_DOWN)
+    return PlacedMachine.of(SCARA, p.nominal + p.prior * rng.standard_normal(len(p)), LOOKS_DOWN)
 
 
 def pixels_of(q, g, turn, place):
@@ -102,7 +102,7 @@ def test_image_slopes_by_complex_step():
     expected = without_offset(complex_step(pixels, unknowns))
     np.testing.assert_allclose(image.slopes(machine), expected, rtol=1e-9, atol=1e-7)
     given = replace(image, place=machine.frame)
-    elsewhere = Machine.of(SCARA, machine.geometry, Frame.identity())
+    elsewhere = PlacedMachine.of(SCARA, machine.geometry, Frame.identity())
     expected[..., -6:] = 0.0
     np.testing.assert_allclose(given.slopes(elsewhere), expected, rtol=1e-9, atol=1e-7)
 
@@ -131,7 +131,7 @@ def test_an_image_alone_has_no_scale():
     twice = np.where([p.unit == "m" for p in SCARA.parameters], machine.geometry, 0.0)
     twice = np.concatenate([twice, np.zeros(6), machine.frame.translation])
     assert np.abs(slopes @ twice).max() < 1e-9 * np.abs(slopes).max()
-    drawn = Machine.of(SCARA, SCARA.parameters.nominal, LOOKS_DOWN)
+    drawn = PlacedMachine.of(SCARA, SCARA.parameters.nominal, LOOKS_DOWN)
     alone = fit_observations(SCARA, [image], drawn.frame, priors=False)
     assert {"length_2", "tool_x", "device_place_z"} <= set(alone.unset)
     assert np.isinf(alone.std[alone.names.index("length_2")])
@@ -148,7 +148,7 @@ def test_an_image_alone_has_no_scale():
 
 def test_a_mark_behind_the_camera_and_two_devices_are_refused():
     q = np.full((3, 2), 0.5)
-    machine = Machine.of(SCARA, SCARA.parameters.nominal, LOOKS_DOWN)
+    machine = PlacedMachine.of(SCARA, SCARA.parameters.nominal, LOOKS_DOWN)
     image = seen(machine, q)
     with pytest.raises(DataError, match=r"image: number 1 cannot be seen .* camera .* behind it"):
         fit_observations(SCARA, [image], Frame(np.eye(3), np.array([0.0, 0.0, -1.0])))
@@ -180,7 +180,7 @@ def test_closing_slopes_by_complex_step():
     robot, real, _ = closing(EIGHT_CABLES, 4, 1)
     rng = np.random.default_rng(5)
     q = real.motors(workspace(EIGHT_CABLES, 3, rng))
-    machine = Machine.of(robot, geometry_of(real), Frame.identity())
+    machine = PlacedMachine.of(robot, geometry_of(real), Frame.identity())
     held = EncoderClosure.of(robot, q, 1e-3)
     assert held.redundancy == 2
     assert np.abs(held.missed(machine)).max() < 1e-9
@@ -203,7 +203,7 @@ def test_closing_slopes_by_complex_step():
 def test_closing_is_missed_by_chance_alone():
     """Of the true machine: independent numbers of the joints' own noise."""
     robot, real, held = closing(EIGHT_CABLES, 6, 400)
-    missed = held.missed(Machine.of(robot, geometry_of(real), Frame.identity())) / held.sigma
+    missed = held.missed(PlacedMachine.of(robot, geometry_of(real), Frame.identity())) / held.sigma
     assert missed.shape == (400, 2)
     covariance = missed.T @ missed / 400
     np.testing.assert_allclose(covariance, np.eye(2), atol=0.2)
@@ -251,7 +251,7 @@ def test_closure_alone_finds_the_shape_not_the_size():
     assert shape_off(found) < 0.15 * shape_off(drawn)
     unseen = workspace(EIGHT_CABLES, 40, np.random.default_rng(9))
     fresh = EncoderClosure.of(robot, real.motors(unseen), 1e-3)
-    nominal = Machine.of(robot, robot.parameters.nominal, Frame.identity())
+    nominal = PlacedMachine.of(robot, robot.parameters.nominal, Frame.identity())
     off, before = fresh.missed(fit.machine), fresh.missed(nominal)
     assert np.abs(off).max() < 0.02 * np.abs(before).max()
 
@@ -366,7 +366,7 @@ def test_noise_of_encoders_and_of_closures_weigh_alike_only_if_drums_are_alike(t
     """The two kinds of a closure without a pose are one where every joint has the same slope."""
     drawing = replace(FOUR_CABLES, tackle=np.array(tackle, dtype=float))
     robot, _, seen = closing(drawing, 9, 40)
-    machine = Machine.of(robot, robot.parameters.nominal, Frame.identity())
+    machine = PlacedMachine.of(robot, robot.parameters.nominal, Frame.identity())
     other = ClosureWithoutPose(seen.joint, seen.redundancy, seen.noise)
     ratio = np.abs(other.missed(machine) / seen.missed(machine))[:, 0]
     slope = drawing.gain[0]

@@ -9,15 +9,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.errors import DataError, InputError, ReachError
-from delta_calibration.geometry import Frame
-from delta_calibration.identification.mixed import fit_observations
-from delta_calibration.identification.observations import (
+from delta_calibration.estimation.measurements import (
     DistanceBetween,
     HeightAtContact,
-    Machine,
+    PlacedMachine,
     PointMeasured,
     PoseMeasured,
 )
+from delta_calibration.estimation.mixed_measurements import fit_observations
+from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
 from delta_calibration.mechanisms.linear_delta import (
     LinearDelta,
@@ -51,7 +51,9 @@ OFFSET = np.array([0.03, -0.02, 0.05])
 
 def built(mechanism, rng, frame=FRAME, scale=1.0):
     p = mechanism.parameters
-    return Machine.of(mechanism, p.nominal + scale * p.prior * rng.standard_normal(len(p)), frame)
+    return PlacedMachine.of(
+        mechanism, p.nominal + scale * p.prior * rng.standard_normal(len(p)), frame
+    )
 
 
 def measured(machine, low, high, n, rng, noise=0.0):

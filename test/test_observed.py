@@ -14,6 +14,7 @@ import pytest
 
 from delta_calibration.chain import Chain
 from delta_calibration.cli.diagnose import describe
+from delta_calibration.data import at_rest
 from delta_calibration.diagnosis import Measured, Observed, diagnose_observations
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.documents import check_document, load_schema
@@ -22,19 +23,18 @@ from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.joint_curve import JointCurve
 from delta_calibration.effects.tracker_scale import TrackerScale
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.geometry import Camera, Frame
-from delta_calibration.identification.closures import ClosureAtPose, ClosureWithoutPose, spared
-from delta_calibration.identification.encoder_closures import EncoderClosure
-from delta_calibration.identification.image import PointInImage
-from delta_calibration.identification.observations import (
+from delta_calibration.estimation.closures import ClosureAtPose, ClosureWithoutPose, spared
+from delta_calibration.estimation.encoder_closures import EncoderClosure
+from delta_calibration.estimation.image import PointInImage
+from delta_calibration.estimation.measurements import (
     DistanceBetween,
     HeightAtContact,
-    Machine,
+    PlacedMachine,
     PointMeasured,
     PoseMeasured,
 )
+from delta_calibration.geometry import Camera, Frame
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 from real_hangprinter import ROBOT
 
 CABLES = load_robot(ROBOT)
@@ -139,7 +139,7 @@ def test_what_a_free_pose_spares_is_all_that_is_missed():
     """|N^T f| = |f| at the pose of least misfit, N^T f_x = 0, and slopes by differences."""
     _, alone = (m.observation for m in hung(BUILD_UP, np.random.default_rng(4)))
     g = HUNG.parameters.nominal
-    machine = Machine.of(HUNG, g, Frame.identity())
+    machine = PlacedMachine.of(HUNG, g, Frame.identity())
     x = machine.poses(alone.joint)
     f = HUNG.closure(alone.joint, x, g)
     missed = alone.missed(machine)
@@ -150,7 +150,8 @@ def test_what_a_free_pose_spares_is_all_that_is_missed():
     for k, h in [(0, 1e-5), (3, 1e-8), (14, 1e-5)]:
         step = h * np.eye(len(g))[k]
         ahead, back = (
-            alone.missed(Machine.of(HUNG, g + way, Frame.identity())) for way in (step, -step)
+            alone.missed(PlacedMachine.of(HUNG, g + way, Frame.identity()))
+            for way in (step, -step)
         )
         numeric = (back - ahead) / (2 * h)
         np.testing.assert_allclose(slope[..., k], numeric, atol=0.03 * np.abs(numeric).max())
@@ -188,9 +189,9 @@ def test_slopes_by_joints_are_those_of_the_chain():
 def test_an_effect_on_readings_is_fitted_where_there_are_readings():
     delta, frame, measured = tracked(np.random.default_rng(2), scale=3e-4)
     scale = TrackerScale(DELTA, delta)
-    member = Candidate(scale.cause, scale.kind, None, scale, (0,))
-    model = Observed.of(delta, [measured], frame).fitted((member,))
-    assert model.values(member)[0] == pytest.approx(3e-4, rel=0.05)
+    term = Candidate(scale.cause, scale.kind, None, scale, (0,))
+    model = Observed.of(delta, [measured], frame).fitted((term,))
+    assert model.values(term)[0] == pytest.approx(3e-4, rel=0.05)
     assert not Observed.of(HUNG, hung(0.0, np.random.default_rng(1))).reads
 
 

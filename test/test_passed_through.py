@@ -11,18 +11,18 @@ import pytest
 from ruamel.yaml import YAML
 
 from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.command_path import HOLD
-from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.joint_bytes import Bytes, Layout
 from delta_calibration.cell.trajectory import Points
 from delta_calibration.cell.usual import MARK
 from delta_calibration.cli.main import run
+from delta_calibration.data import JointStream, collect
 from delta_calibration.errors import ConfigError, InputError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import Robot, load_robot, robot_document, robot_from
-from delta_calibration.samples import JointStream, collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 PLAIN = load_robot("srbd")
@@ -60,8 +60,10 @@ def files_fixture(tmp_path_factory, session) -> tuple[Path, Path]:
     return written(folder, TURN), calibration
 
 
-def desk_of(files: tuple[Path, Path], **settings) -> Desk:
-    desk = Desk(Settings(str(files[0]), calibration=str(files[1]), ramp_s=0.0, **settings))
+def desk_of(files: tuple[Path, Path], **settings) -> CalibrationSession:
+    desk = CalibrationSession(
+        Settings(str(files[0]), calibration=str(files[1]), ramp_s=0.0, **settings)
+    )
     desk.enable(True)
     return desk
 
@@ -150,7 +152,9 @@ def test_in_a_hold_it_is_held_and_comes_back_without_a_jump(files) -> None:
 
 
 def test_a_part_of_several_is_refused(tmp_path: Path, files) -> None:
-    desk = Desk(Settings(str(written(tmp_path, "turn", "grip")), calibration=str(files[1])))
+    desk = CalibrationSession(
+        Settings(str(written(tmp_path, "turn", "grip")), calibration=str(files[1]))
+    )
     made = Bytes((*NAMES, "grip")).message(np.append(Q, 1.0), (0, 0))
     message = r"passed through \(turn, grip\) all are expected once, or none; found .*grip"
     with pytest.raises(InputError, match=message):

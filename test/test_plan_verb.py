@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from delta_calibration.cli.main import run
+from delta_calibration.data import at_rest, collect, survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.effects import EFFECTS
 from delta_calibration.errors import InputError, ReachError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan, write_plan
 from delta_calibration.plans.optimal import candidates, choose, optimal_plan
 from delta_calibration.plans.parting import part
 from delta_calibration.plans.points import tool_points
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest, collect, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")

@@ -16,14 +16,14 @@ from ruamel.yaml import YAML
 import test_every_mechanism as every_robot
 from delta_calibration.calibration_file import from_identification, save_calibration
 from delta_calibration.cli.main import run
-from delta_calibration.compensation import JointCompensator, Verdict
-from delta_calibration.identification import identify
+from delta_calibration.compensation import CommandStatus, JointCompensator
+from delta_calibration.data import at_rest
+from delta_calibration.estimation import identify
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.model.symbols import column, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest
 from delta_calibration.sections import length, place, tolerance
 from delta_calibration.trial import true_misses
 from test_mechanisms import (  # noqa: F401 (run on the mechanism below)
@@ -158,7 +158,7 @@ def test_x_and_z_are_put_right(method, robot_file):
     machine, calibration = made(robot_file)
     nominal = make_plan("disc", machine.robot, count=12, both_sides=False).joint * 0.9
     done = JointCompensator(calibration, method).compensate(nominal)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     model = machine.robot.commanded
     meant = model.forward(nominal, model.parameters.nominal)
     before, _ = true_misses(calibration, machine, at_rest(nominal), meant, True)

@@ -12,12 +12,13 @@ import pytest
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.cli.main import run
-from delta_calibration.compensation import JointCompensator, Verdict
-from delta_calibration.compensation.aim import LEVER
+from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.compensation.machine import drawn
+from delta_calibration.compensation.task_coordinates import LEVER
+from delta_calibration.data import collect
 from delta_calibration.errors import InputError, ReachError
+from delta_calibration.estimation import identify
 from delta_calibration.geometry import rotations
-from delta_calibration.identification import identify
 from delta_calibration.plans import (
     make_plan,
     nominal_joints,
@@ -28,9 +29,8 @@ from delta_calibration.plans import (
 )
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import (
-    Machine,
+    TrueMachine,
     draw_machine,
     effect_options,
     simulate_session,
@@ -41,7 +41,7 @@ POSES = ("cdpr8", "five_axis", "scara", "ur10")
 TURNS = ("cdpr8", "five_axis", "ur10")
 
 
-def known(machine: Machine) -> Calibration:
+def known(machine: TrueMachine) -> Calibration:
     """A calibration that knows all of a machine, in a region of 20 m."""
     robot = machine.robot
     corners = 10.0 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0)
@@ -55,7 +55,7 @@ def places(robot: Robot, count: int = 12, seed: int = 2) -> np.ndarray:
     return make_plan("identify", robot, count=count, both_sides=False, seed=seed).joint
 
 
-def tool(machine: Machine, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tool(machine: TrueMachine, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where the machine truly has its tool, and how it is turned, by the chain."""
     chain = machine.chain
     x = chain.pose(standing(q), machine.theta)
@@ -66,7 +66,7 @@ def tool(machine: Machine, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def test_the_tool_stands_where_the_drawing_meant_it(name: str) -> None:
     robot = load_robot(name)
     machine, q = draw_machine(robot, 4), places(robot)
-    nominal = Machine(
+    nominal = TrueMachine(
         robot,
         machine.chain,
         machine.chain.join(
@@ -77,7 +77,7 @@ def test_the_tool_stands_where_the_drawing_meant_it(name: str) -> None:
     )
     (meant, held), (before, _) = tool(nominal, q), tool(machine, q)
     done = JointCompensator(known(machine)).compensate(q)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     after, turned = tool(machine, done.joint)
     axes = 2 if name == "scara" else 3
     assert np.linalg.norm((before - meant)[:, :axes], axis=1).min() > 1e-6
@@ -121,7 +121,7 @@ def test_effects_take_part(name: str, effect: str) -> None:
     at = standing(q)
     meant, _ = tool(plain, JointCompensator(known(plain)).compensate(q, at).joint)
     done = JointCompensator(known(machine)).compensate(q, at)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     np.testing.assert_allclose(tool(machine, done.joint)[0], meant, atol=1e-6)
     left, _ = tool(machine, JointCompensator(known(plain)).compensate(q, at).joint)
     assert np.abs(left - meant).max() > 1e-5
@@ -134,7 +134,7 @@ def test_the_swarm_agrees_with_newton() -> None:
         exact, found = (
             JointCompensator(known(machine), method).compensate(q) for method in ("newton", "apso")
         )
-        assert set(found.verdicts) == {Verdict.CORRECTED}
+        assert set(found.verdicts) == {CommandStatus.CORRECTED}
         np.testing.assert_allclose(found.joint, exact.joint, atol=1e-5)
 
 
@@ -157,12 +157,12 @@ def test_guards_of_a_robot_that_is_turned() -> None:
     singular = replace(robot, limits=replace(robot.limits, condition=1.01))
     beyond = q + np.array([0.0, 0.0, 0.0, 2.0])
     for calibration, commands, verdict in (
-        (wide, beyond, Verdict.JOINT_LIMIT),
-        (wide, np.array([[1.9, 1.1, 1.1, 0.3]]), Verdict.OUT_OF_REACH),
-        (replace(wide, region=near), places(robot, 4, 9), Verdict.OUTSIDE_REGION),
-        (replace(wide, robot=tight), q, Verdict.NOT_REACHED),
-        (replace(wide, robot=singular), q, Verdict.SINGULAR),
-        (wide, np.full_like(q, np.nan), Verdict.NOT_FINITE),
+        (wide, beyond, CommandStatus.JOINT_LIMIT),
+        (wide, np.array([[1.9, 1.1, 1.1, 0.3]]), CommandStatus.OUT_OF_REACH),
+        (replace(wide, region=near), places(robot, 4, 9), CommandStatus.OUTSIDE_REGION),
+        (replace(wide, robot=tight), q, CommandStatus.NOT_REACHED),
+        (replace(wide, robot=singular), q, CommandStatus.SINGULAR),
+        (wide, np.full_like(q, np.nan), CommandStatus.NOT_FINITE),
     ):
         done = JointCompensator(calibration).compensate(commands)
         assert verdict in done.verdicts
@@ -184,7 +184,7 @@ def test_slack_cables_are_told_apart_from_what_no_pull_holds() -> None:
         require_borne(robot, nominal_joints(robot, middle), "point", np.array([300.0]))
     machine = replace(draw_machine(robot, 4), robot=loose)
     q = nominal_joints(robot, middle)
-    assert JointCompensator(known(machine)).compensate(q).verdicts == (Verdict.SLACK,)
+    assert JointCompensator(known(machine)).compensate(q).verdicts == (CommandStatus.SLACK,)
 
 
 @pytest.mark.parametrize("name", [*POSES, "srbd", "linear_delta"])

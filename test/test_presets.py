@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from delta_calibration.cli.main import run
+from delta_calibration.data import collect
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.recording.presets import presets
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 
 PAGES = Path(__file__).parents[1] / "docs" / "presets.md"

@@ -11,15 +11,15 @@ from scipy.spatial.transform import Rotation
 import real_ur10
 import real_v400
 from delta_calibration.cli.main import run
+from delta_calibration.data import survey
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.diagnose import calibrated
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.effects.joint_curve import JointCurve
-from delta_calibration.identification.printer import left_out
+from delta_calibration.estimation.printer import left_out
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 from real_machines import DATA
 
 UR10 = load_robot("ur10").dimensions
@@ -197,8 +197,8 @@ def test_curves_of_the_joints_foretell_places_that_they_have_not_seen(tmp_path):
     start = calibrated(survey(read_session(session), robot.joints.names), robot)
     arm = robot.model()
     curve = JointCurve.over(robot, arm, start.evidence.at.joint, real_ur10.KNOT)
-    member = Candidate(curve.cause, curve.kind, None, curve, tuple(range(len(curve.parameters))))
-    held = HeldOutModels(start.fitted((member,)))
-    without, with_ = (held.mm(held.members(m, held.sectors)) for m in ((), (member,)))
+    term = Candidate(curve.cause, curve.kind, None, curve, tuple(range(len(curve.parameters))))
+    held = HeldOutModels(start.fitted((term,)))
+    without, with_ = (held.mm(held.terms(m, held.sectors)) for m in ((), (term,)))
     assert with_ < 0.5 * without
     assert with_ < 0.3  # mm

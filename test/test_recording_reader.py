@@ -13,12 +13,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 
+from delta_calibration.data.streams import Session
 from delta_calibration.errors import RecordingError
 from delta_calibration.recording import Topics, read_messages, read_session, write_session
 from delta_calibration.recording.messages import (
     POSE_STAMPED,
 )
-from delta_calibration.samples.streams import Session
 from recording_helpers import (
     COMMAND,
     NONE,

@@ -16,6 +16,7 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("plotly", reason="needs the extra [report]")
 
 from delta_calibration.accuracy import IsoReport, IsoValue
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.verdict import Estimate
 from delta_calibration.errors import InputError
@@ -41,7 +42,6 @@ from delta_calibration.report.session_report import _tests
 from delta_calibration.report.words import estimate
 from delta_calibration.report.workspace import around, scale_of
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
 from delta_calibration.wording import chance, figures, sure
 from report_bench import HOSTILE, JOINTS, NAME, PROVENANCE, ROBOT, found, hidden

@@ -33,12 +33,12 @@ from calibration_bench import (  # noqa: F401
     session_fixture,
 )
 from delta_calibration.calibration_file import load_calibration, save_calibration
-from delta_calibration.cell.desk import Desk
+from delta_calibration.cell.calibration_session import CalibrationSession
 from delta_calibration.compensation import JointCompensator
+from delta_calibration.data import at_rest
 from delta_calibration.ros.calibration_node import MARK, CalibrationNode
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp, stamp_to_ns
 from delta_calibration.ros.qos import PAYLOAD, STREAM_OUT
-from delta_calibration.samples import at_rest
 from extended_bench import Effects, with_effects
 from ros_helpers import Bench, bench_fixture  # noqa: F401
 
@@ -72,7 +72,7 @@ def test_a_command_is_passed_through_compensated_and_passed_again(
     np.testing.assert_allclose(positions(cell.give(Q, stamp + 3)), Q, atol=1e-15)
 
 
-def true_error(desk: Desk, q: np.ndarray) -> float:
+def true_error(desk: CalibrationSession, q: np.ndarray) -> float:
     """Distance of the true tool at q from the nominal one at Q, in the calibration's base [m]."""
     reading = MACHINE.chain.predict(at_rest(q[None]), MACHINE.theta)
     reached = desk.calibration.tool_points(reading, q[None])[0]
@@ -304,7 +304,7 @@ def test_transitions_out_of_state_are_answered_false(bench: Bench) -> None:
 GAP = 4e-4  # [rad]
 
 
-def extended(desk: Desk, folder: Path, effects: Effects) -> Path:
+def extended(desk: CalibrationSession, folder: Path, effects: Effects) -> Path:
     """A calibration file with effects in it."""
     path = folder / "extended.yaml"
     save_calibration(
@@ -322,7 +322,7 @@ def come(cell: Cell, begin: np.ndarray, stamp_ns: int) -> np.ndarray:
 
 
 def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
-    bench: Bench, desk: Desk, tmp_path: Path
+    bench: Bench, desk: CalibrationSession, tmp_path: Path
 ) -> None:
     effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": ({}, 1e-3)}
     cell = Cell(bench, calibration=extended(desk, tmp_path, effects), ramp_s=0.0)
@@ -344,7 +344,7 @@ def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
 
 
 def test_a_correction_that_steps_is_held_to_the_rate_of_the_parameter(
-    bench: Bench, desk: Desk, tmp_path: Path
+    bench: Bench, desk: CalibrationSession, tmp_path: Path
 ) -> None:
     path = extended(desk, tmp_path, {"backlash": ({}, GAP)})
     cell = Cell(bench, calibration=path, ramp_s=0.0)
@@ -362,7 +362,7 @@ def test_a_correction_that_steps_is_held_to_the_rate_of_the_parameter(
 
 
 def test_what_a_model_needs_to_know_is_asked_for_on_diagnostics(
-    bench: Bench, desk: Desk, tmp_path: Path
+    bench: Bench, desk: CalibrationSession, tmp_path: Path
 ) -> None:
     effects: Effects = {
         "joint_compliance": ({}, 4e-5),

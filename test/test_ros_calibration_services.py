@@ -32,8 +32,8 @@ from calibration_bench import (  # noqa: F401
 )
 from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cell import desk as desk_module
-from delta_calibration.cell.desk import Desk, Settings
-from delta_calibration.cell.fitting import Fitted
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
+from delta_calibration.cell.fitting import FittedCalibration
 from delta_calibration.compensation import JointCompensator, save_table
 from delta_calibration.ros.conversions import joint_state, ns_to_stamp
 from extended_bench import with_effects
@@ -96,7 +96,7 @@ def test_a_table_is_read_from_its_file(bench: Bench, file: Path, table: Path) ->
 
 
 def test_a_stale_table_is_refused_and_diagnostics_say_so(
-    bench: Bench, desk: Desk, file: Path, table: Path, tmp_path: Path
+    bench: Bench, desk: CalibrationSession, file: Path, table: Path, tmp_path: Path
 ) -> None:
     other = tmp_path / "other.yaml"
     drift = with_effects(desk.fitted.found, ROBOT, {"joint_zero_drift": ({}, 1e-3)})
@@ -138,7 +138,7 @@ class Gate:
 @pytest.mark.parametrize("service", ["save", "reload"])
 def test_no_command_waits_for_a_file(
     bench: Bench,
-    desk: Desk,
+    desk: CalibrationSession,
     file: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -147,9 +147,11 @@ def test_no_command_waits_for_a_file(
     cell = Cell(bench, calibration=file, output=tmp_path / "saved.yaml", ramp_s=0.0)
     cell.node._desk.fitted = desk.fitted
     assert cell.call("enable", True)[0]
-    gate = {"save": Gate(Fitted.save), "reload": Gate(desk_module.load_calibration)}[service]
+    gate = {"save": Gate(FittedCalibration.save), "reload": Gate(desk_module.load_calibration)}[
+        service
+    ]
     if service == "save":
-        monkeypatch.setattr(Fitted, "save", lambda *arguments: gate(*arguments))
+        monkeypatch.setattr(FittedCalibration, "save", lambda *arguments: gate(*arguments))
     else:
         monkeypatch.setattr(desk_module, "load_calibration", gate)
     answer = cell.ask(service)
@@ -165,7 +167,7 @@ def test_no_command_waits_for_a_file(
 
 
 def test_a_live_fit_is_the_fit_of_the_session_and_commands_go_on_meanwhile(
-    bench: Bench, session: Any, desk: Desk, tmp_path: Path
+    bench: Bench, session: Any, desk: CalibrationSession, tmp_path: Path
 ) -> None:
     out = tmp_path / "fitted.yaml"
     cell = Cell(bench, model="rotary_delta", output=out)
@@ -197,7 +199,7 @@ def test_a_live_fit_is_the_fit_of_the_session_and_commands_go_on_meanwhile(
         time.sleep(0.01)
     np.testing.assert_array_equal(sent, Q)
     assert cell.call("save")[0]
-    saved = Desk(Settings("srbd", calibration=str(out))).calibration
+    saved = CalibrationSession(Settings("srbd", calibration=str(out))).calibration
     np.testing.assert_allclose(saved.theta, desk.calibration.theta, rtol=1e-9)
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
+from delta_calibration.data import Poses, collect
 from delta_calibration.geometry.frames import align
 from delta_calibration.plans import Targets, read_targets
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Poses, collect
 from ros_helpers import Launch, launch_fixture  # noqa: F401
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

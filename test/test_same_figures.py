@@ -14,24 +14,24 @@ import yaml
 from click.testing import CliRunner
 
 from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.capture import Capture
-from delta_calibration.cell.desk import Desk, Settings
-from delta_calibration.cell.fitting import Fitted, diagnosed, fit
+from delta_calibration.cell.fitting import FittedCalibration, diagnosed, fit
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.cli.fit import _digits
 from delta_calibration.cli.fit import describe as describe_fit
 from delta_calibration.cli.live_cell import at_targets
 from delta_calibration.cli.main import group, run
+from delta_calibration.data import SIMULATED_NS, Session, collect
 from delta_calibration.diagnosis import Diagnosis
+from delta_calibration.estimation import DIAGNOSIS, doubt, identify
 from delta_calibration.geometry import align
-from delta_calibration.identification import DIAGNOSIS, doubt, identify
 from delta_calibration.plans import PLACES, make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.report import Provenance, report_of
 from delta_calibration.report.drift import drift_of_calibrations, read_calibration
 from delta_calibration.report.glossary import TERMS
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import SIMULATED_NS, Session, collect
 from delta_calibration.wording import mm, moment, sure
 
 ROOT = Path(__file__).parents[1]
@@ -49,13 +49,13 @@ def session(name: str) -> Session:
 
 
 @lru_cache
-def by_node(name: str) -> Fitted:
+def by_node(name: str) -> FittedCalibration:
     """What the node's `~/diagnose` does with a session."""
     return diagnosed(session(name), ROBOT, None, 0)
 
 
 @lru_cache
-def fitted(name: str) -> Fitted:
+def fitted(name: str) -> FittedCalibration:
     """What its `~/fit` does."""
     return fit(session(name), ROBOT, None, 0)
 
@@ -284,7 +284,7 @@ def test_few_places_are_told_from_a_wrong_model():
 
 
 def test_the_node_warns_while_such_a_fit_is_in_force(tmp_path):
-    desk = Desk(Settings(robot="srbd"))
+    desk = CalibrationSession(Settings(robot="srbd"))
     desk.take(fitted("srbd_backlash"), desk._compensator(fitted("srbd_backlash").calibration))
     health = desk.health(0.0, 1.0)
     assert health.level.name == "WARN"

@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from delta_calibration.errors import DataError, RecordingError
-from delta_calibration.recording import read_session
-from delta_calibration.samples import (
+from delta_calibration.data import (
     JointStream,
     PayloadStream,
     Session,
@@ -20,6 +18,8 @@ from delta_calibration.samples import (
     match,
     require_poses,
 )
+from delta_calibration.errors import DataError, RecordingError
+from delta_calibration.recording import read_session
 
 NAMES = ("joint_1", "joint_2", "joint_3")
 START = 1_700_000_000_000_000_000

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.candidates import Candidate, shape_columns
 from delta_calibration.diagnosis.extension import covariance_of
 from delta_calibration.effects import effect_named
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("linear_delta")
@@ -40,9 +40,9 @@ def fitted(machine):
 
 def test_a_frequency_is_found_between_the_points_of_the_search(fitted):
     """To a hundredth of what the points lie apart in the last zoom, by the parabola's top."""
-    (member,) = fitted.members
-    assert isinstance(member.effect.cycles, float)
-    assert member.effect.cycles == pytest.approx(CYCLES, abs=0.1)
+    (term,) = fitted.terms
+    assert isinstance(term.effect.cycles, float)
+    assert term.effect.cycles == pytest.approx(CYCLES, abs=0.1)
 
 
 def test_what_a_frequency_leaves_open_is_in_the_intervals(fitted, machine):
@@ -54,9 +54,9 @@ def test_what_a_frequency_leaves_open_is_in_the_intervals(fitted, machine):
 
 def test_columns_of_a_field_are_differences_of_the_signal(fitted):
     """Against a coarser difference, in units of a uniform distribution's spread."""
-    (member,) = fitted.members
-    evidence, scaled = fitted.evidence, fitted.scaled(member)
-    ((name, low, high),) = member.effect.intervals()
+    (term,) = fitted.terms
+    evidence, scaled = fitted.evidence, fitted.scaled(term)
+    ((name, low, high),) = term.effect.intervals()
     assert name == "cycles"
     h = 0.2
 
@@ -64,8 +64,8 @@ def test_columns_of_a_field_are_differences_of_the_signal(fitted):
         effect = effect_named("transmission_error", ROBOT, fitted.bare.mechanism, {name: cycles})
         return evidence.columns(effect) @ scaled
 
-    slope = (signal(member.effect.cycles + h) - signal(member.effect.cycles - h)) / (2 * h)
+    slope = (signal(term.effect.cycles + h) - signal(term.effect.cycles - h)) / (2 * h)
     expected = slope * (high - low) / np.sqrt(12)
-    found = shape_columns(member, evidence, scaled)
+    found = shape_columns(term, evidence, scaled)
     assert found.shape == (evidence.size, 1)
     np.testing.assert_allclose(found[:, 0], expected, atol=2e-2 * np.abs(expected).max())

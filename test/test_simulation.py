@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
+from delta_calibration.data import collect
 from delta_calibration.effects import EFFECTS
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import legs, make_plan, nominal_joints
 from delta_calibration.plans.motion import APPROACH
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import (
     draw_machine,
     hideable_causes,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from delta_calibration.data import motion_of
 from delta_calibration.plans import legs, make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import motion_of
 from delta_calibration.simulation import Following
 
 START = np.array([0.1, -0.2, 0.3])

@@ -11,8 +11,8 @@ import pytest
 from ruamel.yaml import YAML
 
 import test_every_mechanism as every_robot
-from delta_calibration.compensation import JointCompensator, Verdict
-from delta_calibration.identification import chain_of, identify, method_named, prepare
+from delta_calibration.compensation import CommandStatus, JointCompensator
+from delta_calibration.estimation import chain_of, identify, method_named, prepare
 from delta_calibration.mechanisms import MECHANISMS, Mechanism
 from delta_calibration.mechanisms.base import Limb
 from delta_calibration.model.symbols import norm, square
@@ -152,7 +152,7 @@ def test_it_is_exported_as_c(robot_file, tmp_path):
     expected = JointCompensator(calibration).compensate(q)
     out, verdicts = made.correct(q)
     assert verdicts == list(expected.verdicts)
-    assert Verdict.CORRECTED in verdicts
+    assert CommandStatus.CORRECTED in verdicts
     np.testing.assert_allclose(out, expected.joint, rtol=0, atol=1e-10)
 
 

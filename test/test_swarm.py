@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     Apso,
     Box,
     LinearResidual,
@@ -23,9 +23,9 @@ from delta_calibration.identification import (
     stepwise,
     stepwise_singular,
 )
-from delta_calibration.identification.swarm import Swarm
 from delta_calibration.mechanisms import RotaryDelta, SixRodDelta
 from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
+from delta_calibration.papers.swarm import Swarm
 from delta_calibration.robot import load_robot
 
 LAWS = (Qpso(), Pso(), Apso())

@@ -15,7 +15,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.compensation import (
     Apso,
     ApsoSettings,
-    Machine,
+    IdentifiedMachine,
     Newton,
     NewtonSettings,
     Swarm,
@@ -45,7 +45,9 @@ class Made:
         self.errors = dict(zip(parameters.names, drawn, strict=True))
         self.geometry = parameters.nominal + drawn
         self.chain = Chain(self.mechanism, np.zeros(3), 0.05)
-        self.machine = Machine(self.chain, np.concatenate([self.geometry, np.zeros(9)]), TOOL)
+        self.machine = IdentifiedMachine(
+            self.chain, np.concatenate([self.geometry, np.zeros(9)]), TOOL
+        )
 
     def point(self, q):
         rows = q.reshape(-1, 3)

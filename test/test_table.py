@@ -10,16 +10,16 @@ from scipy.interpolate import make_interp_spline
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.chain import Chain
-from delta_calibration.compensation import JointCompensator, TableSettings, Verdict
+from delta_calibration.compensation import CommandStatus, JointCompensator, TableSettings
 from delta_calibration.compensation.base import Correction
 from delta_calibration.compensation.table import BEND, Stamp, Table, nodes_between
 from delta_calibration.compensation.table_build import Task, build
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Conditions, at_rest
 from six_rods import SixRods, drawing_joints
 
 ROBOT = load_robot("srbd")
@@ -85,7 +85,7 @@ def test_fifteen_nodes_keep_the_papers_disc_within_a_micrometre(seed: int) -> No
     assert compensator.table.nodes == 15
     target = places(6000, WIDE, -0.711, -0.711, seed)
     done = compensator.compensate(drawing_joints(target))
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     whole = done.share == 1.0  # beyond the region's faces corrections fade
     assert whole.mean() > 0.6  # a third lies on the rim, outside the polygon of the region
     after = np.linalg.norm(SixRods(wrong).point(done.joint) - target, axis=1)[whole]
@@ -109,7 +109,7 @@ def test_a_grid_that_is_too_wide_is_refined_until_the_bound_holds() -> None:
     room = ROBOT.limits.correction  # to the joints' limits, for the corrected command too
     inside = ((q > ROBOT.joints.lower + room) & (q < ROBOT.joints.upper - room)).all(axis=1)
     done = compensator.compensate(q[inside])
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     whole = done.share == 1.0
     assert whole.mean() > 0.6
     missed = SixRods(wrong).point(done.joint) - target[inside]
@@ -293,8 +293,8 @@ def test_beyond_the_table_a_guard_says_so(small: JointCompensator) -> None:
     compensator = JointCompensator(wide, "table", table=small.table)
     q = drawing_joints(np.array([[0.0, 0.0, -0.72], [0.45, 0.0, -0.72], [0.1, 0.1, -0.71]]))
     done = compensator.compensate(q)
-    beyond = Verdict.OUTSIDE_TABLE
-    assert done.verdicts == (Verdict.CORRECTED, beyond, Verdict.CORRECTED)
+    beyond = CommandStatus.OUTSIDE_TABLE
+    assert done.verdicts == (CommandStatus.CORRECTED, beyond, CommandStatus.CORRECTED)
     assert beyond.value == "outside the table of corrections"
     np.testing.assert_array_equal(done.joint[1], q[1])
     assert np.isinf(done.model_error[1])
@@ -306,8 +306,8 @@ def test_the_region_lies_within_its_table(small: JointCompensator) -> None:
     region, margin = small.calibration.region, ROBOT.limits.region_margin
     there = region.outside(target) <= margin
     assert 500 < there.sum() < 3000
-    assert {done.verdicts[row] for row in np.flatnonzero(there)} == {Verdict.CORRECTED}
-    assert {done.verdicts[row] for row in np.flatnonzero(~there)} == {Verdict.OUTSIDE_REGION}
+    assert {done.verdicts[row] for row in np.flatnonzero(there)} == {CommandStatus.CORRECTED}
+    assert {done.verdicts[row] for row in np.flatnonzero(~there)} == {CommandStatus.OUTSIDE_REGION}
 
 
 def test_a_table_that_is_wrong_corrects_nothing(small: JointCompensator) -> None:
@@ -315,7 +315,7 @@ def test_a_table_that_is_wrong_corrects_nothing(small: JointCompensator) -> None
     wrong = replace(small.table, corrections=small.table.corrections + 1e-5)
     compensator = JointCompensator(small.calibration, "table", table=wrong)
     done = compensator.compensate(drawing_joints(np.array([[0.0, 0.05, -0.72]])))
-    assert done.verdicts == (Verdict.NOT_REACHED,)
+    assert done.verdicts == (CommandStatus.NOT_REACHED,)
     assert (done.correction == 0).all()
 
 
@@ -420,7 +420,7 @@ def test_drives_are_undone_around_the_table(cause: str) -> None:
         at = conditions(q, seed)
         done = table.compensate(q, at)
         exact = JointCompensator(made).compensate(q, at)
-        assert done.verdicts == exact.verdicts == (Verdict.CORRECTED,) * len(q)
+        assert done.verdicts == exact.verdicts == (CommandStatus.CORRECTED,) * len(q)
         np.testing.assert_allclose(done.joint, exact.joint, atol=3e-6)
         reached = made.chain.predict(replace(at, joint=done.joint), made.theta)
         assert np.linalg.norm(reached - SixRods().point(q), axis=1).max() < 1e-6
@@ -442,7 +442,7 @@ def test_dimensions_that_change_are_followed_exactly_and_it_is_said(cause: str) 
     at = conditions(q, 1)
     done = compensator.compensate(q, at)
     exact = JointCompensator(made, "newton").compensate(q, at)
-    assert set(done.verdicts) == {Verdict.CORRECTED}
+    assert set(done.verdicts) == {CommandStatus.CORRECTED}
     np.testing.assert_array_equal(done.joint, exact.joint)
 
 
@@ -454,10 +454,10 @@ def test_at_other_dimensions_a_table_corrects_nothing(small: JointCompensator) -
     made = replace(small.calibration, theta=grown)  # its seal left as it is
     q = drawing_joints(np.array([[0.0, 0.05, -0.72]]))
     done = JointCompensator(made, "table", table=small.table).compensate(q)
-    assert done.verdicts == (Verdict.NOT_REACHED,)
+    assert done.verdicts == (CommandStatus.NOT_REACHED,)
     assert (done.correction == 0).all()
     here, there = (JointCompensator(c).compensate(q) for c in (small.calibration, made))
-    assert set(here.verdicts + there.verdicts) == {Verdict.CORRECTED}
+    assert set(here.verdicts + there.verdicts) == {CommandStatus.CORRECTED}
     assert np.abs(here.correction - there.correction).max() > 1e-5
 
 

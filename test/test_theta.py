@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import at_rest
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.fitted import theta_layout, without_effects
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import InputError
+from delta_calibration.estimation import HeightAtContact, Measured, PointMeasured, chain_of
+from delta_calibration.estimation.mixed_measurements import problem_of
+from delta_calibration.estimation.problem import MOUNT_NAMES
 from delta_calibration.geometry import Frame, rotations
-from delta_calibration.identification import HeightAtContact, Measured, PointMeasured, chain_of
-from delta_calibration.identification.mixed import problem_of
-from delta_calibration.identification.problem import MOUNT_NAMES
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import at_rest
 from delta_calibration.theta import Layout, Parts, entries, length
 
 ROBOT = load_robot("srbd")
@@ -177,12 +177,12 @@ def test_a_fit_of_observations_frees_geometry_and_where_it_matters_the_frame():
     assert (placed.free == layout.mask(layout.geometry, layout.frame)).all()
 
 
-def test_members_find_their_effects_in_theta():
-    """A dimension among the members takes no place, and those after it stay where they are."""
+def test_terms_find_their_effects_in_theta():
+    """A dimension among the terms takes no place, and those after it stay where they are."""
     made = chain("backlash", "tracker_scale")
-    members = [Candidate(e.cause, e.kind, None, e, (0,)) for e in made.effects]
-    members.insert(1, Candidate("arm_length", "geometry", None, None, (2,)))
-    layout = theta_layout(chain(), members)
+    terms = [Candidate(e.cause, e.kind, None, e, (0,)) for e in made.effects]
+    terms.insert(1, Candidate("arm_length", "geometry", None, None, (2,)))
+    layout = theta_layout(chain(), terms)
     assert layout.size == made.layout.size
     assert (layout.effect(0), layout.effect(2)) == made.layout.each
     assert length(layout.effect(1)) == 0

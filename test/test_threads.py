@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from delta_calibration.identification import PointMeasured, chain_of
-from delta_calibration.identification.fit import prepare
-from delta_calibration.identification.problem import solve
+from delta_calibration.estimation import PointMeasured, chain_of
+from delta_calibration.estimation.fit import prepare
+from delta_calibration.estimation.problem import solve
 from delta_calibration.threads import one_thread
 from identification_bench import ROBOT, found
 

@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import at_rest, collect, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.errors import DataError
-from delta_calibration.geometry import rotations
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     chain_of,
     identify,
     method_named,
@@ -20,15 +20,15 @@ from delta_calibration.identification import (
     prepare,
     whitening,
 )
-from delta_calibration.identification import solve as solve_problem
-from delta_calibration.identification.observations import Measured, PoseMeasured
-from delta_calibration.identification.problem import MOUNT_NAMES
-from delta_calibration.identification.turns import mount_of, pose_covariance, turns_of
+from delta_calibration.estimation import solve as solve_problem
+from delta_calibration.estimation.measurements import Measured, PoseMeasured
+from delta_calibration.estimation.problem import MOUNT_NAMES
+from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
+from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.base import solve
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import at_rest, collect, survey
 from delta_calibration.simulation import draw_machine, simulate_session
 from machines import MODELS, places
 

@@ -15,7 +15,8 @@ pytest.importorskip("GTC", reason="needs the extra [test]")
 import GTC
 
 from certified_coverage import coverage
-from delta_calibration.identification import Known, identify, left_out
+from delta_calibration.data import collect
+from delta_calibration.estimation import Known, identify, left_out
 from delta_calibration.plans import make_plan
 from delta_calibration.report import (
     About,
@@ -28,7 +29,6 @@ from delta_calibration.report import (
 )
 from delta_calibration.report.budget import budget_of, certified, standard
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from delta_calibration.uncertainty import Uncertainty, _divided, radius95
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from delta_calibration.calibration_file import save_calibration
+from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.command_path import (
     ALREADY,
     BACKWARD,
@@ -25,14 +26,13 @@ from delta_calibration.cell.command_path import (
     REFUSE,
     STALE,
 )
-from delta_calibration.cell.desk import Desk, Settings
 from delta_calibration.cell.joint_bytes import Layout, stamp_of
 from delta_calibration.cell.usual import MARK
-from delta_calibration.compensation import Verdict
-from delta_calibration.identification import Identification, identify
+from delta_calibration.compensation import CommandStatus
+from delta_calibration.data import Poses, collect
+from delta_calibration.estimation import Identification, identify
 from delta_calibration.plans import make_plan, nominal_joints
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Poses, collect
 from delta_calibration.simulation import draw_machine, simulate_session
 from extended_bench import Effects, with_effects
 
@@ -118,7 +118,7 @@ class Follower:
     """A desk whose commands go the short way where there is one, or the long way always."""
 
     def __init__(self, short: bool, calibration: Path, **settings: Any) -> None:
-        self.desk = Desk(Settings("srbd", calibration=str(calibration), **settings))
+        self.desk = CalibrationSession(Settings("srbd", calibration=str(calibration), **settings))
         self.short, self.went = short, 0
         self.layouts: dict[int, bytes] = {}  # by the size of a message
         self.calibration = str(calibration)
@@ -231,7 +231,7 @@ def test_both_ways_come_to_the_same(files: dict[str, Path], name: str, on_failur
         first, second = (getattr(session.command, stream_of) for session in sessions)
         np.testing.assert_array_equal(first, second)
     counts = short.desk.path.counts
-    for told in (ALREADY, BACKWARD, BEYOND, ECHO, STALE, Verdict.NOT_FINITE.value):
+    for told in (ALREADY, BACKWARD, BEYOND, ECHO, STALE, CommandStatus.NOT_FINITE.value):
         assert counts[told], told
     if "backlash" in EFFECTS[name]:
         assert counts[LIMITED]
@@ -314,7 +314,9 @@ def test_both_ways_come_to_the_same_whatever_comes(files: dict[str, Path], seed:
 
 
 def test_a_blended_correction_goes_the_short_way(files: dict[str, Path]) -> None:
-    planes = Desk(Settings("srbd", calibration=str(files["geometry"]))).calibration.region.planes
+    planes = CalibrationSession(
+        Settings("srbd", calibration=str(files["geometry"]))
+    ).calibration.region.planes
     assert len(planes)
     short, long = (Follower(short, files["geometry"], ramp_s=0.0) for short in (True, False))
     for follower in (short, long):
@@ -346,7 +348,7 @@ def test_what_is_known_runs_out(files: dict[str, Path]) -> None:
         went.append(follower.went > before)
     assert went[3:8] == [True] * 5
     assert not any(went[9:15])
-    assert desk.path.counts[Verdict.MISSING_CONDITION.value] == 6
+    assert desk.path.counts[CommandStatus.MISSING_CONDITION.value] == 6
     assert all(went[17:])
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from delta_calibration.cli.main import run as run_verb
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.history.entries import Origin, entry_of
@@ -19,7 +20,6 @@ from delta_calibration.history.ledger import Compared, Failure, Ledger
 from delta_calibration.history.store import Entry, open_store
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 

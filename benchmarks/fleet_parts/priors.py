@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration_file import from_identification
+from delta_calibration.data import Poses, collect
+from delta_calibration.estimation import Identification, Population, identify
 from delta_calibration.fleet.evidence import Fitted, together
 from delta_calibration.fleet.population import estimate, kinds_of
-from delta_calibration.identification import Identification, Population, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses, collect
 from delta_calibration.simulation import draw_machine, simulate_session
-from delta_calibration.simulation.machine import Machine, standing
+from delta_calibration.simulation.machine import TrueMachine, standing
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ ODD = 6.0  # [tolerances] of the odd dimension of an odd machine
 TESTED = 300  # joints at which errors are told
 
 
-def drawn(robot: Robot, seed: int, deviation: Array) -> Machine:
+def drawn(robot: Robot, seed: int, deviation: Array) -> TrueMachine:
     """A machine of these dimensions, in tolerances off the drawing, before a tracker."""
     machine = draw_machine(robot, seed, 1.0)
     parameters, theta = machine.chain.mechanism.parameters, machine.theta.copy()
@@ -42,7 +42,7 @@ def drawn(robot: Robot, seed: int, deviation: Array) -> Machine:
     return replace(machine, theta=theta)
 
 
-def poses_of(machine: Machine, places: int, seed: int) -> Poses:
+def poses_of(machine: TrueMachine, places: int, seed: int) -> Poses:
     """Its still moments at so many places, drawn from those of a full measurement."""
     robot = machine.robot
     plan = make_plan("identify", robot, count=MOST, seed=seed)
@@ -59,7 +59,7 @@ def poses_of(machine: Machine, places: int, seed: int) -> Poses:
     return collect(session, robot.joints.names, robot.commanded.joint_size)
 
 
-def error_of(found: Identification, machine: Machine, at: Array) -> float:
+def error_of(found: Identification, machine: TrueMachine, at: Array) -> float:
     """Of the fitted model at joints that were not measured [m RMS], against the machine."""
     conditions = standing(at)
     off = found.chain.predict(conditions, found.theta) - machine.reflector_points(conditions)

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from blind import Trial, hide
+from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import Diagnosis, Finding, calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
 from delta_calibration.diagnosis.fitted import beside
+from delta_calibration.diagnosis.joint_fit import as_score
 from delta_calibration.diagnosis.model import Model, fit
 from delta_calibration.diagnosis.rivals import equivalents
-from delta_calibration.diagnosis.together import as_score
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import InputError
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Survey, survey
 from study.trials import Task
 
 _UM = 1e6
@@ -104,13 +104,13 @@ def _said(finding: Finding) -> dict[str, Any]:
 
 def _twin(finding: Finding, found: Diagnosis, task: Task, robot: Robot) -> bool:
     """Whether the session cannot tell a finding from the cause that was taken out."""
-    named = (m for m in found.model.members if m.cause == finding.cause)
-    member = next((m for m in named if m.location == finding.location), None)
-    if not task.without or member is None:
+    named = (m for m in found.model.terms if m.cause == finding.cause)
+    term = next((m for m in named if m.location == finding.location), None)
+    if not task.without or term is None:
         return False
-    rest = tuple(m for m in found.model.members if m is not member)
+    rest = tuple(m for m in found.model.terms if m is not term)
     evidence = beside(found.model.evidence, rest)
-    signal = columns_of(member, evidence) @ found.model.scaled(member)
+    signal = columns_of(term, evidence) @ found.model.scaled(term)
     every = catalogue(robot, found.model.problem.chain.mechanism)
     effect = next(e for e in every if e.cause == task.without)
     shapes = (s for s in effect.shapes(evidence.at) if not s.missing(evidence.at))
@@ -129,7 +129,7 @@ def _errors(trial: Trial, seen: Survey, robot: Robot, found: Diagnosis) -> dict[
     start = calibrated(seen, robot)
     moving = trial.signals.moving > trial.signals.still
     models = {"calibrated": start, "extended": found.model}
-    true = _true_members(trial, start, robot)
+    true = _true_terms(trial, start, robot)
     if true is not None:
         models["oracle"] = fit(start, true)
     return {name: _error(model, held, moving) for name, model in models.items()}
@@ -142,9 +142,9 @@ def _error(model: Model, held: Survey, moving: bool) -> float:
     return _UM * float(np.sqrt(np.mean(np.sum((predicted - point) ** 2, axis=1))))
 
 
-def _true_members(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, ...] | None:
-    """What is hidden, in its true shape, as members of a model; None where there is none such."""
-    members = []
+def _true_terms(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, ...] | None:
+    """What is hidden, in its true shape, as terms of a model; None where there is none such."""
+    terms = []
     for cause in trial.causes:
         try:
             mechanism = start.problem.chain.mechanism
@@ -153,8 +153,8 @@ def _true_members(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, 
             return None
         every = enumerate(effect.parameters)
         rows = tuple(i for i, p in every if cause.location in (None, p.location))
-        members.append(Candidate(cause.name, effect.kind, cause.location, effect, rows))
-    return tuple(members)
+        terms.append(Candidate(cause.name, effect.kind, cause.location, effect, rows))
+    return tuple(terms)
 
 
 def _shape(trial: Trial, cause: str) -> dict[str, float | str]:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
+from delta_calibration.estimation import PointInImage, fit_observations
 from delta_calibration.geometry import Frame, rotations
-from delta_calibration.identification import PointInImage, fit_observations
 from delta_calibration.plans import tool_points
 from delta_calibration.robot import Robot, Sight
 

@@ -9,7 +9,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.samples import (
+from delta_calibration.data import (
     JointStream,
     PayloadStream,
     Session,

@@ -18,11 +18,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.cell.echo import Echo, Output
+from delta_calibration.cell.echo_filter import Echo, Output
 from delta_calibration.cell.ramp import Ramp, WayBack
-from delta_calibration.compensation import Compensated, Verdict
+from delta_calibration.compensation import CommandStatus, Compensated
+from delta_calibration.data import Conditions
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 
@@ -283,18 +283,18 @@ class CommandPath:
             return self._ramped(q, np.zeros_like(q), None, now_s)
         found = self._compensated(self.compensator, q, at)
         verdict = found.verdicts[0]
-        if verdict is Verdict.CORRECTED:
+        if verdict is CommandStatus.CORRECTED:
             self.counts[verdict.value] += 1
             if found.blended(0):
                 self.counts[BLENDED] += 1
             return self._ramped(q, found.correction[0], self.compensator, now_s)
         self.count(verdict.value)
-        if verdict is Verdict.MISSING_CONDITION:
+        if verdict is CommandStatus.MISSING_CONDITION:
             self.trouble = f"{verdict.value}: {found.missing}"
         if self.on_failure == HOLD:
             return self._instead()
         # One that is blended out to nothing at the edge ends there without a ramp of its own.
-        faded = verdict is Verdict.OUTSIDE_REGION and found.share is not None
+        faded = verdict is CommandStatus.OUTSIDE_REGION and found.share is not None
         source = self.compensator if faded else None
         return self._ramped(q, np.zeros_like(q), source, now_s)
 
@@ -325,7 +325,7 @@ class CommandPath:
         """
         self.trouble, self._anothers = None, False
         self.last_stamp = stamp_ns
-        self.counts[Verdict.CORRECTED.value] += 1
+        self.counts[CommandStatus.CORRECTED.value] += 1
         if blended:
             self.counts[BLENDED] += 1
         self.ramp.stands(dq, now_s)
@@ -377,7 +377,7 @@ class CommandPath:
     def _against(self, q: Array, age_s: float) -> str:
         """Why a command (m,) [rad] of this age [s] is not sent at all; empty where it may be."""
         if not _finite(q):
-            return Verdict.NOT_FINITE.value
+            return CommandStatus.NOT_FINITE.value
         if self.in_time(age_s):
             return ""
         if isfinite(age_s):

@@ -13,11 +13,11 @@ from delta_calibration.calibration_file import (
     save_calibration,
     save_extended,
 )
+from delta_calibration.data import Poses, Session, collect, survey
 from delta_calibration.diagnosis import STEPS, Diagnosis, diagnose
 from delta_calibration.doctor import require_sound
-from delta_calibration.identification import Identification, doubts, identify
+from delta_calibration.estimation import Identification, doubts, identify
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses, Session, collect, survey
 from delta_calibration.wording import mm
 
 CHECK, POSES, GEOMETRY, COMPENSATOR = "check", "still moments", "geometry", "compensator"
@@ -31,7 +31,7 @@ def silent(step: str) -> None:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedCalibration:
     """A calibration with what it was made from; by a diagnosis where there is one."""
 
     found: Identification
@@ -74,7 +74,7 @@ class Fitted:
 
 def fit(
     session: Session, robot: Robot, model: str | None, seed: int, step: Step = silent
-) -> Fitted:
+) -> FittedCalibration:
     """Find the still moments of a session and identify the robot from them.
 
     Args:
@@ -94,12 +94,12 @@ def fit(
     poses = collect(session, robot.joints.names, robot.commanded.joint_size)
     step(GEOMETRY)
     found = identify(poses, robot, model, seed)
-    return Fitted(found, poses, from_identification(found, robot, poses))
+    return FittedCalibration(found, poses, from_identification(found, robot, poses))
 
 
 def diagnosed(
     session: Session, robot: Robot, model: str | None, seed: int, step: Step = silent
-) -> Fitted:
+) -> FittedCalibration:
     """Identify the robot and extend its model by what a session shows to be missing.
 
     Args:
@@ -119,4 +119,4 @@ def diagnosed(
     seen = survey(session, robot.joints.names, robot.commanded.joint_size)
     found = diagnose(seen, robot, model, seed=seed, step=step)
     calibration = from_diagnosis(found, robot, seen.poses)
-    return Fitted(found.identification, seen.poses, calibration, found)
+    return FittedCalibration(found.identification, seen.poses, calibration, found)

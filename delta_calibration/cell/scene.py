@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.cell.fitting import Fitted
+from delta_calibration.cell.fitting import FittedCalibration
 from delta_calibration.description.tree import BLACK, BLUE, GREEN, GREY, VERMILION, Colour
 from delta_calibration.plans import HIGH, LINE_HALF, LOW, PLANE, joints_toward, tool_points
 from delta_calibration.region import Region
@@ -58,7 +58,7 @@ class Errors:
     measured: Array | None = None  # by the tracker, seen through the calibration's frame
 
     @classmethod
-    def of(cls, fitted: Fitted, robot: Robot) -> Errors:
+    def of(cls, fitted: FittedCalibration, robot: Robot) -> Errors:
         """Those of the poses that a calibration was made from."""
         poses, known = fitted.poses, fitted.calibration
         pose = known.chain.pose(poses.conditions, known.theta)
@@ -79,7 +79,7 @@ class Errors:
 
 
 def scene(
-    robot: Robot, calibration: Calibration | None, fitted: Fitted | None, scale: float
+    robot: Robot, calibration: Calibration | None, fitted: FittedCalibration | None, scale: float
 ) -> tuple[Drawing, ...]:
     """All that stands still.
 

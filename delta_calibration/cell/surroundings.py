@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from delta_calibration.cell import motion_kernel
 from delta_calibration.cell.motion_kernel import motion
+from delta_calibration.data import Conditions, at_rest
+from delta_calibration.data.motion import TURNED
 from delta_calibration.errors import InputError
-from delta_calibration.samples import Conditions, at_rest
-from delta_calibration.samples.motion import TURNED
 
 Array = NDArray[np.float64]
 

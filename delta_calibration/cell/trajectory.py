@@ -27,9 +27,9 @@ from delta_calibration.cell.command_path import (
     CommandPath,
 )
 from delta_calibration.cell.surroundings import Surroundings
-from delta_calibration.compensation import Compensated, Verdict
+from delta_calibration.compensation import CommandStatus, Compensated
+from delta_calibration.data import Conditions, joined
 from delta_calibration.errors import CalibrationError, DataError
-from delta_calibration.samples import Conditions, joined
 
 Array = NDArray[np.float64]
 
@@ -201,7 +201,7 @@ class TrajectoryPath:
     def _judged(self, found: Compensated) -> NDArray[np.bool_]:
         """Which points are corrected; counted, and refused if there are others and it holds."""
         path = self._path
-        good = np.array([verdict is Verdict.CORRECTED for verdict in found.verdicts])
+        good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
         for row, verdict in enumerate(found.verdicts):
             path.counts[verdict.value] += 1
             if found.blended(row):

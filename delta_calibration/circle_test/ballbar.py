@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from delta_calibration.circle_test.circles import Circle, find_circles
+from delta_calibration.data import Conditions, at_rest, motion_of
 from delta_calibration.diagnosis import Judgement, diagnose_observations
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.estimation import Measured, RadiusMeasured
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import Measured, RadiusMeasured
 from delta_calibration.plans import joints_toward, require_limits, tool_points
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, at_rest, motion_of
 from delta_calibration.tables import Row, read_table
 from delta_calibration.texts import read_text
 

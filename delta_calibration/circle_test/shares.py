@@ -30,12 +30,12 @@ from delta_calibration.circle_test.circles import (
     find_circles,
     pairs,
 )
+from delta_calibration.data import Conditions, Session
 from delta_calibration.diagnosis import Diagnosis, Finding, Judgement, Model, Verdict
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.errors import DataError
 from delta_calibration.plans import tool_points
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, Session
 from delta_calibration.theta import entries
 
 Array = NDArray[np.float64]
@@ -410,10 +410,10 @@ def _rows_of(model: Fitted, findings: Sequence[Finding]) -> dict[Key, Index]:
 
 
 def _rows_of_one(model: Fitted, finding: Finding) -> Index:
-    for member, own in zip(model.members, model.layout.each, strict=True):
-        if (member.cause, member.location) == (finding.cause, finding.location):
-            rows = np.array(member.rows, dtype=np.int64)
-            return rows if member.effect is None else entries(own)[rows]
+    for term, own in zip(model.terms, model.layout.each, strict=True):
+        if (term.cause, term.location) == (finding.cause, finding.location):
+            rows = np.array(term.rows, dtype=np.int64)
+            return rows if term.effect is None else entries(own)[rows]
     if finding.cause == "geometry":
         return entries(model.layout.geometry)
     known = [(p.cause, p.location) for p in model.bare.parameters]

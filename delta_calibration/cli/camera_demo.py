@@ -12,7 +12,7 @@ from delta_calibration.cli.options import table
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, Sight
-from delta_calibration.simulation import CameraOver, Machine, standing
+from delta_calibration.simulation import CameraOver, TrueMachine, standing
 from delta_calibration.trial import Errors
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ _UNIT = np.pi / 18000  # [rad] a command unit of the paper, 0.01 degree
 _TARGETS, _REPEATS, _IMAGES = 8, 3, 10
 
 
-def positioned_by_camera(machine: Machine, sight: Sight, seed: int) -> dict[str, object]:
+def positioned_by_camera(machine: TrueMachine, sight: Sight, seed: int) -> dict[str, object]:
     """Drive a plane arm's targets right by what a camera sees of them; prints, returns figures.
 
     Where the camera hangs is known, as marks at known places would tell it: what it says of the
@@ -49,7 +49,7 @@ def positioned_by_camera(machine: Machine, sight: Sight, seed: int) -> dict[str,
     return figures
 
 
-def _off(machine: Machine, joint: Array, targets: Array) -> Array:
+def _off(machine: TrueMachine, joint: Array, targets: Array) -> Array:
     """How far the tool truly is from its targets in the plane, (n,) [m]."""
     there = machine.tool_points(standing(joint))
     return np.asarray(np.linalg.norm((there - targets)[:, :2], axis=1))

@@ -20,8 +20,9 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.data import Session, collect
 from delta_calibration.errors import DataError, InputError, MistakeError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
     Certificate,
@@ -38,7 +39,6 @@ from delta_calibration.report import (
     write_pdf,
 )
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Session, collect
 
 PATH = click.Path(path_type=Path)
 _KINDS = (".html", ".pdf", ".json", ".xml")

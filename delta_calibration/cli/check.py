@@ -14,12 +14,12 @@ from delta_calibration.cli.options import (
     topics_option,
     write_json,
 )
+from delta_calibration.data import Session
 from delta_calibration.doctor import Checked, Mistake, check, examine
 from delta_calibration.documents import write_document
 from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.robot import Robot, robot_document
-from delta_calibration.samples import Session
 
 
 @click.command("check", short_help="find mistakes of units, wiring, clocks and frames")

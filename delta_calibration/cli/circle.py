@@ -35,6 +35,7 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.data import survey
 from delta_calibration.errors import InputError
 from delta_calibration.files import read_bounded
 from delta_calibration.recording import Topics, read_session
@@ -47,7 +48,6 @@ from delta_calibration.report import (
 )
 from delta_calibration.report.circles import advice, called
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import survey
 
 _FILE = click.Path(path_type=Path)
 _UM = 1e6

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.compensation import Compensated, Verdict
+from delta_calibration.compensation import CommandStatus, Compensated
 from delta_calibration.errors import InputError
 from delta_calibration.files import written_whole
 from delta_calibration.plans.target_file import passed_columns
@@ -29,7 +29,7 @@ from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
 
-BLENDED, UNREACHED = "blended", Verdict.OUT_OF_REACH.name.lower()
+BLENDED, UNREACHED = "blended", CommandStatus.OUT_OF_REACH.name.lower()
 _FACTORS = {"rad": 1.0, "deg": 180.0 / np.pi, "mm": 1e3}
 _BARE = "rad"  # the unit that is not said behind a joint's name
 
@@ -51,14 +51,14 @@ class Commands:
         if found is not None:
             for k, row in enumerate(self.reached):
                 verdict = found.verdicts[k]
-                whole = verdict is not Verdict.CORRECTED or not found.blended(k)
+                whole = verdict is not CommandStatus.CORRECTED or not found.blended(k)
                 status[row] = verdict.name.lower() if whole else BLENDED
         return status
 
     @property
     def uncorrected(self) -> list[int]:
         """Targets whose command is nominal or none."""
-        good = (Verdict.CORRECTED.name.lower(), BLENDED)
+        good = (CommandStatus.CORRECTED.name.lower(), BLENDED)
         return [row for row, status in enumerate(self.status) if status not in good]
 
     def u95(self) -> Array:
@@ -134,7 +134,7 @@ def _by_target(commands: Commands) -> tuple[Array, Array, Array | None]:
     found, rows = commands.found, commands.reached
     if found is None:
         return sent, left, None
-    good = np.array([verdict is Verdict.CORRECTED for verdict in found.verdicts])
+    good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
     sent[rows[good]], left[rows[good]] = found.joint[good], found.model_error[good]
     if found.model_turn is None:
         return sent, left, None

@@ -30,18 +30,18 @@ from delta_calibration.cli.tables import TableOptions, table_options
 from delta_calibration.compensation import (
     METHODS,
     TABLE,
+    CommandStatus,
     Compensated,
     JointCompensator,
-    Verdict,
     methods_for,
     require_method,
 )
+from delta_calibration.data import Conditions, at_rest, motion_of
 from delta_calibration.effects.catalogue import catalogue
 from delta_calibration.errors import DataError, InputError, ReachError
 from delta_calibration.plans.target_file import read_rows, targets_of, unused_columns
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Conditions, at_rest, motion_of
 from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
@@ -222,7 +222,7 @@ def _tell_of_uncorrected(commands: Commands, targets: Path, region: Region) -> N
     bad, status = commands.uncorrected, commands.status
     if not bad:
         return
-    reasons = {verdict.name.lower(): verdict.value for verdict in Verdict}
+    reasons = {verdict.name.lower(): verdict.value for verdict in CommandStatus}
     for row in bad:
         left = "no command" if status[row] == UNREACHED else "left nominal"
         click.echo(
@@ -231,7 +231,7 @@ def _tell_of_uncorrected(commands: Commands, targets: Path, region: Region) -> N
             err=True,
         )
     within = ""
-    if Verdict.OUTSIDE_REGION.name.lower() in status:
+    if CommandStatus.OUTSIDE_REGION.name.lower() in status:
         within = f"; the calibrated region lies within {_extent(region)}"
     raise DataError(f"{targets}: {len(bad)} of {len(status)} points are not corrected{within}")
 
@@ -374,11 +374,13 @@ def _refuse_unknown(found: Compensated, file: Path) -> None:
 
 
 def _refuse_uncorrected(found: Compensated, targets: Path, region: Region) -> None:
-    bad = [row for row, verdict in enumerate(found.verdicts) if verdict is not Verdict.CORRECTED]
+    bad = [
+        row for row, verdict in enumerate(found.verdicts) if verdict is not CommandStatus.CORRECTED
+    ]
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         reason = found.verdicts[bad[0]].value
-        if found.verdicts[bad[0]] is Verdict.OUTSIDE_REGION:
+        if found.verdicts[bad[0]] is CommandStatus.OUTSIDE_REGION:
             reason += f", which lies within {_extent(region)} and the joint angles measured there"
         raise DataError(
             f"{targets}: point {bad[0] + 1} cannot be corrected: {reason}{more}; "
@@ -398,7 +400,7 @@ def tell_of_blended(
 ) -> None:
     """Which points got a part of their correction only, and how far off they stay."""
     reached = np.arange(len(found.joint)) if reached is None else reached
-    good = np.array([verdict is Verdict.CORRECTED for verdict in found.verdicts])
+    good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
     share = np.ones(len(found.joint)) if found.share is None else found.share
     blended = np.flatnonzero((share < 1.0) & good)
     if not blended.size:

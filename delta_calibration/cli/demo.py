@@ -30,14 +30,14 @@ from delta_calibration.cli.options import table, write_json
 from delta_calibration.cli.report import write
 from delta_calibration.cli.second_act import second_act
 from delta_calibration.compensation import require_method
+from delta_calibration.data import collect, survey
 from delta_calibration.errors import InputError
-from delta_calibration.identification import Identification, identify
+from delta_calibration.estimation import Identification, identify
 from delta_calibration.plans import make_plan
 from delta_calibration.processes import remove_dead_shared_memory
 from delta_calibration.recording import read_session
 from delta_calibration.report import require_libraries
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import collect, survey
 from delta_calibration.simulation import draw_machine
 from delta_calibration.trial import Errors, measured_errors, paper_simulation, true_errors
 

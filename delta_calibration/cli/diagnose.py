@@ -27,6 +27,7 @@ from delta_calibration.cli.options import (
     write_json,
     write_text,
 )
+from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import (
     STEPS,
     Diagnosis,
@@ -40,7 +41,6 @@ from delta_calibration.export.effect_file import effect_file, project_file, requ
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import Survey, survey
 from delta_calibration.wording import listed, measured, mm, plain, sure
 
 _FILE = click.Path(path_type=Path)

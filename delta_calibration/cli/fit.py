@@ -22,8 +22,8 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
 )
-from delta_calibration.fleet.priors import read_priors
-from delta_calibration.identification import (
+from delta_calibration.data import Poses, collect
+from delta_calibration.estimation import (
     METHODS,
     ORDERS,
     Identification,
@@ -32,9 +32,9 @@ from delta_calibration.identification import (
     method_named,
     most_evaluations,
 )
+from delta_calibration.fleet.priors import read_priors
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import Poses, collect
 from delta_calibration.wording import mm
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}

@@ -6,14 +6,14 @@ from pathlib import Path
 
 from delta_calibration.cli.options import table
 from delta_calibration.documents import load_schema, read_document
-from delta_calibration.simulation import Machine
+from delta_calibration.simulation import TrueMachine
 from delta_calibration.wording import NO_VALUE, figures, spoken
 
 _SURE = 1.96  # standard errors either side of a 95 % interval
 _SHOWN = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
 
 
-def hidden_and_found(machine: Machine, extended: Path) -> str:
+def hidden_and_found(machine: TrueMachine, extended: Path) -> str:
     """A line a value that was hidden: its truth, what was found and its 95 % interval.
 
     Args:

@@ -21,13 +21,13 @@ from delta_calibration.cli.options import (
     topics_option,
     write_text,
 )
+from delta_calibration.data import survey
 from delta_calibration.errors import InputError
 from delta_calibration.history import Dated, History, find_changes
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.report.history import page_of_history
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import survey
 from delta_calibration.wording import mm, plain
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library

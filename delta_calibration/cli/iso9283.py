@@ -17,10 +17,10 @@ from delta_calibration.cli.options import (
     topics_option,
     write_json,
 )
+from delta_calibration.data import collect, match
 from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect, match
 
 _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
 

@@ -11,11 +11,11 @@ import click
 import numpy as np
 
 from delta_calibration.cli.children import Children
+from delta_calibration.data import Poses
 from delta_calibration.errors import DataError
 from delta_calibration.plans import Plan
 from delta_calibration.plans.motion import APPROACH
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses
 
 RATE = 50.0  # [1/s] of commands, states and tracker
 RADIUS = 0.45  # [m] of the disc

@@ -30,17 +30,17 @@ from delta_calibration.cli.hidden import hidden_and_found
 from delta_calibration.cli.live_cell import Say
 from delta_calibration.cli.options import progress, table, write_json
 from delta_calibration.compensation import JointCompensator
+from delta_calibration.data import Conditions, collect, motion_of, survey
 from delta_calibration.effects import catalogue
 from delta_calibration.effects.demo import Demo
 from delta_calibration.errors import DataError
-from delta_calibration.identification import identify
+from delta_calibration.estimation import identify
 from delta_calibration.plans import Plan, legs, make_plan
 from delta_calibration.plans.named import motion_paths
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, collect, motion_of, survey
 from delta_calibration.simulation import (
-    Machine,
+    TrueMachine,
     draw_machine,
     effect_options,
     simulate_session,
@@ -168,7 +168,7 @@ class _Trial:
         cls,
         name: str,
         calibration: Calibration,
-        machine: Machine,
+        machine: TrueMachine,
         method: str,
         at: Conditions,
         inside: NDArray[np.bool_],
@@ -233,7 +233,7 @@ def _row(name: str, far: Array, turn: Array) -> tuple[str, ...]:
     return f"{name} ({e.points} moments)", *(f"{v * 1e3:.4f}" for v in values)
 
 
-def _measure(machine: Machine, plan: Plan, seed: int, out: Path, name: str) -> None:
+def _measure(machine: TrueMachine, plan: Plan, seed: int, out: Path, name: str) -> None:
     """Take the machine through a plan, recorded."""
     total = len(plan) + 2 * len(plan.paths)
     session = simulate_session(

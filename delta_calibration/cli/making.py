@@ -7,12 +7,12 @@ from pathlib import Path
 
 from delta_calibration.accuracy import IsoReport, evaluate
 from delta_calibration.calibration import Calibration
+from delta_calibration.data import Session, collect, match
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.errors import CalibrationError
 from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
 from delta_calibration.report import Report, hash_of, report_of, session_provenance
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session, collect, match
 
 
 def report_on(

@@ -22,18 +22,18 @@ from delta_calibration.cli.options import (
     topics_option,
 )
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.contrast import ALIKE
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import NOTHING
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.errors import InputError
 from delta_calibration.plans import PLACES, Plan, make_plan, write_plan
-from delta_calibration.plans.bench import SLOTS, Level
+from delta_calibration.plans.bench import SLOTS, StopConditions
 from delta_calibration.plans.optimal import OptimalPlan, optimal_plan
 from delta_calibration.plans.parting import Parting, part
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.samples import survey
 
 _STOPS = 20  # of --separate, where --count is not given
 
@@ -207,7 +207,7 @@ def _varied(plan: Plan) -> Iterator[str]:
         yield f"paths: {', '.join(path.name for path in plan.paths)}"
 
 
-def _timed(levels: tuple[Level, ...]) -> Iterator[str]:
+def _timed(levels: tuple[StopConditions, ...]) -> Iterator[str]:
     """When to take which stops, where warmth or the clock matter."""
     if len({level.slot for level in levels}) < 2:
         return
@@ -220,7 +220,7 @@ def _timed(levels: tuple[Level, ...]) -> Iterator[str]:
         first = last + 1
 
 
-def _measured(session: Path, robot: Robot, topics: tuple[str, ...]) -> Evidence:
+def _measured(session: Path, robot: Robot, topics: tuple[str, ...]) -> LinearizedModel:
     recorded = read_session(session, Topics.from_options(topics))
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     return calibrated(seen, robot).evidence

@@ -10,16 +10,20 @@ from numpy.typing import NDArray
 
 from delta_calibration.cli.options import table, write_text
 from delta_calibration.cli.quantity import Quantity
-from delta_calibration.geometry import Frame
-from delta_calibration.identification.mixed import MixedFit
-from delta_calibration.identification.observations import DistanceBetween, HeightAtContact, Machine
-from delta_calibration.identification.printer import (
+from delta_calibration.estimation.measurements import (
+    DistanceBetween,
+    HeightAtContact,
+    PlacedMachine,
+)
+from delta_calibration.estimation.mixed_measurements import MixedFit
+from delta_calibration.estimation.printer import (
     Touched,
     endstops,
     fit_printer,
     left_out,
     printer,
 )
+from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms.linear_delta import LinearDelta
 from delta_calibration.recording.klipper import TOWERS, PrinterFile, read_printer
 from delta_calibration.wording import listed, mm
@@ -83,14 +87,14 @@ def _observations(given: PrinterFile, noise: float) -> list[Touched]:
     return [o for o in every if len(o.joint)]
 
 
-def _as_given(given: PrinterFile, machine: LinearDelta) -> Machine:
+def _as_given(given: PrinterFile, machine: LinearDelta) -> PlacedMachine:
     """What the firmware works with."""
     lean = np.sqrt(given.arm**2 - given.radius**2)
     dimensions = [given.radius, *given.angle, *(given.endstop + lean), *given.arm]
-    return Machine.of(machine, np.array(dimensions), Frame.identity())
+    return PlacedMachine.of(machine, np.array(dimensions), Frame.identity())
 
 
-def _errors(seen: list[Touched], now: Machine, found: MixedFit, unseen: list[Array]) -> str:
+def _errors(seen: list[Touched], now: PlacedMachine, found: MixedFit, unseen: list[Array]) -> str:
     rows = [
         (
             f"{observation.kind}s",
@@ -103,7 +107,7 @@ def _errors(seen: list[Touched], now: Machine, found: MixedFit, unseen: list[Arr
     return table(("RMS [mm]", "as configured", "identified", "each left out"), rows)
 
 
-def _dimensions(now: Machine, found: MixedFit) -> str:
+def _dimensions(now: PlacedMachine, found: MixedFit) -> str:
     """As firmware has them: radius, angles, endstops and arms."""
     free = [found.machine.chain.mechanism.parameters.row(name) for name in found.names]
     covariance = np.zeros((10, 10))

@@ -21,6 +21,7 @@ from delta_calibration.cli.options import (
     seed_option,
     topics_option,
 )
+from delta_calibration.data import survey
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
     Report,
@@ -30,7 +31,6 @@ from delta_calibration.report import (
     write_page,
 )
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import survey
 
 PATH = click.Path(path_type=Path)
 

@@ -13,12 +13,12 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.hidden import hidden_and_found
 from delta_calibration.cli.live_cell import RADIUS, STOPS, LiveCell, Say, at_targets, part_of
 from delta_calibration.cli.options import table
+from delta_calibration.data import collect
 from delta_calibration.effects import catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import Robot
-from delta_calibration.samples import collect
-from delta_calibration.simulation import Machine, draw_machine, effect_options
+from delta_calibration.simulation import TrueMachine, draw_machine, effect_options
 from delta_calibration.trial import Errors, true_errors
 
 
@@ -94,7 +94,7 @@ def _shown(robot: Robot) -> tuple[str, ...]:
 
 
 def _compared(
-    robot: Robot, out: Path, machine: Machine, begun: dict[str, int]
+    robot: Robot, out: Path, machine: TrueMachine, begun: dict[str, int]
 ) -> tuple[list[tuple[str, str, str, str]], dict[str, dict[str, float | int]]]:
     """Errors against the truth with geometry and with the extended model."""
     recorded = read_session(out / "session_2")

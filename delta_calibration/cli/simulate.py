@@ -10,10 +10,10 @@ import click
 from delta_calibration import __version__
 from delta_calibration.cli.options import duration, progress, robot_option, seed_option
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.data import collect
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.samples import collect
 from delta_calibration.simulation import (
     days_later,
     draw_machine,

@@ -9,11 +9,11 @@ import click
 from delta_calibration.calibration_file import from_identification
 from delta_calibration.cell.usual import warm_up
 from delta_calibration.compensation import JointCompensator
-from delta_calibration.identification import identify
+from delta_calibration.data import survey
+from delta_calibration.estimation import identify
 from delta_calibration.laws import every_law, prepare
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.samples import survey
 from delta_calibration.simulation import draw_machine, simulate_session
 
 _COUNT = 20  # places that a machine is fitted to

@@ -1,15 +1,14 @@
 """From the model of a machine as it is to the joint command that puts it right."""
 
-from delta_calibration.compensation.aim import Aim
-from delta_calibration.compensation.answer import Compensated, Verdict
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction
+from delta_calibration.compensation.command_status import CommandStatus, Compensated
 from delta_calibration.compensation.compensator import JointCompensator, SingleWay
 from delta_calibration.compensation.machine import (
     METHODS,
     SOLVERS,
     TABLE,
-    Machine,
+    IdentifiedMachine,
     Newton,
     Swarm,
     methods_for,
@@ -19,28 +18,29 @@ from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import Table
 from delta_calibration.compensation.table_build import Follow, TableSettings
 from delta_calibration.compensation.table_file import load_table, save_table
+from delta_calibration.compensation.task_coordinates import TaskCoordinates
 
 __all__ = [
     "METHODS",
     "SOLVERS",
     "TABLE",
-    "Aim",
     "Apso",
     "ApsoSettings",
     "ApsoStep",
+    "CommandStatus",
     "Compensated",
     "Compensator",
     "Correction",
     "Follow",
+    "IdentifiedMachine",
     "JointCompensator",
-    "Machine",
     "Newton",
     "NewtonSettings",
     "SingleWay",
     "Swarm",
     "Table",
     "TableSettings",
-    "Verdict",
+    "TaskCoordinates",
     "load_table",
     "methods_for",
     "require_method",

@@ -43,7 +43,7 @@ from delta_calibration.compensation.base import (
     require_whole,
 )
 from delta_calibration.errors import InputError
-from delta_calibration.swarm_law import diversity, inertia
+from delta_calibration.model.swarm_law import diversity, inertia
 
 FEWEST_PARTICLES = 16  # with 8 a search now and then settles on a wrong place
 _BLOCK = 256  # targets searched side by side: bounds memory, keeps the arrays in cache

@@ -56,7 +56,7 @@ Index = NDArray[np.int64]
 
 
 @record
-class Aimed(NamedTuple):
+class TaskRecord(NamedTuple):
     """What of the tool is aimed at, see aim.py."""
 
     tool: Array  # (3,) [m] in the platform
@@ -66,14 +66,14 @@ class Aimed(NamedTuple):
 
 
 @record
-class Machine(NamedTuple):
+class MachineRecord(NamedTuple):
     """A machine as identified, or as drawn, and how it is to be asked."""
 
     body: Body
     stages: Stages
     g: Array  # (p,)
     theta: Array  # in which the effects' values are
-    aim: Aimed
+    aim: TaskRecord
     by_pose: bool  # whether the pose is found before the joints
     reshaped: bool  # whether dimensions change from command to command
     exact: bool  # whether the mechanism's opening is the pose itself
@@ -111,7 +111,7 @@ class Place(NamedTuple):
 
 
 @compiled()
-def scratch(machine: Machine, signals: int) -> Place:
+def scratch(machine: MachineRecord, signals: int) -> Place:
     """Scratch for places of a machine; `signals` is the length of a sample's row."""
     sizes = machine.body.limbs.sizes
     count = len(machine.aim.axes) + (9 if machine.aim.turns else 0)
@@ -137,7 +137,7 @@ def scratch(machine: Machine, signals: int) -> Place:
 
 
 @compiled(borrows=True)
-def place_of(machine: Machine, x: Array, room: Place) -> None:
+def place_of(machine: MachineRecord, x: Array, room: Place) -> None:
     """Place of the tool at pose x (k,), and its slope by the pose."""
     bearing, aim, k = machine.body.bearing, machine.aim, len(x)
     point_at(bearing, x, aim.tool, room.point)
@@ -161,7 +161,7 @@ def place_of(machine: Machine, x: Array, room: Place) -> None:
 
 
 @compiled(borrows=True)
-def stands(machine: Machine, q: Array, signals: Array, room: Place) -> bool:
+def stands(machine: MachineRecord, q: Array, signals: Array, room: Place) -> bool:
     """Bring the machine to a command under a sample's signals; its place with it.
 
     From the pose before, where it stood already; see `begin`.
@@ -202,7 +202,7 @@ def distance(room: Place, target: Array) -> float:
 
 
 @compiled(borrows=True)
-def reached(machine: Machine, q: Array, signals: Array, target: Array, room: Place) -> float:
+def reached(machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place) -> float:
     """Distance from the target after a command [m]; infinite where the machine cannot stand."""
     if not stands(machine, q, signals, room):
         return np.inf
@@ -211,7 +211,7 @@ def reached(machine: Machine, q: Array, signals: Array, target: Array, room: Pla
 
 
 @compiled(borrows=True)
-def _slope(machine: Machine, room: Place) -> None:
+def _slope(machine: MachineRecord, room: Place) -> None:
     """d(place)/dq of the mechanism where it stands, into by_q."""
     state = room.state
     place(machine.body.limbs, state.joint, room.x, FULL, state.room)
@@ -241,7 +241,7 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
 
 @compiled(borrows=True)
 def newton(
-    machine: Machine,
+    machine: MachineRecord,
     search: Search,
     q: Array,
     signals: Array,
@@ -281,7 +281,7 @@ def newton(
 
 
 @compiled(borrows=True)
-def _posed(machine: Machine, target: Array, room: Place) -> bool:
+def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
     """Bring the pose x to the target, whatever the joints say."""
     step = room.step
     for _ in range(ROUNDS):
@@ -300,7 +300,7 @@ def _posed(machine: Machine, target: Array, room: Place) -> bool:
 
 
 @compiled(borrows=True)
-def _joined(machine: Machine, room: Place) -> bool:
+def _joined(machine: MachineRecord, room: Place) -> bool:
     """Bring the joints behind the drives to the pose x."""
     limbs, state = machine.body.limbs, room.state
     own, step = state.room, room.step
@@ -322,7 +322,7 @@ def _joined(machine: Machine, room: Place) -> bool:
 
 @compiled(borrows=True)
 def by_pose(
-    machine: Machine, q: Array, signals: Array, target: Array, best: Array, room: Place
+    machine: MachineRecord, q: Array, signals: Array, target: Array, best: Array, room: Place
 ) -> tuple[float, int]:
     """Correct one command by first finding the pose that has the place, then joints and command.
 
@@ -370,7 +370,7 @@ def by_pose(
 
 
 @compiled()
-def targets(machine: Machine, signals: Array) -> tuple[Array, Array]:
+def targets(machine: MachineRecord, signals: Array) -> tuple[Array, Array]:
     """Places (n, a) and poses (n, k) of a machine; NaN rows where it cannot stand."""
     n, room = len(signals), scratch(machine, signals.shape[1])
     found = np.full((n, len(room.place)), np.nan)
@@ -385,7 +385,7 @@ def targets(machine: Machine, signals: Array) -> tuple[Array, Array]:
 
 
 @compiled()
-def slopes(machine: Machine, signals: Array) -> Array:
+def slopes(machine: MachineRecord, signals: Array) -> Array:
     """d(place)/dq of the mechanism at every sample, (n, a, m); NaN where it cannot stand."""
     n, room = len(signals), scratch(machine, signals.shape[1])
     at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
@@ -400,7 +400,7 @@ def slopes(machine: Machine, signals: Array) -> Array:
 
 @compiled()
 def corrections(
-    machine: Machine, search: Search, signals: Array, target: Array, start: Array
+    machine: MachineRecord, search: Search, signals: Array, target: Array, start: Array
 ) -> tuple[Array, Array, Index]:
     """Corrections dq (n, m), distances (n,) [m], evaluations (n,) of commands under signals.
 
@@ -424,7 +424,7 @@ def corrections(
 
 @compiled(borrows=True)
 def correct(
-    machine: Machine,
+    machine: MachineRecord,
     search: Search,
     q: Array,
     signals: Array,

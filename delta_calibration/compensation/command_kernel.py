@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.compensation.backward_kernel import (
-    Machine,
+    MachineRecord,
     Place,
     Search,
     begin,
@@ -76,15 +76,17 @@ class CommandRoom(NamedTuple):
 class Single(NamedTuple):
     """All that single commands need."""
 
-    drawn: Machine
-    machine: Machine
+    drawn: MachineRecord
+    machine: MachineRecord
     guards: Guards
     search: Search
     room: CommandRoom
 
 
 @compiled()
-def command_room(drawn: Machine, machine: Machine, of_drawn: int, of_own: int) -> CommandRoom:
+def command_room(
+    drawn: MachineRecord, machine: MachineRecord, of_drawn: int, of_own: int
+) -> CommandRoom:
     """Scratch; the sizes are those of a sample's signals for either machine."""
     sizes = drawn.body.limbs.sizes
     return CommandRoom(
@@ -187,7 +189,7 @@ def gains_of(values: Array) -> tuple[float, float]:
 
 
 @compiled(borrows=True)
-def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
+def _regular(drawn: MachineRecord, guards: Guards, room: CommandRoom) -> bool:
     """Whether the drawing's machine, as it stands, is far enough from a singularity."""
     own = room.drawn
     place(drawn.body.limbs, own.state.joint, own.x, FULL, own.state.room)
@@ -202,7 +204,7 @@ def _regular(drawn: Machine, guards: Guards, room: CommandRoom) -> bool:
 
 @compiled(borrows=True)
 def _borne(
-    drawn: Machine, guards: Guards, payload: float, centre: Array, room: CommandRoom
+    drawn: MachineRecord, guards: Guards, payload: float, centre: Array, room: CommandRoom
 ) -> bool:
     """Whether every cable pulls, a payload that is not known being none."""
     own, still = room.drawn, room.still
@@ -229,7 +231,7 @@ def _borne(
 
 @compiled(borrows=True)
 def judged(
-    drawn: Machine,
+    drawn: MachineRecord,
     guards: Guards,
     q: Array,
     payload: float,
@@ -276,7 +278,7 @@ def judged(
 
 @compiled(borrows=True)
 def finished(
-    machine: Machine,
+    machine: MachineRecord,
     guards: Guards,
     q: Array,
     signals: Array,
@@ -324,8 +326,8 @@ def finished(
 
 @compiled(borrows=True)
 def commanded(
-    drawn: Machine,
-    machine: Machine,
+    drawn: MachineRecord,
+    machine: MachineRecord,
     guards: Guards,
     search: Search,
     q: Array,
@@ -351,8 +353,8 @@ def commanded(
 
 @compiled()
 def every(
-    drawn: Machine,
-    machine: Machine,
+    drawn: MachineRecord,
+    machine: MachineRecord,
     guards: Guards,
     search: Search,
     of_drawn: int,

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.compensation.answer import Compensated, Verdict
 from delta_calibration.compensation.base import REACHED, Correction, Flags
+from delta_calibration.compensation.command_status import CommandStatus, Compensated
 from delta_calibration.compensation.machine import (
     TABLE,
-    Machine,
+    IdentifiedMachine,
     Newton,
     drawn,
     require_method,
@@ -29,11 +29,11 @@ from delta_calibration.compensation.machine import (
 from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import Stamp, Table, Tabulated
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.effects.signals import JOINT, Places, Signals
 from delta_calibration.errors import InputError
 from delta_calibration.model.chain_constants import OF_PULLS
-from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
 
@@ -43,14 +43,14 @@ _BEYOND = 0.1  # of the range of each joint: as much as places among those measu
 _ON_FACE = 1e-9  # [m] a point this near a face of the region is on it
 _STEPPED = 3e-4  # [m] no clearance that a machine is run with steps farther
 _VERDICTS = (  # by the codes of command_kernel.py
-    Verdict.CORRECTED,
-    Verdict.NOT_FINITE,
-    Verdict.JOINT_LIMIT,
-    Verdict.OUT_OF_REACH,
-    Verdict.OUTSIDE_REGION,
-    Verdict.SINGULAR,
-    Verdict.SLACK,
-    Verdict.NOT_REACHED,
+    CommandStatus.CORRECTED,
+    CommandStatus.NOT_FINITE,
+    CommandStatus.JOINT_LIMIT,
+    CommandStatus.OUT_OF_REACH,
+    CommandStatus.OUTSIDE_REGION,
+    CommandStatus.SINGULAR,
+    CommandStatus.SLACK,
+    CommandStatus.NOT_REACHED,
 )
 _FOUND, _JUDGED, _VERIFIED = range(3)
 _SHARE, _LEFT, _TURN, _COUNT = range(4)  # what is told of a command, see command_kernel.py
@@ -60,7 +60,7 @@ _SHARE, _LEFT, _TURN, _COUNT = range(4)  # what is told of a command, see comman
 class _Single:
     """The compiled way of single commands: the machine, where its joints stand, what is held."""
 
-    own: Machine
+    own: IdentifiedMachine
     joint: slice
     run: Any
     held: Any
@@ -69,8 +69,8 @@ class _Single:
 class SingleCommand(NamedTuple):
     """All that the compiled way of single commands goes by, for programs that print it."""
 
-    drawn: Machine  # as the controller has it
-    own: Machine  # as identified
+    drawn: IdentifiedMachine  # as the controller has it
+    own: IdentifiedMachine  # as identified
     guards: Any  # of command_kernel.py, as are the next two
     search: Any
     room: Any  # scratch
@@ -125,7 +125,7 @@ class JointCompensator:
         chain = calibration.chain.with_effects(self._effects)
         base = calibration.theta[calibration.chain.layout.base]
         theta = np.concatenate([base, *(value for _, value in calibration.live)])
-        self._own = Machine(chain, theta, tool, masses)
+        self._own = IdentifiedMachine(chain, theta, tool, masses)
         self._held: _Single | None = None
         self.table: Table | None = None
         if method == TABLE and not self._own.reshaping:
@@ -232,11 +232,11 @@ class JointCompensator:
         code, dq, told = self._found(q, at, usable)
         verdicts = [_VERDICTS[each] for each in code.tolist()]
         for row in np.flatnonzero(~usable).tolist():
-            verdicts[row] = _unless(verdicts[row], Verdict.MISSING_CONDITION)
+            verdicts[row] = _unless(verdicts[row], CommandStatus.MISSING_CONDITION)
         if self.table is not None:
             for row in np.flatnonzero((code == 0) & ~self.table.covers(q)).tolist():
-                verdicts[row] = _unless(verdicts[row], Verdict.OUTSIDE_TABLE)
-        good = np.array([verdict is Verdict.CORRECTED for verdict in verdicts])
+                verdicts[row] = _unless(verdicts[row], CommandStatus.OUTSIDE_TABLE)
+        good = np.array([verdict is CommandStatus.CORRECTED for verdict in verdicts])
         return Compensated(
             q + dq,
             dq,
@@ -321,7 +321,7 @@ class JointCompensator:
     def _run(
         self,
         mode: int,
-        own: Machine,
+        own: IdentifiedMachine,
         q: Array,
         at: Conditions,
         signals: Signals,
@@ -348,7 +348,7 @@ class JointCompensator:
             told,
         )
 
-    def _search(self, own: Machine, q: Array, target: Array, signals: Any) -> Any:
+    def _search(self, own: IdentifiedMachine, q: Array, target: Array, signals: Any) -> Any:
         """Corrections by swarm, or by the table and, where drives have effects, from there."""
         if self.table is None:
             solver = solver_of(own, self._solver, self.robot.limits.correction, self._seed)
@@ -358,7 +358,7 @@ class JointCompensator:
         return Newton(own, self._newton).correct(q, target, signals, self.table.at(q))
 
     def _polished(
-        self, found: Correction, own: Machine, q: Array, target: Array, signals: Any
+        self, found: Correction, own: IdentifiedMachine, q: Array, target: Array, signals: Any
     ) -> Correction:
         """What a swarm found, brought to the target by Newton's steps where they lead nearer."""
         after = Newton(own, self._newton).correct(q, target, signals, found.dq)
@@ -374,7 +374,7 @@ class JointCompensator:
     def _newton(self) -> NewtonSettings:
         return NewtonSettings(bound_rad=self.robot.limits.correction)
 
-    def _machine(self, parts: tuple[str, ...]) -> Machine:
+    def _machine(self, parts: tuple[str, ...]) -> IdentifiedMachine:
         """The identified machine where the temperatures of these parts are known."""
         if parts != self._own.parts:
             self._own = self._own.with_parts(parts)
@@ -466,6 +466,6 @@ def _kernel() -> Any:
     return command_kernel
 
 
-def _unless(verdict: Verdict, other: Verdict) -> Verdict:
+def _unless(verdict: CommandStatus, other: CommandStatus) -> CommandStatus:
     """The other verdict for what would have been corrected."""
-    return other if verdict is Verdict.CORRECTED else verdict
+    return other if verdict is CommandStatus.CORRECTED else verdict

@@ -50,7 +50,7 @@ class Stop(Enum):
 
 
 @dataclass(frozen=True)
-class Level:
+class LatticeLevel:
     """Where the search stood when it was done with one spacing."""
 
     spacing: int  # command units
@@ -72,7 +72,7 @@ class GridResult:
     error: float  # the same at the node
     moves: int  # stops driven to, the start and visits again included
     stop: Stop
-    levels: tuple[Level, ...]
+    levels: tuple[LatticeLevel, ...]
     edges: Array  # (d, m) change of the measured point by one command unit
 
 
@@ -106,7 +106,7 @@ class GridSearch:
         self._lattice = JointLattice(command, target, settings, edges)
         self._blind = edges is None and not settings.every_node
         self._present = self._lattice.zero
-        self._levels: list[Level] = []
+        self._levels: list[LatticeLevel] = []
         self._stop: Stop | None = None
         self.moves = 0
         self._way = self._search()
@@ -280,9 +280,9 @@ class GridSearch:
         nearest, distance = lattice.gaps(lattice.predicted(barred, here)), lattice.distance(here)
         return bool(nearest.min() < distance - self._tolerance(distance))
 
-    def _level(self, k: int) -> Level:
+    def _level(self, k: int) -> LatticeLevel:
         here, lattice = self._present, self._lattice
-        return Level(k, lattice.shift(here), lattice.mean(here), lattice.distance(here))
+        return LatticeLevel(k, lattice.shift(here), lattice.mean(here), lattice.distance(here))
 
     def _break_off(self) -> None:
         """End at the nearest node measured; where one had been chosen already, at that."""

@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.compensation.aim import ARM, Aim
 from delta_calibration.compensation.apso import ApsoSettings, first_places, stream
 from delta_calibration.compensation.base import Correction, checked_commands
 from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import AXES
+from delta_calibration.compensation.task_coordinates import ARM, TaskCoordinates
+from delta_calibration.data import Conditions
 from delta_calibration.effects import Stage
 from delta_calibration.effects.signals import JOINT, TRAVEL, Places, Signals, recorded
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import STRAY
-from delta_calibration.samples import Conditions
-from delta_calibration.swarm_law import entropy_terms
+from delta_calibration.model.swarm_law import entropy_terms
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def require_method(mechanism: Mechanism, method: str, robot: str) -> None:
 
 
 @dataclass(frozen=True)
-class Machine:
+class IdentifiedMachine:
     """A chain with its parameters and a tool on its platform, for commands to be found for.
 
     Effects of the measurement are the tracker's and do not enter.
@@ -78,9 +78,9 @@ class Machine:
         return self.chain.mechanism
 
     @cached_property
-    def aim(self) -> Aim:
+    def aim(self) -> TaskCoordinates:
         """What of the tool its joints command."""
-        return Aim.of(self.mechanism, self.tool)
+        return TaskCoordinates.of(self.mechanism, self.tool)
 
     @cached_property
     def reshaping(self) -> tuple[str, ...]:
@@ -95,7 +95,7 @@ class Machine:
         return whole and (self.aim.turns or m.joints > m.task_size)
 
     @cached_property
-    def bare(self) -> Machine:
+    def bare(self) -> IdentifiedMachine:
         """The same geometry without effects."""
         base = self.theta[self.chain.layout.base]
         return replace(self, chain=self.chain.with_effects(()), theta=base)
@@ -120,7 +120,7 @@ class Machine:
         exact = bool(self.mechanism.exact)
         return kernel.Machine(body, stages, g, theta, aim, self.by_pose, reshaped, exact, STRAY)
 
-    def with_parts(self, parts: tuple[str, ...]) -> Machine:
+    def with_parts(self, parts: tuple[str, ...]) -> IdentifiedMachine:
         """The same where the temperatures of these parts are known."""
         return self if parts == self.parts else replace(self, parts=parts)
 
@@ -160,7 +160,7 @@ class Machine:
 class Newton:
     """Newton's method as a `Compensator`: through the whole chain, see backward_kernel.py."""
 
-    machine: Machine
+    machine: IdentifiedMachine
     settings: NewtonSettings = field(default_factory=NewtonSettings)
 
     @property
@@ -211,7 +211,7 @@ class Swarm:
     and depend on neither row nor neighbours, to the last bit.
     """
 
-    machine: Machine
+    machine: IdentifiedMachine
     settings: ApsoSettings = field(default_factory=ApsoSettings)
 
     def correct(
@@ -262,7 +262,7 @@ def drawn_beforehand(s: ApsoSettings, joints: int = 3) -> tuple[Array, Array, Ar
     return start, moves, gains
 
 
-def solver_of(machine: Machine, method: str, bound: float, seed: int) -> Newton | Swarm:
+def solver_of(machine: IdentifiedMachine, method: str, bound: float, seed: int) -> Newton | Swarm:
     """What finds commands for a machine by one of `SOLVERS`.
 
     Raises:
@@ -275,11 +275,11 @@ def solver_of(machine: Machine, method: str, bound: float, seed: int) -> Newton 
     return Newton(machine, NewtonSettings(bound_rad=bound))
 
 
-def drawn(mechanism: Mechanism, tool: Array, masses: Any = None) -> Machine:
+def drawn(mechanism: Mechanism, tool: Array, masses: Any = None) -> IdentifiedMachine:
     """The drawing's machine, without effects."""
     chain = Chain(mechanism, np.zeros(3), 1.0)
     theta = np.concatenate([mechanism.parameters.nominal, np.zeros(9)])
-    return Machine(chain, theta, tool, masses)
+    return IdentifiedMachine(chain, theta, tool, masses)
 
 
 def _kernel() -> Any:

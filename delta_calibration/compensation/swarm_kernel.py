@@ -19,7 +19,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.compensation.backward_kernel import Machine, Place, begin, reached, scratch
+from delta_calibration.compensation.backward_kernel import (
+    MachineRecord,
+    Place,
+    begin,
+    reached,
+    scratch,
+)
 from delta_calibration.model.chain_constants import JOINT
 from delta_calibration.model.jit import call, compiled
 from delta_calibration.model.kernels import FULL, SETUP, Limbs, M, P, own_joint
@@ -33,7 +39,7 @@ _SPACE = 3
 
 
 @compiled(borrows=True)
-def _set_machine(nearby: Opening, machine: Machine, particles: int, work: Array) -> None:
+def _set_machine(nearby: Opening, machine: MachineRecord, particles: int, work: Array) -> None:
     """Tell the law of distances nearby the dimensions, and of how many particles."""
     limbs = machine.body.limbs
     for i in range(len(nearby.dims)):
@@ -59,7 +65,7 @@ def _set_command(
 
 @compiled(borrows=True)
 def _squares(
-    machine: Machine,
+    machine: MachineRecord,
     q: Array,
     signals: Array,
     target: Array,
@@ -154,7 +160,7 @@ def _move(
 
 @compiled()
 def search(
-    machine: Machine,
+    machine: MachineRecord,
     nearby: Opening,
     signals: Array,
     target: Array,

@@ -10,7 +10,7 @@ from delta_calibration.diagnosis.judge import STEPS, Judgement
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.diagnosis.observed import Observed
 from delta_calibration.diagnosis.verdict import Finding, FoundEquation, Verdict
-from delta_calibration.identification import Measured
+from delta_calibration.estimation import Measured
 
 __all__ = [
     "STEPS",

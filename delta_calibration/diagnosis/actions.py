@@ -28,26 +28,26 @@ _DRAWING = Remedy(
 _OF_DIMENSIONS = {"joint_zero_offset": _ZERO, "smr_offset": _REFLECTOR}
 
 
-def action_of(member: Candidate, after_mm: float | None) -> Action:
+def action_of(term: Candidate, after_mm: float | None) -> Action:
     """What to do about a cause, on which part, what is left then, and what would confirm it.
 
     Args:
-        member: the cause.
+        term: the cause.
         after_mm: held-out error of the calibrated machine without the cause, nothing else done.
     """
-    remedy = _remedy_of(member)
-    part = remedy.part if member.location is None else f"{remedy.part} of {member.location}"
+    remedy = _remedy_of(term)
+    part = remedy.part if term.location is None else f"{remedy.part} of {term.location}"
     return Action(remedy.do, part, after_mm, remedy.confirm, remedy.how)
 
 
-def _remedy_of(member: Candidate) -> Remedy:
-    if member.effect is not None:
-        return member.effect.remedy
-    remedy = _OF_DIMENSIONS.get(member.cause, _DRAWING)
-    if remedy is _DRAWING and member.cause != "geometry":
+def _remedy_of(term: Candidate) -> Remedy:
+    if term.effect is not None:
+        return term.effect.remedy
+    remedy = _OF_DIMENSIONS.get(term.cause, _DRAWING)
+    if remedy is _DRAWING and term.cause != "geometry":
         return Remedy(
             _DRAWING.do,
-            spoken(member.cause),
+            spoken(term.cause),
             "use the identified dimension",
             "measure it, by caliper or on a measuring machine",
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import Effect
 from delta_calibration.effects.unexplained import (
     SIZES,
@@ -66,7 +66,7 @@ class Candidate:
         return self.cause == other.cause and (not self.unexplained or self.label == other.label)
 
 
-def columns_of(candidate: Candidate, evidence: Evidence) -> Array:
+def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:
     """Whitened columns of the candidate's free parameters in units of their priors, (d n, k)."""
     rows = list(candidate.rows)
     if candidate.effect is None:
@@ -74,7 +74,7 @@ def columns_of(candidate: Candidate, evidence: Evidence) -> Array:
     return np.asarray(evidence.columns(candidate.effect)[:, rows])
 
 
-def shape_columns(candidate: Candidate, evidence: Evidence, scaled: Array) -> Array:
+def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:
     """How a candidate's signal goes with its searched fields, whitened, (d n, fields).
 
     In units of the spread of a field that lies anywhere in its interval: what a shape that was
@@ -106,7 +106,7 @@ def typical_of(candidate: Candidate) -> Array:
     return np.asarray(candidate.effect.parameters.prior[list(candidate.rows)])
 
 
-def bounds_of(candidate: Candidate, evidence: Evidence) -> tuple[Array, Array]:
+def bounds_of(candidate: Candidate, evidence: LinearizedModel) -> tuple[Array, Array]:
     """Physical bounds of the free parameters in units of their priors, two (k,)."""
     if candidate.effect is None:
         return np.full(len(candidate.rows), -np.inf), np.full(len(candidate.rows), np.inf)
@@ -128,13 +128,13 @@ def subsets(effect: Effect) -> Iterator[Candidate]:
             yield Candidate(effect.cause, effect.kind, place, effect, rows)
 
 
-def dimensions(evidence: Evidence) -> Iterator[Candidate]:
+def dimensions(evidence: LinearizedModel) -> Iterator[Candidate]:
     """Each dimension of the machine by itself."""
     for row, p in enumerate(evidence.chain.mechanism.parameters):
         yield Candidate(p.cause, "geometry", p.location, None, (row,))
 
 
-def maps(evidence: Evidence, any_effect: Effect) -> Iterator[list[Candidate]]:
+def maps(evidence: LinearizedModel, any_effect: Effect) -> Iterator[list[Candidate]]:
     """Smooth maps of everything that structure could move with, each from slight to large."""
     joint = evidence.at.joint[: evidence.poses]
     for family in families(evidence.at):

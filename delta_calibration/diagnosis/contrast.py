@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.foresight import Mask, Products
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.predicted_information import Mask, Products
 from delta_calibration.diagnosis.rivals import SAME
 from delta_calibration.diagnosis.scores import PRECISION
 
@@ -63,12 +63,12 @@ class Pair:
                 nuisance[list(candidate.rows)] = False
         return nuisance
 
-    def columns(self, evidence: Evidence) -> Array:
+    def columns(self, evidence: LinearizedModel) -> Array:
         """Whitened columns of both side by side, (d n, k)."""
         both = [self.first] if self.second is None else [self.first, self.second]
         return np.concatenate([columns_of(c, evidence) for c in both], axis=1)
 
-    def products(self, evidence: Evidence) -> Products:
+    def products(self, evidence: LinearizedModel) -> Products:
         """Of the columns of both."""
         return Products.of(evidence, self.columns(evidence))
 

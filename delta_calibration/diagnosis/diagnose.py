@@ -14,22 +14,22 @@ from pathlib import Path
 import numpy as np
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.diagnosis.audit import Audit
+from delta_calibration.data import Survey, require_poses
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.confirm import HeldOut, held_out
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.cross_validation import HeldOut, held_out
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
 from delta_calibration.diagnosis.law_search import Likely
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model, solved
 from delta_calibration.diagnosis.observed import Observed
-from delta_calibration.diagnosis.search import Found
+from delta_calibration.diagnosis.residual_tests import ResidualTests
+from delta_calibration.diagnosis.search import SearchResult
 from delta_calibration.diagnosis.verdict import Verdict
 from delta_calibration.effects import Effect, Stage, catalogue
-from delta_calibration.geometry import Frame
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     Identification,
     Measured,
     chain_of,
@@ -37,10 +37,10 @@ from delta_calibration.identification import (
     prepare,
     require_this_robot,
 )
-from delta_calibration.identification.turns import turns_of
+from delta_calibration.estimation.turns import turns_of
+from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Survey, require_poses
 from delta_calibration.threads import one_thread
 from delta_calibration.wording import listed, spoken
 
@@ -55,8 +55,8 @@ class Diagnosis:
 
     verdict: Verdict
     model: Model
-    found: Found
-    audit: Audit
+    found: SearchResult
+    audit: ResidualTests
     held: HeldOutModels  # the errors that the verdict tells, pose by pose
     before: HeldOut  # those of the baseline
     after: HeldOut  # those of the extended model
@@ -69,7 +69,7 @@ class Diagnosis:
         """What to know before it is relied on, a sentence each; none where all is well."""
         poses, robot = self.model.survey.poses, self.model.cell.robot
         turns = turns_of(poses, robot, self.model.bare) is not None
-        refused = listed(spoken(member.label) for member in self.refused)
+        refused = listed(spoken(term.label) for term in self.refused)
         return tuple(
             filter(
                 None,
@@ -198,7 +198,7 @@ def _in_force(calibration: Calibration, start: Model, held: HeldOutModels) -> He
     return held_out(fits, held.sectors, shown)
 
 
-def _less_effects(evidence: Evidence, calibration: Calibration) -> Evidence:
+def _less_effects(evidence: LinearizedModel, calibration: Calibration) -> LinearizedModel:
     """The evidence less what the effects of a calibration say of it."""
     known = np.zeros(evidence.size)
     values = calibration.chain.effect_values(calibration.theta)

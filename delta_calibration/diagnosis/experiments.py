@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.contrast import ALIKE, NAMED, Contrast, Pair
-from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.foresight import Foresight, Products, together
-from delta_calibration.diagnosis.pooling import together as pooled
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.predicted_information import Foresight, Products, stacked
 from delta_calibration.diagnosis.proposals import Session, proposals
+from delta_calibration.diagnosis.stacking import stacked as pooled
 from delta_calibration.effects import Effect
 from delta_calibration.robot import Robot
 
@@ -33,7 +33,7 @@ _OVER = {1: "", 3: ", three times over", 10: ", ten times over"}
 _ON_PATHS = 400  # samples of a session's paths that are looked at
 
 
-def next_experiment(evidence: Evidence, first: Candidate, second: Candidate | None) -> str:
+def next_experiment(evidence: LinearizedModel, first: Candidate, second: Candidate | None) -> str:
     """The cheapest experiment after which two explanations part, in words.
 
     For many pairs on one session `Outlook` saves most of the work.
@@ -48,7 +48,7 @@ def next_experiment(evidence: Evidence, first: Candidate, second: Candidate | No
     return Outlook.on(evidence, robot).next_experiment(first, second)
 
 
-def visibility(evidence: Evidence, effect: Effect) -> tuple[float, float]:
+def visibility(evidence: LinearizedModel, effect: Effect) -> tuple[float, float]:
     """Signal of an effect of typical size beside the frame alone, and beside the geometry too.
 
     Each parameter is at its prior, with either sign where it may have both.
@@ -65,13 +65,13 @@ def visibility(evidence: Evidence, effect: Effect) -> tuple[float, float]:
 class Outlook:
     """A session and all that could be measured next, ready for any pair of explanations."""
 
-    measured: Evidence
-    foreseen: Evidence  # of all experiments
+    measured: LinearizedModel
+    foreseen: LinearizedModel  # of all experiments
     sentences: tuple[str, ...]  # of each experiment, the cheapest first
     number: Index  # (n,) of the experiment that each foreseen sample belongs to
 
     @classmethod
-    def on(cls, evidence: Evidence, robot: Robot | None = None) -> Outlook:
+    def on(cls, evidence: LinearizedModel, robot: Robot | None = None) -> Outlook:
         """What could be measured after a session.
 
         Args:
@@ -83,7 +83,7 @@ class Outlook:
             return cls._said(measured, measured.further)
         foresight = Foresight.about(measured)
         experiments = tuple(proposals(_session(measured, robot)))
-        samples = together([experiment.samples for experiment in experiments])
+        samples = stacked([experiment.samples for experiment in experiments])
         number = np.repeat(np.arange(len(experiments)), [len(e.samples) for e in experiments])
         x = foresight.pose(samples)
         reached = np.flatnonzero(np.isfinite(x).all(axis=1))
@@ -95,7 +95,9 @@ class Outlook:
         )
 
     @classmethod
-    def _said(cls, measured: Evidence, further: Sequence[tuple[str, Evidence]]) -> Outlook:
+    def _said(
+        cls, measured: LinearizedModel, further: Sequence[tuple[str, LinearizedModel]]
+    ) -> Outlook:
         """By what it was said could be measured."""
         number = np.repeat(np.arange(len(further)), [len(evidence) for _, evidence in further])
         foreseen = pooled([evidence for _, evidence in further] or [measured])
@@ -152,12 +154,12 @@ class Outlook:
         return Products.of(self.foreseen.take(rows), self.foreseen.part(columns, rows))
 
 
-def prepared(evidence: Evidence) -> Evidence:
+def prepared(evidence: LinearizedModel) -> LinearizedModel:
     """The evidence with what it lacks taken for none, and a part of its paths for all of them."""
     return _thinned(_filled(evidence))
 
 
-def _filled(evidence: Evidence) -> Evidence:
+def _filled(evidence: LinearizedModel) -> LinearizedModel:
     """The evidence as if an unknown payload were none."""
     at = evidence.at
     if np.isfinite(at.payload).all():
@@ -168,7 +170,7 @@ def _filled(evidence: Evidence) -> Evidence:
     return replace(evidence, at=filled)
 
 
-def _thinned(evidence: Evidence) -> Evidence:
+def _thinned(evidence: LinearizedModel) -> LinearizedModel:
     """All believed poses, and every so many samples of the paths in place of as many."""
     good = np.flatnonzero(evidence.believed)
     resting, moving = good[good < evidence.poses], good[good >= evidence.poses]
@@ -187,7 +189,7 @@ def _thinned(evidence: Evidence) -> Evidence:
     )
 
 
-def _session(evidence: Evidence, robot: Robot | None) -> Session:
+def _session(evidence: LinearizedModel, robot: Robot | None) -> Session:
     at = evidence.at.take(slice(0, evidence.poses or None))
     if robot is None:
         lower, upper = at.joint.min(axis=0), at.joint.max(axis=0)

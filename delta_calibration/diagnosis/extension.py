@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import shape_columns
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import without_effects
 from delta_calibration.diagnosis.geometry import as_known
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     DIAGNOSIS,
     Effort,
     Identification,
@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 
 
 def extended(model: Model, seed: int) -> Identification:
-    """Geometry, frame and the members' effects with their covariance.
+    """Geometry, frame and the terms' effects with their covariance.
 
     Args:
-        model: the machine with its members.
+        model: the machine with its terms.
         seed: of the diagnosis, and of the parts that the error left is told by.
     """
     problem, poses, before = model.extended, model.survey.poses, model.registered()
@@ -77,23 +77,23 @@ def covariance_of(model: Model) -> Array:
     Fields of the effects that were searched are as uncertain as the data leave them.
     """
     evidence, problem = model.beside, model.extended
-    shapes = [shape_columns(m, model.evidence, model.scaled(m)) for m in model.members]
+    shapes = [shape_columns(m, model.evidence, model.scaled(m)) for m in model.terms]
     opened = np.concatenate([np.zeros((evidence.size, 0)), *shapes], axis=1)
     known, size = evidence.beside(opened, np.ones(opened.shape[1])), len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
     whole[base, base] = problem.basis[base, base]
-    for member, own, part in zip(model.members, model.layout.each, layout.each, strict=True):
-        rows, columns = np.array(member.rows), entries(part)
-        if member.effect is None:
+    for term, own, part in zip(model.terms, model.layout.each, layout.each, strict=True):
+        rows, columns = np.array(term.rows), entries(part)
+        if term.effect is None:
             whole[rows, columns] += np.diag(problem.basis)[rows]
         else:
-            whole[entries(own)[rows], columns] = member.effect.parameters.prior[rows]
+            whole[entries(own)[rows], columns] = term.effect.parameters.prior[rows]
     spread = known.covariance()[:size, :size]
     return np.asarray(whole @ spread @ whole.T * max(1.0, model.misfit))
 
 
-def _held_out(evidence: Evidence, model: Model, seed: int) -> Array:
+def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:
     """Measured less predicted by a fit to the other parts, (n, 3) [m]; readings in motion help.
 
     Linear about the fit, as all of a diagnosis is. NaN rows of poses that do not count.
@@ -109,7 +109,7 @@ def _held_out(evidence: Evidence, model: Model, seed: int) -> Array:
     return missed
 
 
-def _left_out(evidence: Evidence, model: Model) -> HeldOut:
+def _left_out(evidence: LinearizedModel, model: Model) -> HeldOut:
     """Every pose by the data without its place."""
     poses, rows = model.survey.poses, _counted(evidence)
     root = np.sqrt(max(1.0, evidence.misfit))
@@ -125,11 +125,11 @@ def _left_out(evidence: Evidence, model: Model) -> HeldOut:
     )
 
 
-def _counted(evidence: Evidence) -> NDArray[np.intp]:
+def _counted(evidence: LinearizedModel) -> NDArray[np.intp]:
     return np.flatnonzero(evidence.believed[: evidence.poses])
 
 
-def _residuals(evidence: Evidence, missed: Array, model: Model) -> Residuals:
+def _residuals(evidence: LinearizedModel, missed: Array, model: Model) -> Residuals:
     """The same figures as of a fit, of the same poses in the same parts."""
     rows = _counted(evidence)
     fitted = evidence.missed(evidence.best(evidence.misfit))[rows]

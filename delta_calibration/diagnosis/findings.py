@@ -1,4 +1,4 @@
-"""What is said of a member: cause, place, values with errors, how sure, and its gain held out."""
+"""What is said of a term: cause, place, values with errors, how sure, and its gain held out."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.actions import action_of
-from delta_calibration.diagnosis.aside import set_aside
 from delta_calibration.diagnosis.candidates import (
     Candidate,
     bounds_of,
     columns_of,
     shape_columns,
 )
-from delta_calibration.diagnosis.confirm import (
+from delta_calibration.diagnosis.cross_validation import (
     Gain,
     HeldOut,
     foretold,
@@ -26,7 +25,6 @@ from delta_calibration.diagnosis.confirm import (
     sectors,
     stretches,
 )
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import next_experiment
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import (
@@ -39,9 +37,11 @@ from delta_calibration.diagnosis.geometry import (
     without,
     without_geometry,
 )
-from delta_calibration.diagnosis.rivals import Standing, equivalents, named, standing
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.rivals import Rivalry, equivalents, named, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
-from delta_calibration.diagnosis.search import Found
+from delta_calibration.diagnosis.search import SearchResult
+from delta_calibration.diagnosis.set_aside import set_aside
 from delta_calibration.diagnosis.statement import ALPHA
 from delta_calibration.diagnosis.verdict import Estimate, Finding, Held
 from delta_calibration.effects.base import SENSOR
@@ -75,12 +75,12 @@ class HeldOutModels:
         self.frame = held_out(without_geometry(evidence), self.sectors)
         self._known: dict[tuple[int, ...], HeldOut] = {}
 
-    def members(self, members: tuple[Candidate, ...], part: NDArray[np.int64]) -> HeldOut:
-        """With these members beside the geometry."""
-        key = (id(part), *(id(m) for m in members))
+    def terms(self, terms: tuple[Candidate, ...], part: NDArray[np.int64]) -> HeldOut:
+        """With these terms beside the geometry."""
+        key = (id(part), *(id(m) for m in terms))
         if key not in self._known:
-            whole = beside(self.whole, members)
-            self._known[key] = held_out(beside(self.evidence, members), part, whole)
+            whole = beside(self.whole, terms)
+            self._known[key] = held_out(beside(self.evidence, terms), part, whole)
         return self._known[key]
 
     def placed(self, machine: Fitted) -> HeldOut:
@@ -102,46 +102,46 @@ class HeldOutModels:
         told = gain(before, after, noise, rows, number.reshape(-1), rng)
         return replace(told, in_motion=rows is not self.poses)
 
-    def of_member(
-        self, model: Fitted, member: Candidate, columns: Array, rng: np.random.Generator
+    def of_term(
+        self, model: Fitted, term: Candidate, columns: Array, rng: np.random.Generator
     ) -> Gain | None:
-        """What a member adds to the rest; None where held-out data do not bear it out.
+        """What a term adds to the rest; None where held-out data do not bear it out.
 
         A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
         time as far as each leaves enough to learn it from the others, and the predictions must
         come nearer in metres. A map is no more than interpolation; it has to be worth its while
         in metres where it interpolates, and must do no harm in sectors that it has not seen.
         """
-        rest = tuple(m for m in model.members if m is not member)
-        evidence, bounds = beside(self.evidence, rest), bounds_of(member, self.evidence)
-        part = self.scattered if member.unexplained else self.sectors
+        rest = tuple(m for m in model.terms if m is not term)
+        evidence, bounds = beside(self.evidence, rest), bounds_of(term, self.evidence)
+        part = self.scattered if term.unexplained else self.sectors
         parts = [part]
-        if not member.unexplained and learnable(evidence, columns, self.stretches):
+        if not term.unexplained and learnable(evidence, columns, self.stretches):
             parts.append(self.stretches)
-        if member.unexplained and not self.foretells(rest, model.members, self._where(columns)):
+        if term.unexplained and not self.foretells(rest, model.terms, self._where(columns)):
             return None
         if any(foretold(evidence, columns, bounds, each) < _FORETOLD for each in parts):
             return None
-        before, after = self.members(rest, part), self.members(model.members, part)
+        before, after = self.terms(rest, part), self.terms(model.terms, part)
         held = self.gain(before, after, columns, rng)
-        good = held.low >= _WORTH if member.unexplained else held.share > 0.0
+        good = held.low >= _WORTH if term.unexplained else held.share > 0.0
         return held if good else None
 
     def foretells(
         self,
         fewer: tuple[Candidate, ...],
-        members: tuple[Candidate, ...],
+        terms: tuple[Candidate, ...],
         rows: NDArray[np.bool_] | None = None,
     ) -> bool:
         """Whether the larger of two models predicts sectors held out no worse than the other.
 
         Args:
-            fewer: members of the smaller one.
-            members: of the larger one.
+            fewer: terms of the smaller one.
+            terms: of the larger one.
             rows: samples that are asked of, (n,); the poses where not given.
         """
         rows = self.poses if rows is None else rows
-        without, with_ = (self.members(of, self.sectors).rms(rows) for of in (fewer, members))
+        without, with_ = (self.terms(of, self.sectors).rms(rows) for of in (fewer, terms))
         return with_ <= without
 
     def _where(self, columns: Array) -> NDArray[np.bool_]:
@@ -157,70 +157,70 @@ class HeldOutModels:
         return MM * held.rms(self.poses)
 
 
-def of_member(
-    found: Found, member: Candidate, held: HeldOutModels, rng: np.random.Generator
+def of_term(
+    found: SearchResult, term: Candidate, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a member; None where held-out data or its rivals leave nothing of it."""
+    """What is said of a term; None where held-out data or its rivals leave nothing of it."""
     model = found.model
-    rest = tuple(m for m in model.members if m is not member)
+    rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
-    columns = columns_of(member, evidence)
-    sector = held.of_member(model, member, columns, rng)
+    columns = columns_of(term, evidence)
+    sector = held.of_term(model, term, columns, rng)
     if sector is None:
         return None
     tried = found.tried
-    stand = standing(model, member, tried)
-    if not member.unexplained and stand.confidence < _LEAST_SURE:
+    stand = standing(model, term, tried)
+    if not term.unexplained and stand.confidence < _LEAST_SURE:
         return None
-    items = _items(model, member)
-    spread, of_shape = spread_of(evidence, model, member)
+    items = _items(model, term)
+    spread, of_shape = spread_of(evidence, model, term)
     finding = _finding(
-        member,
+        term,
         items,
-        model.values(member),
+        model.values(term),
         spread,
         stand,
-        _log_p(found, member, stand.signal, tried),
+        _log_p(found, term, stand.signal, tried),
         sector,
-        separated_by(evidence, member, stand.equivalents),
+        separated_by(evidence, term, stand.equivalents),
     )
-    alone = held.mm(held.members((member,), held.sectors))
-    action = action_of(member, alone)
-    return replace(finding, shape=shape_of(member, of_shape), action=action)
+    alone = held.mm(held.terms((term,), held.sectors))
+    action = action_of(term, alone)
+    return replace(finding, shape=shape_of(term, of_shape), action=action)
 
 
-def spread_of(evidence: Evidence, model: Fitted, member: Candidate) -> tuple[Array, Array]:
-    """Standard deviations of a member's values in units of the priors, (k,), and of its shape.
+def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tuple[Array, Array]:
+    """Standard deviations of a term's values in units of the priors, (k,), and of its shape.
 
     The shape's, (fields,), are in units of the spread of a field anywhere in its interval.
 
     By the residuals, with what its shape leaves open, and by what its conditions leave open (GUM,
     types A and B).
     """
-    columns = columns_of(member, evidence)
-    shapes = shape_columns(member, evidence, model.scaled(member))
+    columns = columns_of(term, evidence)
+    shapes = shape_columns(term, evidence, model.scaled(term))
     misfit, count = max(1.0, model.misfit), shapes.shape[1]
     values = evidence.beside(columns, np.full(columns.shape[1], PRECISION))
     open_shape = np.linalg.inv(values.information(shapes) / misfit + np.eye(count))
     evidence = evidence.beside(shapes, np.ones(count))
     normal = evidence.information(columns) + PRECISION * np.eye(columns.shape[1])
     variance = np.diag(np.linalg.inv(normal)) * misfit
-    doubt = None if member.effect is None else member.effect.doubt()
+    doubt = None if term.effect is None else term.effect.doubt()
     if doubt is not None:
-        moved = evidence.columns(doubt)[:, list(member.rows)] @ model.scaled(member)
+        moved = evidence.columns(doubt)[:, list(term.rows)] @ model.scaled(term)
         off = np.linalg.solve(normal, columns.T @ evidence.weigh(moved[:, None]))[:, 0]
         variance = variance + off**2
     return np.sqrt(variance), np.sqrt(np.diag(open_shape))
 
 
-def shape_of(member: Candidate, spread: Array) -> dict[str, Estimate | str]:
-    """What was searched of a member: frequency, time constant, moment of a step, sensor.
+def shape_of(term: Candidate, spread: Array) -> dict[str, Estimate | str]:
+    """What was searched of a term: frequency, time constant, moment of a step, sensor.
 
     Args:
-        member: in the shape that was found.
+        term: in the shape that was found.
         spread: of its searched fields, see `spread_of`, (fields,).
     """
-    effect = member.effect
+    effect = term.effect
     if effect is None:
         return {}
     shape: dict[str, Estimate | str] = {}
@@ -233,13 +233,17 @@ def shape_of(member: Candidate, spread: Array) -> dict[str, Estimate | str]:
 
 
 def of_dimension(
-    found: Found, tau: float, outlier: Outlier, held: HeldOutModels, rng: np.random.Generator
+    found: SearchResult,
+    tau: float,
+    outlier: Outlier,
+    held: HeldOutModels,
+    rng: np.random.Generator,
 ) -> Finding | None:
     """What is said of a dimension that stands out from the machine's own scatter, if one does."""
     if outlier.log_p > np.log(ALPHA) or outlier.share < _MOST_OF or outlier.log_bayes <= 0:
         return None
     model, candidate = found.model, outlier.candidate
-    evidence = at_scatter(beside(held.evidence, model.members), tau)
+    evidence = at_scatter(beside(held.evidence, model.terms), tau)
     bare = without_geometry(held.evidence)
     columns = columns_of(candidate, evidence)
     alone = held_out(bare.beside(columns, np.full(1, PRECISION)), held.sectors)
@@ -248,7 +252,7 @@ def of_dimension(
     others = [s for s in found.first.scores if s.candidate.cause != candidate.cause]
     length = outlier.value**2 * outlier.information
     apart = float(np.clip(outlier.log_bayes, None, 500.0))
-    stand = Standing(
+    stand = Rivalry(
         confidence=named(length) / (1 + float(np.exp(-apart))),
         equivalents=equivalents(evidence, signal, others),
         signal=length,
@@ -269,7 +273,7 @@ def of_dimension(
 
 
 def of_geometry(
-    found: Found, scatter: Scatter, held: HeldOutModels, rng: np.random.Generator
+    found: SearchResult, scatter: Scatter, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
     """What is said of a machine whose parts are farther off the drawing than they may be.
 
@@ -282,7 +286,9 @@ def of_geometry(
     return said if said.gain > 0.0 else None
 
 
-def of_reflector(found: Found, held: HeldOutModels, rng: np.random.Generator) -> Finding | None:
+def of_reflector(
+    found: SearchResult, held: HeldOutModels, rng: np.random.Generator
+) -> Finding | None:
     """What is said of a reflector that is not where the robot's file has it, by its prior."""
     evidence = found.model.beside
     log_p = displaced(evidence)
@@ -311,33 +317,33 @@ def _of_nuisance(
     information = bare.information(columns)
     length = float(z @ information @ z)
     spread = np.linalg.inv(information + np.eye(len(rows))) * max(1.0, model.misfit)
-    member = Candidate(cause, kind, None, None, tuple(rows.tolist()))
+    term = Candidate(cause, kind, None, None, tuple(rows.tolist()))
     finding = _finding(
-        member,
+        term,
         items,
         model.theta[rows],
         np.sqrt(np.diag(spread)),
-        Standing(named(length) * -float(np.expm1(log_p)), (), length),
+        Rivalry(named(length) * -float(np.expm1(log_p)), (), length),
         log_p,
-        held.gain(before, held.members((), held.sectors), columns, rng),
+        held.gain(before, held.terms((), held.sectors), columns, rng),
         None,
     )
-    return replace(finding, action=action_of(member, held.mm(held.members((), held.sectors))))
+    return replace(finding, action=action_of(term, held.mm(held.terms((), held.sectors))))
 
 
 def separated_by(
-    evidence: Evidence, member: Candidate, others: tuple[Candidate, ...]
+    evidence: LinearizedModel, term: Candidate, others: tuple[Candidate, ...]
 ) -> str | None:
     """The experiment that parts a cause from the nearest of its class."""
-    return next_experiment(evidence, member, others[0]) if others else None
+    return next_experiment(evidence, term, others[0]) if others else None
 
 
 def _finding(
-    member: Candidate,
+    term: Candidate,
     items: list[Parameter],
     value: Array,
     spread: Array,
-    stand: Standing,
+    stand: Rivalry,
     log_p: float,
     held: Gain,
     experiment: str | None,
@@ -347,9 +353,9 @@ def _finding(
         for p, v, s in zip(items, value, spread, strict=True)
     }
     return Finding(
-        cause=member.cause,
-        location=member.location,
-        kind=member.kind,
+        cause=term.cause,
+        location=term.location,
+        kind=term.kind,
         equivalents=tuple(dict.fromkeys(c.cause for c in stand.equivalents)),
         separated_by=experiment,
         parameters=estimates,
@@ -365,17 +371,17 @@ def _finding(
     )
 
 
-def _items(model: Fitted, member: Candidate) -> list[Parameter]:
-    """The member's free parameters."""
-    if member.effect is None:
+def _items(model: Fitted, term: Candidate) -> list[Parameter]:
+    """The term's free parameters."""
+    if term.effect is None:
         every = model.bare.mechanism.parameters.items
     else:
-        every = member.effect.parameters.items
-    return [every[row] for row in member.rows]
+        every = term.effect.parameters.items
+    return [every[row] for row in term.rows]
 
 
-def _log_p(found: Found, member: Candidate, signal: float, tried: tuple[Score, ...]) -> float:
-    """ln p of the member's signal, charged with everything that was asked and searched."""
-    tries = max((s.tries for s in tried if s.candidate.same_cause(member)), default=1.0)
-    log_p = log_p_of(signal, len(member.rows), found.model.noise_degrees)
+def _log_p(found: SearchResult, term: Candidate, signal: float, tried: tuple[Score, ...]) -> float:
+    """ln p of the term's signal, charged with everything that was asked and searched."""
+    tries = max((s.tries for s in tried if s.candidate.same_cause(term)), default=1.0)
+    log_p = log_p_of(signal, len(term.rows), found.model.noise_degrees)
     return min(0.0, log_p + float(np.log(tries * found.first.tests)))

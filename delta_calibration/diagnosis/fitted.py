@@ -1,4 +1,4 @@
-"""What a fit is to the diagnosis, whatever was measured: evidence, members and their values.
+"""What a fit is to the diagnosis, whatever was measured: evidence, terms and their values.
 
 A session of a tracker (`model.py`) and observations of any kinds (`observed.py`) are fitted each
 in its own way; the search, the tests and the verdict know no more of either than this.
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
-from delta_calibration.identification import Problem, placing, registered
+from delta_calibration.estimation import Problem, placing, registered
 from delta_calibration.theta import Layout, entries
 
 Array = NDArray[np.float64]
@@ -32,11 +32,11 @@ _NOTHING = np.zeros(0, dtype=np.int64)
 
 
 class Fitted(ABC):
-    """A fit: geometry, frame and the members found so far, about which all is linear."""
+    """A fit: geometry, frame and the terms found so far, about which all is linear."""
 
     problem: Problem  # its chain without effects
-    theta: Array  # (P,) of the chain with the members' effects
-    members: tuple[Candidate, ...]
+    theta: Array  # (P,) of the chain with the terms' effects
+    terms: tuple[Candidate, ...]
 
     @property
     def bare(self) -> Chain:
@@ -50,8 +50,8 @@ class Fitted(ABC):
 
     @cached_property
     def extended(self) -> Problem:
-        """The problem with the members' effects in its chain."""
-        effects = tuple(m.effect for m in self.members if m.effect is not None)
+        """The problem with the terms' effects in its chain."""
+        effects = tuple(m.effect for m in self.terms if m.effect is not None)
         chain = self.problem.chain.with_effects(effects)
         layout, prior = chain.layout, chain.parameters.prior
         base, own = layout.base, prior[layout.effects]
@@ -70,8 +70,8 @@ class Fitted(ABC):
 
     @property
     @abstractmethod
-    def evidence(self) -> Evidence:
-        """What is left to explain, as if the members were not in the model."""
+    def evidence(self) -> LinearizedModel:
+        """What is left to explain, as if the terms were not in the model."""
 
     @property
     @abstractmethod
@@ -94,8 +94,8 @@ class Fitted(ABC):
         """What was measured, and how much of it took no part."""
 
     @abstractmethod
-    def fitted(self, members: tuple[Candidate, ...]) -> Fitted:
-        """The model with these members instead."""
+    def fitted(self, terms: tuple[Candidate, ...]) -> Fitted:
+        """The model with these terms instead."""
 
     @abstractmethod
     def elsewhere(self) -> tuple[Fitted, ...]:
@@ -124,7 +124,7 @@ class Fitted(ABC):
             theta, sure = problem.theta0.copy(), problem.has_prior.copy()
             theta[problem.layout.geometry], sure[problem.layout.geometry] = known, True
             problem = replace(problem, theta0=theta, has_prior=sure)
-        placed: Fitted = replace(cast(Any, self), problem=problem, members=())
+        placed: Fitted = replace(cast(Any, self), problem=problem, terms=())
         somewhere = placing(problem).any()  # not where encoders alone were read
         return placed.at(registered(problem).theta if somewhere else problem.theta0)
 
@@ -145,56 +145,56 @@ class Fitted(ABC):
         return np.flatnonzero(~placing(self.problem)[base])
 
     @cached_property
-    def beside(self) -> Evidence:
-        """What is left to explain beside the members."""
-        return beside(self.evidence, self.members)
+    def beside(self) -> LinearizedModel:
+        """What is left to explain beside the terms."""
+        return beside(self.evidence, self.terms)
 
     @property
     def misfit(self) -> float:
-        """Chi square per degree of freedom with the members in the model."""
+        """Chi square per degree of freedom with the terms in the model."""
         return self.beside.misfit
 
     @property
     def layout(self) -> Layout:
-        """Which entries of theta are which; each member is an effect, empty if a dimension."""
-        return theta_layout(self.bare, self.members)
+        """Which entries of theta are which; each term is an effect, empty if a dimension."""
+        return theta_layout(self.bare, self.terms)
 
     @property
     def column_layout(self) -> Layout:
-        """Which columns of `beside` are which; each member is an effect with its free parameters.
+        """Which columns of `beside` are which; each term is an effect with its free parameters.
 
         Those of a dimension are columns of its own, beside the geometry's.
         """
-        sizes = [(m.cause, len(m.rows)) for m in self.members]
+        sizes = [(m.cause, len(m.rows)) for m in self.terms]
         return self.bare.layout.with_effects(sizes)
 
     @property
     def effect_values(self) -> tuple[Array, ...]:
-        """Of each member that is an effect all parameters, (k,), in their own units."""
-        effects = tuple(m.effect for m in self.members if m.effect is not None)
+        """Of each term that is an effect all parameters, (k,), in their own units."""
+        effects = tuple(m.effect for m in self.terms if m.effect is not None)
         return self.bare.with_effects(effects).effect_values(self.theta)
 
-    def values(self, member: Candidate) -> Array:
-        """A member's free parameters, (k,), in their own units."""
-        if member.effect is None:
-            return np.asarray(self.theta[list(member.rows)])
-        own = self.layout.effect(self.members.index(member))
-        return np.asarray(self.theta[own][list(member.rows)])
+    def values(self, term: Candidate) -> Array:
+        """A term's free parameters, (k,), in their own units."""
+        if term.effect is None:
+            return np.asarray(self.theta[list(term.rows)])
+        own = self.layout.effect(self.terms.index(term))
+        return np.asarray(self.theta[own][list(term.rows)])
 
-    def scaled(self, member: Candidate) -> Array:
-        """A member's values in units of the priors, (k,)."""
-        if member.effect is None:
+    def scaled(self, term: Candidate) -> Array:
+        """A term's values in units of the priors, (k,)."""
+        if term.effect is None:
             items = self.bare.mechanism.parameters.items
-            deviation = self.values(member) - np.array([items[r].nominal for r in member.rows])
-            return np.asarray(deviation / np.array([items[r].prior for r in member.rows]))
-        prior = member.effect.parameters.prior[list(member.rows)]
-        return np.asarray(self.values(member) / prior)
+            deviation = self.values(term) - np.array([items[r].nominal for r in term.rows])
+            return np.asarray(deviation / np.array([items[r].prior for r in term.rows]))
+        prior = term.effect.parameters.prior[list(term.rows)]
+        return np.asarray(self.values(term) / prior)
 
     def ahead(self, misfit: float = 1.0, held: Index = _NOTHING) -> Array:
-        """Theta one Gauss-Newton step on, of geometry, frame and members, (P,).
+        """Theta one Gauss-Newton step on, of geometry, frame and terms, (P,).
 
         Args:
-            misfit: of the residuals, see `Evidence.best`.
+            misfit: of the residuals, see `LinearizedModel.best`.
             held: entries that stay where they are.
         """
         problem, base = self.extended, self.layout.base
@@ -202,39 +202,39 @@ class Fitted(ABC):
         z = self.beside.best(misfit, held, now[held])
         theta = problem.theta0.copy()
         theta[base] += problem.basis[base, base] @ z[base]
-        parts = zip(self.members, self.layout.each, self.column_layout.each, strict=True)
-        for member, own, columns in parts:
-            rows, v = np.array(member.rows), z[columns]
-            if member.effect is None:
+        parts = zip(self.terms, self.layout.each, self.column_layout.each, strict=True)
+        for term, own, columns in parts:
+            rows, v = np.array(term.rows), z[columns]
+            if term.effect is None:
                 theta[rows] += np.diag(problem.basis)[rows] * v
             else:
-                v = np.clip(v, *bounds_of(member, self.evidence))  # no gap is less than none
-                theta[entries(own)[rows]] = member.effect.parameters.prior[rows] * v
+                v = np.clip(v, *bounds_of(term, self.evidence))  # no gap is less than none
+                theta[entries(own)[rows]] = term.effect.parameters.prior[rows] * v
         return theta
 
     def refined(self) -> tuple[Candidate, ...]:
-        """The members with the shapes that go with their values."""
+        """The terms with the shapes that go with their values."""
         values = iter(self.effect_values)
-        return tuple(m if m.effect is None else _reshaped(m, next(values)) for m in self.members)
+        return tuple(m if m.effect is None else _reshaped(m, next(values)) for m in self.terms)
 
     def sharpened(self) -> tuple[Candidate, ...]:
-        """The members with searched fields between the points of the search."""
-        members = self.members
-        for i, member in enumerate(members):
-            rest = members[:i] + members[i + 1 :]
-            sharper = _sharper(beside(self.evidence, rest), member)
-            members = (*members[:i], sharper, *members[i + 1 :])
-        return members
+        """The terms with searched fields between the points of the search."""
+        terms = self.terms
+        for i, term in enumerate(terms):
+            rest = terms[:i] + terms[i + 1 :]
+            sharper = _sharper(beside(self.evidence, rest), term)
+            terms = (*terms[:i], sharper, *terms[i + 1 :])
+        return terms
 
 
-def theta_layout(bare: Chain, members: Sequence[Candidate]) -> Layout:
-    """Layout of theta with these members: each is an effect, empty if it is a dimension.
+def theta_layout(bare: Chain, terms: Sequence[Candidate]) -> Layout:
+    """Layout of theta with these terms: each is an effect, empty if it is a dimension.
 
     Args:
         bare: the chain without effects.
-        members: in the order of their effects in the chain.
+        terms: in the order of their effects in the chain.
     """
-    sizes = [(m.cause, 0 if m.effect is None else len(m.effect.parameters)) for m in members]
+    sizes = [(m.cause, 0 if m.effect is None else len(m.effect.parameters)) for m in terms]
     return bare.layout.with_effects(sizes)
 
 
@@ -245,43 +245,43 @@ def without_effects(theta: Array, layout: Layout) -> Array:
     return base
 
 
-def beside(evidence: Evidence, members: Sequence[Candidate]) -> Evidence:
+def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedModel:
     """The evidence with some explanations taken for possible."""
-    if not members:
+    if not terms:
         return evidence
-    columns = np.concatenate([columns_of(m, evidence) for m in members], axis=1)
+    columns = np.concatenate([columns_of(m, evidence) for m in terms], axis=1)
     return evidence.beside(columns, np.full(columns.shape[1], PRECISION))
 
 
-def _sharper(evidence: Evidence, member: Candidate) -> Candidate:
-    """The best shape within the intervals about a member's, one field after the other."""
-    intervals = () if member.effect is None else member.effect.intervals()
+def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
+    """The best shape within the intervals about a term's, one field after the other."""
+    intervals = () if term.effect is None else term.effect.intervals()
     weighed = evidence.weigh(evidence.column) if intervals else np.zeros(0)
     for interval in intervals * len(intervals):  # what one is best at depends on the others
-        member = _zoomed(evidence, member, interval, weighed)
-    return member
+        term = _zoomed(evidence, term, interval, weighed)
+    return term
 
 
 def _zoomed(
-    evidence: Evidence, member: Candidate, interval: Interval, weighed: Array
+    evidence: LinearizedModel, term: Candidate, interval: Interval, weighed: Array
 ) -> Candidate:
     """The best shape within the interval of one field, by zooming in."""
-    assert member.effect is not None
+    assert term.effect is not None
     name, low, high = interval
     for _ in range(_ZOOMS):
         values = np.linspace(low, high, _POINTS)
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
-        shapes = [replace(member, effect=replace(member.effect, **field)) for field in fields]
+        shapes = [replace(term, effect=replace(term.effect, **field)) for field in fields]
         gains = np.array([_gain(evidence, shape, weighed) for shape in shapes])
         top = int(np.argmax(gains))
-        member = shapes[top]
+        term = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
     best = float(values[top])
     if 0 < top < _POINTS - 1:
         best += float(values[1] - values[0]) * _vertex(*gains[top - 1 : top + 2].tolist())
     field: dict[str, Any] = {name: best}
-    effect: Effect = replace(cast(Any, member.effect), **field)
-    return replace(member, effect=effect)
+    effect: Effect = replace(cast(Any, term.effect), **field)
+    return replace(term, effect=effect)
 
 
 def _vertex(before: float, top: float, after: float) -> float:
@@ -290,12 +290,12 @@ def _vertex(before: float, top: float, after: float) -> float:
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
 
-def _gain(evidence: Evidence, candidate: Candidate, weighed: Array) -> float:
+def _gain(evidence: LinearizedModel, candidate: Candidate, weighed: Array) -> float:
     """Decrease of chi square by a candidate."""
     columns = columns_of(candidate, evidence)
     return float(free_decrease(evidence.information(columns), columns.T @ weighed)[0])
 
 
-def _reshaped(member: Candidate, values: Array) -> Candidate:
-    effect = None if member.effect is None else member.effect.refined(values)
-    return member if effect is member.effect else replace(member, effect=effect)
+def _reshaped(term: Candidate, values: Array) -> Candidate:
+    effect = None if term.effect is None else term.effect.refined(values)
+    return term if effect is term.effect else replace(term, effect=effect)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from delta_calibration.diagnosis.candidates import Candidate, dimensions
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION
 from delta_calibration.theta import entries
 
@@ -50,7 +50,7 @@ class Scatter:
     outlier: Outlier | None  # the most prominent dimension, significant or not
 
 
-def scatter_of(evidence: Evidence) -> Scatter:
+def scatter_of(evidence: LinearizedModel) -> Scatter:
     """The machine's scatter, and the dimension that stands out most from it."""
     bare = without_geometry(evidence)
     columns = evidence.geometry
@@ -77,7 +77,7 @@ def scatter_of(evidence: Evidence) -> Scatter:
     return Scatter(tau, log_p, _outlier(evidence, best, least, information, b, values, along))
 
 
-def displaced(evidence: Evidence) -> float:
+def displaced(evidence: LinearizedModel) -> float:
     """ln p of a reflector as far from where it is said to be, as its prior allows."""
     rows = offset_rows(evidence)
     z, known = evidence.best()[rows], evidence.covariance()[np.ix_(rows, rows)]
@@ -88,12 +88,12 @@ def displaced(evidence: Evidence) -> float:
     return float(chi2.logsf(square, max(int(seen.sum()), 1)))
 
 
-def offset_rows(evidence: Evidence) -> NDArray[np.int64]:
+def offset_rows(evidence: LinearizedModel) -> NDArray[np.int64]:
     """Entries of the nuisance that are the reflector's offset, (3,)."""
     return entries(evidence.chain.layout.offset)
 
 
-def without(evidence: Evidence, rows: NDArray[np.int64]) -> Evidence:
+def without(evidence: LinearizedModel, rows: NDArray[np.int64]) -> LinearizedModel:
     """The evidence with some of the nuisance as the drawing has it."""
     kept = np.setdiff1d(np.arange(len(evidence.precision)), rows)
     return replace(
@@ -101,12 +101,12 @@ def without(evidence: Evidence, rows: NDArray[np.int64]) -> Evidence:
     )
 
 
-def without_geometry(evidence: Evidence) -> Evidence:
+def without_geometry(evidence: LinearizedModel) -> LinearizedModel:
     """The evidence of a machine whose dimensions are those of the drawing."""
     return without(evidence, entries(evidence.chain.layout.geometry))
 
 
-def as_known(placed: Fitted) -> Evidence:
+def as_known(placed: Fitted) -> LinearizedModel:
     """The evidence of a machine that is as it is known, where it is placed being open.
 
     Args:
@@ -115,7 +115,7 @@ def as_known(placed: Fitted) -> Evidence:
     return without(placed.evidence, placed.unplaced)
 
 
-def at_scatter(evidence: Evidence, tau: float) -> Evidence:
+def at_scatter(evidence: LinearizedModel, tau: float) -> LinearizedModel:
     """The evidence with dimensions that deviate by so much of their tolerances."""
     precision = evidence.precision.copy()
     precision[evidence.chain.layout.geometry] = tau**-2
@@ -131,7 +131,7 @@ def _unlikeliness(values: Array, along: Array, scatters: Array) -> Array:
 
 
 def _outlier(
-    evidence: Evidence,
+    evidence: LinearizedModel,
     best: tuple[float, int, int, float, float],
     alone: float,
     information: Array,

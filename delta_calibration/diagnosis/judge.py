@@ -13,26 +13,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.aside import Aside
-from delta_calibration.diagnosis.audit import Audit, audit
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
-from delta_calibration.diagnosis.confirm import HeldOut
+from delta_calibration.diagnosis.cross_validation import HeldOut
 from delta_calibration.diagnosis.findings import (
     MM,
     HeldOutModels,
     of_dimension,
     of_geometry,
-    of_member,
     of_reflector,
+    of_term,
 )
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.identifiability import unseen
 from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
 from delta_calibration.diagnosis.law_words import fitted_with, told
+from delta_calibration.diagnosis.model_selection import MOST, worth_it
+from delta_calibration.diagnosis.name_checks import signal_of, untrusted
+from delta_calibration.diagnosis.residual_tests import ResidualTests, audit
 from delta_calibration.diagnosis.scan import Scan, scanned
 from delta_calibration.diagnosis.scores import Chance, decrease, most_likely
-from delta_calibration.diagnosis.search import Found, beyond_names, find
-from delta_calibration.diagnosis.sets import MOST, worth_it
+from delta_calibration.diagnosis.search import SearchResult, beyond_names, find
+from delta_calibration.diagnosis.set_aside import Aside
 from delta_calibration.diagnosis.statement import (
     LACK_OF_FIT,
     MAP,
@@ -41,8 +43,6 @@ from delta_calibration.diagnosis.statement import (
     moves_with,
     shown,
 )
-from delta_calibration.diagnosis.trust import signal_of, untrusted
-from delta_calibration.diagnosis.unseen import unseen
 from delta_calibration.diagnosis.verdict import (
     Finding,
     FoundEquation,
@@ -65,8 +65,8 @@ class Judgement:
 
     verdict: Verdict
     model: Fitted  # what the calibration is extended to
-    found: Found
-    audit: Audit
+    found: SearchResult
+    audit: ResidualTests
     held: HeldOutModels  # the errors that the verdict tells, pose by pose
     before: HeldOut  # those of the baseline
     after: HeldOut  # those of the extended model
@@ -95,7 +95,7 @@ def judged(
     sought = find(start, effects, rng)
     quiet = start.quieter(sought.model)
     if quiet is not start:
-        start, sought = quiet, find(quiet, effects, rng, sought.model.members)
+        start, sought = quiet, find(quiet, effects, rng, sought.model.terms)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, effects, rng)
     if not said and sought.mapped:
@@ -103,7 +103,7 @@ def judged(
         named = find(start, effects, rng, gone=maps)
         found, held, said = _borne_out(named, start, effects, rng, maps)
     found, held, said = _less_than_a_law(found, held, said, effects, rng)
-    members = found.model.members
+    terms = found.model.terms
     findings = [f for m, f in said.items() if not m.unexplained]
     step(STEPS[3])
     aside = Aside.of(found.model, rng)
@@ -117,8 +117,8 @@ def judged(
     if laws:
         found, held = _by_law(found, held, laws[0])
     found, after, refused = _shipped(found, held, said, start)
-    members = found.model.members
-    if unknown.found and not members:  # readings in motion would bend what rests on the poses
+    terms = found.model.terms
+    if unknown.found and not terms:  # readings in motion would bend what rests on the poses
         found = replace(found, model=start)
     bent = unknown.found or found.last.nameless
     findings += _of_what_is_fitted(found, held, bent, rng)
@@ -129,27 +129,27 @@ def judged(
         session=found.model.facts,
         noise_mm=MM * found.model.floor,
         baseline=held.told(name, against),
-        calibrated=held.told(_name((), start.placed), held.members((), held.sectors)),
-        extended=held.told(_name(members, start.placed), after),
+        calibrated=held.told(_name((), start.placed), held.terms((), held.sectors)),
+        extended=held.told(_name(terms, start.placed), after),
         findings=tuple(findings),
         unknown_structure=unknown,
-        cannot_tell=unseen(found.model.evidence, members, effects, findings, unknown),
+        cannot_tell=unseen(found.model.evidence, terms, effects, findings, unknown),
     )
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
 
 
 def _less_than_a_law(
-    found: Found,
+    found: SearchResult,
     held: HeldOutModels,
     said: dict[Candidate, Finding],
     effects: Sequence[Effect],
     rng: np.random.Generator,
-) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
+) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
     """Without causes that only together follow what is likelier a single law of another form."""
     named = [m for m in said if m.effect is not None and not m.unexplained]
     if not named or not found.model.placed:
         return found, held, said
-    others = tuple(m for m in found.model.members if m not in named)
+    others = tuple(m for m in found.model.terms if m not in named)
     without = beside(found.model.evidence, others)  # about the fit with them: their best view
     if doubts_of_names(without, named, effects[0].robot) < _LIKELIER:
         return found, held, said
@@ -160,12 +160,14 @@ def _less_than_a_law(
     return _holding(found, bare, rng)
 
 
-def _by_law(found: Found, held: HeldOutModels, law: Likely) -> tuple[Found, HeldOutModels]:
+def _by_law(
+    found: SearchResult, held: HeldOutModels, law: Likely
+) -> tuple[SearchResult, HeldOutModels]:
     """With a law in the place of a map, where it foretells what is held out as well."""
     model = fitted_with(_plain(found.model), law.guess).rested()
     other = HeldOutModels(model)
     now, then = (
-        each.mm(each.members(of.members, each.sectors))
+        each.mm(each.terms(of.terms, each.sectors))
         for each, of in ((held, found.model), (other, model))
     )
     return (found, held) if then > now else (replace(found, model=model), other)
@@ -173,40 +175,40 @@ def _by_law(found: Found, held: HeldOutModels, law: Likely) -> tuple[Found, Held
 
 def _plain(model: Fitted) -> Fitted:
     """A model without maps."""
-    named = tuple(member for member in model.members if not member.unexplained)
-    return model if named == model.members else model.fitted(named)
+    named = tuple(term for term in model.terms if not term.unexplained)
+    return model if named == model.terms else model.fitted(named)
 
 
 def _shipped(
-    found: Found, held: HeldOutModels, said: Mapping[Candidate, Finding], start: Fitted
-) -> tuple[Found, HeldOut, tuple[Candidate, ...]]:
+    found: SearchResult, held: HeldOutModels, said: Mapping[Candidate, Finding], start: Fitted
+) -> tuple[SearchResult, HeldOut, tuple[Candidate, ...]]:
     """What the calibration is extended to, its held-out errors, and what it was refused.
 
     A model that predicts held-out poses worse than the calibrated one is not shipped, whatever its
-    members are called. One whose members show in motion only has no business at rest: there it
+    terms are called. One whose terms show in motion only has no business at rest: there it
     stays as calibrated.
     """
-    members, plain = found.model.members, held.members((), held.sectors)
-    if held.foretells((), members):
-        return found, held.members(members, held.sectors), ()
-    if all(member in said and said[member].in_motion for member in members):
+    terms, plain = found.model.terms, held.terms((), held.sectors)
+    if held.foretells((), terms):
+        return found, held.terms(terms, held.sectors), ()
+    if all(term in said and said[term].in_motion for term in terms):
         return replace(found, model=found.model.resting_as(start)), plain, ()
-    return replace(found, model=start), plain, members
+    return replace(found, model=start), plain, terms
 
 
 def _borne_out(
-    found: Found,
+    found: SearchResult,
     start: Fitted,
     effects: Sequence[Effect],
     rng: np.random.Generator,
     gone: tuple[Candidate, ...] = (),
-) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
-    """Only the members whose names can be trusted and that hold on data not seen, one by one.
+) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
+    """Only the terms whose names can be trusted and that hold on data not seen, one by one.
 
     A cause that shows beside the others only once those that do not hold are gone is taken in.
     """
     while True:
-        sought = found.model.members
+        sought = found.model.terms
         found, held, said = _holding(found, start, rng)
         gone += tuple(m for m in sought if not _among(tuple(said), m))
         better = tuple(said)
@@ -220,18 +222,18 @@ def _borne_out(
         found = replace(found, model=found.model.fitted(better))
 
 
-def _beside_what_holds(found: Found) -> tuple[Candidate, ...]:
-    """The members with what only shows now that others are gone, or a map in a name's place."""
-    members = found.model.members
-    last = found.last.without(members)
-    freed = worth_it(last, found.model) if len(members) < MOST else None
+def _beside_what_holds(found: SearchResult) -> tuple[Candidate, ...]:
+    """The terms with what only shows now that others are gone, or a map in a name's place."""
+    terms = found.model.terms
+    last = found.last.without(terms)
+    freed = worth_it(last, found.model) if len(terms) < MOST else None
     if freed is None or freed.candidate.unexplained:
         return beyond_names(found.model, found.last, found.short)
-    return (*members, freed.candidate)
+    return (*terms, freed.candidate)
 
 
-def _among(members: Sequence[Candidate], one: Candidate) -> bool:
-    return any(one.same_cause(member) for member in members)
+def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
+    return any(one.same_cause(term) for term in terms)
 
 
 def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
@@ -248,26 +250,26 @@ def _in_doubt(finding: Finding, last: Scan) -> bool:
 
 
 def _holding(
-    found: Found, start: Fitted, rng: np.random.Generator
-) -> tuple[Found, HeldOutModels, dict[Candidate, Finding]]:
+    found: SearchResult, start: Fitted, rng: np.random.Generator
+) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
     """The same without a look at what is left."""
     while True:
         weak = untrusted(found.model)
         if not weak:
             found = replace(found, model=found.model.rested())
             held = HeldOutModels(found.model)
-            said = {m: of_member(found, m, held, rng) for m in found.model.members}
+            said = {m: of_term(found, m, held, rng) for m in found.model.terms}
             good = {m: finding for m, finding in said.items() if finding is not None}
             weak = tuple(m for m in said if m not in good)
             if not weak:
                 return found, held, good
         weakest = min(weak, key=lambda m: signal_of(found.model, m))
-        kept = tuple(m for m in found.model.members if m is not weakest)
+        kept = tuple(m for m in found.model.terms if m is not weakest)
         found = replace(found, model=found.model.fitted(kept) if kept else start)
 
 
 def _of_what_is_fitted(
-    found: Found, held: HeldOutModels, bent: bool, rng: np.random.Generator
+    found: SearchResult, held: HeldOutModels, bent: bool, rng: np.random.Generator
 ) -> list[Finding]:
     """Findings among what every calibration fits: one dimension or all, and the reflector.
 
@@ -283,7 +285,7 @@ def _of_what_is_fitted(
     return [f for f in (one, every, of_reflector(found, held, rng)) if f is not None]
 
 
-def _audited(model: Fitted, rng: np.random.Generator) -> Audit:
+def _audited(model: Fitted, rng: np.random.Generator) -> ResidualTests:
     """The audit of what a model leaves; without lack of fit where that is what noise is by."""
     left = audit(model.beside, model.noise_degrees, rng)
     if model.noise_apart:
@@ -297,13 +299,13 @@ def _drawing(start: Fitted) -> tuple[str, Callable[[HeldOutModels], HeldOut]]:
     return name, lambda held: held.placed(start.registered())
 
 
-def _name(members: tuple[Candidate, ...], placed: bool) -> str:
+def _name(terms: tuple[Candidate, ...], placed: bool) -> str:
     frame = ["frame"] if placed else []
-    return " + ".join(["geometry", *frame, *(m.label for m in members)])
+    return " + ".join(["geometry", *frame, *(m.label for m in terms)])
 
 
 def _unknown(
-    found: Found, sought: Fitted, left: Audit, aside: Aside, doubtful: bool
+    found: SearchResult, sought: Fitted, left: ResidualTests, aside: Aside, doubtful: bool
 ) -> UnknownStructure:
     """Structure that a smooth map follows, or that the tests find in what is left.
 
@@ -322,11 +324,11 @@ def _unknown(
     if aside.alike is not None:
         tests[SET_ASIDE] = aside.alike
     for with_map in _where_a_map_is(found, sought, doubtful):
-        for member in with_map.members:
-            if member.unexplained:
-                mapped = {**tests, MAP: _chance_of_map(with_map, member, found.first.tests)}
+        for term in with_map.terms:
+            if term.unexplained:
+                mapped = {**tests, MAP: _chance_of_map(with_map, term, found.first.tests)}
                 if MAP in shown(mapped):
-                    return _mapped(with_map, member, mapped)
+                    return _mapped(with_map, term, mapped)
     said = shown(tests)
     if not said:
         return UnknownStructure(False, None, None, None, tests)
@@ -346,42 +348,40 @@ def _laws(
     return laws, told(laws, plain)
 
 
-def _chance_of_map(model: Fitted, member: Candidate, asked: int) -> float:
+def _chance_of_map(model: Fitted, term: Candidate, asked: int) -> float:
     """p of as much as a map explains beside the others, times everything that was asked."""
-    evidence = beside(model.evidence, tuple(m for m in model.members if m is not member))
-    columns = columns_of(member, evidence)
+    evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
+    columns = columns_of(term, evidence)
     information = evidence.information(columns)
     along = columns.T @ evidence.weigh(evidence.column)
-    value = most_likely(information, along[:, 0], *bounds_of(member, evidence))
+    value = most_likely(information, along[:, 0], *bounds_of(term, evidence))
     gain = decrease(information, along[:, 0], value)
     log_p = Chance.of(information).log_p(gain, model.noise_degrees) + float(np.log(asked))
     return float(np.exp(min(0.0, log_p)))
 
 
-def _where_a_map_is(found: Found, sought: Fitted, doubtful: bool) -> Iterator[Fitted]:
+def _where_a_map_is(found: SearchResult, sought: Fitted, doubtful: bool) -> Iterator[Fitted]:
     """Where a map may be: in the model, beside its names in doubt, where the search ended."""
     yield found.model
     if doubtful and found.last.map is not None:
-        yield found.model.fitted((*found.model.members, found.last.map.candidate))
+        yield found.model.fitted((*found.model.terms, found.last.map.candidate))
     yield sought
 
 
-def _mapped(
-    model: Fitted, member: Candidate, tests: Mapping[str, float | None]
-) -> UnknownStructure:
+def _mapped(model: Fitted, term: Candidate, tests: Mapping[str, float | None]) -> UnknownStructure:
     """What the map says: how large it is, and where it is largest.
 
     Of its displacement what the geometry would not take up, as that of the map and what
     bends with it elsewhere are not in the errors that people see.
     """
     evidence = model.evidence
-    moved = (columns_of(member, evidence) @ model.scaled(member)).reshape(evidence.residual.shape)
+    moved = (columns_of(term, evidence) @ model.scaled(term)).reshape(evidence.residual.shape)
     alone = replace(evidence, residual=moved)
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
     shift = alone.missed(alone.best(model.misfit))[rows]
     size = np.linalg.norm(shift, axis=1)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
-    family = member.effect.moves_with if member.effect is not None else None
+    family = term.effect.moves_with if term.effect is not None else None
     where = _around(place[int(np.argmax(size))])
     return UnknownStructure(True, where, family, MM * float(np.sqrt(np.mean(size**2))), tests)
 

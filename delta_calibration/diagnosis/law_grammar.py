@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects.base import Stage
 from delta_calibration.effects.found_law import (
     ACROSS,
@@ -67,7 +67,7 @@ class Grammar:
     """The laws that a session can tell."""
 
     robot: Robot
-    evidence: Evidence
+    evidence: LinearizedModel
     signals: Signals  # of the machine as it stands
 
     def laws(self) -> Iterator[FoundLaw]:

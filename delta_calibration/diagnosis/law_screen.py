@@ -5,7 +5,7 @@ The column of a law's value is what it moves times a function of the sample,
     x = m f        m (n, d): whitened d(reading) / d(what is moved),    f (n,): the function
 
 and both factors are shared by many laws. With U = C^-1 A, Q the roots of the paths' shared errors
-and g = m . m' the products under V of `evidence.py` are sums over samples of small things,
+and g = m . m' the products under V of `linear_model.py` are sums over samples of small things,
 
     <x, x'> = sum g f f' - (Q^T x) . (Q^T x') - (A^T C^-1 x)^T (A^T C^-1 A + P)^-1 (A^T C^-1 x')
 
@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, decrease, log_bayes
 from delta_calibration.effects.base import Stage, law_of
 from delta_calibration.effects.found_law import FoundLaw
@@ -69,7 +69,7 @@ class Screen:
         signals: of its samples.
     """
 
-    evidence: Evidence
+    evidence: LinearizedModel
     signals: Signals
     _factors: dict[Moved, _Factor] = field(default_factory=dict)
     _functions: dict[Taken, Array] = field(default_factory=dict)

@@ -23,10 +23,16 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, maps
-from delta_calibration.diagnosis.confirm import foretold, learnable, scattered, sectors, stretches
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.cross_validation import (
+    foretold,
+    learnable,
+    scattered,
+    sectors,
+    stretches,
+)
 from delta_calibration.diagnosis.law_grammar import Grammar
 from delta_calibration.diagnosis.law_screen import Case, Screen
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, Weighed, log_bayes, most_likely
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.found_law import FoundLaw
@@ -84,7 +90,7 @@ class Likely:
 
 
 def likely_laws(
-    evidence: Evidence, robot: Robot, effect: Effect, rng: np.random.Generator
+    evidence: LinearizedModel, robot: Robot, effect: Effect, rng: np.random.Generator
 ) -> tuple[Likely, ...]:
     """Laws of what is left, likeliest first; none where none is sure enough.
 
@@ -115,7 +121,7 @@ def likely_laws(
     return tuple(found)
 
 
-def doubts_of_names(evidence: Evidence, named: Sequence[Candidate], robot: Robot) -> float:
+def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot: Robot) -> float:
     """Probability that a single law is behind the readings, and not causes that were named.
 
     Several causes together can follow what is one law of another form; the law then explains as
@@ -134,21 +140,21 @@ def doubts_of_names(evidence: Evidence, named: Sequence[Candidate], robot: Robot
     return float(expit((guesses[0].log_p - worth(evidence, named)) / _TEMPER))
 
 
-def worth(evidence: Evidence, named: Sequence[Candidate]) -> float:
+def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:
     """ln B of some causes together, each of a size of its own."""
-    columns = [columns_of(member, evidence) for member in named]
+    columns = [columns_of(term, evidence) for term in named]
     ends = np.cumsum([0, *(each.shape[1] for each in columns)]).tolist()
     every = np.concatenate(columns, axis=1)
     information = evidence.information(every)
     along = (every.T @ evidence.weigh(evidence.column))[:, 0]
-    lower, upper = zip(*(bounds_of(member, evidence) for member in named), strict=True)
+    lower, upper = zip(*(bounds_of(term, evidence) for term in named), strict=True)
     value = most_likely(information, along, np.concatenate(lower), np.concatenate(upper))
     spans = zip(named, pairwise(ends), strict=True)
-    sized = [slice(*span) for member, span in spans if member.sized]
+    sized = [slice(*span) for term, span in spans if term.sized]
     return log_bayes(information, along, value, sized)
 
 
-def signals_of(evidence: Evidence, robot: Robot) -> Signals:
+def signals_of(evidence: LinearizedModel, robot: Robot) -> Signals:
     """Of the machine as it stands at each sample, with all its loads."""
     return evidence.chain.signals(evidence.at, evidence.theta, evidence.pose, robot)
 
@@ -257,7 +263,7 @@ def _spread(start: Array) -> Array:
     return cast(Array, np.diag(np.where(start > 0.5, -0.25, 0.25)))
 
 
-def _best_map(evidence: Evidence, effect: Effect, rng: np.random.Generator) -> float:
+def _best_map(evidence: LinearizedModel, effect: Effect, rng: np.random.Generator) -> float:
     """ln B of the best smooth map of what is left."""
     weighed = Weighed.of(evidence, np.inf, _DRAWS, rng)
     scores = [s for some in maps(evidence, effect) for s in weighed.explore([some])]
@@ -274,17 +280,21 @@ def _classes(screen: Screen, guesses: Sequence[Guess]) -> list[list[Guess]]:
         signal = screen.signal(guess.parts, guess.case)
         weighed = evidence.weigh(signal[:, None])[:, 0]
         length = float(signal @ weighed)
-        for first, own, members in classes:
+        for first, own, terms in classes:
             if float(first @ weighed) ** 2 > _ALIKE * own * length:
-                members.append(guess)
+                terms.append(guess)
                 break
         else:
             classes.append((signal, length, [guess]))
-    return [members for _, _, members in classes]
+    return [terms for _, _, terms in classes]
 
 
 def _holds(
-    evidence: Evidence, screen: Screen, guess: Guess, effect: Effect, rng: np.random.Generator
+    evidence: LinearizedModel,
+    screen: Screen,
+    guess: Guess,
+    effect: Effect,
+    rng: np.random.Generator,
 ) -> bool:
     """Whether the parts of the data foretell each other by it, and a map adds nothing to it."""
     columns = np.concatenate([evidence.columns(p) for p in guess.with_sizes()], axis=1)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.findings import spread_of
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.law_search import Guess, Likely, signals_of
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.verdict import Estimate, FoundEquation
 from delta_calibration.effects import found_law as kinds
 from delta_calibration.effects.found_law import (
@@ -54,21 +54,21 @@ def told(likely: Sequence[Likely], model: Fitted) -> tuple[FoundEquation, ...]:
 
 def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
     found = fitted_with(model, law.guess)
-    members = found.members[len(model.members) :]
+    terms = found.terms[len(model.terms) :]
     other = _other(law)
     separated_by = None if other is None else _separated_by(law.guess, other, model.beside)
     for at, part in enumerate(
-        dict.fromkeys(target.part for m in members for target in _law(m).targets)
+        dict.fromkeys(target.part for m in terms for target in _law(m).targets)
     ):
         equations, values, names = [], {}, {}
-        for member in members:
-            for target in _law(member).targets:
+        for term in terms:
+            for target in _law(term).targets:
                 if target.part == part:
-                    equations.append(equation(_law(member), target, len(members) > 1))
-                    values.update(_estimates(found, member, target, len(members) > 1))
-                    names.update(variables(_law(member), target))
+                    equations.append(equation(_law(term), target, len(terms) > 1))
+                    values.update(_estimates(found, term, target, len(terms) > 1))
+                    names.update(variables(_law(term), target))
         yield FoundEquation(
-            stage=_law(members[0]).kind,
+            stage=_law(terms[0]).kind,
             part=part,
             variables=tuple(names),
             equation="; ".join(equations),
@@ -81,9 +81,9 @@ def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
 
 
 def fitted_with(model: Fitted, guess: Guess) -> Fitted:
-    """A fit with a law among its members, the law's parts last."""
+    """A fit with a law among its terms, the law's parts last."""
     parts = [as_candidate(part) for part in guess.with_sizes()]
-    return model.fitted((*model.members, *parts))
+    return model.fitted((*model.terms, *parts))
 
 
 def as_candidate(law: FoundLaw) -> Candidate:
@@ -92,9 +92,9 @@ def as_candidate(law: FoundLaw) -> Candidate:
     return Candidate(cause, law.kind, None, law, tuple(range(len(law.parameters))))
 
 
-def _law(member: Candidate) -> FoundLaw:
-    assert isinstance(member.effect, FoundLaw)
-    return member.effect
+def _law(term: Candidate) -> FoundLaw:
+    assert isinstance(term.effect, FoundLaw)
+    return term.effect
 
 
 # --- equations -------------------------------------------------------------------------------
@@ -184,7 +184,9 @@ def _named(quantity: Quantity, law: FoundLaw, target: Target) -> str:
     return f"{TEMPERATURE}_{quantity.part}" if quantity.name == TEMPERATURE else quantity.name
 
 
-def _range(evidence: Evidence, of: tuple[Quantity, Target, FoundLaw]) -> tuple[float, float]:
+def _range(
+    evidence: LinearizedModel, of: tuple[Quantity, Target, FoundLaw]
+) -> tuple[float, float]:
     """Smallest and largest value of a quantity in a session."""
     quantity, target, law = of
     signals = signals_of(evidence, law.robot)
@@ -197,14 +199,12 @@ def _range(evidence: Evidence, of: tuple[Quantity, Target, FoundLaw]) -> tuple[f
 # --- values ----------------------------------------------------------------------------------
 
 
-def _estimates(
-    found: Fitted, member: Candidate, target: Target, apart: bool
-) -> dict[str, Estimate]:
+def _estimates(found: Fitted, term: Candidate, target: Target, apart: bool) -> dict[str, Estimate]:
     """A target's values and the shape that they go with, with standard deviations."""
-    law, own = _law(member), f"_{target.tag}"
-    rest = tuple(m for m in found.members if m is not member)
-    spread, of_shape = spread_of(beside(found.evidence, rest), found, member)
-    values, prior = found.values(member), law.parameters.prior
+    law, own = _law(term), f"_{target.tag}"
+    rest = tuple(m for m in found.terms if m is not term)
+    spread, of_shape = spread_of(beside(found.evidence, rest), found, term)
+    values, prior = found.values(term), law.parameters.prior
     first = law.targets.index(target) * len(law.kinds)
     estimates = {}
     for i, kind in enumerate(law.kinds):
@@ -251,7 +251,7 @@ def _words(guess: Guess, at: int) -> str:
     return equation(law, target, len(guess.parts) > 1)
 
 
-def _separated_by(one: Guess, other: Guess, evidence: Evidence) -> str:
+def _separated_by(one: Guess, other: Guess, evidence: LinearizedModel) -> str:
     first, second = one.parts[0], other.parts[0]
     names = [_quantities(law) for law in (first, second)]
     differ = [q for q in (*names[0], *names[1]) if (q in names[0]) != (q in names[1])]

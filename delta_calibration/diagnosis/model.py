@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Survey
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, typical_of
-from delta_calibration.diagnosis.evidence import Cell, Evidence, gather, on_the_way
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
+from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.verdict import SessionFacts
-from delta_calibration.identification import Noise, Problem, prepare, robust_weights, solve
+from delta_calibration.estimation import Noise, Problem, prepare, robust_weights, solve
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Survey
 from delta_calibration.theta import entries, length
 from delta_calibration.threads import one_thread
 
@@ -34,18 +34,18 @@ _LITTLE = 0.1  # decrease of chi square ahead that is not worth a step
 
 @dataclass(frozen=True)
 class Model(Fitted):
-    """A fit: geometry, frame and the members found so far, about which all is linear."""
+    """A fit: geometry, frame and the terms found so far, about which all is linear."""
 
     survey: Survey
     problem: Problem  # of the poses, its chain without effects
     cell: Cell
-    theta: Array  # (P,) of the chain with the members' effects
-    members: tuple[Candidate, ...] = ()
+    theta: Array  # (P,) of the chain with the terms' effects
+    terms: tuple[Candidate, ...] = ()
     near: Array | None = None  # (n, k) poses of the platform, nearly
 
     @cached_property
-    def evidence(self) -> Evidence:
-        """What is left to explain, as if the members were not in the model."""
+    def evidence(self) -> LinearizedModel:
+        """What is left to explain, as if the terms were not in the model."""
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)
 
     @property
@@ -63,9 +63,9 @@ class Model(Fitted):
         """Root mean square of what noise makes of a pose [m]."""
         return self.cell.noise.floor
 
-    def fitted(self, members: tuple[Candidate, ...]) -> Model:
-        """The model with these members instead."""
-        return fit(self, members)
+    def fitted(self, terms: tuple[Candidate, ...]) -> Model:
+        """The model with these terms instead."""
+        return fit(self, terms)
 
     @property
     def facts(self) -> SessionFacts:
@@ -124,8 +124,8 @@ class Model(Fitted):
     def moved_by_causes(self) -> Array:
         """How far the named effects move each pose's reading, (n, 3) [m]."""
         chain, without = self.extended.chain, self.theta.copy()
-        for member, own in zip(self.members, self.layout.each, strict=True):
-            if not member.unexplained:
+        for term, own in zip(self.terms, self.layout.each, strict=True):
+            if not term.unexplained:
                 without[own] = 0.0
         at = self.extended.at
         return np.asarray(chain.predict(at, self.theta) - chain.predict(at, without))
@@ -142,17 +142,17 @@ def solved(survey: Survey, robot: Robot, noise: Noise, problem: Problem) -> Mode
 
 
 @one_thread()
-def fit(model: Model, members: tuple[Candidate, ...]) -> Model:
-    """The model with these members instead, fitted by Gauss-Newton with robust weights.
+def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
+    """The model with these terms instead, fitted by Gauss-Newton with robust weights.
 
     Shapes that go with values (the width of a play) are set to them on the way.
     """
-    theta = without_effects(model.theta, theta_layout(model.bare, members))
+    theta = without_effects(model.theta, theta_layout(model.bare, terms))
     near = model.evidence.pose
-    now = _stepped(_sharpened(replace(model, members=members, theta=theta, near=near)))
+    now = _stepped(_sharpened(replace(model, terms=terms, theta=theta, near=near)))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
     # the first cause that comes in may have held the offset on another floor of its valley
-    now = _settled(replace(now, cell=cell, members=now.refined()), not model.members)
+    now = _settled(replace(now, cell=cell, terms=now.refined()), not model.terms)
     return _joined(now) if len(model.survey.paths) else now
 
 
@@ -199,13 +199,13 @@ def _cost(model: Model, misfit: float) -> float:
     problem, base = model.extended, model.layout.base
     own = np.linalg.solve(problem.basis, model.theta - problem.theta0)[base]
     parts = []
-    for member in model.members:
-        if member.effect is None:
-            rows = list(member.rows)
+    for term in model.terms:
+        if term.effect is None:
+            rows = list(term.rows)
             parts.append(own[rows])
             own[rows] = 0.0
         else:
-            parts.append(model.values(member) / typical_of(member))
+            parts.append(model.values(term) / typical_of(term))
     return model.beside.cost(np.concatenate([own, *parts]), misfit)
 
 
@@ -221,11 +221,11 @@ def _settled(model: Model, everywhere: bool) -> Model:
     take everything for linear end beside its floor. The search of the fit follows it.
     """
     problem, free = model.extended, np.ones(len(model.theta), dtype=bool)
-    for member, own in zip(model.members, model.layout.each, strict=True):
-        if member.effect is None:
+    for term, own in zip(model.terms, model.layout.each, strict=True):
+        if term.effect is None:
             continue
-        shows = _shows_at_rest(model.evidence, member)
-        free[own] = [row in member.rows and shows for row in range(length(own))]
+        shows = _shows_at_rest(model.evidence, term)
+        free[own] = [row in term.rows and shows for row in range(length(own))]
     held = np.where(free, problem.theta0, model.theta)
     start = replace(problem, theta0=held).only(free)
     solution = solve(start, start.unknowns(model.theta), everywhere=everywhere)
@@ -233,31 +233,31 @@ def _settled(model: Model, everywhere: bool) -> Model:
     return replace(model, theta=solution.theta, cell=cell, near=None)
 
 
-def _shows_at_rest(evidence: Evidence, member: Candidate) -> bool:
-    """Whether the poses hold a fair part of what is known of a member."""
-    whole = np.diag(evidence.information(columns_of(member, evidence)))
+def _shows_at_rest(evidence: LinearizedModel, term: Candidate) -> bool:
+    """Whether the poses hold a fair part of what is known of a term."""
+    whole = np.diag(evidence.information(columns_of(term, evidence)))
     resting = evidence.take(np.arange(evidence.poses))
-    alone = np.diag(resting.information(columns_of(member, resting)))
+    alone = np.diag(resting.information(columns_of(term, resting)))
     return bool((alone > _FAIR * whole).all())
 
 
 def _moved(model: Model, held: Index = _NOTHING) -> Model:
     """One step, and the shapes that go with its values."""
     step = _stepped(model, held)
-    return replace(step, members=step.refined())
+    return replace(step, terms=step.refined())
 
 
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
-    """One Gauss-Newton step of geometry, frame and members; some of the base's unknowns held."""
+    """One Gauss-Newton step of geometry, frame and terms; some of the base's unknowns held."""
     theta = model.ahead(model.misfit, held)
     return replace(model, theta=theta, near=model.evidence.pose)
 
 
 def _sharpened(model: Model) -> Model:
-    """The model with searched fields of its members between the points of the search."""
-    members = model.sharpened()
-    changed = any(new is not old for new, old in zip(members, model.members, strict=True))
-    return replace(model, members=members) if changed else model
+    """The model with searched fields of its terms between the points of the search."""
+    terms = model.sharpened()
+    changed = any(new is not old for new, old in zip(terms, model.terms, strict=True))
+    return replace(model, terms=terms) if changed else model
 
 
 def _residual(model: Model) -> Array:

@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.evidence import Evidence, evidence_about
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
-from delta_calibration.diagnosis.pooling import apart, together, weighted
-from delta_calibration.diagnosis.rest import AT_REST, Rest
+from delta_calibration.diagnosis.linear_model import LinearizedModel, linearized_about
+from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
+from delta_calibration.diagnosis.stacking import apart, stacked, weighted
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.estimation import Measured, PointMeasured, Problem
+from delta_calibration.estimation.mixed_measurements import problem_of
 from delta_calibration.geometry import Frame
-from delta_calibration.identification import Measured, PointMeasured, Problem
-from delta_calibration.identification.mixed import problem_of
 from delta_calibration.mechanisms import Mechanism
 
 Array = NDArray[np.float64]
@@ -42,13 +42,13 @@ _GROSS = 12.0  # standard deviations from which a sample is set aside
 
 @dataclass(frozen=True)
 class Observed(Fitted):
-    """A fit: geometry, a device's frame and the members found so far."""
+    """A fit: geometry, a device's frame and the terms found so far."""
 
     problem: Problem
     theta: Array
     stated: bool  # whether the noise is known; else its factor is found
     further: tuple[tuple[str, tuple[Measured, ...]], ...] = ()  # what else could be measured
-    members: tuple[Candidate, ...] = ()
+    terms: tuple[Candidate, ...] = ()
     factor: float = 1.0  # of the stated noise
     kept: Array = field(default_factory=lambda: np.ones(0))  # (N,) 1, 0 of samples set aside
 
@@ -115,23 +115,23 @@ class Observed(Fitted):
         return float(np.sqrt(np.nanmean(self.evidence.variance)))
 
     @cached_property
-    def evidence(self) -> Evidence:
-        """What is left to explain, as if the members were not in the model."""
+    def evidence(self) -> LinearizedModel:
+        """What is left to explain, as if the terms were not in the model."""
         others = tuple((words, self._gathered(parts)) for words, parts in self.further)
         own = self._gathered(self.problem.measured)
         if self.kept.size:
             own = weighted(own, self.kept)
         return replace(own, further=others)
 
-    def fitted(self, members: tuple[Candidate, ...]) -> Observed:
-        """The model with these members instead, by Gauss-Newton from where it stands.
+    def fitted(self, terms: tuple[Candidate, ...]) -> Observed:
+        """The model with these terms instead, by Gauss-Newton from where it stands.
 
         Raises:
             DataError: no rest.
         """
-        theta = without_effects(self.theta, theta_layout(self.bare, members))
-        now = replace(self, members=members, theta=theta)
-        now = replace(now, members=now.sharpened())
+        theta = without_effects(self.theta, theta_layout(self.bare, terms))
+        now = replace(self, terms=terms, theta=theta)
+        now = replace(now, terms=now.sharpened())
         for _ in range(_ROUNDS):
             step = now._stepped()
             moved = np.abs(step.theta - now.theta) / np.diag(now.extended.basis)
@@ -160,19 +160,19 @@ class Observed(Fitted):
     def _stepped(self) -> Observed:
         """One step of everything, and of the noise where it is not known."""
         step = replace(self, theta=self.ahead())
-        step = replace(step, members=step.refined())
+        step = replace(step, terms=step.refined())
         if self.stated:
             return step
         return replace(step, factor=self.factor * float(np.sqrt(step.misfit)))
 
-    def _gathered(self, measured: tuple[Measured, ...]) -> Evidence:
+    def _gathered(self, measured: tuple[Measured, ...]) -> LinearizedModel:
         """Evidence of observations about this fit."""
         every = (*self.problem.measured, *(m for _, others in self.further for m in others))
         alike = len({len(m.observation.sigma) for m in every}) == 1
         parts = (self._part(m) for m in measured)
-        return together([part if alike else apart(part) for part in parts])
+        return stacked([part if alike else apart(part) for part in parts])
 
-    def _part(self, measured: Measured) -> Evidence:
+    def _part(self, measured: Measured) -> LinearizedModel:
         """Evidence of one kind."""
         at, observation, problem = measured.at, measured.observation, self.extended
         about = observation.linearized(problem.chain.predictor(at), self.theta)
@@ -187,11 +187,11 @@ class Observed(Fitted):
         path = measured.path if measured.path is not None else np.full(len(at), AT_REST)
         spread = 1.0 if resting else measured.repeatability
         size = problem.chain.mechanism.joint_size
-        rest = Rest.of(path, at, whiten @ about.by_joints * spread, size)
-        return evidence_about(problem, self.theta, at, about, whiten, rest)
+        rest = SharedPathError.of(path, at, whiten @ about.by_joints * spread, size)
+        return linearized_about(problem, self.theta, at, about, whiten, rest)
 
 
-def _gross(evidence: Evidence) -> Array:
+def _gross(evidence: LinearizedModel) -> Array:
     """1 for samples that lie out of the common, (N,)."""
     size = np.linalg.norm(evidence.left(), axis=1)
     usual = float(np.median(size) / np.sqrt(chi2.ppf(0.5, evidence.coordinates)))

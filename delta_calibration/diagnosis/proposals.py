@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from scipy.stats import qmc
 
-from delta_calibration.diagnosis.foresight import Samples
-from delta_calibration.diagnosis.rest import AT_REST
+from delta_calibration.data import Conditions
+from delta_calibration.diagnosis.predicted_information import Samples
+from delta_calibration.diagnosis.shared_path_error import AT_REST
 from delta_calibration.effects.unexplained import spread_out
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -1,7 +1,7 @@
 """How sure a name is: what else would explain the same, and how well.
 
 The confidence in a cause and those of its class is their share of the probability among all that
-was tried in their place, the other members staying:
+was tried in their place, the other terms staying:
 
     P = 0.95 (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted, beside
+from delta_calibration.diagnosis.joint_fit import JointFit, as_score
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Score
-from delta_calibration.diagnosis.together import Together, as_score
 
 Array = NDArray[np.float64]
 
@@ -39,26 +39,26 @@ _NOTHING = ""
 
 
 @dataclass(frozen=True)
-class Standing:
-    """A member among its rivals."""
+class Rivalry:
+    """A term among its rivals."""
 
     confidence: float
     equivalents: tuple[Candidate, ...]  # other causes of its class, nearest first
     signal: float  # lambda: squared length of its signal after nuisance
 
 
-def standing(model: Fitted, member: Candidate, tried: Sequence[Score]) -> Standing:
-    """How a member stands against everything that was tried in its place."""
-    rest = tuple(m for m in model.members if m is not member)
+def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
+    """How a term stands against everything that was tried in its place."""
+    rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
-    signal = columns_of(member, evidence) @ model.scaled(member)
-    others = [s for s in tried if not s.candidate.same_cause(member)]
+    signal = columns_of(term, evidence) @ model.scaled(term)
+    others = [s for s in tried if not s.candidate.same_cause(term)]
     others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
     same = equivalents(evidence, signal, others, max(1.0, model.misfit))
-    causes = {member.cause, *(candidate.cause for candidate in same)}
-    return Standing(
-        confidence=named(length) * _confidence(model, rest, others, tried, member, causes),
+    causes = {term.cause, *(candidate.cause for candidate in same)}
+    return Rivalry(
+        confidence=named(length) * _confidence(model, rest, others, tried, term, causes),
         equivalents=same,
         signal=length,
     )
@@ -70,7 +70,7 @@ def named(signal: float) -> float:
 
 
 def equivalents(
-    evidence: Evidence, signal: Array, others: Sequence[Score], misfit: float = 1.0
+    evidence: LinearizedModel, signal: Array, others: Sequence[Score], misfit: float = 1.0
 ) -> tuple[Candidate, ...]:
     """The candidates that can do what the signal (d n,) does, one a cause, nearest first."""
     weighed = evidence.weigh(signal[:, None])[:, 0]
@@ -100,19 +100,19 @@ def _confidence(
     rest: tuple[Candidate, ...],
     others: Sequence[Score],
     tried: Sequence[Score],
-    member: Candidate,
+    term: Candidate,
     causes: set[str],
 ) -> float:
-    """Share of the probability that falls to the member's class of causes."""
-    first = [as_score(m, tried) for m in (member, *rest)]
-    together = Together.of(model.evidence, [*first, *others])
+    """Share of the probability that falls to the term's class of causes."""
+    first = [as_score(m, tried) for m in (term, *rest)]
+    together = JointFit.of(model.evidence, [*first, *others])
     kept = tuple(range(1, len(first)))
     best = {_NOTHING: together.fit(kept)[2]}
     for i, candidate in enumerate(together.candidates):
         if i not in kept:
             name = candidate.label if candidate.unexplained else candidate.cause
             best[name] = max(best.get(name, -np.inf), together.fit((i, *kept))[2])
-    own = {member.label} if member.unexplained else causes
+    own = {term.label} if term.unexplained else causes
     worth = np.array(list(best.values())) / max(1.0, model.misfit)
     share = np.exp(worth - worth.max())
     among = np.array([name in own for name in best])

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, dimensions, maps, subsets
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Score, Weighed
 from delta_calibration.diagnosis.statement import ALPHA
 from delta_calibration.effects import Effect
@@ -66,7 +66,7 @@ class Scan:
 
 
 def scan(
-    evidence: Evidence,
+    evidence: LinearizedModel,
     effects: Sequence[Effect],
     noise_degrees: float,
     rng: np.random.Generator,
@@ -83,12 +83,12 @@ def scan(
 
 
 def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
-    """What is left beside the members of a model."""
-    return scan(model.beside, effects, model.noise_degrees, rng, model.members)
+    """What is left beside the terms of a model."""
+    return scan(model.beside, effects, model.noise_degrees, rng, model.terms)
 
 
 def _questions(
-    evidence: Evidence, effects: Sequence[Effect], used: Sequence[Candidate]
+    evidence: LinearizedModel, effects: Sequence[Effect], used: Sequence[Candidate]
 ) -> Iterator[list[list[Candidate]]]:
     """What to explore: for each effect its shapes, for each shape the whole and its parts."""
     for effect in effects:

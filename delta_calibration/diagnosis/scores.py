@@ -31,7 +31,7 @@ from scipy.linalg.lapack import dposv, dpotrf
 from scipy.stats import chi2, f
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import SPREAD
 
 Array = NDArray[np.float64]
@@ -104,13 +104,13 @@ class _Best:
 class Weighed:
     """The residuals of an evidence and draws of chance, ready for many candidates."""
 
-    evidence: Evidence
+    evidence: LinearizedModel
     weighed: Array  # (d n, 1 + draws): V^-1 of the residuals, then of each draw
     noise_degrees: float  # of freedom of the stated noise
 
     @classmethod
     def of(
-        cls, evidence: Evidence, noise_degrees: float, draws: int, rng: np.random.Generator
+        cls, evidence: LinearizedModel, noise_degrees: float, draws: int, rng: np.random.Generator
     ) -> Weighed:
         """Draw and weigh."""
         both = np.concatenate([evidence.column, evidence.draw(draws, rng)], axis=1)

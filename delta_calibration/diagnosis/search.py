@@ -16,18 +16,18 @@ import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.fitted import Fitted
-from delta_calibration.diagnosis.scan import PLAIN, THREADS, Scan, scanned
-from delta_calibration.diagnosis.scores import Score, price_of
-from delta_calibration.diagnosis.sets import (
+from delta_calibration.diagnosis.joint_fit import JointFit, as_score, sizes
+from delta_calibration.diagnosis.model_selection import (
     MOST,
     Worth,
-    next_members,
+    next_terms,
     shortlist,
     worth_a_map,
     worth_it,
     worth_of,
 )
-from delta_calibration.diagnosis.together import Together, as_score, sizes
+from delta_calibration.diagnosis.scan import PLAIN, THREADS, Scan, scanned
+from delta_calibration.diagnosis.scores import Score, price_of
 from delta_calibration.effects import Effect
 
 # of the ln B of a map, or of a cause, that another cause must have to be fitted in its place
@@ -37,18 +37,18 @@ _SWAPS = 2  # rounds of them, at most
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Where the search ended."""
 
     model: Fitted
     first: Scan  # of the session as it came
-    last: Scan  # of what is left beside the members
+    last: Scan  # of what is left beside the terms
     short: tuple[Score, ...]  # the best shape of everything worth a thought
 
     @property
     def mapped(self) -> bool:
-        """Whether a map is among the members."""
-        return any(member.unexplained for member in self.model.members)
+        """Whether a map is among the terms."""
+        return any(term.unexplained for term in self.model.terms)
 
     @property
     def tried(self) -> tuple[Score, ...]:
@@ -63,14 +63,14 @@ def find(
     rng: np.random.Generator,
     begin: tuple[Candidate, ...] = (),
     gone: tuple[Candidate, ...] = (),
-) -> Found:
+) -> SearchResult:
     """Search until nothing significant is left.
 
     Args:
-        model: the calibrated machine, without members.
+        model: the calibrated machine, without terms.
         effects: the catalogue.
         rng: of the bootstrap.
-        begin: members to begin with, which the search may exchange and drop.
+        begin: terms to begin with, which the search may exchange and drop.
         gone: explanations that have been refused; nothing of the same cause is tried.
     """
     starts = (model, *(() if begin else model.elsewhere()))
@@ -81,27 +81,27 @@ def find(
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
     while True:
         short.update({score.candidate.key: score for score in shortlist(here)})
-        members, begin = begin or next_members(model, here, tuple(short.values())), ()
-        back = seen.get(_keys(members))
-        if _keys(members) in seen:
-            members = _without_maps(model, effects, rng, gone)
-        if _keys(members) in seen:
-            members = beyond_names(model, here, tuple(short.values()))
-        if _keys(members) not in seen:
-            drawn = next((s for s in first.scores if (s.candidate,) == members), None)
-            if drawn is not None and not model.members:
+        terms, begin = begin or next_terms(model, here, tuple(short.values())), ()
+        back = seen.get(_keys(terms))
+        if _keys(terms) in seen:
+            terms = _without_maps(model, effects, rng, gone)
+        if _keys(terms) in seen:
+            terms = beyond_names(model, here, tuple(short.values()))
+        if _keys(terms) not in seen:
+            drawn = next((s for s in first.scores if (s.candidate,) == terms), None)
+            if drawn is not None and not model.terms:
                 model = _first_fit(bare, drawn, scans)
             else:
-                model = model.fitted(members)
+                model = model.fitted(terms)
         else:
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
             swapped = _swapped(bare, model, here, tuple(short.values())) if swaps else model
             if swapped is model:
-                return Found(model, first, here, tuple(short.values()))
+                return SearchResult(model, first, here, tuple(short.values()))
             model, swaps = swapped, swaps - 1
         here = scanned(model, effects, rng).without(gone)
-        seen[_keys(model.members)] = model, here
+        seen[_keys(model.terms)] = model, here
 
 
 def _first_fit(bare: Fitted, best: Score, scans: Sequence[Scan]) -> Fitted:
@@ -124,7 +124,7 @@ def _pairs(
     model: Fitted, here: Scan, scores: Sequence[Score], enough: float
 ) -> list[tuple[Candidate, ...]]:
     """The best two of some explanations, where both hold and are worth more than enough."""
-    worth = Worth(Together.of(model.evidence, scores), here, model.noise_degrees)
+    worth = Worth(JointFit.of(model.evidence, scores), here, model.noise_degrees)
     pairs = sorted(combinations(range(len(scores)), 2), key=worth, reverse=True)
     good = [pair for pair in pairs[:_LOOKED_AT] if worth(pair) > enough]
     return [tuple(scores[i].candidate for i in pair) for pair in good]
@@ -138,25 +138,25 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
     Each set is fitted from the machine without any: about the fit of one the other is astray. The
     model itself where none is likelier.
     """
-    members = model.members
-    named = tuple(m for m in members if not m.unexplained)
+    terms = model.terms
+    named = tuple(m for m in terms if not m.unexplained)
     if not named:
         return model
-    own = [as_score(m, short) for m in members]
+    own = [as_score(m, short) for m in terms]
     others = {
         s.candidate.cause: s
         for s in sorted(short, key=lambda s: s.log_bayes)
-        if not s.candidate.unexplained and not any(s.candidate.same_cause(m) for m in members)
+        if not s.candidate.unexplained and not any(s.candidate.same_cause(m) for m in terms)
     }
-    together, count = Together.of(model.evidence, [*own, *others.values()]), len(members)
-    whole, sets = together.fit(range(count))[2], [] if count == 1 else [members]
+    together, count = JointFit.of(model.evidence, [*own, *others.values()]), len(terms)
+    whole, sets = together.fit(range(count))[2], [] if count == 1 else [terms]
     worth = Worth(together, here, model.noise_degrees)
     if len(named) < count:
         sets.append(named)
-    for i, member in enumerate(members):
+    for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)
         least = together.fit(kept)[2]
-        enough = -np.inf if member.unexplained else least + _NEARLY * (whole - least)
+        enough = -np.inf if term.unexplained else least + _NEARLY * (whole - least)
         new = range(count, count + len(others))
         one = [(together.fit((*kept, k))[2], (*kept, k)) for k in new]
         two = [(worth((*kept, *pair)), (*kept, *pair)) for pair in combinations(new, 2)]
@@ -179,19 +179,19 @@ def _likeliest(
 
     def likely(fit: Fitted) -> float:
         """ln B by chi square per degree of freedom: fits may set other poses aside."""
-        columns = np.concatenate([columns_of(m, fit.evidence) for m in fit.members], axis=1)
-        value = np.concatenate([fit.scaled(m) for m in fit.members])
+        columns = np.concatenate([columns_of(m, fit.evidence) for m in fit.terms], axis=1)
+        value = np.concatenate([fit.scaled(m) for m in fit.terms])
         gain = samples * (bare.misfit - fit.misfit)
         information = fit.evidence.information(columns)
-        price = price_of(information, value, sizes(fit.members))
-        price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.members)
+        price = price_of(information, value, sizes(fit.terms))
+        price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.terms)
         return gain / 2 - price
 
     return max(fits, key=likely)
 
 
-def _keys(members: Sequence[Candidate]) -> tuple[str, ...]:
-    return tuple(sorted(m.key for m in members))
+def _keys(terms: Sequence[Candidate]) -> tuple[str, ...]:
+    return tuple(sorted(m.key for m in terms))
 
 
 def _without_maps(
@@ -200,41 +200,41 @@ def _without_maps(
     rng: np.random.Generator,
     gone: tuple[Candidate, ...] = (),
 ) -> tuple[Candidate, ...]:
-    """The members, a cause in the place of a map wherever one is the best beside the others.
+    """The terms, a cause in the place of a map wherever one is the best beside the others.
 
     Beside the map it would have had no shape of its own to be found by.
     """
-    members = model.members
-    for member in members:
-        others = tuple(m for m in members if m is not member)
-        if not member.unexplained or not others:
+    terms = model.terms
+    for term in terms:
+        others = tuple(m for m in terms if m is not term)
+        if not term.unexplained or not others:
             continue
         bare = model.fitted(others)
         best = worth_it(scanned(bare, effects, rng).without((*others, *gone)), bare)
         if best is not None and not best.candidate.unexplained:
-            members = (*others, best.candidate)
-    return members
+            terms = (*others, best.candidate)
+    return terms
 
 
 def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:
-    """The members, a map in the place of names that are not plainly likelier.
+    """The terms, a map in the place of names that are not plainly likelier.
 
     Nothing is left beside true causes, and each does what no map does at its price. Beside one
     that does nearly as what nobody has described, the rest of that is left, for another map or a
     second name. A wrong name is worse than none. What a map pays beyond its parameters (`shadow`)
     decides what is tried first, not what is true.
     """
-    members, maps = model.members, [s for s in short if s.candidate.unexplained]
-    named = [i for i, member in enumerate(members) if not member.unexplained]
+    terms, maps = model.terms, [s for s in short if s.candidate.unexplained]
+    named = [i for i, term in enumerate(terms) if not term.unexplained]
     help_ = [here.left] if here.left is not None and here.nameless else []
     groups = [*([i] for i in named if help_), named]
     if not named or not maps:
-        return members
-    scores = [*(as_score(m, short) for m in members), *help_, *maps]
-    together, helped = Together.of(model.evidence, scores), len(members) + len(help_)
-    best, instead = together.fit(range(helped))[2] - PLAIN, members
+        return terms
+    scores = [*(as_score(m, short) for m in terms), *help_, *maps]
+    together, helped = JointFit.of(model.evidence, scores), len(terms) + len(help_)
+    best, instead = together.fit(range(helped))[2] - PLAIN, terms
     for group in groups:
-        others = [j for j in range(len(members)) if j not in group]
+        others = [j for j in range(len(terms)) if j not in group]
         for k in range(helped, len(scores)):
             chosen = tuple(together.candidates[j] for j in (*others, k))
             if any(one.same_cause(chosen[-1]) for one in chosen[:-1]):

@@ -1,7 +1,7 @@
 """What is said of structure that is left: derived from the tests, and from nothing else.
 
 A test says how likely chance, with structure too small to matter beside the noise, leaves as much
-(`audit.py`). Several are asked, each charged with their number (Bonferroni); that of a smooth map
+(`residual_tests.py`). Several are asked, each charged with their number (Bonferroni); that of a smooth map
 has been charged with all that was tried already. Verdict, page and console ask here.
 """
 

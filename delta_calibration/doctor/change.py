@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import JointStream, Session, TrackerStream
 from delta_calibration.documents import Document
 from delta_calibration.robot import Robot
-from delta_calibration.samples import JointStream, Session, TrackerStream
 
 Array = NDArray[np.float64]
 

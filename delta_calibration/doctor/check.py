@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Session
 from delta_calibration.doctor import clocks, hypotheses, loggers
 from delta_calibration.doctor.change import (
     ROBOT_FILE,
@@ -32,7 +33,6 @@ from delta_calibration.doctor.wiring import wiring
 from delta_calibration.documents import Document
 from delta_calibration.errors import ConfigError, MistakeError
 from delta_calibration.robot import Robot, robot_document, robot_from
-from delta_calibration.samples import Session
 
 Array = NDArray[np.float64]
 

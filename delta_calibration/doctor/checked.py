@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from delta_calibration.data import Session
 from delta_calibration.doctor.change import ALTERNATIVE, Answer, Change, Mistake
 from delta_calibration.documents import Document
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
+from delta_calibration.data import JointStream, Session, TrackerStream
 from delta_calibration.doctor.change import (
     COMMAND,
     STATES,
@@ -26,7 +27,6 @@ from delta_calibration.doctor.change import (
     of_tracker,
 )
 from delta_calibration.doctor.stops import SPARSE
-from delta_calibration.samples import JointStream, Session, TrackerStream
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from delta_calibration.data import TrackerStream
 from delta_calibration.doctor.change import (
     TRACKER,
     Change,
@@ -20,7 +21,6 @@ from delta_calibration.doctor.change import (
     of_tracker,
 )
 from delta_calibration.robot import Robot
-from delta_calibration.samples import TrackerStream
 
 Array = NDArray[np.float64]
 

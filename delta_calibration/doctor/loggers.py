@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import JointStream, Session
 from delta_calibration.doctor.change import (
     COMMAND,
     STATES,
@@ -21,7 +22,6 @@ from delta_calibration.doctor.change import (
     of_tracker,
     rows_of,
 )
-from delta_calibration.samples import JointStream, Session
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Session, TrackerStream
 from delta_calibration.doctor.change import TRACKER, Change, of_points
 from delta_calibration.doctor.placing import Placed, place, place_poses, similarity
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session, TrackerStream
 
 Array = NDArray[np.float64]
 

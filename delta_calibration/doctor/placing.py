@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Session
 from delta_calibration.doctor.change import joint_streams, joints_of
 from delta_calibration.errors import CalibrationError
+from delta_calibration.estimation import chain_of
 from delta_calibration.geometry import Frame, rotations
-from delta_calibration.identification import chain_of
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from delta_calibration.data import JointStream, Session
 from delta_calibration.doctor.change import COMMAND, ROBOT_FILE, STATES, Change, of_joints
 from delta_calibration.documents import Document
 from delta_calibration.errors import CalibrationError
 from delta_calibration.robot import Robot, known_robots, load_robot, robot_from
-from delta_calibration.samples import JointStream, Session
 
 Path = tuple[Any, ...]
 

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Poses
 from delta_calibration.errors import CalibrationError
-from delta_calibration.geometry import Frame, rotations
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     Problem,
     Solution,
     chain_of,
@@ -27,8 +27,8 @@ from delta_calibration.identification import (
     solve,
     spread_of,
 )
+from delta_calibration.geometry import Frame, rotations
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import JointStream, Session, TrackerStream
 from delta_calibration.doctor.change import joint_streams, joints_of
-from delta_calibration.samples import JointStream, Session, TrackerStream
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

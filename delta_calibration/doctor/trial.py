@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from delta_calibration.data import Session, TrackerStream
 from delta_calibration.doctor import hypotheses, moves, robot_file
 from delta_calibration.doctor.change import (
     TRACKER,
@@ -33,7 +34,6 @@ from delta_calibration.doctor.stops import SPARSE, stops_of, thinned
 from delta_calibration.doctor.turns import DOUBTED, doubt, turn_misfit
 from delta_calibration.documents import Document
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session, TrackerStream
 
 Array = NDArray[np.float64]
 

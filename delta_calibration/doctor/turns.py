@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Session
 from delta_calibration.doctor import hypotheses
 from delta_calibration.doctor.change import Answer
 from delta_calibration.doctor.placing import Placed, place, turned_by
 from delta_calibration.doctor.stops import thinned
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session
 
 Array = NDArray[np.float64]
 

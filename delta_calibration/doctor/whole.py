@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Poses, collect
 from delta_calibration.doctor import hypotheses, moves, steps
 from delta_calibration.doctor.change import Answer, joint_streams
 from delta_calibration.doctor.checked import Checked
 from delta_calibration.errors import CalibrationError
 from delta_calibration.geometry import Frame, rotations
-from delta_calibration.samples import Poses, collect
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from delta_calibration.data import Session
 from delta_calibration.doctor.change import COMMAND, STATES, Change, joints_of
 from delta_calibration.doctor.hypotheses import (
     DEGREES,
@@ -20,7 +21,6 @@ from delta_calibration.doctor.hypotheses import (
 )
 from delta_calibration.doctor.placing import place
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Array, Effect, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import ADJUST, Remedy
@@ -20,7 +21,6 @@ from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.chain_constants import OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, maximum, minimum
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

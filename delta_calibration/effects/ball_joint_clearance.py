@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
@@ -20,7 +21,6 @@ from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.symbols import Symbol, maximum, sign, tanh, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.demo import Demo
 from delta_calibration.effects.regressor import ANGLE, Groups, Regressor, all_together
 from delta_calibration.effects.remedy import AS_FOUND, Remedy
@@ -43,7 +44,6 @@ from delta_calibration.model.law import Law
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Setting = float | str | tuple[float, ...]

@@ -10,13 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Array
 from delta_calibration.effects.cables import CableEffect, cable, length, level
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import Signals
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 def slack_of_sag(chord: Symbol, level: Symbol, pull: Symbol) -> Symbol:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import ACCELERATION, Regressor
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
@@ -15,7 +16,6 @@ from delta_calibration.effects.signals import INERTIA
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import LOAD as BY_LOAD
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
@@ -19,7 +20,6 @@ from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import SPREAD, Array, Effect, Limits, Stage
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT, Places
@@ -25,7 +26,6 @@ from delta_calibration.model.symbols import Symbol, maximum, minimum, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
 
 _DEGREE = 3
 _WIDTH, _SIZE = 0.07, 0.15e-3  # [rad of a Delta] between splines, of a weight

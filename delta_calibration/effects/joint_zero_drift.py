@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import CLOCK, Regressor
 from delta_calibration.effects.remedy import ADJUST, Remedy
@@ -16,7 +17,6 @@ from delta_calibration.effects.signals import TIME
 from delta_calibration.effects.time_course import EITHER, LIMITS, TOLD, around, course, courses
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

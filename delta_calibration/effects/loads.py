@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import FREE_FALL
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 

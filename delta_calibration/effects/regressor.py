@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.samples import Conditions
+from delta_calibration.data import Conditions
 
 Array = NDArray[np.float64]
 Groups = tuple[tuple[str, NDArray[np.bool_]], ...]  # name and samples (n,) of each

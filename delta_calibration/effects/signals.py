@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import OF_INERTIA, OF_PULLS, OF_WEIGHT
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 

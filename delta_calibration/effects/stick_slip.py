@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.signals import DIRECTION, RATE
 from delta_calibration.model.symbols import Symbol, exp
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import SENSOR, Array, Effect, Interval, Limits, Setting, Stage
 from delta_calibration.effects.regressor import CLOCK, Regressor, temperature
 from delta_calibration.effects.signals import TIME, Places, Signals
@@ -22,7 +23,6 @@ from delta_calibration.effects.time_course import TIME_CONSTANTS, TOLD, WARM_UP,
 from delta_calibration.model.symbols import Symbol, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 REFERENCE = 20.0  # [deg C]
 _WARMING = 0.5  # [K] a sensor that moves less says nothing

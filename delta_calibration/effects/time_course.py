@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Interval, Limits
 from delta_calibration.model.symbols import Symbol, exp, maximum, where
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 

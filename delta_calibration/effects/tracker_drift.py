@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Interval, Limits, Setting, Stage
 from delta_calibration.effects.regressor import CLOCK, Regressor
 from delta_calibration.effects.remedy import MEASURE, Remedy
@@ -24,7 +25,6 @@ from delta_calibration.effects.time_course import (
 )
 from delta_calibration.model.symbols import Symbol, cross
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.regressor import DISTANCE, Regressor
 from delta_calibration.effects.remedy import MEASURE, Remedy
 from delta_calibration.effects.signals import READING
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
-from delta_calibration.samples import Conditions
 
 
 @dataclass(frozen=True)

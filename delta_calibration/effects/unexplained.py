@@ -31,6 +31,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects import signals
 from delta_calibration.effects.base import SPREAD, Array, Effect, Stage
 from delta_calibration.effects.regressor import (
@@ -51,7 +52,6 @@ from delta_calibration.effects.time_course import HOUR
 from delta_calibration.model.symbols import Symbol, exp, maximum, square, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.samples import Conditions
 
 UNEXPLAINED = "unexplained"
 POSITION, JOINT, DIRECTION, PAYLOAD, TIME, TEMPERATURE, SPEED = (

@@ -20,6 +20,7 @@ from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation import JointCompensator, command_kernel
 from delta_calibration.compensation.compensator import SingleCommand
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import Effect
 from delta_calibration.effects.base import SENSOR, law_for
 from delta_calibration.effects.signals import (
@@ -40,7 +41,6 @@ from delta_calibration.export.c_laws import law_in_c
 from delta_calibration.export.c_numbers import constant, placed
 from delta_calibration.model import kernels
 from delta_calibration.model.law import Law
-from delta_calibration.samples import Conditions, at_rest
 
 FIRST = "first"  # stands for the part whose temperature a session recorded first
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.identification import Likelihood
+from delta_calibration.estimation import Likelihood
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]

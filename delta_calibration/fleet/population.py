@@ -1,7 +1,7 @@
 """Mean and spread of the dimensions of a type of machine, from fits of many: empirical Bayes.
 
 Machine i has dimensions d_i off the drawing, seen through the likelihood of its data (L_i, l_i);
-each is of the crowd N(m, s^2) or odd (`identification/population.py`). Sought are m, s and the
+each is of the crowd N(m, s^2) or odd (`estimation/population.py`). Sought are m, s and the
 share o of odd ones that make all data likeliest. Parts of the same kind, as the arms of the three
 legs, share s, each with a mean of its own. Weak priors only count where the fleet says nothing: m
 within a tolerance of the drawing, s about a tolerance, as a fiftieth of a machine would tell it.
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
-from delta_calibration.identification import Belief, Likelihood, Population, believe
+from delta_calibration.estimation import Belief, Likelihood, Population, believe
 
 Array = NDArray[np.float64]
 

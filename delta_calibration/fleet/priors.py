@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from delta_calibration.documents import load_schema, read_document, write_document
 from delta_calibration.errors import ConfigError, DataError
+from delta_calibration.estimation import Population
 from delta_calibration.fleet.evidence import Fitted, together
 from delta_calibration.fleet.population import FEWEST, Estimated, estimate, expected, kinds_of
-from delta_calibration.identification import Population
 from delta_calibration.parameters import Parameter
 from delta_calibration.robot import Robot
 

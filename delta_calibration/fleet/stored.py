@@ -1,4 +1,4 @@
-"""What a store knows of its machines, as `standing.py` takes it."""
+"""What a store knows of its machines, as `stop_detector.py` takes it."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import Diagnosis, diagnose
 from delta_calibration.doctor import check
 from delta_calibration.errors import CalibrationError, InputError, MistakeError
@@ -20,7 +21,6 @@ from delta_calibration.history.ledger import Compared, Failure, hash_of_sessions
 from delta_calibration.history.store import Entry, folder_hash
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, robot_from
-from delta_calibration.samples import Survey, survey
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.history.pooled import Dated, pooled
-from delta_calibration.history.steps import Found, Step, Steps
+from delta_calibration.history.steps import FoundSteps, Step, Steps
 from delta_calibration.robot import Robot
 from delta_calibration.wording import measured, spoken, sure
 
@@ -121,7 +121,7 @@ def find_changes(
 
 
 def _history(
-    steps: Steps, found: Sequence[Found], causes: set[str], named: Callable[[str], str]
+    steps: Steps, found: Sequence[FoundSteps], causes: set[str], named: Callable[[str], str]
 ) -> History:
     names = tuple(part.name for part in steps.parts)
     changed = [each.step for each in found]
@@ -137,7 +137,7 @@ def _history(
 
 def _change(
     steps: Steps,
-    found: Found,
+    found: FoundSteps,
     changed: Sequence[Step],
     value: Array,
     covariance: Array,

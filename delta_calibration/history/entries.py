@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
+from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import load_schema, read_document
+from delta_calibration.estimation import identify
 from delta_calibration.history.pooled import Dated
 from delta_calibration.history.store import Entry
-from delta_calibration.identification import identify
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Survey, survey
 
 Diagnose = Callable[[Survey, Robot], Diagnosis]
 

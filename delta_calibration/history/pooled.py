@@ -7,7 +7,7 @@ About its own fit each session k says
 with x_k the machine at that time (dimensions and effects), z_k what belongs to the session alone:
 the tracker's frame, the reflector's place on the platform, and what was found to act on readings
 or by the session's own clock. With z_k integrated out nothing but information and its vector is
-left of a session (`evidence.py`), which is all that a comparison over months needs:
+left of a session (`linear_model.py`), which is all that a comparison over months needs:
 
     H_k = X_k^T V_k^-1 X_k,    b_k = X_k^T V_k^-1 r_k
 """
@@ -21,15 +21,15 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Survey
 from delta_calibration.diagnosis.diagnose import calibrated
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.effects import Effect, Stage, catalogue
 from delta_calibration.effects.base import SPREAD
 from delta_calibration.errors import DataError
 from delta_calibration.history.steps import Kept, Part
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Survey
 from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def _kept(model: Model, effects: Sequence[Effect]) -> tuple[Kept, ...]:
 
 def _alone(
     model: Model, machine: Sequence[Effect], visit: Sequence[Effect]
-) -> tuple[Evidence, Array]:
+) -> tuple[LinearizedModel, Array]:
     """A session's evidence with nothing but its own as nuisance, and the machine's columns."""
     evidence = model.evidence
     columns = np.concatenate(
@@ -132,7 +132,7 @@ def _alone(
     return alone, columns
 
 
-def _believed(name: str, evidence: Evidence, columns: Array, kept: Sequence[Kept]) -> Part:
+def _believed(name: str, evidence: LinearizedModel, columns: Array, kept: Sequence[Kept]) -> Part:
     """The session's information, less where even its own fit misses more than noise explains."""
     weighed = evidence.weigh(evidence.column)[:, 0]
     information, right = evidence.information(columns), columns.T @ weighed

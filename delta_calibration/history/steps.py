@@ -73,7 +73,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundSteps:
     """A step in the history, and how sure it is."""
 
     step: Step
@@ -131,7 +131,7 @@ class Steps:
         kept = self.kept[step.rows[0]]
         return kept.what, kept.location, step.gap
 
-    def search(self) -> tuple[Found, ...]:
+    def search(self) -> tuple[FoundSteps, ...]:
         """The steps that happened, in the order of their gaps."""
         steps: list[Step] = []
         while len(steps) < _MOST:
@@ -165,12 +165,12 @@ class Steps:
             told[self.key(step)] = told.get(self.key(step), 0.0) + p
         return told
 
-    def _judged(self, step: Step, beside: Sequence[Step]) -> Found:
+    def _judged(self, step: Step, beside: Sequence[Step]) -> FoundSteps:
         posterior, none = self._posterior(beside)
         told, own = self._told(posterior), self.key(step)
         rivals = sorted(((p, key) for key, p in told.items() if key != own and p > _LIKE), key=str)
         first = {self.key(s): s for s in reversed(self.candidates)}
-        return Found(
+        return FoundSteps(
             step,
             told[own],
             1.0 - none,

@@ -13,11 +13,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.evidence import Evidence
-from delta_calibration.diagnosis.foresight import Samples
-from delta_calibration.diagnosis.rest import AT_REST
+from delta_calibration.data import Conditions, at_rest
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.predicted_information import Samples
+from delta_calibration.diagnosis.shared_path_error import AT_REST
 from delta_calibration.plans.motion import APPROACH, MotionPath
-from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _ALONG = 48  # samples of a path that are looked at
 
 
 @dataclass(frozen=True)
-class Level:
+class StopConditions:
     """Conditions of a stop that a plan can choose."""
 
     side: float = 1.0  # +1 or -1
@@ -40,7 +40,7 @@ class Level:
     slot: int = 0  # of the warming and cooling
 
 
-PLAIN = Level()
+PLAIN = StopConditions()
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Bench:
     joint_size: float = 1.0  # of the joints' unit, that does what one radian does on a Delta
 
     @classmethod
-    def after(cls, measured: Evidence | None, joint_size: float = 1.0) -> Bench:
+    def after(cls, measured: LinearizedModel | None, joint_size: float = 1.0) -> Bench:
         """After what was measured; with the usual sensors where that is nothing."""
         if measured is None:
             return cls(0.0, _SENSORS, np.full(len(_SENSORS), _AMBIENT), joint_size)
@@ -63,10 +63,11 @@ class Bench:
     def course(self, joint: Array) -> Conditions:
         """All that the clock and the sensors go through, at one pose (m,)."""
         return self.stops(
-            np.tile(joint, (len(SLOTS), 1)), [Level(slot=slot) for slot in range(len(SLOTS))]
+            np.tile(joint, (len(SLOTS), 1)),
+            [StopConditions(slot=slot) for slot in range(len(SLOTS))],
         ).at
 
-    def stops(self, joint: Array, levels: Sequence[Level]) -> Samples:
+    def stops(self, joint: Array, levels: Sequence[StopConditions]) -> Samples:
         """Stops at joints (n, m) under conditions (n)."""
         course = np.array([SLOTS[level.slot] for level in levels]).reshape(-1, 2)
         at = replace(
@@ -103,7 +104,7 @@ class Bench:
 
     def levels(
         self, columns: Callable[[Samples], Array], joint: Array, payload: float
-    ) -> tuple[Level, ...]:
+    ) -> tuple[StopConditions, ...]:
         """All combinations of what changes the columns.
 
         Args:
@@ -112,14 +113,18 @@ class Bench:
             payload: that can be put on the platform [kg].
         """
 
-        def under(level: Level) -> Array:
+        def under(level: StopConditions) -> Array:
             return columns(self.stops(joint, [level] * len(joint)))
 
         plain = columns(self.plain(joint))
-        sides = (1.0, -1.0) if _differ(plain, under(Level(side=-1.0))) else (1.0,)
-        loads = (0.0, payload) if _differ(plain, under(Level(payload=payload))) else (0.0,)
-        slots = range(len(SLOTS)) if _differ(plain, under(Level(slot=_WARMEST))) else range(1)
-        return tuple(Level(*each) for each in product(sides, loads, slots))
+        sides = (1.0, -1.0) if _differ(plain, under(StopConditions(side=-1.0))) else (1.0,)
+        loads = (
+            (0.0, payload) if _differ(plain, under(StopConditions(payload=payload))) else (0.0,)
+        )
+        slots = (
+            range(len(SLOTS)) if _differ(plain, under(StopConditions(slot=_WARMEST))) else range(1)
+        )
+        return tuple(StopConditions(*each) for each in product(sides, loads, slots))
 
     def moves(self, columns: Callable[[Samples], Array], joint: Array) -> bool:
         """Whether motion changes the columns."""

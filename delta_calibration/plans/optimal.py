@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from delta_calibration.chain import Chain
-from delta_calibration.diagnosis.foresight import Foresight, Samples
-from delta_calibration.diagnosis.rest import AT_REST
+from delta_calibration.data import at_rest
+from delta_calibration.diagnosis.predicted_information import Foresight, Samples
+from delta_calibration.diagnosis.shared_path_error import AT_REST
 from delta_calibration.errors import InputError
-from delta_calibration.geometry import Frame
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     Measured,
     Noise,
     Observability,
@@ -33,13 +33,13 @@ from delta_calibration.identification import (
     chain_of,
     whitening,
 )
-from delta_calibration.identification.observability import observe
+from delta_calibration.estimation.observability import observe
+from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans.motion import APPROACH, Plan
 from delta_calibration.plans.points import joints_toward, tool_frames, tool_points, usable
 from delta_calibration.plans.workspace import drawn
 from delta_calibration.robot import Robot
-from delta_calibration.samples import at_rest
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

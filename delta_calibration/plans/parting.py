@@ -9,22 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.contrast import Contrast, Pair
-from delta_calibration.diagnosis.evidence import Evidence
 from delta_calibration.diagnosis.experiments import prepared
-from delta_calibration.diagnosis.foresight import Foresight, Products, Samples
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.predicted_information import Foresight, Products, Samples
 from delta_calibration.diagnosis.scores import PRECISION
 from delta_calibration.effects import EFFECTS
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.plans.bench import Bench, Level
+from delta_calibration.plans.bench import Bench, StopConditions
 from delta_calibration.plans.motion import MotionPath, Plan
 from delta_calibration.plans.named import make_plan, motion_paths
 from delta_calibration.plans.optimal import candidates, choose, foresight_of
 from delta_calibration.plans.points import tool_points
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -42,7 +42,7 @@ class Parting:
     """A plan, and how well two causes are parted without it and with it."""
 
     plan: Plan
-    levels: tuple[Level, ...]  # (n,) of the stops
+    levels: tuple[StopConditions, ...]  # (n,) of the stops
     before: Contrast  # by the session, or by as many plain stops
     after: Contrast
     outside: str  # what would part them that is no motion of the cell; empty: nothing known
@@ -58,7 +58,7 @@ def part(
     causes: tuple[str, str],
     count: int = 20,
     *,
-    session: Evidence | None = None,
+    session: LinearizedModel | None = None,
     known: tuple[Chain, Array] | None = None,
     payload: float = 2.0,
     dwell: float = 1.0,
@@ -160,7 +160,7 @@ class _Question:
         """How many of the columns are the first explanation's."""
         return len(self.pair.first.rows)
 
-    def evidence(self, samples: Samples) -> Evidence:
+    def evidence(self, samples: Samples) -> LinearizedModel:
         """Of samples that are all within reach."""
         return self.foresight.evidence(samples, self.foresight.pose(samples))
 
@@ -226,11 +226,11 @@ def _paths_worth(
     return tuple(paths[i] for i in chosen), added
 
 
-def _ordered(chosen: Index, levels: Sequence[Level], rng: np.random.Generator) -> Index:
+def _ordered(chosen: Index, levels: Sequence[StopConditions], rng: np.random.Generator) -> Index:
     """The stops by time, then by payload, which is laborious to change, then shuffled."""
     order = sorted(rng.permutation(chosen).tolist(), key=lambda row: _laborious(levels[row]))
     return np.array(order, dtype=np.int64)
 
 
-def _laborious(level: Level) -> tuple[int, float]:
+def _laborious(level: StopConditions) -> tuple[int, float]:
     return level.slot, level.payload

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from delta_calibration.data import at_rest
 from delta_calibration.effects.loads import weight_known
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.iso9283 import Cube
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans.motion import APPROACH
 from delta_calibration.robot import Robot
-from delta_calibration.samples import at_rest
 
 Array = NDArray[np.float64]
 

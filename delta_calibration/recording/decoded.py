@@ -8,10 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.recording.layout import Batch, decode
-from delta_calibration.recording.messages import POSE_STAMPED
-from delta_calibration.recording.raw import RawTopic
-from delta_calibration.samples.streams import (
+from delta_calibration.data.streams import (
     Array,
     JointStream,
     PayloadStream,
@@ -19,6 +16,9 @@ from delta_calibration.samples.streams import (
     TemperatureStream,
     TrackerStream,
 )
+from delta_calibration.recording.layout import Batch, decode
+from delta_calibration.recording.messages import POSE_STAMPED
+from delta_calibration.recording.raw import RawTopic
 
 Notes = tuple[str, ...]
 Names = tuple[str, ...]

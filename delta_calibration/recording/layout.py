@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data.streams import Array, Stamps
 from delta_calibration.recording.messages import (
     INERTIA_STAMPED,
     JOINT_STATE,
@@ -27,7 +28,6 @@ from delta_calibration.recording.messages import (
     POSE_STAMPED,
     TEMPERATURE,
 )
-from delta_calibration.samples.streams import Array, Stamps
 
 # Numbers that follow the header directly; of an inertia the moments are left aside.
 PLAIN_VALUES = {POSE_STAMPED: 7, POINT_STAMPED: 3, TEMPERATURE: 2, INERTIA_STAMPED: 10}

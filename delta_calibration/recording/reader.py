@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from delta_calibration.data.streams import JointStream, Session, TrackerStream
 from delta_calibration.errors import RecordingError
 from delta_calibration.recording.decoded import (
     joint_stream,
@@ -25,7 +26,6 @@ from delta_calibration.recording.messages import (
 )
 from delta_calibration.recording.raw import RawRecording, RawTopic
 from delta_calibration.recording.topics import DEFAULT_TOPICS, Topics, listing
-from delta_calibration.samples.streams import JointStream, Session, TrackerStream
 
 _Stream = TypeVar("_Stream")
 

@@ -8,6 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from delta_calibration.data.streams import (
+    JointStream,
+    PayloadStream,
+    Session,
+    Stamps,
+    TemperatureStream,
+    TrackerStream,
+)
 from delta_calibration.errors import InputError
 from delta_calibration.recording.bag_metadata import LATCHED, Qos
 from delta_calibration.recording.messages import (
@@ -23,14 +31,6 @@ from delta_calibration.recording.messages import (
     encode_temperature,
 )
 from delta_calibration.recording.writer import SessionWriter
-from delta_calibration.samples.streams import (
-    JointStream,
-    PayloadStream,
-    Session,
-    Stamps,
-    TemperatureStream,
-    TrackerStream,
-)
 
 TRACKER_FRAME = "tracker"
 PLATFORM_FRAME = "tool0"

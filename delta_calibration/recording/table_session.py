@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.plans.motion import APPROACH
-from delta_calibration.recording.table_mapping import TableMapping
-from delta_calibration.recording.table_numbers import TableNumbers, read_numbers
-from delta_calibration.recording.table_units import require_units
-from delta_calibration.robot import Robot
-from delta_calibration.samples.streams import (
+from delta_calibration.data.streams import (
     JointStream,
     PayloadStream,
     Session,
     TemperatureStream,
     TrackerStream,
 )
+from delta_calibration.plans.motion import APPROACH
+from delta_calibration.recording.table_mapping import TableMapping
+from delta_calibration.recording.table_numbers import TableNumbers, read_numbers
+from delta_calibration.recording.table_units import require_units
+from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

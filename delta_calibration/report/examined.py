@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from delta_calibration.calibration import Calibration
+from delta_calibration.data import Conditions, Poses, at_rest
 from delta_calibration.errors import DataError
-from delta_calibration.geometry import Frame, align
-from delta_calibration.identification import (
+from delta_calibration.estimation import (
     Identification,
     chain_of,
     doubts,
     prepare,
     registered,
 )
-from delta_calibration.identification.noise import Noise
+from delta_calibration.estimation.noise import Noise
+from delta_calibration.geometry import Frame, align
 from delta_calibration.plans import joints_toward, tool_frames
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, Poses, at_rest
 from delta_calibration.uncertainty import Identified
 
 Array = NDArray[np.float64]

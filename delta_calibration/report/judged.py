@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.diagnose import Diagnosis
-from delta_calibration.diagnosis.evidence import Evidence
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.region import Region
-from delta_calibration.samples import Conditions, at_rest
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -33,13 +33,13 @@ class Judged:
         """Of a diagnosis."""
         held, evidence = diagnosis.held, diagnosis.held.evidence
         rows = np.flatnonzero(held.poses)
-        models = [diagnosis.before, held.members((), held.sectors), diagnosis.after]
+        models = [diagnosis.before, held.terms((), held.sectors), diagnosis.after]
         before, calibrated, extended = (np.sqrt(model.square[rows]) for model in models)
         place = evidence.chain.mechanism.position(evidence.pose[rows])
         return cls(diagnosis, rows, place, before, calibrated, extended)
 
     @property
-    def evidence(self) -> Evidence:
+    def evidence(self) -> LinearizedModel:
         """About the extended model."""
         return self.diagnosis.held.evidence
 
@@ -50,7 +50,7 @@ class Judged:
 
     @property
     def calibrated_theta(self) -> Array:
-        """Geometry, offset and frame without the members, linearly, (P,) of the base chain."""
+        """Geometry, offset and frame without the terms, linearly, (P,) of the base chain."""
         problem, evidence = self.diagnosis.model.problem, self.evidence
         z = evidence.best(evidence.misfit)
         base = problem.chain.layout.base
@@ -74,11 +74,11 @@ class Judged:
             temperature=np.tile(medians, (n, 1)).reshape(n, -1),
         )
 
-    def moved_by(self, member: Candidate, rows: Index) -> Array:
-        """What a member moves readings by, (n, 3) [m] in the tracker's frame."""
+    def moved_by(self, term: Candidate, rows: Index) -> Array:
+        """What a term moves readings by, (n, 3) [m] in the tracker's frame."""
         evidence = self.evidence
-        best = self.diagnosis.model.values(member) / _priors(member, self.diagnosis)
-        whitened = (columns_of(member, evidence) @ best).reshape(-1, 3)[rows]
+        best = self.diagnosis.model.values(term) / _priors(term, self.diagnosis)
+        whitened = (columns_of(term, evidence) @ best).reshape(-1, 3)[rows]
         return np.asarray(np.linalg.solve(evidence.whiten[rows], whitened[..., None])[..., 0])
 
     def left(self) -> Array:
@@ -86,17 +86,15 @@ class Judged:
         beside = self.diagnosis.model.beside
         return beside.missed(beside.best(beside.misfit))
 
-    def beside_member(self, member: Candidate, rows: Index) -> Array:
-        """What is left when all but one member are in the model, (n, 3) [m]."""
-        return np.asarray(self.left()[rows] + self.moved_by(member, rows))
+    def beside_term(self, term: Candidate, rows: Index) -> Array:
+        """What is left when all but one term are in the model, (n, 3) [m]."""
+        return np.asarray(self.left()[rows] + self.moved_by(term, rows))
 
 
-def _priors(member: Candidate, diagnosis: Diagnosis) -> Array:
-    """Priors that the columns of a member are scaled by, (k,)."""
+def _priors(term: Candidate, diagnosis: Diagnosis) -> Array:
+    """Priors that the columns of a term are scaled by, (k,)."""
     chain = diagnosis.model.problem.chain
     items = (
-        chain.mechanism.parameters.items
-        if member.effect is None
-        else (member.effect.parameters.items)
+        chain.mechanism.parameters.items if term.effect is None else (term.effect.parameters.items)
     )
-    return np.array([items[row].prior for row in member.rows])
+    return np.array([items[row].prior for row in term.rows])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.identification.noise import Noise
+from delta_calibration.data import Poses
+from delta_calibration.estimation.noise import Noise
 from delta_calibration.report.document import Table
 from delta_calibration.report.drawing import CALIBRATED, PAPER, Axis, Figure, Line, Panel, Points
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses
 from delta_calibration.wording import figures
 
 Array = NDArray[np.float64]

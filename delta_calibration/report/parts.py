@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.identification import Identification
+from delta_calibration.estimation import Identification
 from delta_calibration.report.document import Table
 from delta_calibration.report.drawing import (
     CALIBRATED,

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
+from delta_calibration.data import Poses
 from delta_calibration.errors import RecordingError
 from delta_calibration.report.document import Table
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Poses
 from delta_calibration.wording import moment
 
 _LIBRARIES = ("numpy", "scipy", "plotly", "mcap", "rosbags")

@@ -12,7 +12,7 @@ from delta_calibration.diagnosis.statement import MAP, SET_ASIDE
 from delta_calibration.diagnosis.verdict import Finding, Verdict
 from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report, Section, Table
-from delta_calibration.report.giveaway import giveaways, leftovers
+from delta_calibration.report.effect_plots import giveaways, leftovers
 from delta_calibration.report.glossary import glossary_section
 from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line, line_figure, line_table
@@ -203,7 +203,7 @@ def _set_aside(verdict: Verdict) -> tuple[str, ...]:
 
 def _workspace(judged: Judged) -> Section:
     baseline = judged.diagnosis.verdict.baseline.model
-    added = listed(spoken(m.label) for m in judged.diagnosis.model.members)
+    added = listed(spoken(m.label) for m in judged.diagnosis.model.terms)
     errors = {
         f"before: {baseline}": judged.before,
         "calibrated: geometry + frame": judged.calibrated,

@@ -67,12 +67,12 @@ def maps(
 def unknown_maps(judged: Judged) -> tuple[Figure, ...]:
     """Where structure lives that no cause explains: what the smooth map in the model moves."""
     return tuple(
-        _unknown(judged, member) for member in judged.diagnosis.model.members if member.unexplained
+        _unknown(judged, term) for term in judged.diagnosis.model.terms if term.unexplained
     )
 
 
-def _unknown(judged: Judged, member: Candidate) -> Figure:
-    moved = judged.moved_by(member, judged.rows)
+def _unknown(judged: Judged, term: Candidate) -> Figure:
+    moved = judged.moved_by(term, judged.rows)
     size = np.linalg.norm(moved - moved.mean(axis=0), axis=1)
     place, width = judged.place, kernel(judged.place)
     middle = np.median(place, axis=0)

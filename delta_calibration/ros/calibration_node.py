@@ -21,9 +21,15 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from delta_calibration.cell.backlog import WAIT_S
+from delta_calibration.cell.calibration_session import CalibrationSession
 from delta_calibration.cell.command_path import Sent
-from delta_calibration.cell.desk import Desk
-from delta_calibration.cell.fitting import DIAGNOSIS_STEPS, FIT_STEPS, Fitted, diagnosed, fit
+from delta_calibration.cell.fitting import (
+    DIAGNOSIS_STEPS,
+    FIT_STEPS,
+    FittedCalibration,
+    diagnosed,
+    fit,
+)
 from delta_calibration.cell.health import Health, Level
 from delta_calibration.cell.joint_bytes import Bytes
 from delta_calibration.cell.task import Task
@@ -62,7 +68,7 @@ WAYS = (("fit", fit, FIT_STEPS), ("diagnose", diagnosed, DIAGNOSIS_STEPS))
 
 
 class CalibrationNode(SafeLifecycleNode):
-    """Wires topics and services to a `Desk`; the command path runs on while a fit does.
+    """Wires topics and services to a `CalibrationSession`; the command path runs on while a fit does.
 
     Args:
         alone: whether the process is the node's own, to be made fit for commands at 1 kHz.
@@ -74,7 +80,7 @@ class CalibrationNode(SafeLifecycleNode):
         self._process = OwnProcess(alone)
         self._settings = ParameterTable(self, SPECS, self._on_change)
         warn_of_unknown(self)
-        self._desk: Desk | None = None
+        self._desk: CalibrationSession | None = None
         self._active = False
         self._refused = ""  # why the node could not be configured
         self._listening: list[Any] = []
@@ -104,9 +110,9 @@ class CalibrationNode(SafeLifecycleNode):
         self.shut_to_peers()
 
     def _serve(self) -> None:
-        orders: dict[str, Callable[[Desk], str]] = {
+        orders: dict[str, Callable[[CalibrationSession], str]] = {
             "start_capture": self._start_capture,
-            "stop_capture": Desk.stop_capture,
+            "stop_capture": CalibrationSession.stop_capture,
         }
         for name, order in orders.items():
             self.create_service(Trigger, f"~/{name}", partial(self._obey, order))
@@ -129,7 +135,7 @@ class CalibrationNode(SafeLifecycleNode):
 
     def _configure(self) -> None:
         self._require_apart()
-        desk = Desk(desk_settings(self._settings), self._follow)
+        desk = CalibrationSession(desk_settings(self._settings), self._follow)
         text, joints = self._settings.text, desk.robot.joints
         trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
         if trajectory_input and not trajectories:
@@ -164,7 +170,7 @@ class CalibrationNode(SafeLifecycleNode):
                 raise InputError(f"{heard} is {publisher.topic_name}, which the node itself sends")
 
     def _listen(self) -> None:
-        take: dict[str, Callable[[Desk, Any], None]] = {
+        take: dict[str, Callable[[CalibrationSession, Any], None]] = {
             "joint_command": self._on_command,
             "joint_states": self._on_states,
             "tracker/pose": self._on_pose,
@@ -223,7 +229,9 @@ class CalibrationNode(SafeLifecycleNode):
 
     # --- topics
 
-    def _receive(self, topic: str, take: Callable[[Desk, Any], None], message: Any) -> None:
+    def _receive(
+        self, topic: str, take: Callable[[CalibrationSession, Any], None], message: Any
+    ) -> None:
         """Hand a message on; one that is of no use is counted and told."""
         # The payload is said once, a temperature seldom: known before the node is active. Where
         # the drives stand has to be known when the first command comes.
@@ -240,7 +248,7 @@ class CalibrationNode(SafeLifecycleNode):
         if self._desk is not None and self._active:
             self._desk.watch.lose(topic, int(event.total_count_change), time.monotonic())
 
-    def _on_command(self, desk: Desk, message: bytes) -> None:
+    def _on_command(self, desk: CalibrationSession, message: bytes) -> None:
         """Send a command; of those that waited while the process stood still, only the last."""
         stamp, now_s = self._commands.stamp(message), time.monotonic()
         due = desk.backlog.take((message, stamp), nanoseconds(stamp), now_s)
@@ -256,7 +264,7 @@ class CalibrationNode(SafeLifecycleNode):
             for each in self._desk.backlog.release():
                 self._receive("joint_command", self._follow_command, each)
 
-    def _follow_command(self, desk: Desk, given: tuple[bytes, Stamp]) -> None:
+    def _follow_command(self, desk: CalibrationSession, given: tuple[bytes, Stamp]) -> None:
         """Send what a command comes to; all that can wait is done after that."""
         (message, stamp), now_s = given, time.monotonic()
         if desk.backlog.interrupted:
@@ -274,7 +282,9 @@ class CalibrationNode(SafeLifecycleNode):
         self._control(desk, sent, MARK)
         self._sent(desk, q, stamp_ns, False, now_s)
 
-    def _weigh(self, desk: Desk, message: bytes, stamp: Stamp, age_s: float, now_s: float) -> None:
+    def _weigh(
+        self, desk: CalibrationSession, message: bytes, stamp: Stamp, age_s: float, now_s: float
+    ) -> None:
         """Send what becomes of a command that wants more than to be corrected."""
         try:
             given = self._commands.read(message)
@@ -291,19 +301,21 @@ class CalibrationNode(SafeLifecycleNode):
             desk.watch.trouble("joint_command", desk.path.trouble, now_s)
             self._warn(f"joint_command: {desk.path.trouble}")
 
-    def _sent(self, desk: Desk, q: Array, stamp_ns: int, already: bool, now_s: float) -> None:
+    def _sent(
+        self, desk: CalibrationSession, q: Array, stamp_ns: int, already: bool, now_s: float
+    ) -> None:
         """Keep what is to be kept of a command that has been followed."""
         desk.keep(q, stamp_ns, already)
         self._markers.trail.see(q[: len(desk.robot.joints.names)], desk.path)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
 
-    def _send(self, desk: Desk, stamp: Stamp, sent: Sent | None) -> None:
+    def _send(self, desk: CalibrationSession, stamp: Stamp, sent: Sent | None) -> None:
         if sent is not None:
             mark, whole = MARK if sent.compensated else "", sent.whole
             self._out.publish(self._written[mark, len(whole)].message(whole, stamp))
             self._control(desk, sent, mark)
 
-    def _control(self, desk: Desk, sent: Sent, mark: str) -> None:
+    def _control(self, desk: CalibrationSession, sent: Sent, mark: str) -> None:
         """Send what goes to the drives to the controllers as well."""
         if self._controllers is None:
             return
@@ -312,7 +324,7 @@ class CalibrationNode(SafeLifecycleNode):
             desk.watch.trouble("command_controller", why, time.monotonic())
             self._warn(why)
 
-    def _age_s(self, desk: Desk, stamp_ns: int) -> float:
+    def _age_s(self, desk: CalibrationSession, stamp_ns: int) -> float:
         """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it.
 
         Not a number while the clock does not run: simulated time without a `/clock`.
@@ -326,16 +338,16 @@ class CalibrationNode(SafeLifecycleNode):
         if self._controllers is not None and self._active:
             self._controllers.send_all(data)
 
-    def _warn_of_trajectory(self, desk: Desk, why: str) -> None:
+    def _warn_of_trajectory(self, desk: CalibrationSession, why: str) -> None:
         desk.watch.trouble("trajectory", why, time.monotonic())
         self._warn(f"trajectory: {why}")
 
-    def _refuse_trajectory(self, desk: Desk, why: str) -> None:
+    def _refuse_trajectory(self, desk: CalibrationSession, why: str) -> None:
         name = self._settings.text("trajectory_input")
         desk.watch.refuse(name, why, time.monotonic())
         self._warn(f"{name}: refused: {why}")
 
-    def _on_states(self, desk: Desk, message: bytes) -> None:
+    def _on_states(self, desk: CalibrationSession, message: bytes) -> None:
         given = self._states.read(message)
         q, now_s = given.position, time.monotonic()
         desk.watch.heard("joint_states", now_s)
@@ -346,26 +358,28 @@ class CalibrationNode(SafeLifecycleNode):
         self._nominal.publish(self._written["", len(nominal)].message(nominal, given.stamp))
         desk.measured(q, nanoseconds(given.stamp))
 
-    def _on_pose(self, desk: Desk, message: Any) -> None:
+    def _on_pose(self, desk: CalibrationSession, message: Any) -> None:
         reflector = desk.robot.tracker.measures == "position"
         self._take_reading(desk, conversions.tracker_pose(message, position_only=reflector))
 
-    def _on_point(self, desk: Desk, message: Any) -> None:
+    def _on_point(self, desk: CalibrationSession, message: Any) -> None:
         self._take_reading(desk, conversions.tracker_point(message))
 
-    def _take_reading(self, desk: Desk, reading: conversions.TrackerReading) -> None:
+    def _take_reading(self, desk: CalibrationSession, reading: conversions.TrackerReading) -> None:
         desk.watch.heard("tracker", time.monotonic())
         desk.capture.add_tracker(reading.stamp_ns, reading.position, reading.quaternion)
 
-    def _on_temperature(self, desk: Desk, message: Any) -> None:
+    def _on_temperature(self, desk: CalibrationSession, message: Any) -> None:
         desk.is_warm(*conversions.temperature(message), time.monotonic())
 
-    def _on_payload(self, desk: Desk, message: Any) -> None:
+    def _on_payload(self, desk: CalibrationSession, message: Any) -> None:
         desk.carries(*conversions.payload(message), time.monotonic())
 
     # --- services
 
-    def _obey(self, order: Callable[[Desk], str], _request: Any, response: Any) -> Any:
+    def _obey(
+        self, order: Callable[[CalibrationSession], str], _request: Any, response: Any
+    ) -> Any:
         """Answer with the desk's sentence, or with false and the reason."""
         try:
             response.message, response.success = order(self._require_desk()), True
@@ -377,12 +391,12 @@ class CalibrationNode(SafeLifecycleNode):
     def _on_enable(self, request: Any, response: Any) -> Any:
         return self._obey(partial(self._enable, bool(request.data)), request, response)
 
-    def _enable(self, on: bool, desk: Desk) -> str:
+    def _enable(self, on: bool, desk: CalibrationSession) -> str:
         if on:  # activated, it would be off again
             self._require_active()
         return desk.enable(on)
 
-    def _start_capture(self, desk: Desk) -> str:
+    def _start_capture(self, desk: CalibrationSession) -> str:
         self._require_active()
         return desk.start_capture(time.monotonic())
 
@@ -390,12 +404,14 @@ class CalibrationNode(SafeLifecycleNode):
         if not self._active:
             raise DataError(f"the node is {self.state}; activate it first")
 
-    def _require_desk(self) -> Desk:
+    def _require_desk(self) -> CalibrationSession:
         if self._desk is None:
             raise DataError(f"the node is {self.state}; configure it first")
         return self._desk
 
-    def _prepare_fit(self, name: str, way: Callable[..., Fitted], steps: Sequence[str]) -> Work:
+    def _prepare_fit(
+        self, name: str, way: Callable[..., FittedCalibration], steps: Sequence[str]
+    ) -> Work:
         desk, task = self._require_desk(), Task(name, steps, time.monotonic())
         work = desk.prepare_fit(way, task.begin)
         self._task = task
@@ -473,7 +489,7 @@ class CalibrationNode(SafeLifecycleNode):
             doing[task.name] = task.sentence(), task.values(time.monotonic())
         return doing
 
-    def _look_for_others(self, desk: Desk) -> None:
+    def _look_for_others(self, desk: CalibrationSession) -> None:
         """Tell of another that sends commands to the drives: they follow each in turn."""
         senders = self.count_publishers(self._out.topic_name)
         if self._active and senders > 1:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from delta_calibration.cell.calibration_session import Settings
 from delta_calibration.cell.command_path import BEYOND_LIMITS, ON_FAILURE, PASS_THROUGH, REFUSE
-from delta_calibration.cell.desk import Settings
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S
 from delta_calibration.compensation import METHODS
 from delta_calibration.mechanisms import MECHANISMS

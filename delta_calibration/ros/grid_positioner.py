@@ -32,7 +32,7 @@ from delta_calibration.cell.positioning import (
     require_outcomes,
     write_outcomes,
 )
-from delta_calibration.cell.standing import Standing
+from delta_calibration.cell.stop_detector import StopDetector
 from delta_calibration.compensation.grid_search import Stop
 from delta_calibration.compensation.joint_lattice import GridSettings
 from delta_calibration.errors import CalibrationError, DataError, InputError
@@ -139,7 +139,7 @@ class GridPositioner(BaseNode):
         self._moves = 0
         self._here: Array | None = None  # where the machine stands, then where it was sent last
         self._motion: list[Array] = []  # commands still to be sent
-        self._standing: Standing | None = None
+        self._standing: StopDetector | None = None
         self._last: Array | None = None  # what the tracker said at the stop before
         self._created = self._arrived = time.monotonic()
         self._found: float | None = None  # when somebody was seen to listen
@@ -298,9 +298,9 @@ class GridPositioner(BaseNode):
         self._motion, self._here = list(leg.joint), step
         self._moves += 1
 
-    def _stop(self) -> Standing:
+    def _stop(self) -> StopDetector:
         joints = self._robot.joints
-        return Standing(
+        return StopDetector(
             joints.names,
             self._positioning.step,
             max(self._unit / 2.0, ENCODER_SIGMAS * joints.encoder),

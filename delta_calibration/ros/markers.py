@@ -15,7 +15,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from delta_calibration.cell.background import Background
-from delta_calibration.cell.desk import Desk
+from delta_calibration.cell.calibration_session import CalibrationSession
 from delta_calibration.cell.guard_trail import GuardTrail
 from delta_calibration.cell.scene import Drawing, Kind, scene
 from delta_calibration.description import BASE
@@ -45,7 +45,7 @@ class Markers:
     def __init__(
         self,
         node: Node,
-        desk: Callable[[], Desk | None],
+        desk: Callable[[], CalibrationSession | None],
         scale: Callable[[], float],
         prefix: str = "",
     ) -> None:

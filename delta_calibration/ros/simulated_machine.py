@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.data import Conditions
 from delta_calibration.errors import ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions
-from delta_calibration.simulation import PARTS, Climate, Following, Machine
+from delta_calibration.simulation import PARTS, Climate, Following, TrueMachine
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class SimulatedMachine:
     """
 
     def __init__(
-        self, machine: Machine, rng: np.random.Generator, now: float, climate: Climate = STEADY
+        self, machine: TrueMachine, rng: np.random.Generator, now: float, climate: Climate = STEADY
     ) -> None:
         self._machine = machine
         self._rng = rng

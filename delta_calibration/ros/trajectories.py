@@ -20,7 +20,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory
 
 from delta_calibration.cell.background import Background
-from delta_calibration.cell.desk import Desk
+from delta_calibration.cell.calibration_session import CalibrationSession
 from delta_calibration.cell.trajectory import Points
 from delta_calibration.cell.trajectory import Sent as TrajectorySent
 from delta_calibration.cell.trajectory_bytes import (
@@ -40,7 +40,7 @@ REPLACED = "trajectory replaced by a newer one"
 class _Work:
     """One trajectory on its way."""
 
-    desk: Desk
+    desk: CalibrationSession
     came_s: float  # steady time
     background: Background[tuple[TrajectorySent, Callable[[Points], bytes], bool]]
 
@@ -61,18 +61,18 @@ class Trajectories:
         node: Node,
         mark: str,
         send: Callable[[bytes], None],
-        tell: Callable[[Desk, str], None],
-        refuse: Callable[[Desk, str], None],
+        tell: Callable[[CalibrationSession, str], None],
+        refuse: Callable[[CalibrationSession, str], None],
     ) -> None:
         self._node, self._mark, self._send = node, mark, send
         self._tell, self._refuse = tell, refuse
         self._work: _Work | None = None
-        self._waiting: tuple[Desk, bytes, float, int] | None = None
+        self._waiting: tuple[CalibrationSession, bytes, float, int] | None = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._poll = node.create_timer(POLL_S, self._look, clock=steady)
         self._poll.cancel()
 
-    def take(self, desk: Desk, data: bytes) -> None:
+    def take(self, desk: CalibrationSession, data: bytes) -> None:
         """Begin with a trajectory, or let it wait for the one that is worked on."""
         if self._waiting is not None:
             desk.path.counts[REPLACED] += 1

@@ -10,7 +10,7 @@ from delta_calibration.simulation.camera import CameraOver, other_elbow
 from delta_calibration.simulation.climate import AMBIENT, PARTS, Climate
 from delta_calibration.simulation.following import Following
 from delta_calibration.simulation.hidden import hideable_causes
-from delta_calibration.simulation.machine import Machine, draw_machine, standing
+from delta_calibration.simulation.machine import TrueMachine, draw_machine, standing
 from delta_calibration.simulation.options import effect_options
 from delta_calibration.simulation.session import simulate_session
 from delta_calibration.simulation.visit import days_later, visited
@@ -22,7 +22,7 @@ __all__ = [
     "CameraOver",
     "Climate",
     "Following",
-    "Machine",
+    "TrueMachine",
     "days_later",
     "draw_machine",
     "effect_options",

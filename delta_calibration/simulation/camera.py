@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import ConfigError, ReachError
 from delta_calibration.geometry import Frame, rotations
-from delta_calibration.simulation.machine import Machine, standing
+from delta_calibration.simulation.machine import TrueMachine, standing
 
 Array = NDArray[np.float64]
 
@@ -21,11 +21,11 @@ _TILT = 0.03  # [rad] that it looks beside straight down
 class CameraOver:
     """A camera that hangs still over a machine and sees a mark at its tool."""
 
-    machine: Machine
+    machine: TrueMachine
     frame: Frame  # T_camera_base, the truth
 
     @classmethod
-    def hung(cls, machine: Machine, seed: int) -> CameraOver:
+    def hung(cls, machine: TrueMachine, seed: int) -> CameraOver:
         """Where the robot's file says, as well as people hang cameras, turned anyhow.
 
         Raises:
@@ -58,7 +58,7 @@ class CameraOver:
         return np.asarray(pixel + sight.noise * rng.standard_normal((count, 2)))
 
 
-def other_elbow(machine: Machine) -> Machine:
+def other_elbow(machine: TrueMachine) -> TrueMachine:
     """The same machine with the elbow of its drawing's home bent the other way.
 
     Of the postures that reach a place, an arm's controller takes that of its home.

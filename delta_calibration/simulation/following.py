@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.samples import Stroke
+from delta_calibration.data import Stroke
 
 Array = NDArray[np.float64]
 

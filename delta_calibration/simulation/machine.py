@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Conditions, at_rest
 from delta_calibration.simulation.climate import AMBIENT, PARTS
 from delta_calibration.simulation.hidden import Causes, hide
 
@@ -20,7 +20,7 @@ _DISTANCE = 3.0  # [m] of the tracker from the robot's base
 
 
 @dataclass(frozen=True)
-class Machine:
+class TrueMachine:
     """A machine as it really is, in front of a tracker; its chain has all effects that it has."""
 
     robot: Robot
@@ -106,7 +106,9 @@ def standing(joint: Array, payload: float = 0.0) -> Conditions:
     )
 
 
-def draw_machine(robot: Robot, seed: int, scatter: float = 1.0, hidden: Causes = ()) -> Machine:
+def draw_machine(
+    robot: Robot, seed: int, scatter: float = 1.0, hidden: Causes = ()
+) -> TrueMachine:
     """A machine whose parts deviate by `scatter` times their tolerances, a tracker about 3 m away.
 
     Args:
@@ -134,6 +136,6 @@ def draw_machine(robot: Robot, seed: int, scatter: float = 1.0, hidden: Causes =
     theta = chain.join(parameters.nominal + scatter * drawn, offset, Frame(rotation, place))
     causes = hide(robot, chain, hidden, seed)
     theta[chain.layout.dimensions] += causes.shift
-    return Machine(
+    return TrueMachine(
         robot, chain.with_effects(causes.effects), np.concatenate([theta, causes.values])
     )

@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.errors import ReachError
-from delta_calibration.plans import Leg, Plan, legs
-from delta_calibration.samples import (
+from delta_calibration.data import (
     SIMULATED_NS,
     Conditions,
     JointStream,
@@ -20,8 +18,10 @@ from delta_calibration.samples import (
     TrackerStream,
     motion_of,
 )
+from delta_calibration.errors import ReachError
+from delta_calibration.plans import Leg, Plan, legs
 from delta_calibration.simulation.climate import PARTS, Climate
-from delta_calibration.simulation.machine import Machine
+from delta_calibration.simulation.machine import TrueMachine
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -32,7 +32,7 @@ _FINE = 20.0  # [1/s] at which the motion between slower samples is looked at
 
 
 def simulate_session(
-    machine: Machine,
+    machine: TrueMachine,
     plan: Plan,
     seed: int,
     rate: float = 20.0,
@@ -99,7 +99,7 @@ def _started(way: Leg) -> NDArray[np.bool_]:
 
 
 def _motion(
-    plan: Plan, machine: Machine, rate: float, period: float, climate: Climate
+    plan: Plan, machine: TrueMachine, rate: float, period: float, climate: Climate
 ) -> tuple[Sequence[Leg], Conditions, JointStream]:
     """The legs of a plan at `rate`, the conditions of all their samples, and the commands."""
     each = max(1, int(np.ceil(_FINE / rate)))
@@ -135,7 +135,7 @@ def _thinned(leg: Leg, each: int) -> Leg:
     return Leg(leg.time[::each], leg.joint[::each], leg.resting[::each], leg.payload)
 
 
-def _readings(machine: Machine, at: Conditions, rng: np.random.Generator, plan: Plan) -> Array:
+def _readings(machine: TrueMachine, at: Conditions, rng: np.random.Generator, plan: Plan) -> Array:
     try:
         return machine.readings(at, rng)
     except ReachError as error:

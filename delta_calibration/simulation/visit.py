@@ -7,9 +7,9 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from delta_calibration.data import Session
 from delta_calibration.robot import Robot
-from delta_calibration.samples import Session
-from delta_calibration.simulation.machine import Machine, draw_machine
+from delta_calibration.simulation.machine import TrueMachine, draw_machine
 
 Stream = TypeVar("Stream")
 
@@ -17,8 +17,8 @@ _DAY_NS = 86_400_000_000_000
 
 
 def visited(
-    machine: Machine, robot: Robot, seed: int, visit: int, scatter: float = 1.0
-) -> Machine:
+    machine: TrueMachine, robot: Robot, seed: int, visit: int, scatter: float = 1.0
+) -> TrueMachine:
     """The machine before a tracker that stands elsewhere, its reflector mounted anew.
 
     Args:

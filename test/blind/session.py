@@ -15,7 +15,7 @@ from blind.cell import Cell, Measured
 from blind.plans import PLANS, held_out
 from blind.signal import Left, Signal, left, lefts, signal
 from blind.world import CENTRE, State, World
-from delta_calibration.samples import (
+from delta_calibration.data import (
     JointStream,
     PayloadStream,
     Session,

@@ -1,0 +1,423 @@
+"""The desk at which a cell is calibrated: capture, fit, save, reload, switch on.
+
+Every order answers with a sentence, or raises a CalibrationError with the reason and leaves
+everything as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.calibration import Calibration
+from delta_calibration.calibration_file import load_calibration, require_ours
+from delta_calibration.cell.backlog import Backlog
+from delta_calibration.cell.capture import Capture
+from delta_calibration.cell.command_path import PASS_THROUGH, REFUSE, CommandPath, Sent
+from delta_calibration.cell.fitting import COMPENSATOR, FittedCalibration, Step, fit, silent
+from delta_calibration.cell.health import Health, Level, Watch
+from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S, Surroundings
+from delta_calibration.cell.trajectory import Points, TrajectoryPath
+from delta_calibration.cell.trajectory import Sent as TrajectorySent
+from delta_calibration.cell.usual import UsualWay, warm_up
+from delta_calibration.compensation import TABLE, Follow, JointCompensator, Table, load_table
+from delta_calibration.data import Session
+from delta_calibration.errors import (
+    ContentError,
+    DataError,
+    InputError,
+    MistakeError,
+    RefusedFileError,
+)
+from delta_calibration.robot import Robot, load_robot
+
+Array = NDArray[np.float64]
+
+SOURCE = "captured"
+RATE = 5.0  # [rad/s] usual fastest change of a correction of a Delta's joint
+NAMED = 3  # troubles told at once
+AT_ONCE_S = 0.1  # of a ramp that one output makes up for
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a desk is set up with."""
+
+    robot: str  # file or name
+    calibration: str = ""  # file; empty for none
+    method: str = "newton"
+    table: str = ""  # file of a table of corrections, for method table; empty: it is made
+    on_failure: str = PASS_THROUGH
+    beyond_limits: str = REFUSE
+    ramp_s: float = 1.0  # [s]
+    # fastest change of a joint's correction, in its own unit [rad/s or m/s]; 0 for the usual one
+    rate: float = 0.0
+    command_timeout_s: float = 0.0  # [s]; 0 for none
+    temperature_timeout_s: float = TEMPERATURE_TIMEOUT_S
+    payload_timeout_s: float = 0.0  # [s]; 0 for none
+    model: str = ""  # mechanism to fit; empty for the robot file's
+    capture_limit: int = 1_000_000  # messages
+    seed: int = 0
+
+
+class CalibrationSession:
+    """A robot with its capture, its command path and its calibration.
+
+    `follow` is handed the blocks of work of a table that is made, to show how far it is.
+
+    Raises:
+        CalibrationError: robot, calibration or table cannot be loaded, or the table is stale;
+            nothing is half set up then.
+    """
+
+    def __init__(self, settings: Settings, follow: Follow = iter) -> None:
+        if settings.table and settings.method != TABLE:
+            raise InputError(f"parameter table: is for method {TABLE!r}, not {settings.method!r}")
+        self.settings, self._follow = settings, follow
+        self.robot = load_robot(settings.robot)
+        self._model = self.robot.model(settings.model or None).name
+        self._joints = len(self.robot.joints.names)
+        self.capture = Capture(self.robot.joints.names, settings.capture_limit)
+        self.path = CommandPath(
+            settings.on_failure,
+            settings.ramp_s,
+            self._rate(settings.rate),
+            settings.command_timeout_s,
+            self.robot.joints.speed,
+            self.robot.joints.unit,
+            (self.robot.joints.lower, self.robot.joints.upper),
+            settings.beyond_limits,
+            AT_ONCE_S,
+        )
+        self.trajectories = TrajectoryPath(self.path)
+        self.around = Surroundings(
+            len(self.robot.joints.names),
+            settings.temperature_timeout_s,
+            settings.payload_timeout_s,
+            self.robot.commanded.joint_size,
+        )
+        joints = self.robot.joints
+        self.usual = UsualWay(joints.names, self.path, self.around, joints.passed_through)
+        self._by_conditions, self._way = False, settings.method
+        self.watch = Watch()
+        self.backlog: Backlog[Any] = Backlog()
+        self.fitted: FittedCalibration | None = None
+        self.calibration: Calibration | None = None
+        self._capture_since_s = 0.0
+        self._mistake = ""  # of what was captured last, by which a fit was refused
+        if settings.calibration:
+            self.reload(settings.calibration, settings.table)
+
+    def set_options(
+        self, on_failure: str, ramp_s: float, rate: float, timeout_s: float, beyond_limits: str
+    ) -> None:
+        """Change options of the command path; see `CommandPath.set_options` and `Settings`."""
+        self.path.set_options(on_failure, ramp_s, self._rate(rate), timeout_s, beyond_limits)
+
+    def _rate(self, asked: float) -> float:
+        """Fastest change of a correction [rad/s or m/s]; by default as of a Delta's platform."""
+        return RATE * self.robot.commanded.joint_size if asked == 0.0 else asked
+
+    def follow(self, message: bytes, now_s: float, age_s: float = 0.0) -> bytes | None:
+        """What goes to the drives for a usual command; None for one that `send` is to be asked.
+
+        Both are serialized messages. Where something is returned, `usual.went` has to be called.
+        """
+        if self.trajectories.under_way or not self.path.in_time(age_s):
+            self.usual.seen = False
+            return None
+        return self.usual.take(message, now_s)
+
+    def send(
+        self,
+        q: Array,
+        stamp_ns: int,
+        now_s: float,
+        already: bool,
+        age_s: float = 0.0,
+        seen: bool = False,
+    ) -> Sent | None:
+        """What goes to the drives for a command (m,) or, with what is passed through, (m + k,).
+
+        See `CommandPath.send`. Where its motion has been `seen` already, no notice is taken of it
+        again.
+        """
+        self.trajectories.settle(now_s)
+        q, carried = q[: self._joints], q[self._joints :]
+        at = None
+        if self.path.takes(q, age_s):
+            if not seen:  # while nothing is compensated, too: play remembers
+                self.around.moved(q, stamp_ns)
+            at = self.around.at(q, now_s) if self._by_conditions else None
+        return self.path.send(q, stamp_ns, now_s, already, at, age_s, carried)
+
+    def keep(self, q: Array, stamp_ns: int, already: bool) -> None:
+        """Record a command, as given to `send`; what can wait until the drives have theirs."""
+        if not already:
+            self.capture.add_command(stamp_ns, q[: self._joints])
+
+    def begin_all(
+        self, points: Callable[[], tuple[Points, bool]], now_s: float
+    ) -> Callable[[], TrajectorySent]:
+        """The work that makes what goes to a controller; see `TrajectoryPath.begin`."""
+        around = self.around if self._by_conditions else None
+        return self.trajectories.begin(points, now_s, around)
+
+    def nominal(self, measured: Array, now_s: float) -> Array:
+        """What upstream is to see of measured joints, (m,) or (m + k,) as in `send` [rad]."""
+        self.trajectories.settle(now_s)
+        own, carried = measured[: self._joints], measured[self._joints :]
+        return np.concatenate([self.path.nominal(own), carried])
+
+    def stand(self, measured: Array, now_s: float) -> None:
+        """Take notice of where the drives stand, (m,) or (m + k,) as in `send` [rad]."""
+        self.path.stand(measured[: self._joints], now_s, measured[self._joints :])
+
+    def measured(self, q: Array, stamp_ns: int) -> None:
+        """Record where the drives stand, as given to `stand`."""
+        self.capture.add_states(stamp_ns, q[: self._joints])
+
+    def is_warm(self, part: str, stamp_ns: int, celsius: float, now_s: float) -> None:
+        """Temperature of a part [deg C]."""
+        self.around.is_warm(part, celsius, now_s)
+        self.usual.prepare(now_s)
+        self.capture.add_temperature(part, stamp_ns, celsius)
+
+    def carries(self, stamp_ns: int, mass: float, centre: Array, now_s: float) -> None:
+        """What is on the platform from now on: mass [kg], centre of mass (3,) [m]."""
+        self.around.carries(mass, centre, now_s)
+        self.usual.prepare(now_s)
+        self.capture.add_payload(stamp_ns, mass, centre)
+
+    def reset(self) -> None:
+        """Forget the motion so far, as after a pause of unknown length; compensation is off."""
+        self.trajectories.reset()
+        self.backlog.forget()
+        self.path.reset()
+        self.around.reset()
+
+    @property
+    def left_out(self) -> str:
+        """What the calibration holds and nothing is done about, as a sentence, or nothing."""
+        if self.calibration is None or not self.calibration.left_out:
+            return ""
+        causes = ", ".join(self.calibration.left_out)
+        return (
+            f"{causes}: found in the session, not compensated, as it goes by that session's clock"
+        )
+
+    @property
+    def _doubt(self) -> str:
+        """What to know before the calibration is relied on, where it was fitted here."""
+        fitted = self.fitted
+        if fitted is None or self.calibration is not fitted.calibration:
+            return ""
+        return "; ".join(fitted.doubts)
+
+    def start_capture(self, now_s: float) -> str:
+        """Begin to keep what is measured."""
+        if self.capture.running:
+            raise DataError(f"capturing already, {self.capture.held} messages so far")
+        before, self._mistake = self.capture.held, ""
+        self.capture.start()
+        self._capture_since_s = now_s
+        return f"capturing; {before} messages from before were let go" if before else "capturing"
+
+    def stop_capture(self) -> str:
+        """Keep no more; what is there can be fitted."""
+        if not self.capture.running:
+            raise DataError("nothing is being captured")
+        self.capture.stop()
+        notes = "".join(f"; {note}" for note in self.capture.notes())
+        counts = ", ".join(f"{n} {stream}" for stream, n in self.capture.counts.items())
+        return f"captured {counts}{notes}"
+
+    def prepare_fit(
+        self,
+        way: Callable[[Session, Robot, str, int, Step], FittedCalibration] = fit,
+        step: Step = silent,
+    ) -> Callable[[], tuple[FittedCalibration, JointCompensator]]:
+        """The work of a fit to what is held now; may be done on another thread.
+
+        Args:
+            way: `fit`, or `diagnosed` to extend the model as well.
+            step: is told of each step of the work as it begins.
+
+        Raises:
+            DataError: nothing was captured.
+        """
+        if not self.capture.held:
+            raise DataError("nothing was captured; call start_capture and measure first")
+        held = self.capture.frozen()
+
+        def work() -> tuple[FittedCalibration, JointCompensator]:
+            session = held.session(SOURCE)
+            self._mistake = ""
+            try:
+                fitted = way(session, self.robot, self._model, self.settings.seed, step)
+            except MistakeError as error:
+                self._mistake = f"not fitted: {error}"
+                raise
+            step(COMPENSATOR)
+            return fitted, self._compensator(fitted.calibration)
+
+        return work
+
+    def take(self, fitted: FittedCalibration, compensator: JointCompensator) -> str:
+        """Load what was fitted; compensation that is on ramps over to it, none is switched on."""
+        self.fitted = fitted
+        self._load(fitted.calibration, compensator)
+        return f"{self.robot.named(fitted.sentence())}; {self._loaded_sentence()}"
+
+    def save(self, path: str) -> str:
+        """Write what was fitted, whole or not at all."""
+        return self.prepare_save(path)()
+
+    def prepare_save(self, path: str) -> Callable[[], str]:
+        """The work of `save`; may be done on another thread.
+
+        Raises:
+            DataError: nothing was fitted, or the last fit was refused.
+            InputError: no path.
+        """
+        fitted, robot = self.fitted, self.robot
+        if self._mistake:
+            raise MistakeError(f"nothing to save: {self._mistake}")
+        if fitted is None:
+            raise DataError("nothing was fitted since the node was configured; nothing to save")
+        if not path:
+            raise InputError("parameter output: is empty; it names the calibration file to write")
+        file = Path(path).expanduser()
+
+        def work() -> str:
+            require_ours(file)
+            fitted.save(file, robot)
+            return f"saved to {file}"
+
+        return work
+
+    def reload(self, path: str, table: str = "") -> str:
+        """Load a calibration file; the one in force stays if this one is no good."""
+        return self.take_file(path, *self.prepare_reload(path, table)())
+
+    def prepare_reload(
+        self, path: str, table: str = ""
+    ) -> Callable[[], tuple[Calibration, JointCompensator]]:
+        """The work of reading a calibration and its table; may be done on another thread.
+
+        Without the file of a table, one is made where the method is to use one.
+
+        Raises:
+            InputError: no path.
+        """
+        if not path:
+            raise InputError("parameter calibration: is empty; it names the file to load")
+
+        def work() -> tuple[Calibration, JointCompensator]:
+            try:
+                calibration = load_calibration(Path(path).expanduser(), self.robot)
+            except ContentError as error:  # who asks need not see what is in it
+                message = f"{path}: is no calibration file of this package; the log says why"
+                raise RefusedFileError(message, str(error)) from error
+            read = load_table(Path(table).expanduser(), calibration) if table else None
+            return calibration, self._compensator(calibration, read)
+
+        return work
+
+    def take_file(self, path: str, calibration: Calibration, compensator: JointCompensator) -> str:
+        """Load what was read; compensation that is on ramps over to it, none is switched on."""
+        self._load(calibration, compensator)
+        return f"{path}, made from {calibration.source}, {self._loaded_sentence()}"
+
+    def enable(self, on: bool) -> str:
+        """Switch compensation."""
+        self.path.enable(on)
+        ramp = f"over {self.path.ramp_s:g} s"
+        return f"compensation comes on {ramp}" if on else f"compensation goes off {ramp}"
+
+    def captured(self, now_s: float) -> tuple[str, dict[str, object]]:
+        """How far a capture has come: a sentence, and figures."""
+        held, limit = self.capture.held, self.settings.capture_limit
+        figures: dict[str, object] = {
+            "elapsed [s]": f"{now_s - self._capture_since_s:.1f}",
+            **{f"{stream} messages": n for stream, n in self.capture.counts.items()},
+            "of the limit [%]": f"{100 * held / limit:.1f}",
+            "lost messages": self.capture.lost,
+        }
+        return f"{held} messages held", figures
+
+    def health(self, now_s: float, tracker_timeout_s: float) -> Health:
+        """How the cell is doing."""
+        troubles = self._silent(now_s, tracker_timeout_s) + self.watch.recent(now_s)
+        troubles += self.capture.notes() if self.capture.running else ()
+        troubles += tuple(filter(None, [self._mistake, self._doubt]))
+        message = "; ".join([self._state(), *troubles[:NAMED]])
+        return Health(Level.WARN if troubles else Level.OK, message, self._values())
+
+    def _silent(self, now_s: float, limit_s: float) -> list[str]:
+        if not self.capture.running:
+            return []
+        since_s = self._capture_since_s
+        silent = {s: self.watch.silent_s(s, since_s, now_s) for s in ("tracker", "joint_states")}
+        return [f"{s} silent for {t:.1f} s" for s, t in silent.items() if t > limit_s]
+
+    def _state(self) -> str:
+        if self.path.enabled:
+            state = f"compensating by {self._way}"
+        else:
+            state = "passing commands through, " + (
+                "compensation is off" if self.path.loaded else "no calibration"
+            )
+        return f"{state}, capturing" if self.capture.running else state
+
+    def _values(self) -> dict[str, object]:
+        calibration = self.calibration
+        return {
+            "robot": self.robot.name,
+            "enabled": self.path.enabled,
+            "on failure": self.path.on_failure,
+            "calibration": "none" if calibration is None else calibration.seal[:12],
+            "calibration made from": "" if calibration is None else calibration.source,
+            "effects compensated": ""
+            if calibration is None
+            else ", ".join(effect.cause for effect, _ in calibration.live),
+            "effects left out": self.left_out,
+            f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",
+            "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
+            "command took longer than its period": self.watch.late,
+            "command lost while the process stood still": self.backlog.lost,
+            "command late, a newer one sent": self.backlog.superseded,
+            **{f"captured {stream}": n for stream, n in self.capture.counts.items()},
+            "captured lost": self.capture.lost,
+            **{f"command {what}": n for what, n in self.path.counts.items()},
+            **{f"{stream} refused": n for stream, n in self.watch.refused.items()},
+            **{f"{stream} lost on the way": n for stream, n in self.watch.lost.items()},
+        }
+
+    def _compensator(
+        self, calibration: Calibration, table: Table | None = None
+    ) -> JointCompensator:
+        method, seed = self.settings.method, self.settings.seed
+        compensator = JointCompensator(calibration, method, seed, table=table, follow=self._follow)
+        # The first use is slow (imports, buffers), and so not left to the first command.
+        compensator.compensate(self.robot.model().home[None])
+        warm_up(compensator)
+        return compensator
+
+    def _load(self, calibration: Calibration, compensator: JointCompensator) -> None:
+        self.calibration = calibration
+        self._by_conditions, self._way = compensator.needs_conditions, compensator.way
+        self.path.load(compensator)
+
+    def _loaded_sentence(self) -> str:
+        return "; ".join(filter(None, (self._loaded(), self.left_out)))
+
+    def _loaded(self) -> str:
+        if self.path.enabled:
+            return f"loaded; compensation is on and goes over to it in {self.path.ramp_s:g} s"
+        return "loaded, not enabled"

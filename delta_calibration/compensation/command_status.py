@@ -1,0 +1,69 @@
+"""What a compensator answers to commands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class CommandStatus(Enum):
+    """What became of a command; the value is the reason in words."""
+
+    CORRECTED = "corrected"
+    NOT_FINITE = "a joint angle is not a finite number"
+    JOINT_LIMIT = "beyond a joint's limit, as commanded or as corrected"
+    OUT_OF_REACH = "no pose of the nominal robot"
+    OUTSIDE_REGION = "outside the calibrated region"
+    SINGULAR = "near a singularity"
+    SLACK = "a cable would hang slack"
+    OUTSIDE_TABLE = "outside the table of corrections"
+    NOT_REACHED = "no correction within the bound reaches the target"
+    MISSING_CONDITION = "a condition that the model needs is not known"
+
+
+@dataclass(frozen=True)
+class Compensated:
+    """Corrected commands, and what became of each."""
+
+    joint: Array  # (n, m) [rad] what to send: q + dq, or q where there is no correction
+    correction: Array  # (n, m) [rad]
+    # (n,) [m] distance to the target *by the model*; infinite without correction
+    model_error: Array
+    evaluations: NDArray[np.int64]  # (n,) of the model
+    verdicts: tuple[CommandStatus, ...]  # (n,)
+    missing: str = ""  # what was not known, in words
+    # (n,) of the whole correction that `correction` is: 1 in the calibrated region, less and less
+    # beyond it. None where corrections end at an edge instead
+    share: Array | None = None
+    # (n,) [rad] turn that is left to the target, as `model_error`; None where the joints command
+    # no turn
+    model_turn: Array | None = None
+
+    def blended(self, row: int) -> bool:
+        """Whether a command got a part of its correction only."""
+        return self.share is not None and 0.0 < float(self.share[row]) < 1.0
+
+    @classmethod
+    def joined(cls, parts: Sequence[Compensated]) -> Compensated:
+        """Commands one after the other, in one."""
+        return cls(
+            joint=np.concatenate([part.joint for part in parts]),
+            correction=np.concatenate([part.correction for part in parts]),
+            model_error=np.concatenate([part.model_error for part in parts]),
+            evaluations=np.concatenate([part.evaluations for part in parts]),
+            verdicts=tuple(verdict for part in parts for verdict in part.verdicts),
+            missing=next((part.missing for part in parts if part.missing), ""),
+            share=_joined([part.share for part in parts]),
+            model_turn=_joined([part.model_turn for part in parts]),
+        )
+
+
+def _joined(parts: Sequence[Array | None]) -> Array | None:
+    there = [part for part in parts if part is not None]
+    return np.concatenate(there) if len(there) == len(parts) else None

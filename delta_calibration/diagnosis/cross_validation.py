@@ -1,0 +1,180 @@
+"""What an explanation is worth on data that the fit has not seen.
+
+Sectors of the workspace are held out in turn, then stretches of time, which hold the payload's and
+the temperature's blocks. A cause has to foretell in each what was learned of it in the others; how
+much nearer the predictions then are, between the error before and the noise, is its gain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.scores import change, most_likely
+
+Array = NDArray[np.float64]
+
+_PARTS = 5
+_CELL = 0.05  # [m]
+_LEARNABLE = 0.2  # of the information
+_DRAWS = 400
+_SURE = 0.025  # quantile under which the gain's interval begins
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Squared distance between predicted and measured, each sample by a fit without its part."""
+
+    square: Array  # (n,) [m^2]; of what was set aside too, where that was looked at
+    part: NDArray[np.int64]  # (n,) which part it was held out with
+
+    def rms(self, rows: NDArray[np.bool_]) -> float:
+        """Root mean square of the 3-D distance over some samples [m]."""
+        return float(np.sqrt(np.nanmean(self.square[rows])))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """How much of the avoidable error a term takes away, held out."""
+
+    before: float  # [m]
+    after: float  # [m]
+    share: float  # 1 is all but the noise
+    low: float  # of the 95 % interval of `share`
+    high: float
+    in_motion: bool = False  # told of readings on paths, as the term does not show at rest
+
+
+def sectors(evidence: LinearizedModel) -> NDArray[np.int64]:
+    """Sector of the workspace that each sample lies in, (n,): equal numbers of poses in each."""
+    place = evidence.chain.mechanism.position(evidence.pose)
+    bearing = np.arctan2(place[:, 1], place[:, 0])
+    return _parts(bearing, bearing[: evidence.poses])
+
+
+def stretches(evidence: LinearizedModel) -> NDArray[np.int64]:
+    """Stretch of time that each sample lies in, (n,)."""
+    time = evidence.at.time
+    return _parts(time, time[: evidence.poses])
+
+
+def scattered(evidence: LinearizedModel) -> NDArray[np.int64]:
+    """One of five parts for each cell of the workspace, (n,); neighbours are in different ones."""
+    cell = np.round(evidence.chain.mechanism.position(evidence.pose) / _CELL).astype(np.int64)
+    return np.asarray((cell @ np.array([1, 2, 4])) % _PARTS)
+
+
+def learnable(evidence: LinearizedModel, columns: Array, part: NDArray[np.int64]) -> bool:
+    """Whether each part leaves enough of what sets the columns (d n, k) to the others."""
+    whole = np.diag(evidence.information(columns))
+    for number in np.unique(part):
+        others = np.flatnonzero(part != number)
+        known = 0 * whole
+        if others.size:
+            own = evidence.part(columns, others)
+            known = np.diag(evidence.take(others).information(own))
+        if (known < _LEARNABLE * whole).any():
+            return False
+    return True
+
+
+def held_out(
+    evidence: LinearizedModel, part: NDArray[np.int64], whole: LinearizedModel | None = None
+) -> HeldOut:
+    """Predict every part by a fit to the others.
+
+    Args:
+        evidence: of all samples, what the fit may use in its nuisance.
+        part: what is held out together, (n,).
+        whole: the same with what the fits do not believe, to be predicted as well.
+    """
+    square, misfit = np.full(len(evidence), np.nan), evidence.misfit
+    whole = evidence if whole is None else whole
+    for number in np.unique(part):
+        rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
+        if others.size:
+            missed = whole.take(rows).missed(evidence.take(others).best(misfit))
+            square[rows] = np.sum(missed**2, axis=1)
+    return HeldOut(square, part)
+
+
+def foretold(
+    evidence: LinearizedModel, columns: Array, bounds: tuple[Array, Array], part: NDArray[np.int64]
+) -> float:
+    """Share of what columns explain that they foretell, 1 where nothing but noise is in the way.
+
+    Every part is predicted with the values v that the others give; with D the decrease of chi
+    square, that of the part is what p(part | others, v) grows by, all that the nuisance may do
+    taken into account:
+
+        sum_parts D_all(v) - D_others(v),    over D_all at the most likely values
+
+    Args:
+        evidence: of all samples.
+        columns: of an explanation, (d n, k).
+        bounds: of its values, (k,) each.
+        part: what is held out together, (n,).
+    """
+    information, b = _products(evidence, columns)
+    value = most_likely(information, b, *bounds)
+    total = 0.0
+    for number in np.unique(part):
+        others = np.flatnonzero(part != number)
+        if others.size:
+            known, along = _products(evidence.take(others), evidence.part(columns, others))
+            v = most_likely(known, along, *bounds)
+            total += change(information, b, v) - change(known, along, v)
+    return total / max(change(information, b, value), 1e-300)
+
+
+def _products(evidence: LinearizedModel, columns: Array) -> tuple[Array, Array]:
+    b = columns.T @ evidence.weigh(evidence.column)
+    return evidence.information(columns), b[:, 0]
+
+
+def gain(
+    before: HeldOut,
+    after: HeldOut,
+    noise: Array,
+    rows: NDArray[np.bool_],
+    place: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> Gain:
+    """Compare two models on the same held-out samples; intervals are from a bootstrap over places.
+
+    Args:
+        before: without the term.
+        after: with it.
+        noise: variance of a reading's 3-D distance, (n,) [m^2].
+        rows: samples whose error is told, (n,).
+        place: samples of one place go together, (n,).
+        rng: of the bootstrap.
+    """
+    numbers, which = np.unique(place, return_inverse=True)
+    metres = (np.where(rows, v, 0.0) for v in (before.square, after.square, noise))
+    totals = np.stack([np.bincount(which, v) for v in metres], axis=1)
+    drawn = totals[rng.integers(0, len(numbers), (_DRAWS, len(numbers)))].sum(axis=1)
+    shares = _share(drawn)
+    low, high = np.quantile(shares, [_SURE, 1 - _SURE])
+    return Gain(
+        before=before.rms(rows),
+        after=after.rms(rows),
+        share=float(_share(totals.sum(axis=0)[None])[0]),
+        low=float(low),
+        high=float(high),
+    )
+
+
+def _share(totals: Array) -> Array:
+    """Of the error that is not noise, what is gone; (k, 3) before, after, noise -> (k,)."""
+    before, after, noise = totals[:, 0], totals[:, 1], totals[:, 2]
+    avoidable = np.maximum(before - noise, 0.05 * before)
+    return np.asarray(np.clip((before - after) / avoidable, -1.0, 1.0))
+
+
+def _parts(value: Array, of_poses: Array) -> NDArray[np.int64]:
+    edges = np.quantile(of_poses, np.linspace(0, 1, _PARTS + 1)[1:-1])
+    return np.searchsorted(edges, value).astype(np.int64)

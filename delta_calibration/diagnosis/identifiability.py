@@ -1,0 +1,205 @@
+"""What a session cannot tell: causes that hide behind others, or that nothing in it would show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.data import Conditions
+from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
+from delta_calibration.diagnosis.experiments import next_experiment, visibility
+from delta_calibration.diagnosis.fitted import beside
+from delta_calibration.diagnosis.geometry import offset_rows, without, without_geometry
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.verdict import (
+    NOTHING_LEFT,
+    CannotTell,
+    Finding,
+    UnknownStructure,
+)
+from delta_calibration.effects import Effect, Stage
+
+Array = NDArray[np.float64]
+
+_SHOWS = 80.0  # lambda from which a cause is named
+_HIDDEN = 20.0  # lambda under which it is not even seen
+
+
+def unseen(
+    evidence: LinearizedModel,
+    terms: tuple[Candidate, ...],
+    effects: Sequence[Effect],
+    findings: Sequence[Finding],
+    unknown: UnknownStructure = NOTHING_LEFT,
+) -> tuple[CannotTell, ...]:
+    """Classes among the findings, and effects that this session would not show.
+
+    Args:
+        evidence: as if nothing had been found.
+        terms: what was found beyond what every calibration fits.
+        effects: the catalogue.
+        findings: what is said of all that was found.
+        unknown: what is said of what nothing explains.
+    """
+    said = [_of_class(finding) for finding in findings if finding.equivalents]
+    found = {finding.cause for finding in findings}
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for effect in effects:
+        if effect.cause in found:
+            continue
+        disguised = effect.disguised(evidence.at.take(_resting(evidence.at)))
+        if disguised is not None:
+            name, other, because, following = disguised
+            said.append(CannotTell((name, other), because, following))
+        blind = _blind(evidence, terms, effect, unknown)
+        if blind is not None:
+            partners, because, following = blind
+            if effect.cause in partners:  # a dimension of the same name is fitted anyway
+                continue
+            names = reasons.setdefault((because, following), [])
+            names += [n for n in (effect.cause, *partners) if n not in names]
+    if "smr_offset" not in found:
+        said += _reflector(beside(evidence, terms))
+    said += [
+        CannotTell(tuple(names) if len(names) > 1 else (*names, _NOTHING), because, following)
+        for (because, following), names in reasons.items()
+    ]
+    return tuple(said)
+
+
+_NOTHING = "none"
+_OF_NEED = {
+    "direction": ("direction",),
+    "payload": ("payload",),
+    "temperature": ("temperature", "time"),
+}
+_COVERED = "it may be a part of what was found: they move the readings of this session alike"
+_WARMER = 1.0  # [K]
+_MOST = 0.8  # of the deviations that stand for an effect
+
+
+def _reflector(evidence: LinearizedModel) -> list[CannotTell]:
+    """The reflector's offset, where the platform tilts too little to show it."""
+    rows = offset_rows(evidence)
+    columns = evidence.nuisance[:, :, rows].reshape(evidence.size, -1)
+    if not columns.any():  # nothing measured goes by a reflector
+        return []
+    shown = np.linalg.eigvalsh(without(evidence, rows).information(columns))
+    if shown[-1] >= _HIDDEN:
+        return []
+    because = "the platform hardly tilts: an offset moves all readings alike, as the frame does"
+    following = "measure where the reflector sits on the platform"
+    return [CannotTell(("smr_offset", "tracker frame"), because, following)]
+
+
+def _of_class(finding: Finding) -> CannotTell:
+    return CannotTell(
+        (finding.cause, *finding.equivalents),
+        "they move the readings of this session alike",
+        finding.separated_by or "",
+    )
+
+
+def _blind(
+    evidence: LinearizedModel,
+    terms: tuple[Candidate, ...],
+    effect: Effect,
+    unknown: UnknownStructure,
+) -> tuple[tuple[str, ...], str, str] | None:
+    """Partners, reason and next experiment of an effect of typical size that would not show."""
+    shape = next(effect.shapes(evidence.at), effect)
+    lacking = shape.missing(evidence.at)
+    if lacking:
+        following = f"record it: {' and '.join(shape.needs)}"
+        return (), lacking, following if "known" in lacking else "measure where that is not so"
+    whole = beside(evidence, terms)
+    bare, left = visibility(whole, shape)
+    if left >= _HIDDEN:
+        return None
+    candidate = next(subsets(shape))
+    covering = _covering(evidence, terms, shape)
+    if covering is not None:
+        following = next_experiment(evidence, candidate, covering)
+        return (covering.cause,), _COVERED, following
+    following = next_experiment(whole, candidate, None)
+    constant = _constant(evidence, shape)
+    if bare < _SHOWS:
+        return (), constant or _too_small(evidence, shape, unknown), following
+    because = constant or "on these poses the geometry can take its place"
+    return _partners(whole, candidate), because, following
+
+
+def _too_small(evidence: LinearizedModel, effect: Effect, unknown: UnknownStructure) -> str:
+    """That a typical one would not be seen, for the noise or for what else moves as it does."""
+    if unknown.found and unknown.moves_with in _moves_with(evidence, effect):
+        return f"what is left moves with {unknown.moves()} as well, and would hide a typical one"
+    return "a typical one stays under the noise of this session"
+
+
+def _moves_with(evidence: LinearizedModel, effect: Effect) -> set[str]:
+    """What the readings of an effect move with, by the words of `UnknownStructure.moves_with`."""
+    at = evidence.at
+    resting = at.take(_resting(at))
+    words = {word for need in effect.needs for word in _OF_NEED.get(need, ())}
+    if effect.bound_to_session:
+        words |= {"time"}
+    if effect.stage is not Stage.MEASUREMENT and not effect.columns(resting).any():
+        words |= {"speed", "motion"}
+    return words or {"position", "joint angle", "joints"}
+
+
+def _resting(at: Conditions) -> NDArray[np.bool_]:
+    return np.asarray(~(at.velocity != 0).any(axis=1))
+
+
+def _covering(
+    evidence: LinearizedModel, terms: tuple[Candidate, ...], effect: Effect
+) -> Candidate | None:
+    """The cause found that hides an effect: without it, one of typical size would be seen."""
+    for term in terms:
+        others = tuple(m for m in terms if m is not term)
+        if not term.unexplained and visibility(beside(evidence, others), effect)[1] >= _SHOWS:
+            return term
+    return None
+
+
+def _constant(evidence: LinearizedModel, effect: Effect) -> str:
+    """What never changed of the conditions that an effect shows by; empty where all did."""
+    at = evidence.at
+    resting = _resting(at)
+    at_rest = at.take(resting)
+    cool = not (np.ptp(at.temperature, axis=0) > _WARMER).any()
+    if "temperature" in effect.needs and cool:
+        return "the temperature hardly changed"
+    if resting.all() and not effect.columns(at_rest).any():
+        return "nothing was measured in motion"
+    if "payload" in effect.needs and np.ptp(at.payload) == 0:
+        return "one payload only"
+    if "direction" in effect.needs and len(np.unique(at_rest.direction, axis=0)) == 1:
+        return "every pose was approached from one side"
+    return ""
+
+
+def _partners(evidence: LinearizedModel, candidate: Candidate) -> tuple[str, ...]:
+    """Causes whose dimensions take the place of the signal of a typical size, as geometry fits it.
+
+    The least deviations from the drawing that make the signal, and the causes that most of them
+    (by their squares) belong to.
+    """
+    bare = without_geometry(evidence)
+    signal = columns_of(candidate, evidence) @ np.ones(len(candidate.rows))
+    geometry = evidence.geometry
+    normal = bare.information(geometry) + np.eye(geometry.shape[1])
+    deviation = np.linalg.solve(normal, geometry.T @ bare.weigh(signal[:, None]))[:, 0]
+    share: dict[str, float] = {}
+    for one in dimensions(evidence):
+        share[one.cause] = share.get(one.cause, 0.0) + float(deviation[one.rows[0]] ** 2)
+    total, named, reached = sum(share.values()), [], 0.0
+    for cause in sorted(share, key=lambda name: -share[name]):
+        if reached >= _MOST * total:
+            break
+        named.append(cause)
+        reached += share[cause]
+    return tuple(named)

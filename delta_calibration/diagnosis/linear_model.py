@@ -1,0 +1,434 @@
+"""The evidence of a session: whitened residuals about a fit, and what is nuisance in them.
+
+About a fit everything is linear,
+
+    r = A z + X v + noise,      z ~ N(0, 1) where a prior is known,
+
+with A the columns of geometry, reflector offset and tracker frame, X those of an effect, and noise
+of covariance C: 1, and the rest errors of the paths (`shared_path_error.py`). Integrated over z the residuals
+have the covariance V = C + A A^T (unbounded for the tracker's frame), and all tests need only
+inner products under it: with a, b and A under the inverse root of C
+
+    <a, b> = a^T V^-1 b = a^T b - (A^T a)^T (A^T A + P)^-1 (A^T b)      (Woodbury)
+
+which is what is left of a and b once all that the nuisance can explain is projected out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.ndimage import median_filter
+
+from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions, Paths, Survey
+from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
+from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects.signals import Signals, recorded
+from delta_calibration.estimation import (
+    Known,
+    Linear,
+    Noise,
+    PointMeasured,
+    Problem,
+    whitening,
+)
+from delta_calibration.robot import Robot
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_AROUND = 9  # readings, about each on a path
+_SPIKE = 6.0  # standard deviations from them beyond which a reading is an outlier
+_TURNING = 2e-3  # [rad of a Delta] of travel after a turn
+_SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
+_EXCEPTION = 0.3  # share of the poses under which such stops are left out
+_CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is known beside the readings."""
+
+    robot: Robot
+    noise: Noise
+    weight: Array  # (poses,) of each pose, 0 where it is set aside
+
+    @property
+    def noise_degrees(self) -> float:
+        """Degrees of freedom of the noise estimate; infinite where the robot's file states it."""
+        return 3.0 * self.noise.degrees if self.noise.measured else np.inf
+
+
+@dataclass(frozen=True)
+class LinearizedModel:
+    """Residuals of n samples, poses first and then the readings of the paths.
+
+    The unit of every whitened coordinate is a standard deviation of its noise. A sample has d of
+    them: 3 of a tracker's reading, as many as there are numbers of any other kind.
+    """
+
+    chain: Chain
+    theta: Array  # (P,) about which all is linear
+    at: Conditions  # (n)
+    pose: Array  # (n, k) of the platform
+    whiten: Array  # (n, d, d) [1/m], with the root of the robust weight in it
+    residual: Array  # (n, d) whitened, at z = 0
+    nuisance: Array  # (n, d, A)
+    rest: SharedPathError  # errors that the paths' samples share
+    precision: Array  # (A,) of z: 1 / variance of its prior, 0 where it has none
+    poses: int  # how many of the samples are poses
+    by_joints: Array  # (n, d, m) whitened d(reading) by the joint angles behind the drives
+    by_geometry: Array  # (n, d, p) the same by geometry
+    seen: Conditions  # with readings as the model has them before the measurement effects
+    robot: Robot | None = None  # whose masses the machine carries; else each effect's own
+    # what else could be measured, in words, and its evidence; None where that is to be foreseen
+    further: tuple[tuple[str, LinearizedModel], ...] | None = None
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    @property
+    def size(self) -> int:
+        """Length of a column: the d coordinates of each sample."""
+        return self.residual.size
+
+    @property
+    def coordinates(self) -> int:
+        """d, of one sample."""
+        return int(self.residual.shape[1])
+
+    @cached_property
+    def _flat(self) -> Array:
+        return self.nuisance.reshape(self.size, -1)
+
+    @cached_property
+    def _shared(self) -> Array:
+        """What of the nuisance looks like rest errors, (r, A)."""
+        return self.rest.seen(self._flat)
+
+    @cached_property
+    def _normal(self) -> Array:
+        """A^T C^-1 A, (A, A)."""
+        return np.asarray(self._flat.T @ self._flat - self._shared.T @ self._shared)
+
+    @cached_property
+    def _factor(self) -> tuple[Array, bool]:
+        factor: tuple[Array, bool] = cho_factor(self._normal + np.diag(self.precision))
+        return factor
+
+    def _along(self, a: Array, shared: Array) -> Array:
+        """A^T C^-1 a of columns (d n, k) that look like rest errors (r, k)."""
+        return np.asarray(self._flat.T @ a - self._shared.T @ shared)
+
+    @property
+    def projected(self) -> Array:
+        """C^-1 A, (n, d, A)."""
+        return self.rest.without(self._flat).reshape(self.nuisance.shape)
+
+    def solved(self, along: Array) -> Array:
+        """(A^T C^-1 A + P)^-1 of columns (A, k)."""
+        return np.asarray(cho_solve(self._factor, along))
+
+    @property
+    def geometry(self) -> Array:
+        """Whitened columns of the mechanism's dimensions in units of their priors, (d n, p)."""
+        return self._flat[:, self.chain.layout.geometry]
+
+    @property
+    def column(self) -> Array:
+        """The residuals as one column, (d n, 1)."""
+        return self.residual.reshape(-1, 1)
+
+    def take(self, rows: NDArray[np.intp]) -> LinearizedModel:
+        """The evidence of some of the samples."""
+        return replace(
+            self,
+            at=self.at.take(rows),
+            pose=self.pose[rows],
+            whiten=self.whiten[rows],
+            residual=self.residual[rows],
+            nuisance=self.nuisance[rows],
+            rest=self.rest.take(rows),
+            poses=int(np.sum(rows < self.poses)),
+            by_joints=self.by_joints[rows],
+            by_geometry=self.by_geometry[rows],
+            seen=self.seen.take(rows),
+        )
+
+    def part(self, columns: Array, rows: NDArray[np.intp]) -> Array:
+        """Some samples' part of columns (d n, k)."""
+        each = columns.reshape(len(self), self.coordinates, -1)[rows]
+        return each.reshape(len(rows) * self.coordinates, -1)
+
+    def beside(self, columns: Array, precision: Array) -> LinearizedModel:
+        """The same evidence with more taken for possible: columns (d n, k), their priors' (k,)."""
+        added = columns.reshape(len(self), self.coordinates, -1)
+        return replace(
+            self,
+            nuisance=np.concatenate([self.nuisance, added], axis=-1),
+            precision=np.concatenate([self.precision, precision]),
+        )
+
+    def weigh(self, b: Array) -> Array:
+        """V^-1 b of columns (d n, j)."""
+        z = cho_solve(self._factor, self._along(b, self.rest.seen(b)))
+        return self.rest.without(b - self._flat @ z)
+
+    def information(self, a: Array) -> Array:
+        """<a, a> of columns (d n, k), (k, k)."""
+        shared = self.rest.seen(a)
+        along = self._along(a, shared)
+        return np.asarray(a.T @ a - shared.T @ shared - along.T @ cho_solve(self._factor, along))
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Residuals as chance would have them if nothing were left out, (d n, count).
+
+        What has no prior is left out of the draw: it is projected out again anyway.
+        """
+        known = self.precision > 0
+        spread = self._flat[:, known] / np.sqrt(self.precision[known])
+        z = rng.standard_normal((int(known.sum()), count))
+        noise = rng.standard_normal((self.size, count)) * self._believed
+        return np.asarray(noise + self.rest.draw(count, rng) + spread @ z)
+
+    @cached_property
+    def _believed(self) -> Array:
+        """1 for coordinates of samples that count, 0 for those set aside, (d n, 1)."""
+        counts = np.abs(self.whiten).sum(axis=(1, 2)) > 0
+        return np.repeat(counts, self.coordinates)[:, None].astype(float)
+
+    @cached_property
+    def degrees(self) -> float:
+        """Degrees of freedom of the residuals: coordinates that count less what the data set."""
+        twice = self.rest.without(self._flat)
+        taken = self.rest.degrees + np.trace(cho_solve(self._factor, twice.T @ twice))
+        return float(self._believed.sum() - taken)
+
+    def columns(self, effect: Effect) -> Array:
+        """Whitened columns of an effect, in units of its parameters' priors, (d n, k)."""
+        slope = self.by_stage(effect.stage)
+        columns = effect.columns_of(self._signals(effect), by_stage=slope)
+        return np.asarray((columns * effect.parameters.prior).reshape(self.size, -1))
+
+    def by_stage(self, stage: Stage) -> Array:
+        """How the whitened reading goes with what a stage hands on, (n, d, size of the stage)."""
+        return {
+            Stage.DRIVE: self.by_joints,
+            Stage.STRUCTURE: self.by_geometry,
+            Stage.MEASUREMENT: self.whiten,
+        }[stage]
+
+    def _signals(self, effect: Effect) -> Signals:
+        """What the effect takes of the machine as it stands."""
+        if effect.stage is Stage.MEASUREMENT:
+            return self._read
+        if not effect.stands:
+            return self._recorded
+        if self.robot is not None:
+            return self.standing
+        return self.chain.signals(self.at, self.theta, self.pose, effect.robot)
+
+    @cached_property
+    def _recorded(self) -> Signals:
+        return recorded(self.chain.mechanism, self.at)
+
+    @cached_property
+    def _read(self) -> Signals:
+        return recorded(self.chain.mechanism, self.seen)
+
+    @cached_property
+    def standing(self) -> Signals:
+        """Signals of the machine as it stands, all its loads among them."""
+        return self.chain.signals(self.at, self.theta, self.pose, self.robot)
+
+    @property
+    def believed(self) -> NDArray[np.bool_]:
+        """Samples that are not set aside, (n,)."""
+        return np.asarray(self._believed[:: self.coordinates, 0] > 0)
+
+    def covariance(self) -> Array:
+        """Of the nuisance z given the residuals and its priors, (A, A)."""
+        return np.asarray(cho_solve(self._factor, np.eye(len(self.precision))))
+
+    def known(self, misfit: float = 1.0) -> Known:
+        """What residuals, of noise as much larger, and priors know of the nuisance z."""
+        along = self._along(self.column, self.rest.seen(self.column))[:, 0]
+        return Known(self._normal / misfit, along / misfit, self.precision)
+
+    def best(
+        self, misfit: float = 1.0, held: Index | None = None, values: Array | None = None
+    ) -> Array:
+        """The most likely nuisance z, (A,).
+
+        Args:
+            misfit: of the residuals; what is left out must not bend z beyond what parts can be.
+            held: entries that are to have given values.
+            values: these.
+        """
+        right = self._along(self.column, self.rest.seen(self.column))[:, 0]
+        normal = self._normal + max(1.0, misfit) * np.diag(self.precision)
+        if held is None or values is None or not held.size:
+            return np.asarray(cho_solve(cho_factor(normal), right))
+        free = np.setdiff1d(np.arange(len(right)), held)
+        z = np.empty(len(right))
+        z[held] = values
+        across = right[free] - normal[np.ix_(free, held)] @ values
+        z[free] = np.linalg.solve(normal[np.ix_(free, free)], across)
+        return z
+
+    def cost(self, z: Array, misfit: float = 1.0) -> float:
+        """What `best` makes least: chi square of readings and priors at a nuisance z, (A,)."""
+        r = self.column - self._flat @ z[:, None]
+        return float(self.rest.inner(r)[0, 0] + max(1.0, misfit) * np.sum(self.precision * z**2))
+
+    @property
+    def misfit(self) -> float:
+        """Chi square per degree of freedom."""
+        return float(np.sum(self.left() ** 2) / self.degrees)
+
+    def missed(self, z: Array) -> Array:
+        """Measured less predicted with the nuisance z, (n, d) [m]; NaN for what was set aside."""
+        off = self._left(z)
+        good = self.believed
+        missed = np.full_like(off, np.nan)
+        missed[good] = np.linalg.solve(self.whiten[good], off[good, :, None])[..., 0]
+        return missed
+
+    @property
+    def variance(self) -> Array:
+        """Of the distance of a reading from the truth, (n,) [m^2]; NaN for the set aside."""
+        variance = np.full(len(self), np.nan)
+        root = np.linalg.inv(self.whiten[self.believed])
+        variance[self.believed] = np.sum(root**2, axis=(1, 2))
+        return variance
+
+    def left(self) -> Array:
+        """What remains of the residuals at the most likely nuisance, whitened, (n, d)."""
+        return self._left(self.best())
+
+    def _left(self, z: Array) -> Array:
+        """Residuals less nuisance z and what rest errors these paths then seem to have, (n, d)."""
+        left = self.rest.without(self.column - self._flat @ z[:, None])
+        return left.reshape(self.residual.shape)
+
+
+def gather(
+    survey: Survey, problem: Problem, theta: Array, cell: Cell, guess: Array | None = None
+) -> LinearizedModel:
+    """The evidence of poses and paths about a model, and as if its effects were not in it.
+
+    Args:
+        survey: what was measured.
+        problem: that of fitting the poses.
+        theta: of the problem's chain; all is linear about it.
+        cell: noise, robot and what is believed.
+        guess: the platform's poses, nearly, (n, k).
+    """
+    chain, poses, paths, at = problem.chain, survey.poses, survey.paths, survey.conditions
+    tracker = PointMeasured(at.joint, at.reading, None, 1.0)
+    about = tracker.linearized(chain.predictor(at), theta, guess)
+    moving = slice(len(poses), len(at))
+    slope = about.by_joints[moving]
+    whiten_paths = _whiten_paths(paths, slope, cell)
+    size = chain.mechanism.joint_size
+    left = about.missed[moving]
+    believed = _believed(whiten_paths, left, paths, _TURNING * size)
+    apart = ~on_the_way(survey)
+    root = np.sqrt(cell.weight * apart)[:, None, None]
+    whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
+    path = np.concatenate([np.full(len(poses), AT_REST), paths.path])
+    rest = SharedPathError.of(path, at, whiten @ about.by_joints * cell.noise.repeatability, size)
+    evidence = linearized_about(problem, theta, at, about, whiten, rest)
+    return replace(evidence, poses=len(poses), robot=cell.robot)
+
+
+def linearized_about(
+    problem: Problem,
+    theta: Array,
+    at: Conditions,
+    about: Linear,
+    whiten: Array,
+    rest: SharedPathError,
+) -> LinearizedModel:
+    """The evidence of one kind of measurement about a model, as if its effects were not in it.
+
+    Args:
+        problem: the model's scales and priors; what is not free in it is held.
+        theta: of the problem's chain; all is linear about it.
+        at: conditions of the n samples.
+        about: what is missed there.
+        whiten: (n, d, d), with the root of the robust weight in it.
+        rest: errors that samples share.
+    """
+    layout = problem.chain.layout
+    base, own = layout.base, layout.effects
+    free = problem.free[base]
+    columns = whiten @ about.by_theta[..., base] @ (problem.basis[base, base] * free)
+    z = np.linalg.solve(problem.basis, theta - problem.theta0)[base]
+    off = about.missed + about.by_theta[..., own] @ theta[own]
+    return LinearizedModel(
+        chain=problem.chain,
+        theta=theta,
+        at=at,
+        pose=about.pose,
+        whiten=whiten,
+        residual=(whiten @ off[..., None])[..., 0] + columns @ z,
+        nuisance=columns,
+        rest=rest,
+        precision=np.where(free, problem.has_prior[base], 1.0),
+        poses=len(at),
+        by_joints=whiten @ about.by_joints,
+        by_geometry=whiten @ about.by_theta[..., layout.geometry],
+        seen=about.at,
+    )
+
+
+def on_the_way(survey: Survey) -> NDArray[np.bool_]:
+    """Poses that are stops on the way of a longer motion, (n,), where they are the exception.
+
+    The joints need not have been moved to them and away from them anew: they share one rest
+    error, and taken for a draw each would say more than they know.
+    """
+    time, moving = survey.poses.time, np.sort(survey.paths.conditions.time)
+    if not moving.size:
+        return np.zeros(len(time), dtype=bool)
+    after = np.searchsorted(moving, time)
+    since = time - moving[np.clip(after - 1, 0, None)]
+    until = moving[np.clip(after, None, len(moving) - 1)] - time
+    within = (since >= 0) & (until >= 0) & (np.maximum(since, until) < _SHORTLY)
+    return np.asarray(within & (within.mean() < _EXCEPTION))
+
+
+def _whiten_paths(paths: Paths, slope: Array, cell: Cell) -> Array:
+    """Whitening of averaged readings in motion: tracker and encoders, (n, 3, 3) [1/m]."""
+    if len(paths) == 0:
+        return np.zeros((0, 3, 3))
+    covariance = cell.noise.reading(paths.conditions.reading, cell.robot.tracker)
+    covariance = covariance + cell.robot.joints.encoder**2 * slope @ np.swapaxes(slope, 1, 2)
+    return whitening(covariance / paths.count[:, None, None])
+
+
+def _believed(whiten: Array, missed: Array, paths: Paths, turning_travel: float) -> Array:
+    """1 for readings like their neighbours on the path, 0 for spikes, (n, 1, 1).
+
+    A reading is compared with the median of those around it: what a model leaves out goes on for
+    longer than a reading or two. Where a joint has just turned round, an average over a stretch of
+    the path says nothing of either side and is left out as well: less than `turning_travel` of
+    the joints' unit after the turn.
+    """
+    path, at = paths.path, paths.conditions
+    turning = ((at.velocity != 0) & (at.travel < turning_travel)).any(axis=1)
+    whitened = (whiten @ missed[..., None])[..., 0]
+    distance = np.zeros(len(path))
+    for number in np.unique(path):
+        rows = np.flatnonzero(path == number)
+        around = median_filter(whitened[rows], size=(_AROUND, 1), mode="mirror")
+        distance[rows] = np.linalg.norm(whitened[rows] - around, axis=1)
+    typical = max(1.0, float(np.median(distance)) / _CHI3_MEDIAN) if len(path) else 1.0
+    good = (distance <= _SPIKE * typical) & ~turning
+    return np.asarray(good.astype(float)[:, None, None])

@@ -1,0 +1,72 @@
+"""When a name is not to be trusted: where it only borrows from what nothing explains."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.fitted import Fitted, beside
+from delta_calibration.diagnosis.rivals import reached
+
+Array = NDArray[np.float64]
+
+_SHADOWED = 0.5  # of a signal that a map could make, for the signal to be in its shadow
+_REMAINS = 0.25  # of what remains unexplained, that a cause must explain at least
+_CLEAR = 3.0  # standard deviations by which chi square exceeds its degrees of freedom
+
+
+def untrusted(model: Fitted) -> tuple[Candidate, ...]:
+    """Terms whose names rest on too little.
+
+    Where much remains that nothing explains, or only a smooth map, a cause that explains less than
+    a quarter as much may be a part of it under a wrong name. Where a map or a free curve had to be
+    taken in, a cause that explains less than it, and that it could have drawn as well, is a
+    part of it.
+    """
+    maps = [m for m in model.terms if m.unexplained]
+    free = [m for m in model.terms if m.effect is not None and m.effect.free_form]
+    remains = unexplained(model) + sum(signal_of(model, m) for m in maps)
+    return tuple(
+        term
+        for term in model.terms
+        if not term.unexplained
+        and (
+            signal_of(model, term) < _REMAINS * remains
+            or any(_in_the_shadow(model, term, other) for other in free if other is not term)
+        )
+    )
+
+
+def unexplained(model: Fitted) -> float:
+    """Chi square beyond what noise accounts for, at rest and in motion; 0 where not sure."""
+    evidence = model.beside
+    left, good = evidence.left(), evidence.believed
+    resting = np.arange(len(evidence)) < evidence.poses
+    share = evidence.degrees / (evidence.coordinates * good.sum())
+    total = 0.0
+    for rows, known in ((resting & good, model.noise_degrees), (~resting & good, np.inf)):
+        degrees = evidence.coordinates * share * rows.sum()
+        excess = float(np.sum(left[rows] ** 2)) - degrees
+        spread = np.sqrt(2 * degrees + 2 * degrees**2 / known)
+        total += excess if excess > _CLEAR * spread else 0.0
+    return total
+
+
+def signal_of(model: Fitted, term: Candidate) -> float:
+    """lambda of a term: squared length of its signal beside the others."""
+    evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
+    signal = columns_of(term, evidence) @ model.scaled(term)
+    return float(signal @ evidence.weigh(signal[:, None])[:, 0])
+
+
+def _in_the_shadow(model: Fitted, term: Candidate, other: Candidate) -> bool:
+    """Whether a free form explains more than a term and could have made most of its signal."""
+    rest = tuple(m for m in model.terms if m is not term and m is not other)
+    evidence = beside(model.evidence, rest)
+    signal = columns_of(term, evidence) @ model.scaled(term)
+    weighed = evidence.weigh(signal[:, None])[:, 0]
+    columns = columns_of(other, evidence)
+    drawn = reached(evidence.information(columns), columns.T @ weighed)
+    less = signal_of(model, term) < signal_of(model, other)
+    return less and drawn > _SHADOWED * float(signal @ weighed)

@@ -1,0 +1,183 @@
+"""What samples would tell that are not taken yet, beside those that are.
+
+All that tests need are inner products, and those of independent samples add up: with N the
+whitened columns of geometry, reflector offset and frame, which all samples share, and X those of
+an explanation,
+
+    G = X'X - X'N (N'N + P)^-1 N'X        each product a sum over what was and will be measured
+
+What only some of the samples have for nuisance, such as the rest errors of their paths, is
+projected out of those beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.distance import cdist
+
+from delta_calibration.chain import Chain, read_at
+from delta_calibration.data import Conditions, joined
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_REST = 50e-6  # [rad of a Delta] by which the joints may be off their command along a path
+_COMPARED = 400  # samples of a session among which the nearest is looked for
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is to be measured: conditions, and the path that each of n samples is on."""
+
+    at: Conditions  # reading and its speed are not looked at
+    path: Index  # (n,) `AT_REST` for a stop, which is a move of its own
+
+    def __len__(self) -> int:
+        return len(self.path)
+
+    def take(self, rows: NDArray[Any]) -> Samples:
+        """Some of the samples."""
+        return Samples(self.at.take(rows), self.path[rows])
+
+
+def stacked(parts: Sequence[Samples]) -> Samples:
+    """All of them one after the other, each path one of its own."""
+    at, path = parts[0].at, [parts[0].path]
+    for part in parts[1:]:
+        at = joined(at, part.at)
+        first = 1 + max(int(each.max(initial=AT_REST)) for each in path)
+        path.append(np.where(part.path == AT_REST, AT_REST, part.path + first))
+    return Samples(at, np.concatenate(path))
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """A fit, about which it is foreseen what samples would tell."""
+
+    chain: Chain
+    theta: Array  # (P,)
+    scale: Array  # (s, s) from the unknowns that all samples share, z, to theta
+    precision: Array  # (s,) of z: 1 / variance of its prior, 0 where it has none
+    whiten: Callable[[Samples, Array], Array]  # of samples and poses, (n, 3, 3) [1/m]
+
+    @classmethod
+    def about(cls, evidence: LinearizedModel) -> Foresight:
+        """About the fit of a session, with noise like that of its samples nearby."""
+        chain, base = evidence.chain, evidence.chain.layout.base
+        return cls(
+            chain, evidence.theta, _scale(evidence), evidence.precision[base], _Noise(evidence)
+        )
+
+    def pose(self, samples: Samples) -> Array:
+        """Where the machine stands at the samples, (n, k); NaN rows out of reach."""
+        return self.chain.pose(samples.at, self.theta)
+
+    def evidence(self, samples: Samples, x: Array) -> LinearizedModel:
+        """The samples, all within reach and at x (n, k), as evidence; their residuals are zero."""
+        at, whiten = samples.at, self.whiten(samples, x)
+        seen = self.chain.see(at, self.theta, x)
+        columns = whiten @ seen.jacobian[..., self.chain.layout.base] @ self.scale
+        own = self.chain.layout.geometry
+        by_joints, by_geometry = whiten @ seen.by_joints, whiten @ seen.jacobian[..., own]
+        size = self.chain.mechanism.joint_size
+        return LinearizedModel(
+            chain=self.chain,
+            theta=self.theta,
+            at=at,
+            pose=x,
+            whiten=whiten,
+            residual=np.zeros((len(at), 3)),
+            nuisance=columns,
+            rest=SharedPathError.of(samples.path, at, _REST * size * by_joints, size),
+            precision=self.precision,
+            poses=int(np.sum(samples.path == AT_REST)),
+            by_joints=by_joints,
+            by_geometry=by_geometry,
+            seen=read_at(at, seen),
+        )
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """Whitening of new samples by that of the nearest one of their kind in a session."""
+
+    evidence: LinearizedModel
+
+    def __call__(self, samples: Samples, x: Array) -> Array:
+        """(n, 3, 3) [1/m]."""
+        del x
+        good = np.flatnonzero(self.evidence.believed)
+        resting = good < self.evidence.poses
+        whiten = np.zeros((len(samples.path), 3, 3))
+        for on_path in (False, True):
+            new = np.flatnonzero((samples.path != AT_REST) == on_path)
+            like = good[~resting] if on_path and not resting.all() else good[resting]
+            if not like.size:
+                like = good
+            like = like[:: max(1, len(like) // _COMPARED)]
+            distance = cdist(samples.at.joint[new], self.evidence.at.joint[like])
+            whiten[new] = self.evidence.whiten[like[distance.argmin(axis=1)]]
+        return whiten
+
+
+def _scale(evidence: LinearizedModel) -> Array:
+    """S with d(theta) = S z of the nuisance's first columns, read off one sample."""
+    chain, layout = evidence.chain, evidence.chain.layout
+    row = [int(np.flatnonzero(evidence.believed)[0])]
+    slope = chain.jacobian(evidence.at.take(np.array(row)), evidence.theta, evidence.pose[row])[0]
+    scaled = np.linalg.solve(evidence.whiten[row[0]], evidence.nuisance[row[0], :, layout.base])
+    offset, place = layout.offset, layout.place
+    prior = chain.parameters.prior[layout.base]
+    step = float(scaled[:, place].trace() / 3)  # a shift of the frame shifts the reading
+    scale = np.diag(np.where(np.isfinite(prior), prior, step))
+    scale[place, offset] = scaled[:, offset] - slope[:, offset] @ scale[offset, offset]
+    return scale
+
+
+@dataclass(frozen=True)
+class Products:
+    """Inner products of whitened columns over some samples."""
+
+    shared: Array  # (s, s) N'N
+    across: Array  # (s, k) N'X
+    own: Array  # (k, k) X'X
+
+    @classmethod
+    def of(cls, evidence: LinearizedModel, columns: Array) -> Products:
+        """Of columns (d n, k); nuisance beyond what all samples share is projected out."""
+        size, every = evidence.chain.layout.base.stop, len(evidence.precision)
+        nuisance = evidence.nuisance.reshape(len(columns), -1)
+        whole = evidence.rest.inner(np.concatenate([nuisance, columns], axis=1))
+        others = np.arange(size, every)
+        kept = np.r_[:size, every : len(whole)]
+        normal = whole[np.ix_(kept, kept)]
+        if others.size:
+            prior = np.diag(evidence.precision[others])
+            factor = cho_factor(whole[np.ix_(others, others)] + prior)
+            seen = whole[np.ix_(others, kept)]
+            normal -= seen.T @ cho_solve(factor, seen)
+        return cls(normal[:size, :size], normal[:size, size:], normal[size:, size:])
+
+    def __add__(self, other: Products) -> Products:
+        return Products(
+            self.shared + other.shared, self.across + other.across, self.own + other.own
+        )
+
+    def times(self, count: float) -> Products:
+        """Of so many times as many samples."""
+        return Products(count * self.shared, count * self.across, count * self.own)
+
+    def information(self, precision: Array, nuisance: Mask) -> Array:
+        """G, (k, k), with some of the shared unknowns (s,) taken for possible."""
+        normal = self.shared[np.ix_(nuisance, nuisance)] + np.diag(precision[nuisance])
+        across = self.across[nuisance]
+        return np.asarray(self.own - across.T @ cho_solve(cho_factor(normal), across))

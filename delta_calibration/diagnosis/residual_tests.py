@@ -1,0 +1,194 @@
+"""Whether what is left is noise.
+
+Lack of fit: the residuals of the poses against the noise that repeats show. Moran's I: whether
+neighbours in place, joint angles, time or direction, or along a motion, err alike,
+
+    I = sum_ij w_ij r_i . r_j / sum_i r_i . r_i        w: the nearest neighbours of each
+
+Both are compared with draws of chance that went through the same fit, which leaves its own traces
+in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
+of m = 0.05 times the noise, 0.15 in motion. With E c what chance makes of chi square c, it raises
+c by m^2 E c, and I by m^2 (E c / c)^2: where residuals are far below the noise that repeats show,
+that is gross errors, and a fit that believes it leaves structure of its own.
+
+Poses that were set aside as gross errors have nothing to do with one another if they are: each
+misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.stats import chi2, pearson3, skew
+
+from delta_calibration.data import Conditions
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
+
+_DRAWS = 200
+_NEIGHBOURS = 6
+_LOOKED_AT = 24  # nearest ones among which neighbours are taken
+_APART = 10.0  # [rad] that directions are set apart by
+_SOON = 30.0  # [s]
+# of the noise, that structure must exceed to matter: at rest, and in motion, where thousands of
+# readings show what no model of friction and loads has
+_SLIGHT, _SLIGHT_MOVING = 0.05, 0.15
+_FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike
+_TURNS = 2000  # draws of their directions
+
+
+@dataclass(frozen=True)
+class ResidualTests:
+    """Probabilities that chance leaves as much."""
+
+    p: dict[str, float]
+    excess: float  # [m] root mean square of what is left at the poses beyond the noise
+    in_motion: float  # [m] of what goes along with motions
+    worst: Array  # (3,) [m] place in the base where it is largest
+
+
+def audit(
+    evidence: LinearizedModel, noise_degrees: float, rng: np.random.Generator
+) -> ResidualTests:
+    """Test what a model leaves of the residuals.
+
+    Args:
+        evidence: with everything that the model holds in its nuisance.
+        noise_degrees: of freedom of the stated noise.
+        rng: of the draws.
+    """
+    rows = np.flatnonzero(evidence.believed[: evidence.poses])
+    drawn = evidence.weigh(evidence.draw(_DRAWS, rng))
+    drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
+    every, chance = evidence.left(), drawn[rows]
+    left = every[rows]
+    square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
+    spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
+    degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
+    usual = (1 + _SLIGHT**2) * squares.mean()
+    p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
+    for name, near in _neighbourhoods(evidence, rows).items():
+        p[f"moran_{name}"] = _alike(left, chance, near, _SLIGHT)
+    moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
+    along = _along(evidence.rest.path[moving])
+    if along[1].any():
+        p[MOTION] = _alike(every[moving], drawn[moving], along, _SLIGHT_MOVING)
+    place = evidence.chain.mechanism.position(evidence.pose[rows])
+    whole = np.linalg.solve(evidence.whiten[rows], left[..., None])[..., 0]
+    around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
+    alike = whole[around].mean(axis=1)
+    beyond = max(0.0, 1 - squares.mean() / square)
+    return ResidualTests(
+        p=p,
+        excess=float(np.sqrt(beyond * np.mean(whole**2) * evidence.coordinates)),
+        in_motion=_going_along(evidence, every, drawn, moving, along),
+        worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],
+    )
+
+
+def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> float | None:
+    """p of poses set aside that miss as their neighbours do; None where they are too few.
+
+    Args:
+        missed: measured less predicted by the fit that set them aside, (k, 3) [m].
+        at: their conditions; neighbours are those by joint angles.
+        rng: of the draws.
+    """
+    near = _nearest(at.joint, at.time) if len(missed) >= _FEWEST_ASIDE else None
+    if near is None or not near[1].any():
+        return None
+    turned = rng.standard_normal((*missed.shape, _TURNS))
+    return _beyond(_directions(missed[:, :, None]), _directions(turned), near, 0.0)
+
+
+def _directions(missed: Array) -> Array:
+    """Unit vectors of (k, 3, draws): one reading of another reflector must not decide alone."""
+    return np.asarray(missed / np.linalg.norm(missed, axis=1, keepdims=True))
+
+
+def _alike(left: Array, chance: Array, near: Near, slight: float) -> float:
+    """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws).
+
+    `slight` is the share of the noise that structure may be of.
+    """
+    usual = float(np.mean(np.sum(chance**2, axis=(0, 1))))
+    over = usual / max(float(np.sum(left**2)), 1e-300)
+    return _beyond(left[:, :, None], chance, near, (slight * over) ** 2)
+
+
+def _beyond(left: Array, chance: Array, near: Near, allowed: float) -> float:
+    """p of neighbours' likeness that exceeds chance's by more than what is allowed."""
+    own, drawn = _moran(left, near)[0] - allowed, _moran(chance, near)
+    if drawn.std() == 0:
+        return 1.0
+    return float(pearson3.sf((own - drawn.mean()) / drawn.std(), skew(drawn)))  # not normal: skew
+
+
+def _along(path: Index) -> Near:
+    """The next readings of the same motion."""
+    places = np.arange(len(path))[:, None] + np.arange(1, _NEIGHBOURS + 1)
+    within = np.minimum(places, max(len(path) - 1, 0))
+    return within, ((places < len(path)) & (path[within] == path[:, None])).astype(float)
+
+
+def _going_along(
+    evidence: LinearizedModel, left: Array, drawn: Array, rows: Index, along: Near
+) -> float:
+    """Root mean square of what neighbours on a path have in common beyond chance [m]."""
+    if not along[1].any():
+        return 0.0
+    common = _moran(left[rows][:, :, None], along)[0] - _moran(drawn[rows], along).mean()
+    whole = np.linalg.solve(evidence.whiten[rows], left[rows][..., None])[..., 0]
+    return float(np.sqrt(max(0.0, common) * np.mean(np.sum(whole**2, axis=1))))
+
+
+def _neighbourhoods(evidence: LinearizedModel, rows: Index) -> dict[str, Near]:
+    """Neighbours of each pose in several spaces: who they are, (n, k), and their weights, (n, k).
+
+    Poses of one half minute do not count as neighbours: between stops that follow each other the
+    joints may not have left their rest.
+    """
+    at = evidence.at.take(rows)
+    place = evidence.chain.mechanism.position(evidence.pose[rows])
+    spaces = {"position": place, "joints": at.joint}
+    if (np.ptp(at.direction, axis=0) > 0).any():
+        spaces["direction"] = np.concatenate([at.joint, _APART * at.direction], axis=1)
+    near = {name: _nearest(where, at.time) for name, where in spaces.items()}
+    return {**near, "time": _next(at.time)}
+
+
+def _nearest(where: Array, time: Array) -> Near:
+    """The nearest others that were not measured within the half minute."""
+    count = min(_LOOKED_AT, len(where))
+    near = cKDTree(where).query(where, k=count)[1].reshape(len(where), count)
+    apart = np.abs(time[near] - time[:, None]) >= _SOON
+    first = np.cumsum(apart, axis=1) <= _NEIGHBOURS
+    return near, (apart & first).astype(float)
+
+
+def _next(time: Array) -> Near:
+    """The next ones in time after the half minute."""
+    order = np.argsort(time)
+    begin = np.searchsorted(time[order], time + _SOON)
+    places = begin[:, None] + np.arange(_NEIGHBOURS)
+    inside = places < len(time)
+    return order[np.minimum(places, len(time) - 1)], inside.astype(float)
+
+
+def _moran(residual: Array, near: Near) -> Array:
+    """I of residuals (n, 3, draws), (draws,): the mean likeness of neighbours."""
+    others, weight = near
+    alike = np.zeros(residual.shape[2])
+    for column in range(others.shape[1]):
+        alike += np.einsum(
+            "n,nid,nid->d", weight[:, column], residual, residual[others[:, column]]
+        )
+    share = weight.sum() / len(residual)
+    return np.asarray(alike / max(share, 1e-300) / np.sum(residual**2, axis=(0, 1)))

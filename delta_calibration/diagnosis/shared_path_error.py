@@ -1,0 +1,180 @@
+"""Where the joints came to rest before a motion: an error that goes along with all of it.
+
+A motion's readings share how far off its command each joint was when it began, u with spread s,
+which along the motion may pass into what it ends with. A machine that turns round where it has
+come to may keep its error, and it may keep it as long as motion follows motion without a stop: or
+not. So each path has an error of its own, shares one with those in a row with it, each of which
+begins where the last has ended, and one with its whole episode. Their covariance is
+
+    C = 1 + B B^T        B: whitened columns of s u, one for each of these, (3 n, r)
+
+Episodes have nothing to do with one another: C is made of a block each, and inner products
+
+    a^T C^-1 b = a^T b - s(a)^T s(b)        s(x) = (1 + L)^(-1/2) Q^T B^T x,    B^T B = Q L Q^T
+
+cost as much as there are readings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.data import Conditions
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+AT_REST = -1  # path of the poses
+_PAUSE, _AWAY = 5.0, 0.02  # [s], [rad of a Delta] between paths in a row, at most
+_LONG = 120.0  # [s] between motions of an episode, at most
+
+
+@dataclass(frozen=True)
+class SharedPathError:
+    """Rest errors of the paths among n samples; a path's samples follow each other."""
+
+    path: Index  # (n,) number of the path, `AT_REST` for poses
+    row: Index  # (n,) number of the paths in a row
+    episode: Index  # (n,) number of the motions without a stop between
+    own: Array  # (n, 3, m) whitened, of an error in its spread; of no matter for poses
+    passing: Array  # (n, 3, m) of one that goes from half less to half more
+
+    @classmethod
+    def of(
+        cls, path: Index, at: Conditions, by_joints: Array, joint_size: float = 1.0
+    ) -> SharedPathError:
+        """Of the paths of samples.
+
+        Args:
+            path: number of each sample's path (n,), `AT_REST` for poses.
+            at: joint angles and times.
+            by_joints: whitened d(reading) by the joints' rest errors in their spread, (n, 3, m).
+            joint_size: of the joints' unit, that does what one radian does on a Delta.
+        """
+        course = np.zeros(len(path))
+        for number in np.unique(path[path != AT_REST]):
+            on = path == number
+            course[on] = np.linspace(-0.5, 0.5, int(on.sum()))
+        passing = np.sqrt(2) * course[:, None, None] * by_joints  # two draws differ by so much
+        return cls(path, _rows(path, at, joint_size), _episodes(path, at), by_joints, passing)
+
+    def take(self, rows: NDArray[np.intp]) -> SharedPathError:
+        """Of some of the samples."""
+        return SharedPathError(
+            self.path[rows], self.row[rows], self.episode[rows], self.own[rows], self.passing[rows]
+        )
+
+    def scaled(self, root: Array) -> SharedPathError:
+        """With the samples' weights changed, their roots (n, 1, 1)."""
+        return SharedPathError(
+            self.path, self.row, self.episode, root * self.own, root * self.passing
+        )
+
+    @cached_property
+    def _blocks(self) -> tuple[tuple[slice, Array, Array], ...]:
+        """Of each episode where its coordinates are, B (3 n, r), and S (r, r): s(x) = S B^T x."""
+        blocks, d = [], self.own.shape[1]
+        for begin, end in _runs(self.episode):
+            if self.path[begin] != AT_REST:
+                columns = self._columns(slice(begin, end))
+                values, axes = np.linalg.eigh(columns.T @ columns)
+                weak = 1 / np.sqrt(1 + np.clip(values, 0.0, None))
+                blocks.append((slice(d * begin, d * end), columns, weak[:, None] * axes.T))
+        return tuple(blocks)
+
+    def _columns(self, rows: slice) -> Array:
+        """B of an episode, (3 n, r)."""
+        path, own = self.path[rows], self.own[rows]
+        columns = [_apart(_runs(path), own), _apart(_runs(path), self.passing[rows])]
+        for within, level in pairwise([path, self.row[rows], self.episode[rows]]):
+            several = [run for run in _runs(level) if len(_runs(within[slice(*run)])) > 1]
+            columns.append(_apart(several, own))
+        return np.concatenate(columns, axis=-1).reshape(own.shape[0] * own.shape[1], -1)
+
+    def seen(self, x: Array) -> Array:
+        """s(x) of columns (3 n, k), (r, k)."""
+        parts = [root @ (own.T @ x[at]) for at, own, root in self._blocks]
+        return np.concatenate([np.zeros((0, x.shape[1])), *parts])
+
+    @property
+    def samples(self) -> tuple[slice, ...]:
+        """Samples of each part of what is seen, as `seen_by_sample` has them."""
+        d = self.own.shape[1]
+        return tuple(slice(at.start // d, at.stop // d) for at, _, _ in self._blocks)
+
+    def seen_by_sample(self, m: Array) -> tuple[Array, ...]:
+        """What each sample gives to s(m f) of a function f of the samples, (samples, r) each.
+
+        Args:
+            m: (n, d).
+        """
+        parts, d = [], self.own.shape[1]
+        for rows, (_, own, root) in zip(self.samples, self._blocks, strict=True):
+            columns = own.reshape(-1, d, own.shape[1])
+            parts.append(np.einsum("nc,ncr->nr", m[rows], columns) @ root.T)
+        return tuple(parts)
+
+    def inner(self, x: Array) -> Array:
+        """x^T C^-1 x of columns (3 n, k), (k, k)."""
+        shared = self.seen(x)
+        return np.asarray(x.T @ x - shared.T @ shared)
+
+    def without(self, x: Array) -> Array:
+        """C^-1 x: columns (3 n, k) less their most likely rest errors."""
+        result = x.copy()
+        for at, own, root in self._blocks:
+            result[at] -= own @ (root.T @ (root @ (own.T @ x[at])))
+        return result
+
+    @property
+    def degrees(self) -> float:
+        """Degrees of freedom that the rest errors take."""
+        return float(sum(np.sum((root @ own.T) ** 2) for _, own, root in self._blocks))
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """What chance makes of them, (3 n, count)."""
+        drawn = np.zeros((self.own.shape[0] * self.own.shape[1], count))
+        for at, own, _ in self._blocks:
+            drawn[at] = own @ rng.standard_normal((own.shape[1], count))
+        return drawn
+
+
+def _runs(number: Index) -> list[tuple[int, int]]:
+    """Where each run of equal numbers begins and ends."""
+    ends = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(number)]
+    return list(pairwise(ends)) if len(number) else []
+
+
+def _apart(runs: list[tuple[int, int]], columns: Array) -> Array:
+    """Columns (n, 3, m), others for each run, (n, 3, runs m)."""
+    n, d, size = columns.shape
+    result = np.zeros((n, d, size * len(runs)))
+    for k, (begin, end) in enumerate(runs):
+        result[begin:end, :, k * size : (k + 1) * size] = columns[begin:end]
+    return result
+
+
+def _episodes(path: Index, at: Conditions) -> Index:
+    """Number of each sample's motions without a stop between, (n,)."""
+    stops = np.sort(at.time[path == AT_REST])
+    before = np.searchsorted(stops, at.time)
+    long = np.abs(np.diff(at.time, prepend=at.time[:1])) > _LONG
+    other = np.diff(path, prepend=path[:1]) != 0
+    resting = (path == AT_REST) | (np.roll(path, 1) == AT_REST)
+    new = np.diff(before, prepend=before[:1]) != 0
+    return np.cumsum(other & (resting | new | long))
+
+
+def _rows(path: Index, at: Conditions, joint_size: float) -> Index:
+    """Number of each sample's paths in a row, (n,)."""
+    pause = np.diff(at.time, prepend=at.time[:1])
+    away = np.abs(np.diff(at.joint, axis=0, prepend=at.joint[:1])).max(axis=1, initial=0.0)
+    resting = (path == AT_REST) | (np.roll(path, 1) == AT_REST)
+    other = np.diff(path, prepend=path[:1]) != 0
+    apart = (np.abs(pause) > _PAUSE) | (away > _AWAY * joint_size) | resting
+    return np.cumsum(other & apart)

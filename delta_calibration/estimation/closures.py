@@ -1,0 +1,134 @@
+"""A redundant mechanism's closures as what is measured: joints that have to fit some pose.
+
+With more closures r than coordinates k of the pose there is something to be missed whether
+anybody looked or not:
+
+    pose known      f(q, x, g)                        r numbers
+    nobody looked   N^T f(q, x*, g), N^T f_x = 0      r - k, at the pose x* of least misfit
+
+N is an orthonormal basis of what no pose changes, so that no misfit is lost: |N^T f| = |f| at x*.
+It is the one nearest to a fixed basis, cosines over the closures, so that it turns smoothly with
+the pose and neighbours can be compared. The noise is one of the closures, alike in each and in
+their own unit; where it is one of encoders see `EncoderClosure` (`encoder_closures.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Predictor
+from delta_calibration.errors import InputError
+from delta_calibration.estimation.measurements import (
+    Linear,
+    Observation,
+    require_shapes,
+    standing,
+    through_closures,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ClosureAtPose(Observation):
+    """Joints at a pose that somebody else measured in the robot's frame, and better than them.
+
+    Leaves out the pose's own noise.
+    """
+
+    kind: ClassVar[str] = "closure"
+    each: ClassVar[tuple[str, ...]] = ("joint", "pose")
+
+    joint: Array  # (n, m) [rad, m]
+    pose: Array  # (n, k) [m, rad]
+    size: int  # r
+    noise: float  # of each closure, in its unit
+
+    def __post_init__(self) -> None:
+        """Refuse arrays that do not fit together.
+
+        Raises:
+            InputError: names what does not.
+        """
+        require_shapes(self, pose=(len(self.joint), self.pose.shape[-1]))
+
+    @property
+    def sigma(self) -> Array:
+        """(r,)."""
+        return np.full(self.size, self.noise)
+
+    def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
+        """Nothing less the misfit, (n, r)."""
+        seen, g = standing(at, theta, guess)
+        mechanism, q, x = at.chain.mechanism, seen.joint, self.pose
+        by_joints = mechanism.closure_by_joints(q, x, g)
+        slope = through_closures(at, theta, by_joints, mechanism.closure_by_geometry(q, x, g))
+        return Linear(x, -mechanism.closure(q, x, g), slope, by_joints, at.at)
+
+
+@dataclass(frozen=True)
+class ClosureWithoutPose(Observation):
+    """Joints at poses that nobody measured; the noise is one of what the closures say."""
+
+    kind: ClassVar[str] = "closure alone"
+
+    joint: Array  # (n, m) [rad, m]
+    redundancy: int  # r - k
+    noise: float  # of each closure, in its unit
+
+    def __post_init__(self) -> None:
+        """Refuse arrays that do not fit together.
+
+        Raises:
+            InputError: names what does not.
+        """
+        require_shapes(self)
+        if self.redundancy < 1:
+            raise InputError(
+                f"closure alone: redundancy {self.redundancy} is not allowed; 1 or more"
+            )
+
+    @property
+    def sigma(self) -> Array:
+        """(r - k,)."""
+        return np.full(self.redundancy, self.noise)
+
+    def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
+        """Nothing less the misfit, (n, r - k); derivatives to first order in what is missed."""
+        seen, g = standing(at, theta, guess)
+        mechanism, q, x = at.chain.mechanism, seen.joint, seen.x
+        kept = self._kept(mechanism.closure_by_pose(q, x, g), x)
+        by_joints = kept @ mechanism.closure_by_joints(q, x, g)
+        by_geometry = kept @ mechanism.closure_by_geometry(q, x, g)
+        missed = -(kept @ mechanism.closure(q, x, g)[..., None])[..., 0]
+        slope = through_closures(at, theta, by_joints, by_geometry)
+        return Linear(x, missed, slope, by_joints, at.at)
+
+    def _kept(self, by_pose: Array, x: Array) -> Array:
+        """N^T, (n, r - k, r); NaN rows out of reach."""
+        kept = np.full((len(x), self.redundancy, by_pose.shape[1]), np.nan)
+        known = np.isfinite(x).all(axis=1)
+        kept[known] = spared(by_pose[known])
+        return kept
+
+
+def spared(by_pose: Array) -> Array:
+    """N^T: what no pose changes of the closures, nearest to cosines.  (n, r, k) -> (n, r - k, r).
+
+    Of all orthonormal bases N A the nearest to E is that with A the rotation in E^T N = U S V^T.
+    """
+    rows, size = by_pose.shape[1:]
+    free = unmoved(by_pose)
+    at = (np.arange(rows) + 0.5) * np.pi / rows
+    fixed = np.cos(at[:, None] * np.arange(rows - size))
+    u, _, vh = np.linalg.svd(fixed.T @ free)
+    return np.asarray(u @ vh @ np.swapaxes(free, 1, 2))
+
+
+def unmoved(by_pose: Array) -> Array:
+    """N: what no pose changes of the closures, in any basis.  (n, r, k) -> (n, r, r - k)."""
+    return np.linalg.qr(by_pose, mode="complete").Q[..., by_pose.shape[-1] :]

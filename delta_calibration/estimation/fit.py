@@ -1,0 +1,434 @@
+"""Identify what a machine really is from measured poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.chain import Chain
+from delta_calibration.data import Poses, require_poses
+from delta_calibration.errors import DataError, SingularityError
+from delta_calibration.estimation.cross_validation import Known, left_out
+from delta_calibration.estimation.measurements import Measured, PointMeasured, PoseMeasured
+from delta_calibration.estimation.noise import Noise, estimate_noise, whitening
+from delta_calibration.estimation.observability import (
+    Observability,
+    observe,
+    strong_correlations,
+)
+from delta_calibration.estimation.population import Population, with_population
+from delta_calibration.estimation.problem import Problem, Solution, build_problem, solve
+from delta_calibration.estimation.registration import registered
+from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
+from delta_calibration.geometry import Frame, align
+from delta_calibration.papers.methods import LeastSquares, Method, Watch
+from delta_calibration.parameters import ParameterSet
+from delta_calibration.region import Region
+from delta_calibration.robot import Robot
+from delta_calibration.threads import one_thread
+from delta_calibration.uncertainty import HeldOut, ModelError, Uncertainty, model_error_of
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
+_FEWEST_OF_MANY = 6  # the same where the machines of its type say what to expect
+_FOLDS = 5
+_LOOSE = 1.0  # [m] by which parts within their tolerances never move a platform that is held
+_ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
+_LEAST_SQUARES = LeastSquares()
+_RMS_OF_MEDIAN = 1.126  # of the norms of three standard normal numbers
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Root mean square and largest 3-D distance between measured and predicted poses [m].
+
+    Of the poses that the fit counts, each as much as any other. What is held out here is the
+    *error left* of all outputs: places in five parts by lot, each predicted by a fit to the other
+    four, so that most lie between places that the fit has seen.
+    """
+
+    in_sample: float
+    held_out: float  # the error left
+    held_out_max: float
+    held_out_whitened: float  # in units of the noise of each coordinate; 1 is as good as can be
+
+
+@dataclass(frozen=True)
+class Effort:
+    """By which method a fit was made, and what it cost."""
+
+    method: str
+    # machines tried for the fit, without the fits that hold parts out; None where not counted
+    evaluations: int | None = None
+    settings: Mapping[str, int | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A fitted chain with everything one needs to judge it."""
+
+    chain: Chain
+    theta: Array  # (P,)
+    covariance: Array  # (P, P)
+    noise: Noise
+    observability: Observability
+    correlations: tuple[tuple[str, str, float], ...]
+    frame_only: Residuals
+    full: Residuals
+    frame_only_theta: Array  # (P,) nominal geometry where it fits best: see `registration.py`
+    weight: Array  # (n,) of each pose under the robust loss
+    chi_square: float  # per degree of freedom, of the whitened residuals
+    region: Region
+    region_joints: tuple[Array, Array]  # lowest and highest joint angles measured, (m,) [rad]
+    seed: int
+    effort: Effort
+    # held out, (n, 3) [m] measured less predicted in the tracker's frame; NaN of poses that do not
+    # count
+    missed_before: Array
+    missed: Array
+    model_error: ModelError
+    # RMS of the turn that is left [rad], about three axes; None: turns took no part
+    turn_missed: float | None = None
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Of the chain."""
+        return self.chain.parameters
+
+    @property
+    def std(self) -> Array:
+        """Standard errors, (P,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """What makes positions uncertain."""
+        noise = self.noise
+        return Uncertainty(self.covariance, noise.repeatability, self.model_error, noise.freedom)
+
+    @property
+    def frame(self) -> Frame:
+        """`T_tracker_base` as fitted with the geometry."""
+        return self.chain.split(self.theta)[2]
+
+
+def chain_of(robot: Robot, model: str | None = None) -> Chain:
+    """The chain of a robot's cell, with the mechanism of its file or another one."""
+    tracker = robot.tracker
+    return Chain(robot.model(model), tracker.reflector_offset, tracker.reflector_offset_prior)
+
+
+def most_evaluations(method: Method, robot: Robot, model: str | None = None) -> int:
+    """What `identify` tells its watch of at most, with the fits that hold parts out."""
+    layout = chain_of(robot, model).layout
+    if robot.tracker.turn is not None:  # where turns take part
+        layout = layout.mounted
+    return (1 + _FOLDS) * method.most(layout.size)
+
+
+@one_thread()
+def identify(
+    poses: Poses,
+    robot: Robot,
+    model: str | None = None,
+    seed: int = 0,
+    method: Method = _LEAST_SQUARES,
+    watch: Watch = lambda _: None,
+    population: Population | None = None,
+) -> Identification:
+    """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
+
+    To positions; to turns as well where the session has them, the robot's file says how sure they
+    are and the model's platform turns. What is held out is judged by positions.
+
+    Args:
+        poses: what was measured.
+        robot: drawing, priors, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+        seed: of the division into held-out parts, and of what a method leaves to chance.
+        method: how the problem is solved.
+        watch: is told of a slow method's evaluations while they are made.
+        population: of the machines of this type, in the place of the tolerances.
+
+    Raises:
+        DataError: too few different poses, poses out of the nominal robot's reach or at a
+            singularity, residuals that no manufacturing error explains (another robot), or a
+            method that finds no rest.
+    """
+    require_poses(poses, _FEWEST if population is None else _FEWEST_OF_MANY)
+    chain = chain_of(robot, model)
+    _, noise, problem = prepare(poses, robot, chain)
+    problem = _with_turns(problem, poses, robot, noise)
+    layout = problem.layout
+    before = registered(problem)
+    require_this_robot(problem, poses, robot)
+    near = None
+    if population is not None:
+        plain = solve(problem)
+        problem = with_population(plain, population)
+        near = problem.unknowns(plain.theta)  # where what is left tells the noise, not the prior
+    # a fit that was told of others is no evidence about a population
+    prior = {} if population is None else {"prior": "population"}
+    rng = np.random.default_rng([seed, 1])
+    fit = method.fit(problem, rng, watch, near)
+    full = fit.solution
+    folds, counted = parts_of(poses, seed), full.weight > 0
+    known = _known(full)
+    used = float(np.trace(np.linalg.solve(known.whole, known.information)))
+    chi_square, spread = _chi_squares(full, poses.place, used)
+    basis = full.problem.basis[layout.chain]
+    covariance = basis @ known.covariance(spread) @ basis.T
+    variance = np.diag(covariance)
+    if not ((variance >= 0.0) & (variance < np.inf)).all():
+        raise SingularityError(
+            f"{poses.source}: what it leaves uncertain of robot {robot.name!r} has no bounds: is "
+            "the drawing singular where it was measured?"
+        )
+    drawing = full.theta.copy()
+    drawing[layout.chain] = chain.join(*_nominal_but_frame(chain, full.theta))
+    scale = np.diag(problem.basis)
+    about = replace(problem, basis=np.eye(layout.size)).linearized(drawing)
+    observability = observe(about.slope, scale, problem.names)
+    nominal = chain.mechanism.forward(poses.joint, chain.mechanism.parameters.nominal)
+    missed_before = _held_out(before, folds, _LEAST_SQUARES, rng, watch)
+    missed = _held_out(full, folds, method, rng, watch)
+    theta = full.theta[layout.chain]
+    return Identification(
+        chain=chain,
+        theta=theta,
+        covariance=covariance,
+        noise=noise,
+        observability=observability,
+        correlations=strong_correlations(covariance, chain.parameters.names),
+        frame_only=_residuals(before, missed_before, counted),
+        full=_residuals(full, missed, counted),
+        frame_only_theta=before.theta[layout.chain],
+        weight=full.weight,
+        chi_square=chi_square,
+        region=Region.of(chain.mechanism.position(nominal)),
+        region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
+        seed=seed,
+        effort=Effort(method.name, fit.evaluations, {**method.settings, **prior}),
+        missed_before=only(missed_before, counted),
+        missed=only(missed, counted),
+        model_error=model_error_of(chain, theta, _left_out(full, known, poses.place, spread)),
+        turn_missed=_turn_missed(full),
+    )
+
+
+def _with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:
+    """The problem, with turns where they take part."""
+    chain, start = problem.chain, problem.theta0
+    turned, sure = turns_of(poses, robot, chain), robot.tracker.turn
+    if turned is None or sure is None:
+        return problem
+    seen = PoseMeasured(poses.joint, poses.point, None, noise.floor, turned, sure)
+    whiten = whitening(pose_covariance(seen, poses, robot, chain, noise, start))
+    mount = mount_of(turned, chain, chain.pose(problem.at, start), start)
+    return problem.mounted(Measured(seen, problem.at, given=whiten), mount)
+
+
+def _turn_missed(full: Solution) -> float | None:
+    problem = full.problem
+    if not problem.layout.has_mount:
+        return None
+    whitened = np.linalg.solve(problem.whiten, full.residual[..., None])[..., 0]
+    return float(np.sqrt(np.mean(np.sum(whitened[:, 3:] ** 2, axis=1))))
+
+
+def prepare(
+    poses: Poses, robot: Robot, chain: Chain, explained: Array | float = 0.0
+) -> tuple[Array, Noise, Problem]:
+    """Nominal chain in the best frame, the noise, and the whitened problem with all free.
+
+    Args:
+        poses: what was measured.
+        robot: drawing, tracker, repeatability.
+        chain: of the drawing.
+        explained: what known causes do to each pose and is no noise between its repeats, (n, 3)
+            [m] in the tracker's frame.
+
+    Raises:
+        DataError: a pose that the nominal robot cannot take or does not hold, or poses on one
+            line.
+    """
+    nominal = chain.mechanism.parameters.nominal
+    x = chain.mechanism.forward(poses.joint, nominal)
+    what = f"{poses.source}: recorded joint command"
+    chain.mechanism.require_reach(x, poses.joint, what)
+    _require_held(chain, poses, x)
+    try:
+        frame = align(chain.point(x, chain.offset), poses.point)
+    except DataError as error:
+        raise DataError(f"{poses.source}: {error}") from error
+    start = chain.join(nominal, chain.offset, frame)
+    slope = chain.see(poses.conditions, start, x).by_joints
+    unexplained = replace(poses, point=poses.point - explained)
+    noise = estimate_noise(unexplained, slope, robot)
+    whiten = whitening(noise.covariance(poses, slope, robot.tracker))
+    seen = PointMeasured(poses.joint, poses.point, None, noise.floor)
+    measured = Measured(seen, poses.conditions, given=whiten)
+    return start, noise, build_problem(chain, measured, start)
+
+
+def distances(solution: Solution) -> Array:
+    """3-D distance between measured and predicted, (n,) [m]."""
+    chain, problem = solution.problem.chain, solution.problem
+    missed = problem.y - chain.predict(problem.at, solution.theta, solution.pose)
+    return np.asarray(np.linalg.norm(missed, axis=1))
+
+
+def _require_held(chain: Chain, poses: Poses, x: Array) -> None:
+    """Refuse poses of the nominal robot at which the platform is free to move.
+
+    There no error of a part has a definite effect. Where it is a joint that has lost its effect
+    (a stretched arm) there is one.
+    """
+    mechanism = chain.mechanism
+    parameters = mechanism.parameters
+    slope = mechanism.identification_jacobian(poses.joint, x, parameters.nominal)
+    known = np.isfinite(parameters.prior)
+    moved = np.linalg.norm(slope[..., known] * parameters.prior[known], axis=(1, 2))
+    bad = np.flatnonzero(~(moved < _LOOSE))
+    if bad.size:
+        raise SingularityError(
+            f"{poses.source}: pose {bad[0] + 1} is singular: tolerances of the parts move the "
+            f"nominal platform by {moved[bad[0]]:.2g} m; under {_LOOSE:g} m is allowed"
+        )
+
+
+def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]:
+    return chain.mechanism.parameters.nominal, chain.offset, chain.split(theta)[2]
+
+
+def parts_of(poses: Poses, seed: int) -> Index:
+    """Which part each pose is held out with, (n,): all poses of a place together, by lot."""
+    places = np.unique(poses.place)
+    part = np.random.default_rng(seed).permutation(len(places)) % min(_FOLDS, len(places))
+    return np.asarray(part[np.searchsorted(places, poses.place)])
+
+
+def _held_out(
+    solution: Solution,
+    folds: Index,
+    method: Method,
+    rng: np.random.Generator,
+    watch: Watch,
+) -> Array:
+    """Measured less predicted by a fit to the other parts, (n, 3) [m]."""
+    problem = solution.problem
+    missed = np.zeros_like(problem.y)
+    for part in np.unique(folds):
+        held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
+        fitted = method.fit(problem.take(seen), rng, watch, solution.z).solution
+        at = problem.at.take(held)
+        machine = problem.chain.see(at, fitted.theta, asked="nothing")
+        problem.chain.mechanism.require_reach(machine.x, at.joint, "held-out command")
+        missed[held] = problem.y[held] - machine.reading
+    return missed
+
+
+def only(values: Array, counted: NDArray[np.bool_]) -> Array:
+    """Rows (n, k) of the poses that count, NaN of the others."""
+    return np.where(counted[:, None], values, np.nan)
+
+
+def _residuals(solution: Solution, missed: Array, counted: NDArray[np.bool_]) -> Residuals:
+    whiten = solution.problem.whiten[counted, :3, :3]  # Cholesky's: of the position alone
+    return residuals_of(distances(solution)[counted], missed[counted], whiten)
+
+
+def residuals_of(in_sample: Array, missed: Array, whiten: Array) -> Residuals:
+    """The figures of the poses that count.
+
+    Args:
+        in_sample: 3-D distance by the fit to all, (n,) [m].
+        missed: measured less predicted by the fit that has not seen the place, (n, 3) [m].
+        whiten: (n, 3, 3) [1/m].
+    """
+    distance = np.linalg.norm(missed, axis=1)
+    whitened = (whiten @ missed[..., None])[..., 0]
+    return Residuals(
+        in_sample=float(np.sqrt(np.mean(in_sample**2))),
+        held_out=float(np.sqrt(np.mean(distance**2))),
+        held_out_max=float(distance.max()),
+        held_out_whitened=float(np.sqrt(np.mean(whitened**2))),
+    )
+
+
+def _known(solution: Solution) -> Known:
+    """What data and priors know of the unknowns that are free, poses by their weight."""
+    slope, residual = _weighed(solution)
+    flat = slope.reshape(-1, slope.shape[-1])
+    return Known(flat.T @ flat, flat.T @ residual.reshape(-1), solution.problem.expected)
+
+
+def _weighed(solution: Solution) -> tuple[Array, Array]:
+    """Whitened slope (n, d, F) and residuals at z = 0 (n, d), times the root of the weight."""
+    root = np.sqrt(solution.weight)[:, None]
+    slope = root[..., None] * solution.at.slope
+    return slope, root * solution.residual + slope @ solution.z
+
+
+def _chi_squares(solution: Solution, place: Index, used: float) -> tuple[float, float]:
+    """Per degree of freedom, of all poses and of the places' means.
+
+    What a model lacks is the same at every visit of a place; a play, to either side, cancels.
+    """
+    weight, width = solution.weight, solution.residual.shape[1]
+    residual = weight[:, None] * solution.residual
+    visits = np.bincount(place, weight > 0)
+    mean = np.array([np.bincount(place, each) for each in residual.T]).T[visits > 0]
+    mean /= np.sqrt(visits[visits > 0])[:, None]
+    degrees = width * np.array([np.count_nonzero(weight), len(mean)]) - used
+    squares = np.array([np.sum(residual**2), np.sum(mean**2)])
+    found = squares / np.maximum(degrees, 1.0)
+    return float(found[0]), float(found[1])
+
+
+def _left_out(solution: Solution, known: Known, place: Index, spread: float) -> HeldOut:
+    """Every pose by the data without its place."""
+    problem, counted = solution.problem, solution.weight > 0
+    slope, residual = _weighed(solution)
+    found = left_out(known, slope, residual, place, spread)
+    root = np.sqrt(np.where(counted, solution.weight, 1.0))
+    colour = np.linalg.inv(problem.whiten[:, :3, :3]) / root[:, None, None]
+    missed = (colour @ found.missed[:, :3, None])[..., 0]
+    predicted = colour @ found.covariance[:, :3, :3] @ np.swapaxes(colour, 1, 2)
+    return HeldOut(problem.at, only(missed, counted), problem.whiten[:, :3, :3], predicted, place)
+
+
+def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
+    """Refuse residuals many times what parts within their tolerances can do.
+
+    By the median of either, as one reading of another reflector is not another robot, and what
+    parts can do near one singularity is not what they do. Where the reflector is put and how the
+    tracker stands is no part of the robot, and no reason to expect more of its parts.
+
+    Args:
+        problem: with everything free, its chain without effects.
+        poses: what was measured.
+        robot: drawing and tolerances.
+
+    Raises:
+        DataError: another robot, or other units.
+    """
+    geometry = problem.layout.geometry
+    solution = solve(problem.only(~problem.layout.mask(geometry)), robust=False)
+    # about the drawing: a reflector that was sent far off would magnify what parts can do
+    slope = problem.chain.jacobian(problem.at, problem.theta0)[..., geometry]
+    spread = slope * problem.chain.mechanism.parameters.prior
+    expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
+    typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
+    if typical > _ANOTHER_ROBOT * expected:
+        raise DataError(
+            f"{poses.source}: {typical * 1e3:.1f} mm typically remain between the robot "
+            f"{robot.name!r} in the best frame and the tracker, where its tolerances explain "
+            f"{expected * 1e3:.1f} mm: a session of another robot, joints of another zero, or "
+            "other units?"
+        )

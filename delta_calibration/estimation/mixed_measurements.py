@@ -1,0 +1,205 @@
+"""One least-squares fit over observations of different kinds, priors as rows.
+
+    minimise  sum_kinds |missed / sigma|^2 + sum_prior ((g - g_0) / prior)^2
+
+over the geometry and, if any kind depends on it, the frame of the device: the problem of
+`problem.py` without a robust loss. What neither observations nor priors set is named and has no
+standard error; it stays near where it was drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.data import at_rest
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.estimation.measurements import (
+    Measured,
+    Observation,
+    PlacedMachine,
+    bare_chain,
+)
+from delta_calibration.estimation.observability import Observability, observe
+from delta_calibration.estimation.problem import Problem, Solution, scales, solve
+from delta_calibration.geometry import Frame
+from delta_calibration.mechanisms import Mechanism
+from delta_calibration.theta import frame_names
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_SETTLED = 1e-12  # decrease of chi square under which the search stands still
+_RESTLESS = 1e-3  # decrease of chi square ahead, at the end, of a search that found no rest
+_NONE = 1e-8  # singular values under this share of the largest are none
+_PART = 1e-6  # of an unknown in a combination that does not show
+_SPARE = 1e-6  # degrees of freedom under which nothing is left to judge the noise by
+_PIVOT = 5e-3  # [m] that a ballbar's ball is expected to be off where it is meant to be
+FRAME_NAMES = frame_names("device")
+
+
+@dataclass(frozen=True)
+class MixedFit:
+    """A machine as measured, and how much of it the measurements say.
+
+    `told` counts the combinations of unknowns that the observations set, between none and all of
+    them: one that they leave as uncertain as its prior had it counts nothing.
+    """
+
+    machine: PlacedMachine
+    names: tuple[str, ...]  # of the fitted unknowns, (F,)
+    covariance: Array  # (F, F) by noise and priors
+    prior: Array  # (F,) inf where there is none or none was used
+    observability: Observability  # of the observations alone
+    missed: tuple[Array, ...]  # of each observation, (n, d) [m, rad, px]
+    unset: tuple[str, ...]  # unknowns with a part that neither observations nor priors set
+    told: float
+    chi_square: float  # per degree of freedom, of the stated noise; inf where none is left
+
+    @property
+    def std(self) -> Array:
+        """Standard errors, (F,); infinite for what is not set."""
+        unset = np.isin(self.names, self.unset)
+        return np.where(unset, np.inf, np.sqrt(np.diag(self.covariance)))
+
+    def rms(self, observation: int, numbers: slice = slice(None)) -> float:
+        """Root mean square of the distance missed by an observation [m, rad, px]."""
+        missed = self.missed[observation][:, numbers]
+        return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
+
+
+def fit_observations(
+    mechanism: Mechanism,
+    observations: Sequence[Observation],
+    frame: Frame | None = None,
+    free: Mask | None = None,
+    priors: bool = True,
+) -> MixedFit:
+    """Geometry and frame that all observations together ask for.
+
+    Args:
+        mechanism: drawing and priors.
+        observations: any kinds, at least one.
+        frame: `T_device_base` to start from; needed where a kind depends on it.
+        free: which geometry parameters are fitted, (p,); all where not given.
+        priors: whether what is expected of the parts takes part.
+
+    Raises:
+        InputError: no observation, no frame where one is needed, or two devices at unknown
+            places.
+        DataError: fewer numbers than unknowns without priors, joints out of the nominal machine's
+            reach, points that its camera cannot see, or no rest.
+    """
+    problem = problem_of([Measured(o, at_rest(o.joint)) for o in observations], mechanism, frame)
+    if free is not None:
+        held = np.ones(problem.layout.size, dtype=bool)
+        held[problem.layout.geometry] = free
+        problem = problem.only(problem.free & held)
+    if not priors:
+        problem = replace(problem, has_prior=np.zeros_like(problem.has_prior))
+    _require_enough(problem)
+    _require_seen(problem)
+    return _judged(problem, solve(problem, robust=False, settled=_SETTLED))
+
+
+def problem_of(measured: Sequence[Measured], mechanism: Mechanism, frame: Frame | None) -> Problem:
+    """The problem of observations: geometry free, and the frame if any kind depends on it.
+
+    Args:
+        measured: any kinds, at least one.
+        mechanism: drawing and priors.
+        frame: `T_device_base` to start from; needed where a kind depends on it.
+
+    Raises:
+        InputError: no observation, no frame where one is needed, or two devices at unknown
+            places.
+    """
+    devices = sorted({m.observation.device for m in measured if m.observation.device})
+    if not measured:
+        raise InputError("observations: none is not allowed; one or more")
+    if devices and frame is None:
+        raise InputError(f"frame: none is not allowed with a {devices[0]}; where to start from")
+    if len(devices) > 1:
+        raise InputError(
+            f"{' and '.join(devices)} at unknown places are not allowed; one of them at most"
+        )
+    chain = bare_chain(mechanism)
+    layout, (basis, known) = chain.layout, scales(chain)
+    start = chain.join(mechanism.parameters.nominal, chain.offset, frame or Frame.identity())
+    turns = any(m.observation.turns for m in measured)
+    placed = [layout.frame if turns else layout.place] if devices else []
+    free = layout.mask(layout.geometry, *placed)
+    if devices and not turns:  # across the plane of a circle its middle does not show
+        basis[layout.place, layout.place] = _PIVOT * np.eye(3)
+        known[layout.place] = True
+    return Problem(chain, tuple(measured), start, basis, known, free)
+
+
+def _judged(problem: Problem, solution: Solution) -> MixedFit:
+    """The fit, and what it is worth.
+
+    Raises:
+        DataError: the search has not come to rest.
+    """
+    layout, free = problem.layout, problem.free
+    names = np.array(problem.chain.parameters.names)
+    names[layout.frame] = FRAME_NAMES
+    own = tuple(names[free].tolist())
+    data, error = solution.at.rows, solution.residual.ravel()
+    white = np.concatenate([data, np.diag(problem.expected)])
+    spread, loose = _spread(white)
+    ahead = data.T @ error - problem.expected * solution.z
+    if not ahead @ spread @ ahead < _RESTLESS:
+        raise DataError("the fit found no rest: more steps still make it better")
+    told = float(np.trace(spread @ data.T @ data))
+    scale = np.diag(problem.basis)[free]
+    degrees = solution.at.numbers.sum() - told
+    return MixedFit(
+        machine=PlacedMachine(problem.chain, solution.theta),
+        names=own,
+        covariance=scale[:, None] * spread * scale,
+        prior=np.where(problem.has_prior[free], scale, np.inf),
+        observability=observe(data[:, None] / scale, scale, own),
+        missed=tuple(linear.missed for linear in problem.about(solution.theta)),
+        unset=tuple(name for name, yes in zip(own, loose, strict=True) if yes),
+        told=told,
+        chi_square=float(error @ error / degrees) if degrees > _SPARE else np.inf,
+    )
+
+
+def _spread(white: Array) -> tuple[Array, Mask]:
+    """Covariance (F, F) by whitened slopes, and which unknowns have a part that does not show."""
+    size = np.linalg.norm(white, axis=0)
+    size[size == 0.0] = 1.0
+    _, values, across = np.linalg.svd(white / size, full_matrices=False)
+    shows = values > _NONE * values[0]
+    half = across[shows] / values[shows, None]
+    loose = 1.0 - np.sum(across[shows] ** 2, axis=0) > _PART
+    return half.T @ half / np.outer(size, size), loose
+
+
+def _require_enough(problem: Problem) -> None:
+    """Refuse fewer numbers than unknowns without priors."""
+    numbers = sum(len(m.at) * len(m.observation.sigma) for m in problem.measured)
+    known, size = int(problem.expected.sum()), len(problem.expected)
+    if numbers + known < size:
+        raise DataError(f"{numbers} measured numbers cannot set {size} unknowns")
+
+
+def _require_seen(problem: Problem) -> None:
+    """Refuse what cannot be predicted where the search starts: a point behind its camera."""
+    mechanism, nominal = problem.chain.mechanism, problem.chain.mechanism.parameters.nominal
+    parts = zip(problem.measured, problem.about(problem.theta0), strict=True)
+    for observation, linear in ((m.observation, linear) for m, linear in parts):
+        for joint in observation.joints():
+            what = f"{observation.kind}: joints"
+            mechanism.require_reach(mechanism.forward(joint, nominal), joint, what, "rad, m")
+        bad = np.flatnonzero(~np.isfinite(linear.missed).all(axis=1))
+        if bad.size:
+            raise DataError(
+                f"{observation.kind}: number {bad[0] + 1} cannot be seen from where the "
+                f"{observation.device or 'device'} is said to stand: behind it"
+            )

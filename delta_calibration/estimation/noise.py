@@ -1,0 +1,202 @@
+"""How far a measured pose may lie from the truth: tracker noise and the robot's repeatability.
+
+A pose is the mean of `count` readings, taken after one move. Its covariance in the tracker's frame
+is
+
+    C = (s_r^2 b b^T + s_t^2 (1 - b b^T)) / count + s_q^2 J J^T
+
+with b the beam, s_r and s_t one reading's noise along and across it, J = dy/dq and s_q where a
+joint comes to rest. Averaging takes the first part down, not the second: it is one draw a move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from delta_calibration.data import Poses
+from delta_calibration.robot import Robot, Tracker
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+# degrees of freedom from which a spread is measured rather than taken from the robot's file
+_ENOUGH = 20
+_GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
+_CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+_STEP = 0.05  # of log s_q, over which the bend of its likelihood is taken
+_FEWEST_DEGREES = 1e-3  # of a repeatability that the tracker's noise hides
+_LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
+
+
+@dataclass(frozen=True)
+class Noise:
+    """One reading's and one move's standard deviations, and where they come from."""
+
+    radial_scale: float  # measured noise along the beam over the robot file's
+    transverse_scale: float
+    repeatability: float  # [rad] of each joint
+    floor: float  # [m] root mean square 3-D distance of a measured pose from its place's mean
+    degrees: int  # of freedom in `floor`; 0 where it is computed, not measured
+    measured: bool  # whether repeats were enough to measure it
+    freedom: float = np.inf  # degrees of freedom of the repeatability; inf: as filed
+
+    def reading(self, point: Array, tracker: Tracker) -> Array:
+        """Covariance of one reading at each point, (n, 3, 3) [m^2]."""
+        distance = np.linalg.norm(point, axis=1)
+        beam = point / distance[:, None]
+        along, across = tracker.sigmas(distance)
+        radial = (self.radial_scale * along) ** 2
+        transverse = (self.transverse_scale * across) ** 2
+        outer = beam[:, :, None] * beam[:, None, :]
+        across_all = transverse[:, None, None] * np.eye(3)
+        return np.asarray(across_all + (radial - transverse)[:, None, None] * outer)
+
+    def covariance(self, poses: Poses, slope: Array, tracker: Tracker) -> Array:
+        """Covariance of each measured pose, (n, 3, 3) [m^2]; `slope` is dy/dq, (n, 3, m)."""
+        readings = self.reading(poses.point, tracker) / poses.count[:, None, None]
+        return readings + self.repeatability**2 * slope @ np.swapaxes(slope, 1, 2)
+
+
+def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
+    """Noise from the scatter within still moments and between repeats; else the robot file's.
+
+    Repeats are compared at the same joint angles: what the encoders saw of a rest error is known
+    to the fit, and no noise.
+
+    Args:
+        poses: the measured poses.
+        slope: dy/dq of the nominal robot at each pose, (n, 3, m) [m/rad], in the tracker's frame.
+        robot: the file's tracker noise and repeatability.
+    """
+    radial, transverse = _reading_scales(poses, robot.tracker)
+    seen, _ = _deviations(poses.joint, poses.place)
+    poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
+    filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
+    covariance = filed.covariance(poses, slope, robot.tracker)
+    poses = _without_gross(poses, covariance)
+    label, whole = poses.place, _deviations(poses.point, poses.place)[1]
+    deviation, degrees = _by_chance(poses, label, slope)
+    if 3 * degrees < 2 * _ENOUGH:  # too few to tell chance from conditions: true repeats only
+        label = poses.repeat
+        deviation, degrees = _deviations(poses.point, label)
+        whole = degrees
+    if 3 * degrees < _ENOUGH:
+        floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+        return replace(filed, floor=floor)
+    reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
+    size = robot.commanded.joint_size
+    repeatability, freedom = _repeatability(
+        deviation, np.bincount(label)[label], reading, slope, size
+    )
+    floor = float(np.sqrt(np.sum(deviation**2) / whole))
+    return Noise(
+        radial, transverse, repeatability, floor, degrees, True, freedom * degrees / whole
+    )
+
+
+def whitening(covariance: Array) -> Array:
+    """W with W C W^T = 1 for each pose, (n, 3, 3) [1/m]."""
+    return np.linalg.inv(np.linalg.cholesky(covariance))
+
+
+def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
+    """Measured over filed standard deviation of a reading, along and across the beam."""
+    several = poses.count > 1
+    degrees = (poses.count[several] - 1).astype(float)
+    if degrees.sum() < _ENOUGH:
+        return 1.0, 1.0
+    distance = np.linalg.norm(poses.point[several], axis=1)
+    beam = poses.point[several] / distance[:, None]
+    along, across = tracker.sigmas(distance)
+    scatter = poses.scatter[several]
+    radial = np.einsum("ni,nij,nj->n", beam, scatter, beam)
+    transverse = (np.trace(scatter, axis1=1, axis2=2) - radial) / 2
+    share = degrees / degrees.sum()
+    scales = np.sqrt(share @ (radial / along**2)), np.sqrt(share @ (transverse / across**2))
+    return max(float(scales[0]), 1e-3), max(float(scales[1]), 1e-3)
+
+
+def _without_gross(poses: Poses, covariance: Array) -> Poses:
+    """The poses, those of a repeat that holds a gross error numbered apart, as if never repeated.
+
+    A knocked reflector is no noise: repeats that lie 6 robust standard deviations apart do not
+    count.
+    """
+    deviation, degrees = _deviations(poses.point, poses.repeat)
+    if degrees == 0:
+        return poses
+    size = np.bincount(poses.repeat)[poses.repeat]
+    several = size > 1
+    distance = np.linalg.norm((whitening(covariance) @ deviation[..., None])[..., 0], axis=1)
+    distance[several] /= np.sqrt(1 - 1 / size[several])
+    typical = float(np.median(distance[several])) / _CHI3_MEDIAN
+    gross = np.isin(poses.repeat, poses.repeat[several & (distance > _GROSS * max(typical, 1.0))])
+    apart = np.arange(int(gross.sum()))
+    repeat, place = poses.repeat.copy(), poses.place.copy()
+    repeat[gross], place[gross] = apart + repeat.max() + 1, apart + place.max() + 1
+    return replace(poses, repeat=repeat, place=place)
+
+
+def _by_chance(poses: Poses, label: Index, slope: Array) -> tuple[Array, int]:
+    """Deviations within places (n, 3) less what conditions do, and their degrees of freedom.
+
+    What a warming machine, a drifting tracker, a play or a payload does between two visits of a
+    place is no noise. Whatever it is, it moves the platform smoothly: each joint by a cubic in
+    time, by the sides it was approached from and by the payload, all of which may change over the
+    workspace like a plane. What is left is given the size that chance had before it was fitted.
+    """
+    clock = 2 * (poses.time - poses.time.min()) / max(float(np.ptp(poses.time)), 1e-9) - 1
+    payload = np.nan_to_num(poses.payload)
+    condition = np.column_stack([clock, clock**2, clock**3, payload, poses.direction])
+    plane = np.column_stack([np.ones(len(poses)), poses.joint])
+    course = (condition[:, :, None] * plane[:, None, :]).reshape(len(poses), -1)
+    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(poses), -1)
+    deviation, whole = _deviations(poses.point, label)
+    within = _deviations(columns, label)[0].reshape(3 * len(poses), -1)
+    scale = np.linalg.norm(within, axis=0)
+    within = within[:, scale > 0] / scale[scale > 0]
+    values, _, rank, _ = np.linalg.lstsq(within, deviation.reshape(-1), rcond=1e-7)
+    left = whole - -(-int(rank) // 3)
+    if left <= 0:
+        return deviation, 0
+    fitted = (within @ values).reshape(-1, 3)
+    return (deviation - fitted) * np.sqrt(whole / left), left
+
+
+def _deviations(values: Array, label: Index) -> tuple[Array, int]:
+    """Each row (n, k) less its group's mean, and the degrees of freedom (rows over groups)."""
+    size = np.bincount(label)
+    mean = np.zeros((len(size), values.shape[1]))
+    np.add.at(mean, label, values)
+    deviation = values - (mean / np.maximum(size, 1)[:, None])[label]
+    return deviation, int((size[size > 0] - 1).sum())
+
+
+def _repeatability(
+    deviation: Array, size: Index, reading: Array, slope: Array, joint_size: float
+) -> tuple[float, float]:
+    """Most likely s_q given the deviations within groups of `size` (Gaussian, one draw a move).
+
+    With its degrees of freedom, by how sharp the most likely value is.
+    """
+    several = size > 1
+    share = (size[several] - 1) / size[several]  # of a degree of freedom that each pose brings
+    d, fixed = deviation[several], reading[several]
+    moving = (slope @ np.swapaxes(slope, 1, 2))[several]
+
+    def unlikeliness(log_sigma: float) -> float:
+        covariance = fixed + np.exp(2 * log_sigma) * moving
+        solved = np.linalg.solve(covariance, d[:, :, None])[:, :, 0]
+        return float(np.sum(share * np.linalg.slogdet(covariance)[1]) + np.sum(d * solved))
+
+    bounds = np.log(_LEAST * joint_size), np.log(_MOST * joint_size)
+    best = minimize_scalar(unlikeliness, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    around = [unlikeliness(best.x + step) for step in (-_STEP, 0.0, _STEP)]
+    bend = (
+        around[0] - 2 * around[1] + around[2]
+    ) / _STEP**2  # by log s_q: four times by log s_q^2
+    return float(np.exp(best.x)), max(bend / 4, _FEWEST_DEGREES)

@@ -1,0 +1,475 @@
+"""The least-squares problem: whitened residuals of the chain, priors as rows, a robust loss.
+
+The unknowns are scaled, theta = theta_0 + S z, with the priors' standard deviations (a typical
+size where there is no prior) on the diagonal of S, so that z is of the order of one and the
+prior's rows are z itself. S also moves the tracker's frame against the reflector's offset: on a
+platform that hardly tilts an offset is a translation, and without this the search would creep
+along that valley.
+
+    minimise  sum_i rho(|W_i (y_i - chain(q_i, theta))|) / s^2 + sum_prior z_k^2
+
+s is 1 where the noise explains the residuals, and the residuals' own (robust) spread where they
+are larger: what a model leaves out must not bend its parameters beyond what parts can be.
+
+What is measured may be of several kinds (`measurements.py`), of as many numbers d each as it has:
+3 of a position, 6 of a pose, for which a probe's mount is three more unknowns behind the chain's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaincinv
+
+from delta_calibration.chain import Chain, Predictor
+from delta_calibration.data import Conditions, joined
+from delta_calibration.errors import DataError
+from delta_calibration.estimation.measurements import Linear, Measured, PointMeasured
+from delta_calibration.theta import Layout, vector_names
+from delta_calibration.threads import one_thread
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_FRAME_STEP = 1e-3  # typical size of a parameter without prior [m, rad]
+_STEPS = 60
+_SETTLING = 3
+_ROUGHLY = 0.5  # while the loss is still being fitted
+_NOTHING = 1e-2  # share of that decrease: a step that promises less is not worth its evaluation
+SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stands still
+_GIVE_UP = 1e9  # damping
+_DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
+_HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
+_GROSS = 3.0  # times as far a pose is an error of another kind and does not count
+_ROUNDS = 12  # of the loss made to fit the residuals
+_SHRUNK = 0.9  # a bend of the loss that falls by less has settled
+MOUNT_NAMES = vector_names("probe_turn")
+
+
+@dataclass(frozen=True)
+class Linearized:
+    """A problem about one theta, d numbers a sample; a kind of fewer has zeros behind its own."""
+
+    pose: Array  # (n, k) of the platform
+    residual: Array  # (n, d) whitened: measured less predicted
+    rows: Array  # (n d, F) whitened d(predicted)/dz of the free unknowns
+    numbers: Array  # (n,) how many of the d each sample has
+
+    @property
+    def slope(self) -> Array:
+        """The rows by pose, (n, d, F)."""
+        return self.rows.reshape(*self.residual.shape, -1)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Measurements to be explained by a chain."""
+
+    chain: Chain
+    measured: tuple[Measured, ...]  # one kind each, n samples in all
+    theta0: Array  # (P,) prior mean and start
+    basis: Array  # (P, P), S
+    has_prior: Mask  # (P,)
+    free: Mask  # (P,) what is fitted; the rest keeps its theta0
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Which entries of theta are which."""
+        chain = self.chain.layout
+        return chain if len(self.theta0) == chain.size else chain.mounted
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of theta, (P,)."""
+        return self.chain.parameters.names + (MOUNT_NAMES if self.layout.has_mount else ())
+
+    @cached_property
+    def at(self) -> Conditions:
+        """Of all samples, (n)."""
+        return joined(*(part.at for part in self.measured))
+
+    @cached_property
+    def whiten(self) -> Array:
+        """Of the only kind that was measured, (n, d, d) [1/m, 1/rad]."""
+        (part,) = self.measured
+        return part.whiten
+
+    @cached_property
+    def y(self) -> Array:
+        """Positions, where these are all that was measured, (n, 3) [m] in the tracker's frame."""
+        (part,) = self.measured
+        return cast(PointMeasured, part.observation).point
+
+    def mounted(self, measured: Measured, mount: Array) -> Problem:
+        """The same machine by poses of a probe, with how that is mounted unknown.
+
+        Args:
+            measured: poses.
+            mount: where to start from, (3,) [rad].
+        """
+        start = np.append(self.theta0, mount)
+        basis = np.diag(np.full(len(start), _FRAME_STEP))
+        own = self.chain.layout.chain
+        basis[own, own] = self.basis
+        unknown = np.zeros(len(mount), dtype=bool)
+        return Problem(
+            self.chain,
+            (measured,),
+            start,
+            basis,
+            np.append(self.has_prior, unknown),
+            np.append(self.free, ~unknown),
+        )
+
+    def take(self, rows: NDArray[np.intp]) -> Problem:
+        """The same problem on some of the samples."""
+        parts, begin = [], 0
+        for part in self.measured:
+            own = rows[(rows >= begin) & (rows < begin + len(part.at))] - begin
+            parts.append(part.take(own))
+            begin += len(part.at)
+        return replace(self, measured=tuple(parts))
+
+    def only(self, free: Mask) -> Problem:
+        """The same problem with other parameters free."""
+        return replace(self, free=free)
+
+    def theta(self, z: Array) -> Array:
+        """Parameters of the scaled free unknowns."""
+        return np.asarray(self.theta0 + self._freed @ z)
+
+    def unknowns(self, theta: Array) -> Array:
+        """The scaled free unknowns of parameters; the inverse of `theta`."""
+        return np.asarray(np.linalg.solve(self.basis, theta - self.theta0)[self.free])
+
+    @cached_property
+    def _predictors(self) -> tuple[Predictor, ...]:
+        return tuple(self.chain.predictor(part.at) for part in self.measured)
+
+    def about(self, theta: Array, guess: Array | None = None) -> tuple[Linear, ...]:
+        """Each kind's part about a machine, see `linearized`."""
+        if len(self.measured) > 1:
+            guess = None
+        return tuple(
+            part.observation.linearized(at, theta, guess)
+            for part, at in zip(self.measured, self._predictors, strict=True)
+        )
+
+    def linearized(self, theta: Array, guess: Array | None = None) -> Linearized:
+        """What is missed at these parameters, and how that goes with them.
+
+        Args:
+            theta: (P,).
+            guess: the platform's poses, nearly, (n, k); sought where not given.
+        """
+        parts = [
+            self._whitened(linear, part.whiten)
+            for linear, part in zip(self.about(theta, guess), self.measured, strict=True)
+        ]
+        return parts[0] if len(parts) == 1 else _stacked(parts)
+
+    def _whitened(self, linear: Linear, whiten: Array) -> Linearized:
+        slope = np.ascontiguousarray(linear.by_theta)
+        residual, rows = _equations().whitened(linear.missed, slope, whiten, self._freed)
+        return Linearized(linear.pose, residual, rows, np.full(len(residual), residual.shape[1]))
+
+    @cached_property
+    def _freed(self) -> Array:
+        """d(theta)/dz of the free unknowns, (P, F)."""
+        return np.ascontiguousarray(self.basis[:, self.free])
+
+    @cached_property
+    def expected(self) -> Array:
+        """1 for free unknowns that have a prior, else 0, (F,)."""
+        return self.has_prior[self.free].astype(float)
+
+    def offset_rows(self) -> Mask:
+        """Which of the free unknowns are the reflector's offset, (F,)."""
+        return np.asarray(self.layout.mask(self.layout.offset)[self.free])
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the search came to rest."""
+
+    problem: Problem
+    theta: Array  # (P,)
+    z: Array  # (F,)
+    at: Linearized
+    weight: Array  # (n,) of each pose under the robust loss, 1 where fully believed
+    cost: float
+    evaluations: int  # how often all poses were predicted
+
+    @property
+    def pose(self) -> Array:
+        """Of the platform at theta, (n, k)."""
+        return self.at.pose
+
+    @property
+    def residual(self) -> Array:
+        """Whitened measured less predicted, (n, d)."""
+        return self.at.residual
+
+
+def build_problem(chain: Chain, measured: Measured, start: Array) -> Problem:
+    """A tracker's problem with everything free, scales and priors from the chain's parameters."""
+    basis, finite = scales(chain)
+    basis[chain.layout.place, chain.layout.offset] = (
+        -chain.split(start)[2].rotation * chain.offset_prior
+    )
+    return Problem(chain, (measured,), start, basis, finite, np.ones(len(finite), dtype=bool))
+
+
+def scales(chain: Chain) -> tuple[Array, Mask]:
+    """Typical size of each entry of theta on a diagonal (P, P), and which have a prior (P,)."""
+    prior = chain.parameters.prior
+    finite = np.isfinite(prior)
+    return np.diag(np.where(finite, prior, _FRAME_STEP)), finite
+
+
+def _stacked(parts: list[Linearized]) -> Linearized:
+    """All kinds in one, the d of the largest."""
+    width = max(part.residual.shape[1] for part in parts)
+
+    def filled(each: Array) -> Array:
+        missing = width - each.shape[1]
+        return np.pad(each, [(0, 0), (0, missing)] + [(0, 0)] * (each.ndim - 2))
+
+    rows = np.concatenate([filled(part.slope) for part in parts])
+    return Linearized(
+        np.concatenate([part.pose for part in parts]),
+        np.concatenate([filled(part.residual) for part in parts]),
+        rows.reshape(-1, rows.shape[-1]),
+        np.concatenate([part.numbers for part in parts]),
+    )
+
+
+@dataclass(frozen=True)
+class _Loss:
+    """rho(d): d^2 up to `bend`, linear up to `cut`, constant beyond; Huber's where cut is inf."""
+
+    bend: float = np.inf
+    cut: float = np.inf
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the residuals that the loss is made for, 1 for the noise's own."""
+        return self.bend / _HUBER if np.isfinite(self.bend) else 1.0
+
+    def judge(self, residual: Array) -> tuple[Array, float]:
+        """Weight of each pose (n,) by its whitened residual (n, d), and the cost of all."""
+        weight, cost = _equations().judged(residual, self.bend, self.cut, self.spread)
+        return weight, cost
+
+
+@one_thread()
+def solve(
+    problem: Problem,
+    start: Array | None = None,
+    robust: bool = True,
+    settled: float = SETTLED,
+    everywhere: bool = False,
+) -> Solution:
+    """Minimise by Levenberg-Marquardt with Huber's loss on the distances, then Hampel's.
+
+    Where no start is given, or `everywhere` is asked for, the reflector's offset is sought on
+    every floor of its valley.
+
+    The loss begins to be linear at 4 robust standard deviations of the residuals, and never under
+    4 of the stated noise. They are those of the start at first, then of each fit, until they no
+    longer shrink: a plain fit would have bent itself to a gross error and taken its own residuals
+    for normal. What is then three times as far off is not believed at all.
+
+    Raises:
+        DataError: the start, or the fit, leaves poses that the model cannot reach.
+    """
+    z = np.zeros(int(problem.free.sum())) if start is None else start
+    now = first = _state(problem, z, _Loss(), None)
+    if not robust:
+        return _solution(problem, _search(problem, _Loss(), now, settled))
+    bend, made = _bend(now.at.residual, now.at.numbers), 1
+    for _ in range(_ROUNDS):
+        now = _search(problem, _Loss(bend), now, max(settled, _ROUGHLY))
+        made += now.evaluations
+        last, bend = bend, min(bend, _bend(now.at.residual, now.at.numbers))
+        if bend > _SHRUNK * last:
+            break
+    if np.linalg.norm(now.at.residual, axis=1).max() <= _GROSS * bend:
+        loss, starts = _Loss(bend), [now]
+        if start is None or everywhere:  # the rounds may have led to the wrong floor
+            place = _likeliest_place(problem, loss, now, settled)
+            made += place.evaluations
+            starts += [first, place]
+    else:  # and so may gross errors
+        drawing = _state(problem, np.where(problem.offset_rows(), 0.0, now.z), _Loss(bend), None)
+        drawing = _search(problem, _Loss(bend), drawing, settled)
+        made += drawing.evaluations
+        loss, starts = _Loss(bend, _GROSS * bend), [now, drawing]
+    ends = [_search(problem, loss, begin, settled) for begin in starts]
+    made += sum(end.evaluations for end in ends)
+    best = min(ends, key=lambda end: end.cost)
+    return _solution(problem, replace(best, evaluations=made))
+
+
+def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float) -> _State:
+    """The likeliest with the reflector where the file has it, or a standard deviation from there.
+
+    In each of seven places all else is settled. A platform that hardly tilts tells of an offset
+    little more than its size: there is another floor on the other side.
+    """
+    offset = np.flatnonzero(problem.offset_rows())
+    rest, ends = ~problem.offset_rows(), []
+    for place in (np.zeros(offset.size), *np.eye(offset.size), *-np.eye(offset.size)):
+        begin = now.z.copy()
+        begin[offset] = place
+        ends.append(_settle(problem, _state(problem, begin, loss, None), rest, loss, settled))
+    best = min(ends, key=lambda end: end.cost)
+    return replace(best, evaluations=sum(end.evaluations for end in ends))
+
+
+def solution_at(problem: Problem, z: Array) -> Solution:
+    """What the problem makes of unknowns found elsewhere, under the loss of their own residuals.
+
+    Raises:
+        DataError: the model with these unknowns cannot reach a pose.
+    """
+    own = _state(problem, z, _Loss(), None)
+    _require_reach(problem, own, "the machine that was found", "a longer search may find another")
+    bend = _bend(own.at.residual, own.at.numbers)
+    now = _state(problem, z, _Loss(bend, _GROSS * bend), own.at.pose)
+    return _solution(problem, replace(now, evaluations=2))
+
+
+def robust_weights(residual: Array) -> Array:
+    """Weight of each pose by its whitened residual (n, d): 1, less beyond 4 sigma, 0 beyond 12."""
+    bend = _bend(residual, residual.shape[1])
+    return _Loss(bend, _GROSS * bend).judge(residual)[0]
+
+
+def spread_of(residual: Array) -> float:
+    """Robust standard deviation of whitened residuals (n, d), but not under the noise's own, 1."""
+    return _bend(residual, residual.shape[1]) / _HUBER
+
+
+def _bend(residual: Array, numbers: Array | int) -> float:
+    """Whitened distance from which samples (n, d) of so many numbers count linearly."""
+    median = np.sqrt(2 * gammaincinv(np.asarray(numbers) / 2, 0.5))  # of chi's distribution
+    typical = float(np.median(np.linalg.norm(residual, axis=1) / median))
+    return _HUBER * max(1.0, typical)
+
+
+def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _State:
+    """Levenberg-Marquardt; every step is followed by a settling of all but the reflector's offset.
+
+    The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that
+    plain steps creep along. With the rest settled again at the new offset (variable projection) a
+    handful of steps do. Evaluations are counted from the beginning on.
+    """
+    now = _under(problem, loss, begin)
+    _require_reach(problem, now, "the nominal robot", "another robot, or joints of another zero?")
+    every, rest = np.ones(len(now.z), dtype=bool), ~problem.offset_rows()
+    in_two = not rest.all()
+    if in_two:
+        now = _settle(problem, now, rest, loss, settled)
+    damping, steps = _DAMPING, 0
+    while steps < _STEPS and damping < _GIVE_UP:
+        steps += 1
+        step, promised = _step(problem, now, every, loss, damping)
+        if promised <= _NOTHING * settled and damping <= _DAMPING:
+            break
+        tried = _state(problem, now.z + step, loss, now.at.pose, now.evaluations)
+        if in_two:
+            tried = _settle(problem, tried, rest, loss, settled)
+        gain = now.cost - tried.cost
+        if gain >= 0:
+            now, damping = tried, max(damping / 10, _DAMPING)
+        else:
+            now, damping = replace(now, evaluations=tried.evaluations), 10 * damping
+        if abs(gain) <= settled:
+            break
+    return now
+
+
+def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: float) -> _State:
+    """A few Gauss-Newton steps in some of the unknowns, each kept only if it lowers the cost."""
+    for _ in range(_SETTLING):
+        step, promised = _step(problem, now, moving, loss, _DAMPING)
+        if promised <= _NOTHING * settled:
+            break
+        tried = _state(problem, now.z + step, loss, now.at.pose, now.evaluations)
+        gain = now.cost - tried.cost
+        if not gain >= 0:
+            return replace(now, evaluations=tried.evaluations)
+        now = tried
+        if gain <= settled:
+            break
+    return now
+
+
+def _step(
+    problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: float
+) -> tuple[Array, float]:
+    """A damped Gauss-Newton step of z (F,), and by how much it promises to lower the cost."""
+    normal, gradient = _equations().equations(
+        now.at.residual, now.at.rows, now.weight, now.z, problem.expected, loss.spread
+    )
+    if not moving.all():
+        normal, gradient = normal[np.ix_(moving, moving)], gradient[moving]
+    normal.flat[:: len(normal) + 1] += damping
+    step = np.zeros(len(now.z))
+    step[moving] = np.linalg.solve(normal, gradient)
+    return step, float(gradient @ step[moving])
+
+
+@dataclass(frozen=True)
+class _State:
+    z: Array
+    theta: Array
+    at: Linearized
+    weight: Array
+    cost: float
+    evaluations: int  # on the way here, steps that were not kept among them
+
+
+def _state(
+    problem: Problem, z: Array, loss: _Loss, guess: Array | None, evaluations: int = 0
+) -> _State:
+    theta = problem.theta(z)
+    at = problem.linearized(theta, guess)
+    state = _State(z, theta, at, np.ones(len(at.residual)), np.inf, evaluations + 1)
+    return replace(_under(problem, loss, state), evaluations=state.evaluations)
+
+
+def _under(problem: Problem, loss: _Loss, state: _State) -> _State:
+    """The same state, judged by another loss."""
+    weight, explained = loss.judge(state.at.residual)
+    cost = explained + float(problem.expected @ state.z**2)
+    cost = cost if np.isfinite(cost) else np.inf
+    return replace(state, weight=weight, cost=cost, evaluations=0)
+
+
+def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None:
+    """Refuse a state that leaves a pose without a prediction."""
+    if np.isfinite(now.cost):
+        return
+    bad = int(np.flatnonzero(~np.isfinite(now.at.pose).all(axis=1))[0])
+    joints = ", ".join(f"{v:.4f}" for v in problem.at.joint[bad])
+    raise DataError(
+        f"pose {bad + 1} of {len(problem.at)} cannot be reached by {whose}: joints "
+        f"{joints} {problem.chain.mechanism.joint_unit}; {hint}"
+    )
+
+
+def _solution(problem: Problem, now: _State) -> Solution:
+    return Solution(problem, now.theta, now.z, now.at, now.weight, now.cost, now.evaluations)
+
+
+def _equations() -> Any:
+    """The compiled normal equations; numba is loaded with the first use."""
+    from delta_calibration.estimation import normal_equations
+
+    return normal_equations
