@@ -1,11 +1,11 @@
 # Everything is installed into .venv; `make` alone lists the targets.
 #   make install PYTHON=python3.12      another interpreter
-#   make install EXTRAS=report,notebook,history,serve,docs,test,study,physics,laws,dev  without the ROS wheels (other platforms; a cell that has ROS from apt)
+#   make install EXTRAS=report,notebook,history,fleet,serve,docs,test,study,physics,laws,dev  without the ROS wheels (other platforms; a cell that has ROS from apt)
 #   make test PYTEST_ARGS="-k delta"    a part of the tests
 
 SHELL := /bin/bash
 PYTHON ?= python3
-EXTRAS ?= ros,report,notebook,history,serve,docs,test,study,physics,laws,dev
+EXTRAS ?= ros,report,notebook,history,fleet,serve,docs,test,study,physics,laws,dev
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed

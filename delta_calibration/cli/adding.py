@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
+from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.data import Survey
+from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.errors import InputError
-from delta_calibration.estimation import identify
 from delta_calibration.report import read_verdict
 from delta_calibration.robot import Robot
 from delta_calibration.texts import read_text
@@ -46,14 +46,12 @@ def found_of(
     """Calibration and verdict of a session: read where they are known, else made."""
     if known is not None:
         return _read_found(seen, robot, *known)
-    from delta_calibration.history.adding import document_of
+    from delta_calibration.history.adding import made_of
 
-    if quick:
-        fitted = identify(seen.poses, robot, seed=seed)
-        return document_of(lambda file: save_calibration(file, fitted, robot, seen.poses)), None
-    found = diagnosed(seen, robot, None, seed, None)
-    calibration = document_of(lambda file: save_extended(file, found, robot, seen.poses))
-    return calibration, found.verdict.as_dict()
+    def diagnose(seen: Survey, robot: Robot) -> Diagnosis:
+        return diagnosed(seen, robot, None, seed, None)
+
+    return made_of(seen, robot, seed, None if quick else diagnose)
 
 
 def _read_found(seen: Survey, robot: Robot, verdict_file: Path, calibration_file: Path) -> Found:

@@ -30,7 +30,9 @@ from delta_calibration.cli.options import (
     topics_option,
 )
 from delta_calibration.data import Poses, collect, survey
+from delta_calibration.errors import InputError
 from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
+from delta_calibration.fleet.priors import read_priors
 from delta_calibration.history import Dated, Prospect, prospect
 from delta_calibration.papers import METHODS, ORDERS, method_named
 from delta_calibration.recording import Topics, read_session
@@ -79,6 +81,14 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     "(singular), or each parameter as soon as it has settled (settled, as in the five-axis "
     "paper).  [default: singular]",
 )
+@click.option(
+    "--priors",
+    "priors_file",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="Use what a fleet of this type has in common, instead of the tolerances (a file that "
+    "`delta-cal fleet priors` wrote).",
+)
 @model_option
 @seed_option
 @topics_option
@@ -99,6 +109,7 @@ def command(
     particles: int | None,
     iterations: int | None,
     order: str | None,
+    priors_file: Path | None,
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
@@ -115,6 +126,9 @@ def command(
         require_folder(out)
     chosen = method_named(method, particles, iterations, order)
     robot = robot_given(robot_file, machine, url)
+    if priors_file is not None and machine is not None:
+        raise InputError("give one of --priors and --machine")
+    population = None if priors_file is None else read_priors(priors_file, robot, model)
     recorded = read_session(session, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, robot_file or str(robot.source), force, out is not None)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
@@ -126,7 +140,7 @@ def command(
         expected = prospect(sessions_of(machine, robot, url), robot, new, model)
         carried = expected.carried
     with counter(most_evaluations(chosen, robot, model), "machine") as count:
-        found = identify(poses, robot, model, seed, chosen, count, carried)
+        found = identify(poses, robot, model, seed, chosen, count, carried, population)
     click.echo(describe_poses(poses))
     if expected is not None:
         click.echo(describe_carried(expected, session.resolve().name))

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import tempfile
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.options import Function, progress
-from delta_calibration.data import survey
 from delta_calibration.errors import InputError
 from delta_calibration.history import Dated
 from delta_calibration.history.opening import opened
-from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, load_robot
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
@@ -104,14 +98,9 @@ def dated_sessions(entries: Sequence[Entry], robot: Robot) -> list[Dated]:
 
 
 def _dated(entry: Entry, robot: Robot) -> Dated:
+    from delta_calibration.history.adding import dated
     from delta_calibration.history.bags import at_hand
 
     entry.require_unchanged()
     with at_hand(entry.path) as path:
-        recorded = read_session(path, Topics.from_options(entry.topics))
-    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.json"
-        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
-        calibration = load_calibration(file, robot)
-    return Dated(entry.id, entry.began, seen, calibration.chain.effects)
+        return dated(entry, robot, path)

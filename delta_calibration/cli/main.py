@@ -26,6 +26,7 @@ VERBS = (
     "certificate",
     "compare",
     "history",
+    "fleet",
     "serve",
     "compensate",
     "export",

@@ -37,6 +37,7 @@ PURPOSES: Mapping[str, Mapping[str, str]] = {
         "certificate": "session --robot srbd --about about.yaml --out certificate.pdf",
         "compare": "january.json june.json --out drift.html",
         "history": "changes --machine press_3",
+        "fleet": "machines --scheduler tcp://host:8786",
     },
     "Protect": {
         "sros2": "--policy --out policy.xml",

@@ -37,6 +37,13 @@ from delta_calibration.estimation.observability import (
     observe,
     strong_correlations,
 )
+from delta_calibration.estimation.population import (
+    Belief,
+    Likelihood,
+    Population,
+    believe,
+    likelihood_of,
+)
 from delta_calibration.estimation.problem import (
     Problem,
     Solution,
@@ -52,6 +59,7 @@ from delta_calibration.estimation.warnings import DIAGNOSIS, doubt, doubts
 __all__ = [
     "DIAGNOSIS",
     "FEWEST_CARRIED",
+    "Belief",
     "Carried",
     "DistanceBetween",
     "Effort",
@@ -61,6 +69,7 @@ __all__ = [
     "Identification",
     "Known",
     "LeastSquares",
+    "Likelihood",
     "Linear",
     "Measured",
     "Method",
@@ -71,12 +80,14 @@ __all__ = [
     "PlacedMachine",
     "PointInImage",
     "PointMeasured",
+    "Population",
     "PoseMeasured",
     "Problem",
     "RadiusMeasured",
     "Redundancy",
     "Residuals",
     "Solution",
+    "believe",
     "build_problem",
     "carried_rows",
     "chain_of",
@@ -85,6 +96,7 @@ __all__ = [
     "fit_observations",
     "identify",
     "left_out",
+    "likelihood_of",
     "most_evaluations",
     "observe",
     "parts_of",

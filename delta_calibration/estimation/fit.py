@@ -21,6 +21,7 @@ from delta_calibration.estimation.observability import (
     observe,
     strong_correlations,
 )
+from delta_calibration.estimation.population import Population, with_population
 from delta_calibration.estimation.problem import Problem, Solution, build_problem, solve
 from delta_calibration.estimation.registration import registered
 from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
+_FEWEST_OF_MANY = 6  # the same where the machines of its type say what to expect
 FEWEST_CARRIED = 5  # where the machine is known: they place the tracker and show a change
 _FOLDS = 5
 _LOOSE = 1.0  # [m] by which parts within their tolerances never move a platform that is held
@@ -141,6 +143,7 @@ def identify(
     method: Method = _LEAST_SQUARES,
     watch: Watch = lambda _: None,
     carried: Carried | None = None,
+    population: Population | None = None,
 ) -> Identification:
     """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
 
@@ -156,13 +159,14 @@ def identify(
         watch: is told of a slow method's evaluations while they are made.
         carried: what earlier sessions say of the machine, in the place of its tolerances; its
             effects are fitted, too.
+        population: of the machines of this type, in the place of the tolerances.
 
     Raises:
         DataError: too few different poses, poses out of the nominal robot's reach or at a
             singularity, residuals that no manufacturing error explains (another robot), or a
             method that finds no rest.
     """
-    require_poses(poses, _FEWEST if carried is None else FEWEST_CARRIED)
+    require_poses(poses, _fewest(carried, population))
     chain = chain_of(robot, model)
     if carried is not None:
         chain = chain.with_effects(carried.effects)
@@ -171,9 +175,15 @@ def identify(
     layout = drawn.layout
     before = registered(drawn)
     require_this_robot(drawn, poses, robot)
-    problem = drawn if carried is None else carried.applied(drawn)
+    problem, near = drawn if carried is None else carried.applied(drawn), None
+    if population is not None:
+        plain = solve(problem)
+        problem = with_population(plain, population)
+        near = problem.unknowns(plain.theta)  # where what is left tells the noise, not the prior
+    # a fit that was told of others is no evidence about a population
+    prior = {} if population is None else {"prior": "population"}
     rng = np.random.default_rng([seed, 1])
-    fit = method.fit(problem, rng, watch)
+    fit = method.fit(problem, rng, watch, near)
     full = fit.solution
     folds, counted = parts_of(poses, seed), full.weight > 0
     known = _known(full)
@@ -214,13 +224,20 @@ def identify(
         region=Region.of(chain.mechanism.position(nominal)),
         region_joints=(visited.min(axis=0), visited.max(axis=0)),
         seed=seed,
-        effort=Effort(method.name, fit.evaluations, method.settings),
+        effort=Effort(method.name, fit.evaluations, {**method.settings, **prior}),
         missed_before=only(missed_before, counted),
         missed=only(missed, counted),
         model_error=model_error_of(chain, theta, _left_out(full, known, poses.place, spread)),
         turn_missed=_turn_missed(full),
         unseen_motion=poses.unseen_motion,
     )
+
+
+def _fewest(carried: Carried | None, population: Population | None) -> int:
+    """Different places that a fit needs, by what is known of the machine beforehand."""
+    if carried is not None:
+        return FEWEST_CARRIED
+    return _FEWEST if population is None else _FEWEST_OF_MANY
 
 
 def _with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:

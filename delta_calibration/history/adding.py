@@ -9,9 +9,15 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from delta_calibration.data import Poses
+from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
+from delta_calibration.data import Poses, Survey, survey
+from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import load_schema, read_document
+from delta_calibration.estimation import identify
+from delta_calibration.history.pooled import Dated
 from delta_calibration.history.store import BY_COMMAND, Entry
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.robot import Robot
 
 
 def entry_of(
@@ -67,3 +73,37 @@ def calibration_document(path: Path) -> dict[str, Any]:
         ConfigError: it is none.
     """
     return read_document(path, lambda _: load_schema("calibration"))
+
+
+Diagnose = Callable[[Survey, Robot], Diagnosis]
+
+
+def made_of(
+    seen: Survey, robot: Robot, seed: int, diagnose: Diagnose | None
+) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """Calibration and verdict of a session, as documents.
+
+    Args:
+        seen: what was measured.
+        robot: what was measured.
+        seed: of what a fit leaves to chance.
+        diagnose: finds causes; where it is not given, the geometry is fitted only, and there is no
+            verdict.
+    """
+    if diagnose is None:
+        fitted = identify(seen.poses, robot, seed=seed)
+        return document_of(lambda file: save_calibration(file, fitted, robot, seen.poses)), None
+    found = diagnose(seen, robot)
+    calibration = document_of(lambda file: save_extended(file, found, robot, seen.poses))
+    return calibration, found.verdict.as_dict()
+
+
+def dated(entry: Entry, robot: Robot, folder: Path) -> Dated:
+    """The session of an entry, read again from a folder, with the effects of its calibration."""
+    recorded = read_session(folder, Topics.from_options(entry.topics))
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    with tempfile.TemporaryDirectory() as own:
+        file = Path(own) / "calibration.json"
+        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
+        calibration = load_calibration(file, robot)
+    return Dated(entry.id, entry.began, seen, calibration.chain.effects)

@@ -47,14 +47,14 @@ _POSTGRESQL = ("postgresql", "postgres")
 
 _METADATA = MetaData()
 _VERSION = Table("delta_cal_history", _METADATA, Column("version", Integer, nullable=False))
-_MACHINES = Table(
+MACHINES = Table(
     "machines",
     _METADATA,
     Column("name", String(_NAME), primary_key=True),
     Column("robot", String, nullable=False),  # file or name, as it was given
     Column("robot_sha256", String(64), nullable=False),
 )
-_SESSIONS = Table(
+SESSIONS = Table(
     "sessions",
     _METADATA,
     Column("machine", ForeignKey("machines.name"), primary_key=True),
@@ -142,23 +142,34 @@ class Store:
         """Take a database that is of the present version; see `open_store`."""
         self._engine, self._name = engine, name
 
+    @contextmanager
+    def transaction(self) -> Iterator[Connection]:
+        """All that is written within, or nothing; errors of the database are told as ours.
+
+        Raises:
+            InputError: the database refuses it.
+        """
+        with _told(self._name), self._engine.begin() as connection:
+            yield connection
+
     def robot_of(self, machine: str) -> tuple[str, str]:
         """Robot file or name of a machine, and its hash.
 
         Raises:
             InputError: no such machine.
         """
+        query = select(MACHINES).where(MACHINES.c.name == machine)
         with _told(self._name), self._engine.connect() as connection:
-            rows = {row.name: row for row in connection.execute(select(_MACHINES))}
-        if machine not in rows:
-            known = ", ".join(sorted(rows)) or "none"
+            row = connection.execute(query).first()
+        if row is None:
+            known = ", ".join(name for name, _ in self.machines()) or "none"
             raise InputError(f"{self._name}: no machine {machine!r}; there are: {known}")
-        return rows[machine].robot, rows[machine].robot_sha256
+        return row.robot, row.robot_sha256
 
     def machines(self) -> tuple[tuple[str, str], ...]:
         """Name and robot of every machine."""
         with _told(self._name), self._engine.connect() as connection:
-            rows = connection.execute(select(_MACHINES).order_by(_MACHINES.c.name))
+            rows = connection.execute(select(MACHINES).order_by(MACHINES.c.name))
             return tuple((row.name, row.robot) for row in rows)
 
     def sessions(self, machine: str) -> tuple[Entry, ...]:
@@ -168,9 +179,9 @@ class Store:
             InputError: no such machine.
         """
         self.robot_of(machine)
-        query = select(_SESSIONS).where(_SESSIONS.c.machine == machine)
+        query = select(SESSIONS).where(SESSIONS.c.machine == machine)
         with _told(self._name), self._engine.connect() as connection:
-            rows = connection.execute(query.order_by(_SESSIONS.c.began, _SESSIONS.c.id))
+            rows = connection.execute(query.order_by(SESSIONS.c.began, SESSIONS.c.id))
             return tuple(_entry(row._asdict()) for row in rows)
 
     def require_new(self, machine: str, robot: str, sha256: str, path: str, name: str) -> bool:
@@ -212,34 +223,36 @@ class Store:
 
     def moved(self, machine: str, sha256: str, path: str) -> None:
         """Note where a session is now."""
-        here = (_SESSIONS.c.machine == machine) & (_SESSIONS.c.sha256 == sha256)
+        here = (SESSIONS.c.machine == machine) & (SESSIONS.c.sha256 == sha256)
         with _told(self._name), self._engine.begin() as connection:
-            connection.execute(update(_SESSIONS).where(here).values(path=path))
+            connection.execute(update(SESSIONS).where(here).values(path=path))
 
     def add(self, entry: Entry, robot: str, robot_sha256: str) -> None:
         """Add a session, and its machine where it is the first."""
-        new = entry.machine not in dict(self.machines())
-        with _told(self._name), self._engine.begin() as connection:
-            if new:
-                connection.execute(
-                    insert(_MACHINES).values(
-                        name=entry.machine, robot=robot, robot_sha256=robot_sha256
-                    )
-                )
-            connection.execute(
-                insert(_SESSIONS).values(
-                    machine=entry.machine,
-                    id=entry.id,
-                    path=entry.path,
-                    sha256=entry.sha256,
-                    began=entry.began.isoformat(),
-                    added=entry.added.isoformat(),
-                    topics=list(entry.topics),
-                    calibration=entry.calibration,
-                    verdict=entry.verdict,
-                    added_by=entry.added_by,
-                )
-            )
+        with self.transaction() as connection:
+            insert_entry(connection, entry, robot, robot_sha256)
+
+
+def insert_entry(connection: Connection, entry: Entry, robot: str, robot_sha256: str) -> None:
+    """Add a session within a transaction, and its machine where it is the first."""
+    known = select(MACHINES.c.name).where(MACHINES.c.name == entry.machine)
+    if connection.execute(known).first() is None:
+        machine = {"name": entry.machine, "robot": robot, "robot_sha256": robot_sha256}
+        connection.execute(insert(MACHINES).values(machine))
+    connection.execute(
+        insert(SESSIONS).values(
+            machine=entry.machine,
+            id=entry.id,
+            path=entry.path,
+            sha256=entry.sha256,
+            began=entry.began.isoformat(),
+            added=entry.added.isoformat(),
+            topics=list(entry.topics),
+            calibration=entry.calibration,
+            verdict=entry.verdict,
+            added_by=entry.added_by,
+        )
+    )
 
 
 @contextmanager

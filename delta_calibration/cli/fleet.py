@@ -1,0 +1,252 @@
+"""`delta-cal fleet`: many machines at once, and what their fleet tells."""
+
+from __future__ import annotations
+
+import logging
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from delta_calibration.cli.fleet_told import Told, priors_told
+from delta_calibration.cli.kept import store_option
+from delta_calibration.cli.options import require_folder, robots, seed_option, topics_option
+from delta_calibration.effects import catalogue
+from delta_calibration.errors import DataError, InputError
+from delta_calibration.fleet.evidence import fitted
+from delta_calibration.fleet.priors import write_priors
+from delta_calibration.fleet.shared import shared_causes
+from delta_calibration.fleet.standing import standing
+from delta_calibration.history.opening import opened
+from delta_calibration.report import require_libraries, write_page
+from delta_calibration.report.fleet import page_of_fleet
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.wording import plain
+
+if TYPE_CHECKING:  # other verbs do not wait for a cluster's library
+    from delta_calibration.fleet.places import Machine
+
+_FILE = click.Path(path_type=Path)
+_LIBRARIES = ("dask", "distributed", "fsspec", "sqlalchemy")
+
+
+class _Verbs(click.Group):
+    """A first argument that is no verb is what `run` is given."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put `run` before the source of sessions."""
+        if args and args[0] not in {*self.commands, "--help", "-h"}:
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group("fleet", cls=_Verbs, short_help="work through many machines on a cluster")
+def command() -> None:
+    """Check, fit and diagnose the sessions of many machines, and tell what they have in common.
+
+    `delta-cal fleet FOLDER` is short for `delta-cal fleet run FOLDER`.
+    Needs Dask and SQLAlchemy: pip install 'delta_calibration[fleet]'.
+    """
+
+
+@command.command("run")
+@click.argument("source", metavar="FOLDER|STORE")
+@click.option(
+    "--robot",
+    "robot_given",
+    default=None,
+    metavar="FILE|NAME",
+    shell_complete=robots,
+    help="Robot of all machines.  [default: robot.yaml in the folder, or in a machine's own]",
+)
+@click.option(
+    "--store",
+    "url",
+    default=None,
+    metavar="FILE|URL",
+    help="History to write to.  [default: history.sqlite, or the STORE that is given]",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    default=None,
+    help="Address of a Dask scheduler, such as tcp://host:8786.  [default: a local cluster]",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=None,
+    help="Processes of the local cluster.  [default: as many as cores]",
+)
+@click.option(
+    "--memory",
+    "memory_gb",
+    type=click.FloatRange(min=0.5),
+    default=2.0,
+    show_default=True,
+    metavar="GB",
+    help="Most memory of a worker of the local cluster; one that needs more is begun anew.",
+)
+@click.option("--quick", is_flag=True, help="Fit the geometry only; look for no causes.")
+@click.option("--no-changes", is_flag=True, help="Do not compare the sessions of a machine.")
+@click.option("--again", is_flag=True, help="Try sessions once more that failed before.")
+@seed_option
+@topics_option
+@click.option("-v", "--verbose", is_flag=True, help="Print a line for every session.")
+def run_(
+    source: str,
+    robot_given: str | None,
+    url: str | None,
+    scheduler: str | None,
+    workers: int | None,
+    memory_gb: float,
+    quick: bool,
+    no_changes: bool,
+    again: bool,
+    seed: int,
+    topics: tuple[str, ...],
+    verbose: bool,
+) -> None:
+    """Check, fit and diagnose all sessions of the machines in FOLDER, or of a history, a STORE.
+
+    FOLDER has a folder for each machine, with a folder for each of its sessions; it may be the URL
+    of any file system that fsspec knows. Sessions whose result is in the history are not worked on
+    again: a run that was stopped goes on where it was. A session that cannot be used is told, and
+    the others go on; the exit code is 1 then.
+    """
+    _require_libraries()
+    from delta_calibration.fleet.places import is_folder
+    from delta_calibration.fleet.run import Settings, cluster, run
+    from delta_calibration.history.ledger import Ledger
+
+    folder = is_folder(source)
+    store_url = url or ("history.sqlite" if folder else source)
+    if not folder and (robot_given or topics):
+        raise InputError("--robot and --topic are of a folder; a history knows its own")
+    machines = _machines(source, folder, robot_given, topics)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is a result
+    told = Told(sum(len(machine.sessions) for machine in machines), verbose)
+    with opened(store_url, make=True) as store, cluster(scheduler, workers, memory_gb) as client:
+        settings = Settings(quick, again, not no_changes, seed)
+        with told.bar:
+            run(client, machines, Ledger(store), settings, told)
+    click.echo(f"{store_url}: {told.summary(len(machines))}")
+    if told.counts["failed"]:
+        raise click.exceptions.Exit(1)
+
+
+def _machines(
+    source: str, folder: bool, robot_given: str | None, topics: tuple[str, ...]
+) -> tuple[Machine, ...]:
+    from delta_calibration.fleet.places import machines_in, robot_file
+    from delta_calibration.fleet.run import machines_of
+
+    if folder:
+        robot = None if robot_given is None else robot_file(robot_given)
+        return machines_in(source, robot, topics)
+    with opened(source) as store:
+        return machines_of(store)
+
+
+@command.command("report")
+@store_option
+@click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
+@click.option(
+    "--on",
+    "day",
+    type=click.DateTime(["%Y-%m-%d"]),
+    default=None,
+    metavar="DATE",
+    help="Day of which is told, as 2026-05-31.  [default: today]",
+)
+@click.option(
+    "--lately",
+    type=click.IntRange(min=1),
+    default=90,
+    show_default=True,
+    metavar="DAYS",
+    help="How long ago a session or a change counts.",
+)
+def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
+    """Write one page of all machines: their states, what they share, which to visit first."""
+    _require_libraries()
+    require_folder(out)
+    require_libraries()
+    from delta_calibration.fleet.stored import known_machines, never_measured
+    from delta_calibration.history.ledger import Ledger
+
+    now = datetime.now(timezone.utc)
+    on = now if day is None else day.replace(tzinfo=timezone.utc, hour=23, minute=59)
+    with opened(url) as store:
+        ledger = Ledger(store)
+        fleet = [standing(known, on, timedelta(days=lately)) for known in known_machines(ledger)]
+        never = never_measured(ledger)
+    if not fleet:
+        raise DataError(f"{url}: no machine has a session with a result")
+    shared = shared_causes(fleet, *_looked_for({each.robot for each in fleet}))
+    page = page_of_fleet(fleet, shared, never, on, lately)
+    write_page(out, page)
+    click.echo(plain(f"{page.sentence}\n{page.statements[1].answer}\nwritten: {out}"))
+
+
+@command.command("priors")
+@store_option
+@click.option(
+    "--robot",
+    "robot_given",
+    default=None,
+    metavar="FILE|NAME",
+    shell_complete=robots,
+    help="Which type of machine, where the history has several.",
+)
+@click.option("--out", type=_FILE, required=True, help="File of priors (YAML) to write.")
+def priors(url: str, robot_given: str | None, out: Path) -> None:
+    """Estimate the dimensions that machines of one type have in common, as priors of the next.
+
+    Mean and spread of every dimension over the machines, by all their fits and what each is sure
+    of; odd machines are told and not counted among the others. `delta-cal fit --priors` uses it.
+    """
+    require_folder(out)
+    _require_libraries()
+    from delta_calibration.history.ledger import Ledger
+
+    with opened(url) as store:
+        known = Ledger(store).made_for()
+        robot = _type_of(url, known, robot_given)
+        names = sorted(name for name, (_, made) in known.items() if made == robot.machine_hash)
+        machines = [
+            fitted(name, (e.calibration for e in store.sessions(name)), robot) for name in names
+        ]
+    told = write_priors(out, machines, robot)
+    click.echo(priors_told(told))
+    click.echo(f"written: {out}")
+
+
+def _type_of(url: str, known: dict[str, tuple[str, str]], given: str | None) -> Robot:
+    """The type of machine that priors are asked for."""
+    if given is not None:
+        return load_robot(given)
+    types = {made_for: robot for robot, made_for in known.values()}
+    if len(types) != 1:
+        several = ", ".join(sorted(types.values())) or "none"
+        raise InputError(f"{url}: machines of several robots ({several}): choose one by --robot")
+    return load_robot(next(iter(types.values())))
+
+
+def _looked_for(robots: set[str]) -> tuple[int, int]:
+    """How many causes a diagnosis looks for in these robots, and at how many places."""
+    known = [load_robot(robot) for robot in robots]
+    causes = {e.cause for robot in known for e in catalogue(robot, robot.model())}
+    return len(causes), max(len(robot.joints.names) for robot in known)
+
+
+def _require_libraries() -> None:
+    try:
+        import delta_calibration.fleet.run  # noqa: F401 - whether it can be
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in _LIBRARIES:
+            raise
+        raise InputError(
+            f"a fleet needs {error.name}: pip install 'delta_calibration[fleet]'"
+        ) from error

@@ -1,0 +1,162 @@
+"""What machines of a type have in common, as the prior of the next one.
+
+Each dimension d_k, in tolerances t_k off the drawing, is of the crowd or odd,
+
+    p(d_k) = (1 - o) N(d_k; m_k, s_k^2) + o N(d_k; 0, 1)
+
+with mean m and spread s of the crowd, and o the share of odd dimensions, which are only as the
+drawing's tolerances have them. Such a prior draws a dimension to the crowd as long as the data
+leave it there; one that they put elsewhere is left where it is.
+
+About a fit the data's likelihood is normal, exp(-d^T L d / 2 + d^T l), and the posterior is found
+by expectation propagation (Minka 2001): each prior is replaced by the normal one that gives the
+same mean and variance beside all the others. For sums of two normal laws both are known in closed
+form. What it ends with is a normal prior of this machine, with which it is fitted anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.estimation.problem import Problem, Solution, spread_of
+
+Array = NDArray[np.float64]
+
+_SWEEPS = 60
+_SETTLED = 1e-6  # change of a probability
+_KEPT = 0.5  # of the last prior in each sweep, as the update may swing
+_NARROWEST = 1e-3  # [tolerances] of a prior that was found
+
+
+@dataclass(frozen=True)
+class Population:
+    """Dimensions over the machines of a type, in tolerances off the drawing."""
+
+    mean: Array  # (p,)
+    spread: Array  # (p,)
+    odd: float  # share of dimensions that are not of the crowd
+
+    @classmethod
+    def as_drawn(cls, size: int) -> Population:
+        """What the drawing alone says of p dimensions."""
+        return cls(np.zeros(size), np.ones(size), 0.05)
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """What data say of dimensions, in tolerances: exp(-d^T L d / 2 + d^T l); of N machines."""
+
+    information: Array  # (..., p, p) L
+    along: Array  # (..., p) l
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What data and population say of machines; (..., p) each."""
+
+    mean: Array  # of the posterior
+    variance: Array
+    crowd: Array  # probability that a dimension is of the crowd
+    crowd_mean: Array  # of the dimension, if it is
+    crowd_variance: Array
+    prior_mean: Array  # of the normal prior that stands for the population here
+    prior_precision: Array
+
+
+def believe(data: Likelihood, population: Population, before: Belief | None = None) -> Belief:
+    """Weigh data against a population.
+
+    Args:
+        data: of one machine, or of several at once.
+        population: what is expected.
+        before: of a like population, to begin with.
+    """
+    if before is None:
+        precision = np.broadcast_to(np.ones(1), data.along.shape).copy()
+        shift = np.zeros(data.along.shape)
+        crowd = np.zeros(data.along.shape)
+    else:
+        precision, crowd = before.prior_precision, before.crowd
+        shift = before.prior_precision * before.prior_mean
+    diagonal = np.arange(data.along.shape[-1])
+    for _ in range(_SWEEPS):
+        normal = data.information.copy()
+        normal[..., diagonal, diagonal] += precision
+        covariance: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+        variance = covariance[..., diagonal, diagonal]
+        mean = (covariance @ (data.along + shift)[..., None])[..., 0]
+        # without its own prior: "cavity"
+        free = np.maximum(1 / variance - precision, 1e-12)
+        at = (mean / variance - shift) / free
+        weight, first, second = _mixed(at, 1 / free, population)
+        crowd_mean, crowd_variance = _times(at, 1 / free, population.mean, population.spread**2)
+        wanted = np.clip(1 / second - free, 1.0, 1 / _NARROWEST**2)
+        pulled = first * (wanted + free) - at * free
+        moved = float(np.max(np.abs(weight - crowd), initial=0.0))
+        crowd = weight
+        precision = _KEPT * precision + (1 - _KEPT) * wanted
+        shift = _KEPT * shift + (1 - _KEPT) * pulled
+        if moved < _SETTLED:
+            break
+    return Belief(mean, variance, crowd, crowd_mean, crowd_variance, shift / precision, precision)
+
+
+def likelihood_of(solution: Solution) -> Likelihood:
+    """What the data of a fit say of the geometry, everything else integrated out.
+
+    Where the residuals are wider than the noise, the data say so much less.
+    """
+    problem = solution.problem
+    root = np.sqrt(solution.weight)[:, None] / spread_of(solution.residual)
+    slope = (root[..., None] * solution.at.slope).reshape(-1, solution.at.slope.shape[-1])
+    residual = (root * solution.residual).reshape(-1) + slope @ solution.z
+    information, along = slope.T @ slope, slope.T @ residual
+    here = problem.layout.mask(problem.layout.geometry)[problem.free]
+    rest = information[~here][:, ~here] + np.diag(problem.expected[~here])
+    carried = np.linalg.solve(rest, information[~here][:, here]).T
+    return Likelihood(
+        information[here][:, here] - carried @ information[~here][:, here],
+        along[here] - carried @ along[~here],
+    )
+
+
+def with_population(solution: Solution, population: Population) -> Problem:
+    """The problem of a fit with the prior that a population gives this machine.
+
+    Args:
+        solution: of the same problem by the drawing's tolerances, all of its geometry free.
+        population: of its dimensions, all with a tolerance.
+    """
+    problem, geometry = solution.problem, solution.problem.layout.geometry
+    tolerance = np.diag(problem.basis)[geometry]
+    belief = believe(likelihood_of(solution), population)
+    start, basis = problem.theta0.copy(), problem.basis.copy()
+    start[geometry] += tolerance * belief.prior_mean
+    basis[geometry, geometry] = np.diag(tolerance / np.sqrt(belief.prior_precision))
+    return replace(problem, theta0=start, basis=basis)
+
+
+def _mixed(at: Array, variance: Array, population: Population) -> tuple[Array, Array, Array]:
+    """Probability of the crowd, mean and variance of a number that is seen at `at`."""
+    crowd = (1 - population.odd) * _density(at - population.mean, variance + population.spread**2)
+    odd = population.odd * _density(at, variance + 1)
+    weight = crowd / (crowd + odd)
+    in_mean, in_variance = _times(at, variance, population.mean, population.spread**2)
+    out_mean, out_variance = _times(at, variance, np.zeros(1), np.ones(1))
+    mean = weight * in_mean + (1 - weight) * out_mean
+    second = weight * (in_variance + in_mean**2) + (1 - weight) * (out_variance + out_mean**2)
+    return weight, mean, second - mean**2
+
+
+def _times(at: Array, variance: Array, mean: Array, spread: Array) -> tuple[Array, Array]:
+    """Mean and variance of the product of two normal laws."""
+    both = 1 / (1 / variance + 1 / spread)
+    return both * (at / variance + mean / spread), both
+
+
+def _density(off: Array, variance: Array) -> Array:
+    least = np.finfo(float).tiny
+    return np.exp(-0.5 * off**2 / variance) / np.sqrt(variance) + least

@@ -1,0 +1,189 @@
+"""How each machine of a fleet stands on a day, by what its history knows.
+
+A machine has one state, the first of these that is true of it:
+
+- unknown: its last session gave no verdict, or one with structure that no cause explains;
+- drifted: something changed between its sessions, within the days that count as lately;
+- cause: its last verdict names a cause that a calibration of the dimensions does not take away;
+- not measured lately;
+- fine.
+
+What is at stake is the error [mm RMS] that a visit may take away: what the last calibration leaves
+beyond the extended model, what no cause explains, or what a change moves the tool by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from math import sqrt
+from typing import Any
+
+from delta_calibration.wording import listed, spoken
+
+UNKNOWN, DRIFTED, CAUSE, STALE, FINE = (
+    "unknown",
+    "drifted",
+    "cause",
+    "not measured lately",
+    "fine",
+)
+STATES = (UNKNOWN, DRIFTED, CAUSE, STALE, FINE)
+_DIMENSIONS = "geometry"  # kind of a finding that the calibration itself takes away
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A session of a machine, as far as its standing needs it."""
+
+    id: str
+    began: datetime
+    verdict: Mapping[str, Any] | None
+    held_out_mm: float  # by its own fit
+    noise_mm: float  # of a pose
+    poses: int
+
+
+@dataclass(frozen=True)
+class Known:
+    """All that is known of a machine."""
+
+    machine: str
+    robot: str
+    sessions: tuple[Measured, ...]  # in the order of time, at least one
+    changes: tuple[Mapping[str, Any], ...] = ()
+    failed: tuple[str, ...] = ()  # what was said of sessions without a result
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a machine stands."""
+
+    machine: str
+    robot: str
+    state: str
+    why: str
+    to_do: str
+    last: datetime
+    sessions: int
+    held_out_mm: float
+    stake_mm: float
+    findings: tuple[Mapping[str, Any], ...]  # of the last verdict, causes beyond the dimensions
+    changes: tuple[Mapping[str, Any], ...]  # lately
+    failed: tuple[str, ...]
+
+
+def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
+    """How a machine stands on a day.
+
+    Args:
+        known: all that is known of it.
+        day: the day.
+        lately: how long ago a session or a change counts.
+    """
+    last = known.sessions[-1]
+    changes = _recent(known, day - lately)
+    findings = _causes(last)
+    state, why, to_do, stake = _fine(last)
+    if day - last.began > lately:
+        state, why = STALE, f"last measured {(day - last.began).days} days ago"
+        to_do = "measure"
+    if findings:
+        state, why, to_do, stake = _caused(last, findings)
+    if changes:
+        state, why, to_do, stake = _drifted(known, changes, stake)
+    if last.verdict is None or last.verdict["unknown_structure"]["found"]:
+        state, why, to_do, stake = _unknown(last, stake)
+    return Standing(
+        known.machine,
+        known.robot,
+        state,
+        why,
+        to_do,
+        last.began,
+        len(known.sessions),
+        last.held_out_mm,
+        stake,
+        findings,
+        changes,
+        known.failed,
+    )
+
+
+def first_visits(fleet: Sequence[Standing]) -> tuple[Standing, ...]:
+    """Machines that ask for a visit: most at stake first, then the longest not measured."""
+    asking = [each for each in fleet if each.state != FINE]
+    return tuple(sorted(asking, key=lambda each: (-each.stake_mm, each.last, each.machine)))
+
+
+def called(finding: Mapping[str, Any]) -> str:
+    """Cause and place of a finding or a change, as words."""
+    where = f" at {spoken(finding['location'])}" if finding["location"] else ""
+    return f"{spoken(finding.get('cause') or finding['what'])}{where}"
+
+
+def _fine(last: Measured) -> tuple[str, str, str, float]:
+    return FINE, "nothing beyond the dimensions, which its calibration has", "nothing", 0.0
+
+
+def _caused(last: Measured, findings: Sequence[Mapping[str, Any]]) -> tuple[str, str, str, float]:
+    actions = [each["action"] for each in findings if "action" in each]
+    orders = (f"{each['do']} ({spoken(each['part'])})" for each in actions)
+    return (
+        CAUSE,
+        listed(called(each) for each in findings),
+        "; ".join(dict.fromkeys(orders)) or "see its verdict",
+        _beyond(last),
+    )
+
+
+def _drifted(
+    known: Known, changes: Sequence[Mapping[str, Any]], stake: float
+) -> tuple[str, str, str, float]:
+    moved = max(_moves_mm(known, change) for change in changes)
+    why = "; ".join(f"{called(c)} changed between {c['after']} and {c['before']}" for c in changes)
+    return DRIFTED, why, "calibrate anew, and look at the part that changed", max(moved, stake)
+
+
+def _unknown(last: Measured, stake: float) -> tuple[str, str, str, float]:
+    if last.verdict is None:
+        return UNKNOWN, "fitted only: no causes were looked for", "diagnose", stake
+    structure = last.verdict["unknown_structure"]
+    moves = spoken(structure["moves_with"] or "nothing that was recorded")
+    left = max(stake, structure["rms_mm"] or 0.0)
+    return UNKNOWN, f"structure that no cause explains; it moves with {moves}", "measure", left
+
+
+def _causes(last: Measured) -> tuple[Mapping[str, Any], ...]:
+    findings = last.verdict["findings"] if last.verdict is not None else ()
+    return tuple(each for each in findings if each["kind"] != _DIMENSIONS)
+
+
+def _beyond(last: Measured) -> float:
+    """What the calibrated dimensions leave beyond the extended model [mm RMS]."""
+    if last.verdict is None:
+        return 0.0
+    calibrated = last.verdict["calibrated"]["held_out_rms_mm"] or 0.0
+    extended = last.verdict["extended"]["held_out_rms_mm"] or 0.0
+    return sqrt(max(calibrated**2 - extended**2, 0.0))
+
+
+def _recent(known: Known, since: datetime) -> tuple[Mapping[str, Any], ...]:
+    """Changes that were there first in a session since then."""
+    began = {each.id: each.began for each in known.sessions}
+    return tuple(c for c in known.changes if began.get(c["before"], since) >= since)
+
+
+def _moves_mm(known: Known, change: Mapping[str, Any]) -> float:
+    """By how much a change moves the tool [mm RMS], beside everything that is fitted anew.
+
+    Its signal lambda is the sum of squares of what it moves over the noise, of three coordinates a
+    pose, in the sessions behind it.
+    """
+    ids = [each.id for each in known.sessions]
+    behind = known.sessions[ids.index(change["before"]) :] if change["before"] in ids else ()
+    poses = sum(each.poses for each in behind)
+    if not poses:
+        return 0.0
+    return behind[-1].noise_mm * sqrt(max(change.get("signal", 0.0), 0.0) / (3 * poses))

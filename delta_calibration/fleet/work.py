@@ -1,0 +1,109 @@
+"""What a worker of the cluster does: one session, or the comparison of a machine's sessions.
+
+Both are functions of what they are handed, and change nothing but what they return: a worker that
+is lost loses nothing, its work is done again elsewhere.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from delta_calibration.data import Survey, survey
+from delta_calibration.diagnosis import Diagnosis, diagnose
+from delta_calibration.doctor import check
+from delta_calibration.errors import CalibrationError, InputError, MistakeError
+from delta_calibration.fleet.places import Place, RobotFile, local
+from delta_calibration.history import find_changes
+from delta_calibration.history.adding import dated, entry_of, made_of
+from delta_calibration.history.bags import bag_hash
+from delta_calibration.history.ledger import Compared, Failure, hash_of_sessions
+from delta_calibration.history.store import Entry
+from delta_calibration.recording import Topics, read_session
+from delta_calibration.robot import Robot, robot_from
+
+
+@dataclass(frozen=True)
+class Job:
+    """One session to be checked, fitted and diagnosed."""
+
+    machine: str
+    place: Place
+    robot: RobotFile
+    done: frozenset[str]  # hashes of the machine's sessions that need no more work
+    failed: str | None = None  # hash with which it failed before, not to be tried again
+    quick: bool = False  # fit only
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class There:
+    """A session that needed no work."""
+
+    machine: str
+    id: str
+    failed: bool = False  # before, and is as it was then
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The sessions of a machine to be compared."""
+
+    machine: str
+    robot: RobotFile
+    entries: tuple[Entry, ...]
+
+
+def examine(job: Job) -> Entry | Failure | There:
+    """Check, fit and diagnose one session; what is wrong with it is a result as well."""
+    digest, place = "", job.place
+    try:
+        with local(place.url) as folder:
+            digest = bag_hash(str(folder))
+            if digest in job.done or digest == job.failed:
+                return There(job.machine, place.id, digest == job.failed)
+            try:
+                return _entry(job, folder, digest)
+            except CalibrationError as error:
+                told = str(error).replace(str(folder), place.url)
+    except CalibrationError as error:
+        told = str(error)
+    return Failure(job.machine, place.id, digest, told)
+
+
+def compare(job: Comparison) -> Compared:
+    """What changed of a machine between its sessions."""
+    digest = hash_of_sessions(entry.sha256 for entry in job.entries)
+    try:
+        robot = robot_from(job.robot.document, job.robot.given)
+        with ExitStack() as stack:
+            folders = [stack.enter_context(local(entry.path)) for entry in job.entries]
+            for entry, folder in zip(job.entries, folders, strict=True):
+                if bag_hash(str(folder)) != entry.sha256:
+                    raise InputError(f"{entry.path}: was changed since it was added")
+            days = [dated(e, robot, f) for e, f in zip(job.entries, folders, strict=True)]
+        found = find_changes(days, robot, named=robot.named)
+    except CalibrationError as error:
+        return Compared(job.machine, digest, (), str(error))
+    said = (
+        {**each.as_dict(), "signal": each.signal, "told": each.sentence()}
+        for each in found.changes
+    )
+    return Compared(job.machine, digest, tuple(said))
+
+
+def _entry(job: Job, folder: Path, digest: str) -> Entry:
+    robot = robot_from(job.robot.document, job.robot.given)
+    recorded = read_session(folder, Topics.from_options(job.place.topics))
+    found = check(recorded, robot, job.robot.document, job.robot.given).found
+    if found:
+        raise MistakeError("; ".join(mistake.sentence() for mistake in found))
+
+    def diagnosed(seen: Survey, robot: Robot) -> Diagnosis:
+        return diagnose(seen, robot, seed=job.seed)
+
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    place = job.place
+    made = made_of(seen, robot, job.seed, None if job.quick else diagnosed)
+    return entry_of(job.machine, place.id, place.url, digest, seen.poses, *made, place.topics)

@@ -1,0 +1,250 @@
+"""The page of a fleet: machines by state, what they share, which to visit first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+
+import numpy as np
+
+from delta_calibration.fleet.shared import Shared
+from delta_calibration.fleet.standing import (
+    CAUSE,
+    DRIFTED,
+    FINE,
+    STALE,
+    STATES,
+    UNKNOWN,
+    Standing,
+    first_visits,
+)
+from delta_calibration.report.document import KeyFigure, Report, Section, Statement, Table
+from delta_calibration.report.drawing import (
+    BEFORE,
+    CALIBRATED,
+    EXTENDED,
+    GREY,
+    SYMBOLS,
+    THIRD,
+    Axis,
+    Figure,
+    Panel,
+    Points,
+)
+from delta_calibration.wording import NO_VALUE, capital, chance, figures, listed, mm
+
+_FIRST = 10  # visits on top; the others are in the table of all
+_WIDE = 20.0  # times the least error from which on the axis is logarithmic
+_NAMED = 6  # machines that a sentence names
+_COLOUR = {UNKNOWN: THIRD, DRIFTED: BEFORE, CAUSE: CALIBRATED, STALE: GREY, FINE: EXTENDED}
+
+
+def page_of_fleet(
+    fleet: Sequence[Standing],
+    shared: Sequence[Shared],
+    never: Mapping[str, Sequence[str]],
+    day: datetime,
+    lately_days: int,
+) -> Report:
+    """The page.
+
+    Args:
+        fleet: how each machine stands, at least one.
+        shared: causes that machines share, surest first.
+        never: machines of which no session gave a result, and what was said of them.
+        day: of which is told.
+        lately_days: how long ago a session or a change counts.
+    """
+    of, visits = Counter(each.state for each in fleet), first_visits(fleet)
+    return Report(
+        title=f"Fleet of {len(fleet)} machines",
+        subtitle=f"{sum(each.sessions for each in fleet)} sessions; as of {day:%Y-%m-%d}",
+        sentence=_sentence(of, len(fleet)),
+        statements=(
+            Statement("What to visit first", _first(visits)),
+            Statement("What machines share", _sharing(shared)),
+            Statement("What could not be used", _unused(fleet, never)),
+        ),
+        key_figures=tuple(
+            KeyFigure(state, str(of[state]), "of " + str(len(fleet)), _MEANING[state])
+            for state in STATES
+            if state != FINE
+        ),
+        sections=(
+            Section(
+                "visits", "What to visit first", (_AT_STAKE,), tables=(_visits(visits[:_FIRST]),)
+            ),
+            Section("shared", "What machines share", (_HOW_SHARED,), tables=(_shared(shared),)),
+            Section("states", "Machines by state", figures=(_errors(fleet, day),)),
+            Section(
+                "machines",
+                "All machines",
+                (f"Lately is within {lately_days} days.",),
+                tables=(_all(fleet), *_failed(fleet, never)),
+            ),
+        ),
+        data={
+            "machines": {
+                each.machine: {
+                    "state": each.state,
+                    "why": each.why,
+                    "at_stake_mm": each.stake_mm,
+                    "held_out_rms_mm": each.held_out_mm,
+                    "last": each.last.isoformat(),
+                }
+                for each in fleet
+            },
+            "shared": [
+                {"what": each.what, "machines": list(each.machines), "p_value": each.p_value}
+                for each in shared
+            ],
+        },
+    )
+
+
+_MEANING = {
+    UNKNOWN: "no verdict, or structure without a cause",
+    DRIFTED: "something changed between sessions",
+    CAUSE: "a cause beyond the dimensions",
+    STALE: "last session too long ago",
+}
+_COUNTED = {
+    UNKNOWN: "of unknown state",
+    DRIFTED: "drifted",
+    CAUSE: "with a cause",
+    STALE: "not measured lately",
+}
+_AT_STAKE = (
+    "At stake: the error that a visit may take away, what the calibrated dimensions leave beyond "
+    "the extended model, or what a change moves the tool by. Machines with most at stake come "
+    "first, then those that were not measured for longest."
+)
+_HOW_SHARED = (
+    "A cause is shared where more machines have it than chance explains, by how often all other "
+    "causes of this fleet are found; p is the chance of as many anywhere."
+)
+
+
+def _sentence(of: Counter[str], machines: int) -> str:
+    fine = of[FINE]
+    others = [f"{of[state]} {told}" for state, told in _COUNTED.items() if of[state]]
+    rest = f"; {listed(others)}" if others else ""
+    return f"{fine} of {machines} machines {'is' if fine == 1 else 'are'} fine{rest}."
+
+
+def _first(visits: Sequence[Standing]) -> str:
+    if not visits:
+        return "None: all machines are fine."
+    told = [f"{v.machine} ({v.why})" for v in visits[:3]]
+    more = len(visits) - len(told)
+    return f"{'; '.join(told)}{f'; and {more} more' if more else ''}."
+
+
+def _sharing(shared: Sequence[Shared]) -> str:
+    if not shared:
+        return "Nothing that chance would not explain."
+    told = (
+        f"{each.what} in {len(each.machines)} of {each.of} machines, where chance gives "
+        f"{figures(each.expected, 2)} (p {_p(each.p_value)})"
+        for each in shared
+    )
+    return capital(f"{'; '.join(told)}. Look at what these machines have in common.")
+
+
+def _unused(fleet: Sequence[Standing], never: Mapping[str, Sequence[str]]) -> str:
+    count = sum(len(each.failed) for each in fleet) + sum(map(len, never.values()))
+    if not count:
+        return "Nothing: every session gave a result."
+    rest = f"; no result at all of {_names(sorted(never))}" if never else ""
+    return f"{count} sessions{rest}: see the table at the end."
+
+
+def _visits(visits: Sequence[Standing]) -> Table:
+    rows = tuple(
+        (v.machine, mm(v.stake_mm) if v.stake_mm else NO_VALUE, v.why, v.to_do, v.state)
+        for v in visits
+    )
+    head = ("machine", "at stake [mm]", "why", "what to do", "state")
+    return Table("visits", "", head, rows, "", words=(0, 2, 3, 4))
+
+
+def _shared(shared: Sequence[Shared]) -> Table:
+    rows = tuple(
+        (
+            each.what,
+            str(len(each.machines)),
+            ", ".join(each.machines),
+            figures(each.expected, 2),
+            chance(each.p_value),
+        )
+        for each in shared
+    )
+    head = ("what", "machines", "which", "by chance", "p")
+    caption = "" if rows else "Nothing is shared that chance would not explain."
+    return Table("shared", "", head, rows, caption, words=(0, 2))
+
+
+def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
+    """Held-out error of each machine's last session over its age, by state."""
+    every, marks = [each.held_out_mm for each in fleet], []
+    for state, symbol in zip(STATES, SYMBOLS, strict=True):
+        here = [each for each in fleet if each.state == state]
+        if here:
+            age = np.array([(day - each.last).total_seconds() / 86400 for each in here])
+            error = np.array([each.held_out_mm for each in here])
+            told = tuple(f"{each.machine}: {each.why}" for each in here)
+            marks.append(Points(state, age, error, _COLOUR[state], symbol, 6.0, told=told))
+    panel = Panel(
+        "",
+        Axis("days since the last session", low=0.0),
+        Axis("held-out error [mm]", log=max(every) > _WIDE * min(every)),
+        tuple(marks),
+        tall=1.2,
+    )
+    caption = "A point a machine: the error that the model of its last session leaves."
+    return Figure("errors", "Machines by state", caption, (panel,), columns=1)
+
+
+def _all(fleet: Sequence[Standing]) -> Table:
+    rows = tuple(
+        (
+            each.machine,
+            each.state,
+            f"{each.last:%Y-%m-%d}",
+            str(each.sessions),
+            mm(each.held_out_mm),
+            mm(each.stake_mm) if each.stake_mm else NO_VALUE,
+            each.why,
+        )
+        for each in sorted(fleet, key=lambda each: (STATES.index(each.state), each.machine))
+    )
+    head = (
+        "machine",
+        "state",
+        "last",
+        "sessions",
+        "held-out error [mm]",
+        "at stake [mm]",
+        "why",
+    )
+    return Table("machines", "", head, rows, "", words=(0, 1, 6))
+
+
+def _failed(fleet: Sequence[Standing], never: Mapping[str, Sequence[str]]) -> tuple[Table, ...]:
+    told = {**{each.machine: each.failed for each in fleet}, **never}
+    rows = tuple((machine, said) for machine in sorted(told) for said in told[machine])
+    if not rows:
+        return ()
+    title = "Sessions that gave no result"
+    return (Table("failed", title, ("machine", "session, and why"), rows, "", words=(0, 1)),)
+
+
+def _names(machines: Sequence[str]) -> str:
+    more = len(machines) - _NAMED
+    return f"{', '.join(machines[:_NAMED])} and {more} more" if more > 0 else listed(machines)
+
+
+def _p(value: float) -> str:
+    told = chance(value)
+    return told if told.startswith("<") else f"= {told}"
