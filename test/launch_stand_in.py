@@ -100,7 +100,7 @@ def joined(parts: Any, context: LaunchContext) -> str:
 
 class ParameterValue:
     def __init__(self, value: Any, *, value_type: Any = None) -> None:
-        assert any(value_type is kind for kind in KINDS), f"launch knows no {value_type}"
+        assert value_type in KINDS, f"launch knows no {value_type}"
         self.value, self.kind = value, value_type
 
     def perform(self, context: LaunchContext) -> Any:

@@ -134,7 +134,7 @@ def test_a_trajectory_beyond_a_limit_is_refused_or_brought_to_it(beyond_limits: 
     one = points()
     far = replace(one, joint=one.joint + np.array([0.0, 0.3, 0.0]))
     if beyond_limits == "refuse":
-        with pytest.raises(DataError, match="beyond a joint's limit"):
+        with pytest.raises(DataError, match="beyond a joint limit"):
             TrajectoryPath(path).send(far, 0.0)
         assert path.counts[command_path.BEYOND] == 1
         return

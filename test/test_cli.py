@@ -67,7 +67,7 @@ def test_fit_says_what_it_found(cell, capsys):
     said = capsys.readouterr().out
     assert "rank 33 of 69 parameters" in said
     assert "before: nominal + frame" in said
-    assert "platform_radial_1 does the same as -1 base_radial_1" in said
+    assert "platform_radial_1 has the same effect as -1 base_radial_1" in said
     assert run(["fit", str(cell / "session"), "--robot", ROBOT, "--model", "rotary_delta"]) == 0
     assert "rank 24 of 33 parameters" in capsys.readouterr().out
 

@@ -48,9 +48,10 @@ def test_rank_and_each_sentence_about_what_does_not_show(model, rank, columns):
 def test_neighbours_are_named():
     sentences = [r.sentence() for r in found(0)[2].observability.redundancies]
     assert any(
-        s.startswith("platform_radial_1 does the same as -1 base_radial_1") for s in sentences
+        s.startswith("platform_radial_1 has the same effect as -1 base_radial_1")
+        for s in sentences
     )
-    assert any(s.startswith("tracker_place_x does the same as") for s in sentences)
+    assert any(s.startswith("tracker_place_x has the same effect as") for s in sentences)
 
 
 def test_a_doubled_and_a_silent_column_are_said_in_their_own_units():
@@ -62,7 +63,7 @@ def test_a_doubled_and_a_silent_column_are_said_in_their_own_units():
     assert (seen.rank, seen.columns) == (2, 4)
     assert [r.parameter for r in seen.redundancies] == ["c", "d"]
     assert dict(seen.redundancies[0].same_as) == pytest.approx({"a": 3, "b": -2})
-    assert seen.redundancies[1].sentence() == "d does not show"
+    assert seen.redundancies[1].sentence() == "d has no visible effect"
 
 
 def test_indices_of_singular_values_that_are_known():

@@ -70,7 +70,7 @@ ONLY_IN = {
     "ros": re.compile(r"rclpy|\w+_msgs|\w+_interfaces|std_srvs|(rosidl|ament|tf2)_\w+|launch"),
     "report": re.compile(r"matplotlib|plotly|seaborn|bokeh|altair|pyvista"),
     "history": re.compile(r"sqlalchemy"),
-    "fleet": re.compile(r"dask|distributed|fsspec"),
+    "fleet": re.compile(r"dask|distributed"),
     "bench": re.compile(r"starlette|uvicorn|fastapi|flask|multipart"),
     "cli": re.compile(r"click|argparse|optparse|getopt|typer|rich"),
 }

@@ -173,8 +173,8 @@ def test_a_diagnosis_says_that_it_leaves_the_turns_aside(cell):
     """Named in no other case: a reflector has none."""
     session = survey(cell[1], PROBED.joints.names)
     probed, plain = (diagnose(session, robot).doubts for robot in (PROBED, SRBD))
-    assert any("turns" in text for text in probed)
-    assert not any("turns" in text for text in plain)
+    assert any("rotations" in text for text in probed)
+    assert not any("rotations" in text for text in plain)
 
 
 def test_when_turns_take_no_part(cell):
