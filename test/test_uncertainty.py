@@ -260,7 +260,7 @@ def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
     page = page_of_certificate(less)
     assert (
         "1 of 48 poses is a gross error according to the fit, and not judged"
-        in page.statements[4].answer
+        in page.statements[5].answer
     )
     points = next(table for table in page.tables() if table.name == "points")
     assert [row[-1] for row in points.rows].count("set aside") == 1

@@ -45,9 +45,12 @@ def unseen(
     found = {finding.cause for finding in findings}
     reasons: dict[tuple[str, str], list[str]] = {}
     for effect in effects:
-        said += _disguised(evidence, terms, effect, effect.cause in found)
         if effect.cause in found:
             continue
+        disguised = effect.disguised(evidence.at.take(_resting(evidence.at)))
+        if disguised is not None:
+            name, other, because, following = disguised
+            said.append(CannotTell((name, other), because, following))
         blind = _blind(evidence, terms, effect, unknown)
         if blind is not None:
             partners, because, following = blind
@@ -93,19 +96,6 @@ def _reflector(evidence: LinearizedModel) -> list[CannotTell]:
     )
     following = "measure where the reflector sits on the platform"
     return [CannotTell(("smr_offset", "tracker frame"), because, following)]
-
-
-def _disguised(
-    evidence: LinearizedModel, terms: tuple[Candidate, ...], effect: Effect, named: bool
-) -> list[CannotTell]:
-    """The form of a cause that shows as something else, also beside one that was named."""
-    own = (m.effect for m in terms if named and m.cause == effect.cause and m.effect)
-    at = evidence.at.take(_resting(evidence.at))
-    disguised = next(own, effect).disguised(at, named)
-    if disguised is None:
-        return []
-    name, other, because, following = disguised
-    return [CannotTell((name, other), because, following)]
 
 
 def _of_class(finding: Finding) -> CannotTell:

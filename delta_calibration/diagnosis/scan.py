@@ -78,15 +78,7 @@ def scan(
     with ThreadPoolExecutor(THREADS) as pool:
         scores = [score for some in pool.map(weighed.explore, questions) for score in some]
     scores.sort(key=lambda score: -score.log_bayes)
-    return Scan(_best_of_each(scores), len(scores))
-
-
-def _best_of_each(scores: Sequence[Score]) -> tuple[Score, ...]:
-    """The first score of every cause at every place, whichever of its searches it is of."""
-    first: dict[str | int, Score] = {}
-    for i, score in enumerate(scores):
-        first.setdefault(score.candidate.key if score.candidate.sized else i, score)
-    return tuple(first.values())
+    return Scan(tuple(scores), len(scores))
 
 
 def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
@@ -98,9 +90,8 @@ def _questions(
     evidence: LinearizedModel, effects: Sequence[Effect], used: Sequence[Candidate]
 ) -> Iterator[list[list[Candidate]]]:
     """What to explore: for each effect its shapes, for each shape the whole and its parts."""
-    every = (search for effect in effects for search in effect.searches(evidence.at))
-    for search in every:
-        shapes = [shape for shape in search if not shape.missing(evidence.at)]
+    for effect in effects:
+        shapes = [shape for shape in effect.shapes(evidence.at) if not shape.missing(evidence.at)]
         groups = [
             [c for c in subsets(shape) if not any(_covers(other, c) for other in used)]
             for shape in shapes

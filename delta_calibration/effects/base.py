@@ -192,10 +192,6 @@ class Effect(ABC):
         del at
         yield self
 
-    def searches(self, at: Conditions) -> Iterator[tuple[Effect, ...]]:
-        """The shapes that are searched together: one explanation pays for no other's search."""
-        yield tuple(self.shapes(at))
-
     def regressor(self, at: Conditions) -> Regressor:
         """Quantity that gives it away: the horizontal axis of its picture in the report."""
         del at
@@ -227,11 +223,6 @@ class Effect(ABC):
     # what searched fields are called in a verdict, and their unit; the joints' for "rad"
     told: ClassVar[Mapping[str, tuple[str, str]]] = {}
 
-    @property
-    def chosen(self) -> dict[str, str]:
-        """What a verdict says of the shape in words, by name; nothing by default."""
-        return {}
-
     def refined(self, values: Array) -> Effect:
         """The same effect with the shape that these values of its parameters (k,) go with."""
         del values
@@ -249,18 +240,14 @@ class Effect(ABC):
         """Whether the mechanism has what it acts on."""
         return True
 
-    def disguised(self, at: Conditions, named: bool = False) -> tuple[str, str, str, str] | None:
+    def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
         """A form of the cause that such data show as something else, however well they were taken.
-
-        Args:
-            at: conditions of the poses at rest.
-            named: whether the cause was named, in this shape.
 
         Returns:
             What it is called, the cause that it is taken for, why, and what would tell; None where
             there is no such form.
         """
-        del at, named
+        del at
         return None
 
     @classmethod

@@ -1,6 +1,6 @@
-"""Rods that stretch under the force they carry: that of weight, and of inertia in motion.
+"""Rods that stretch under the force they carry.
 
-dl = N / k
+dl = N(pose, payload) / k
 """
 
 from __future__ import annotations

@@ -114,13 +114,9 @@ class DeltaMasses:
     rod: float = mass(about="mass of one rod")
 
     @property
-    def turning(self) -> float:
-        """Moment of inertia of an arm about its motor, part of its mass times its length squared.
-
-        That of a bar whose section changes evenly along it, so that its centre is where it is; at
-        least that of its mass in one point there.
-        """
-        return max(self.arm_centre**2, self.arm_centre - 1 / 6)
+    def on_platform(self) -> float:
+        """What moves with the platform: itself and half of each rod [kg]."""
+        return self.platform + LEGS * self.rod
 
 
 class DeltaModel(Mechanism):
@@ -158,24 +154,19 @@ class DeltaModel(Mechanism):
         )
 
     def weights(self, masses: DeltaMasses | None) -> Array:
-        """Platform, elbows and middles of the pairs of rods [kg].
+        """Platform with half of each rod; at each elbow half of its rods and the arm's part [kg].
 
-        A rod is a sixth of its mass at either end and the rest in the middle: Simpson's rule has
-        the weight, the centre and the inertia of a uniform one. An arm's mass is shared out
-        between hinge and elbow, so that its centre stays.
+        An arm's mass is shared out between hinge and elbow, so that its centre stays.
         """
         if masses is None:
-            return np.zeros(1 + 2 * LEGS)
-        at_elbow = masses.arm * masses.arm_centre + masses.rod / 3
-        pair = 4 / 3 * masses.rod
-        return np.array([masses.platform + masses.rod, *LEGS * (at_elbow,), *LEGS * (pair,)])
+            return np.zeros(1 + LEGS)
+        at_elbow = masses.arm * masses.arm_centre + masses.rod
+        return np.array([masses.on_platform, *LEGS * (at_elbow,)])
 
-    def moving(self, masses: DeltaMasses | None) -> Array:
-        """All of it, but of an arm what its inertia comes to."""
-        share = np.ones(1 + 2 * LEGS)
-        if masses is not None and (at_elbow := self.weights(masses)[1]):
-            share[1 : 1 + LEGS] = (masses.arm * masses.turning + masses.rod / 3) / at_elbow
-        return share
+    @property
+    def moving(self) -> Array:
+        """What the platform carries; the inertia of the arms is left out."""
+        return np.array([1.0, *LEGS * (0.0,)])
 
     @abstractmethod
     def _leg_parameters(self, leg: int) -> list[Parameter]:
