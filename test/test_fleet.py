@@ -185,7 +185,7 @@ def test_sessions_in_memory_are_fitted_compared_and_not_done_again(
             run(client, machines("memory://fleet"), ledger, QUICK, first)
             run(client, machines("memory://fleet"), ledger, QUICK, again)
             compared = ledger.compared()
-            assert store.sessions("press_1")[0].path == "memory://fleet/press_1/day_0"
+            assert store.sessions("press_1")[0].path == "memory:///fleet/press_1/day_0"
     finally:
         memory.rm("/fleet", recursive=True)
     assert sorted(first.added()) == ALL
