@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -32,11 +33,14 @@ from delta_calibration.cli.options import (
 from delta_calibration.data import Poses, collect, survey
 from delta_calibration.errors import InputError
 from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
-from delta_calibration.fleet.priors import read_priors
-from delta_calibration.history import Dated, Prospect, prospect
 from delta_calibration.papers import METHODS, ORDERS, method_named
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.wording import mm, plain, spoken
+
+if TYPE_CHECKING:  # a fit by itself does not wait for what a history needs
+    from delta_calibration.estimation import Population
+    from delta_calibration.history import Prospect
+    from delta_calibration.robot import Robot
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}
 _SHOWN = 5  # of a long list, without -v
@@ -128,12 +132,14 @@ def command(
     robot = robot_given(robot_file, machine, url)
     if priors_file is not None and machine is not None:
         raise InputError("give one of --priors and --machine")
-    population = None if priors_file is None else read_priors(priors_file, robot, model)
+    population = None if priors_file is None else _population(priors_file, robot, model)
     recorded = read_session(session, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, robot_file or str(robot.source), force, out is not None)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     expected, carried = None, None
     if machine is not None:
+        from delta_calibration.history import Dated, prospect
+
         seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
         began = datetime.fromtimestamp(poses.start_ns * 1e-9, timezone.utc)
         new = Dated(session.resolve().name, began, seen)
@@ -148,6 +154,12 @@ def command(
     if out is not None:
         save_calibration(out, found, robot, poses)
         click.echo(f"written: {out}")
+
+
+def _population(file: Path, robot: Robot, model: str | None) -> Population:
+    from delta_calibration.fleet.priors import read_priors
+
+    return read_priors(file, robot, model)
 
 
 def describe_poses(poses: Poses) -> str:

@@ -9,11 +9,10 @@ import click
 
 from delta_calibration.cli.options import Function, progress
 from delta_calibration.errors import InputError
-from delta_calibration.history import Dated
-from delta_calibration.history.opening import opened
 from delta_calibration.robot import Robot, load_robot
 
-if TYPE_CHECKING:  # other verbs do not wait for a database's library
+if TYPE_CHECKING:  # other verbs do not wait for a history's libraries
+    from delta_calibration.history import Dated
     from delta_calibration.history.store import Entry, Store
 
 STORE = "history.sqlite"
@@ -72,6 +71,8 @@ def robot_given(robot_file: str | None, machine: str | None, url: str) -> Robot:
         if robot_file is None:
             raise InputError("give --robot, or --machine of a history")
         return load_robot(robot_file)
+    from delta_calibration.history.opening import opened
+
     with opened(url) as store:
         kept = robot_kept(store, machine, url)
     if robot_file is None:
@@ -87,6 +88,8 @@ def robot_given(robot_file: str | None, machine: str | None, url: str) -> Robot:
 
 def sessions_of(machine: str, robot: Robot, url: str) -> list[Dated]:
     """The sessions of a machine, read again."""
+    from delta_calibration.history.opening import opened
+
     with opened(url) as store:
         entries = store.sessions(machine)
     return dated_sessions(entries, robot)
