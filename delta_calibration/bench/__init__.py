@@ -1,4 +1,4 @@
-"""The bench in a browser: sessions dropped, questions answered, verdicts and certificates.
+"""The `delta-cal serve` page: upload sessions, answer the check, download verdict and certificate.
 
 The bench calculates nothing. Every step of its work is a verb of `delta-cal`, run as a child
 process with the options that the page was given, in a folder of its own (`flow.py` says which verb

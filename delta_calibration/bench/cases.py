@@ -85,7 +85,7 @@ class Cases:
     """The cases of a data folder; may be used by several threads of one process."""
 
     def __init__(self, folder: Path) -> None:
-        """Cases in a folder, which is made where it is not there."""
+        """The cases in a data folder; the folder is created if missing."""
         self._folder = folder
         self._lock = RLock()
         folder.mkdir(parents=True, exist_ok=True)
@@ -156,7 +156,7 @@ class Cases:
 
 
 def file_name(given: str, default: str, longest: int = 80) -> str:
-    """A name for a file or a session out of one that a browser gave: no path, nothing hidden."""
+    """Return a safe file or session name from one a browser sent: no path, no hidden file."""
     bare = os.path.basename(given.replace("\\", "/"))
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", bare).strip("._-")
     return plain[:longest].rstrip("._-") or default

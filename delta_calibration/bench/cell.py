@@ -115,7 +115,7 @@ class Cell:
             Thread(target=self._watch, daemon=True).start()
 
     def nodes(self) -> tuple[Node, ...]:
-        """Every calibration node that was heard, by name."""
+        """All calibration nodes seen so far, by name."""
         with self._lock:
             heard = sorted(self._heard.items())
         return tuple(_node(name, data, monotonic() - when) for name, (when, data) in heard)

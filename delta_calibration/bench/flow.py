@@ -137,7 +137,7 @@ def again(case: Case) -> Case:
 
 
 def ended(case: Case, said: Said, folder: Path) -> Case:
-    """What comes after a step.
+    """Return the step that follows a step.
 
     Args:
         case: whose `step` has just ended.

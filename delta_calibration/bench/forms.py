@@ -140,7 +140,7 @@ async def order(request: Request) -> Response:
 
 @asynccontextmanager
 async def _form(request: Request, bench: Bench) -> AsyncIterator[FormData]:
-    """The fields of a request, once its key was found right; files are closed behind it."""
+    """Fields of a request whose form key is valid; uploaded files are closed afterwards."""
     async with request.form(max_files=_MOST_FILES, max_fields=_MOST_FIELDS) as form:
         bench.secrets.require_key(_text(form, "key"))
         yield form

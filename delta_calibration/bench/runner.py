@@ -52,7 +52,7 @@ class Doing:
 
 
 class Runner:
-    """Works through what is handed to it until it is closed."""
+    """Worker that runs queued jobs until it is closed."""
 
     def __init__(self, cases: Cases, store: str, workers: int = 1) -> None:
         """Begin, with whatever was left unfinished.
