@@ -4,10 +4,11 @@
 
 A commander publishes joint commands, a node sends them on, a listener takes the time from the one
 to the other by the machine's steady clock; both go before other programs where the system lets
-them. In turns of `--round` seconds the commands go through a node that copies each message
-into one of its own (executor, joint order, message filled), one that sends on the bytes as they
-came, and the calibration node, compensating by geometry alone, with play of the drives, and with
-three effects; so all see the same machine. Then the rate is raised until messages are lost.
+them. In turns of `--round` seconds the commands go through an ordinary node (`rclpy.spin`) that
+copies each message into one of its own, the same node on the executor that the calibration node
+has, one on it that sends on the bytes as they came, and the calibration node, compensating by
+geometry alone, with play of the drives, and with three effects; so all see the same machine. Then
+the rate is raised until messages are lost.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from delta_calibration.calibration_file import save_calibration
 from delta_calibration.robot import load_robot
 from node_processes import Processes, given, identified, motion, processes, with_effects
 
-COPYING, RAW = "copying", "raw"
+COPYING, EVENTS, RAW = "copying", "copying by events", "raw"
 PLAY: tuple[Mapping[str, object], float] = ({}, 4e-4)  # [rad]
 EFFECTS: dict[str, dict[str, tuple[Mapping[str, object], float]]] = {
     "geometry": {},
@@ -44,7 +45,8 @@ EFFECTS: dict[str, dict[str, tuple[Mapping[str, object], float]]] = {
         "thermal_growth_arm": ({"sensor": "arm"}, 23e-6),  # [1/K]
     },
 }
-WAYS = (COPYING, RAW, *EFFECTS)
+PASSING = (COPYING, EVENTS, RAW)
+WAYS = (*PASSING, *EFFECTS)
 SPACE = {way: "/" + way.replace(" ", "_") for way in WAYS}
 RATES = (1000, 1500, 2000, 2500, 3000, 4000, 5000)
 RATE_S = 2.0  # [s] at each of the rates
@@ -164,6 +166,7 @@ def listen(out: str) -> int:
 
 def pass_on(way: str, priority: str) -> int:
     """Send a command on: copied into the robot's order, or its bytes as they came."""
+    import rclpy
     from sensor_msgs.msg import JointState
 
     from delta_calibration.ros.conversions import JointReader, JointWriter
@@ -175,7 +178,7 @@ def pass_on(way: str, priority: str) -> int:
 
     class PassThrough(BaseNode):
         def __init__(self) -> None:
-            super().__init__(f"pass_{way}")
+            super().__init__("pass_on")
             self.reader, self.writer = JointReader(names), JointWriter(names)
             into, out = f"{SPACE[way]}/joint_command", f"{SPACE[way]}/joint_command_compensated"
             self.out = self.create_publisher(JointState, out, STREAM_OUT)
@@ -189,7 +192,10 @@ def pass_on(way: str, priority: str) -> int:
             q = self.reader.positions(message)
             self.out.publish(self.writer.message(q, message.header.stamp))
 
-    return run_node(PassThrough, f"pass_{way}")
+    if way == COPYING:
+        rclpy.init()
+        rclpy.spin(PassThrough())
+    return run_node(PassThrough, "pass_on")
 
 
 def measured(cell: Processes, plan: list[tuple[str, float, float]], name: str) -> list[np.ndarray]:
@@ -269,10 +275,14 @@ def bench(seconds: float, turn: float, priority: int) -> int:
             calibration = Path(folder) / f"{way}.yaml"
             save_calibration(calibration, with_effects(found, robot, effects), robot, poses)
             node = given(
-                autostart=True, calibration=calibration, ramp_s=0.0, realtime_priority=priority
+                autostart=True,
+                calibration=calibration,
+                ramp_s=0.0,
+                realtime_priority=priority,
+                temperature_timeout_s=86400.0,  # it is told once
             )
             cell.start(f"node_{way}", NODE, [*node, "-r", f"__ns:={SPACE[way]}"])
-        for way in (COPYING, RAW):
+        for way in PASSING:
             cell.start(f"pass_{way}", "node_rate", ["pass_on", way, str(priority)])
         for way in EFFECTS:
             cell.call(f"{SPACE[way]}/calibration_node/enable", "true")

@@ -26,7 +26,7 @@ with (
     warnings.simplefilter("ignore", DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
-PATIENCE_S = 15.0
+PATIENCE_S = 40.0
 ROOT = Path(__file__).parents[1]
 
 

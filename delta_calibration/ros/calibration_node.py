@@ -49,6 +49,7 @@ from delta_calibration.ros.parameters import ParameterTable, warn_of_unknown
 from delta_calibration.ros.progress import Doing, Progress
 from delta_calibration.ros.qos import CONTROLLER, INPUTS, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import run
+from delta_calibration.ros.throttle import Throttle
 from delta_calibration.ros.trajectories import Trajectories
 from delta_calibration.texts import bounded
 
@@ -77,7 +78,7 @@ class CalibrationNode(SafeLifecycleNode):
 
     def __init__(self, alone: bool = False, **kwargs: Any) -> None:
         super().__init__(NAME, **kwargs)
-        self._process = OwnProcess(alone)
+        self._process, self._warnings = OwnProcess(alone), Throttle(WARN_EVERY_S)
         self._settings = ParameterTable(self, SPECS, self._on_change)
         warn_of_unknown(self)
         self._desk: CalibrationSession | None = None
@@ -450,7 +451,8 @@ class CalibrationNode(SafeLifecycleNode):
     # --- what is told
 
     def _warn(self, text: str) -> None:
-        self.get_logger().warn(bounded(text), throttle_duration_sec=WARN_EVERY_S)
+        if self._warnings.lets():
+            self.get_logger().warn(bounded(text))
 
     def _on_change(self, _names: tuple[str, ...]) -> None:
         if self._desk is not None:

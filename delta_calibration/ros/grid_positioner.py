@@ -58,11 +58,13 @@ from delta_calibration.ros.parameters import (
 )
 from delta_calibration.ros.qos import MEASURED, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
+from delta_calibration.ros.throttle import Throttle
 
 Array = NDArray[np.float64]
 
 NAME = "grid_positioner"
 SETTLE_S = 2.0  # [s] a publisher may know of a subscriber long before that knows of it
+SAY_AGAIN_S = 2.0  # [s] between two lines of log on messages of a topic that are of no use
 FAREWELL_S = 1.0  # [s] for the last command to arrive
 ENCODER_SIGMAS = 8.0  # a standing joint may read so far from where it was told to be
 
@@ -207,11 +209,14 @@ class GridPositioner(BaseNode):
     # --- topics
 
     def _listen(self, kind: Any, topic: str, take: Callable[[Any], None]) -> None:
+        warnings = Throttle(SAY_AGAIN_S)
+
         def receive(message: Any) -> None:
             try:
                 take(message)
             except CalibrationError as error:
-                self.get_logger().warn(f"{topic}: {error}", throttle_duration_sec=2.0)
+                if warnings.lets():
+                    self.get_logger().warn(f"{topic}: {error}")
 
         self.create_subscription(kind, topic, receive, MEASURED)
 

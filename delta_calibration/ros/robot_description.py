@@ -32,6 +32,7 @@ from delta_calibration.ros.parameters import (
 )
 from delta_calibration.ros.qos import MEASURED, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
+from delta_calibration.ros.throttle import Throttle
 
 NAME = "robot_description"
 ALL_STATES = "joint_states_all"
@@ -65,6 +66,7 @@ class RobotDescription(BaseNode):
         self._reader = JointReader(robot.joints.names)
         self._last: JointState | None = None  # not shown yet
         self._shown, self._trouble = 0, ""
+        self._warnings = Throttle(SAY_AGAIN_S)
         self._out = self.create_publisher(JointState, ALL_STATES, STREAM_OUT)
         self._text = self.create_publisher(String, "robot_description", STATUS)
         self.create_subscription(JointState, "joint_states", self._on_states, MEASURED)
@@ -91,7 +93,8 @@ class RobotDescription(BaseNode):
             self._out.publish(joint_state(tuple(values), every, message.header.stamp))
         except CalibrationError as error:
             self._trouble = str(error)
-            self.get_logger().warn(self._trouble, throttle_duration_sec=SAY_AGAIN_S)
+            if self._warnings.lets():
+                self.get_logger().warn(self._trouble)
         else:
             self._shown, self._trouble = self._shown + 1, ""
 

@@ -40,6 +40,7 @@ from delta_calibration.ros.parameters import (
 from delta_calibration.ros.qos import BY_NAME, COMMAND
 from delta_calibration.ros.runtime import BaseNode, run
 from delta_calibration.ros.simulated_machine import SimulatedMachine, without_noise
+from delta_calibration.ros.throttle import Throttle
 from delta_calibration.simulation import WARM_UP, Climate, draw_machine, effect_options
 
 NAME = "simulated_tracker"
@@ -98,6 +99,7 @@ class SimulatedTracker(BaseNode):
         self._reader = JointReader(robot.joints.names)
         self._followed = self._refused = 0
         self._trouble = ""  # why the last command was not followed
+        self._warnings = Throttle(SAY_AGAIN_S)
         self._states = self._publisher("joint_states")
         self._poses = self._publisher("tracker/pose")
         self._heat = self._publisher("cell/temperature")
@@ -164,9 +166,8 @@ class SimulatedTracker(BaseNode):
     def _refuse(self, error: CalibrationError) -> None:
         self._refused += 1
         self._trouble = str(error)
-        self.get_logger().warn(
-            f"pose held: {error}", throttle_duration_sec=SAY_AGAIN_S, skip_first=False
-        )
+        if self._warnings.lets():
+            self.get_logger().warn(f"pose held: {error}")
 
     def _say_temperatures(self) -> None:
         for part, celsius in self._simulated.temperatures(time.monotonic()).items():

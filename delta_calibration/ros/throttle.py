@@ -1,0 +1,28 @@
+"""How often a node may say something again."""
+
+from __future__ import annotations
+
+import math
+import time
+
+
+class Throttle:
+    """Lets something be said at most once in so many seconds of the steady clock.
+
+    rclpy's own `throttle_duration_sec` walks the stack at every call, 0.5 ms and more: what is
+    said at the rate of the commands would hold them up.
+
+    Args:
+        seconds: between two times.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds, self._last_s = seconds, -math.inf
+
+    def lets(self, now_s: float | None = None) -> bool:
+        """Whether it may be said now (steady time [s]); then not again for as long as that."""
+        now_s = time.monotonic() if now_s is None else now_s
+        if now_s - self._last_s < self._seconds:
+            return False
+        self._last_s = now_s
+        return True
