@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.constants import TYPICAL_SHIFT
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.diagnosis.scores import PRECISION, decrease, log_bayes
+from delta_calibration.diagnosis.scores import PRECISION, log_bayes_of_each
 from delta_calibration.effects.base import Stage, law_of
 from delta_calibration.effects.found_law import FoundLaw
 from delta_calibration.effects.signals import Signals
@@ -32,6 +32,7 @@ from delta_calibration.model.terms import Term, columns, table_of
 
 Array = NDArray[np.float64]
 
+_AT_A_TIME = 32  # laws, whose columns are in memory together
 _NO_COLUMN = 1e-12  # of a displacement, under which it is none
 
 Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
@@ -86,14 +87,22 @@ class Screen:
         """Each law's case by itself."""
         pairs = [tuple(self.pairs(law)) for law in laws]
         self._evaluate([taken for own in pairs for _, taken in own])
-        nuisance, shared = self._along_all({pair for own in pairs for pair in own})
-        return [self._case(own, nuisance, shared) for own in pairs]
+        along = self._along_all({pair for own in pairs for pair in own})
+        alike: dict[int, list[int]] = {}
+        for i, own in enumerate(pairs):
+            alike.setdefault(len(own), []).append(i)
+        found: dict[int, Case] = {}
+        for rows in alike.values():
+            for begin in range(0, len(rows), _AT_A_TIME):
+                some = rows[begin : begin + _AT_A_TIME]
+                found.update(zip(some, self._cases([pairs[i] for i in some], *along), strict=True))
+        return [found[i] for i in range(len(laws))]
 
     def case(self, laws: Sequence[FoundLaw]) -> Case:
         """That of some laws together."""
         pairs = tuple(pair for law in laws for pair in self.pairs(law))
         self._evaluate([taken for _, taken in pairs])
-        return self._case(pairs, *self._along_all(set(pairs)))
+        return self._cases([pairs], *self._along_all(set(pairs)))[0]
 
     def signal(self, laws: Sequence[FoundLaw], case: Case) -> Array:
         """What they make of the whitened readings at their most likely values, (d n,)."""
@@ -111,29 +120,35 @@ class Screen:
                 taken = law.factor(self.signals.places, target, kind)
                 yield (law.stage, target.rows), taken
 
-    def _case(
+    def _cases(
         self,
-        pairs: Sequence[Column],
+        laws: Sequence[Sequence[Column]],
         nuisance: Mapping[Column, Array],
         shared: Mapping[Column, Array],
-    ) -> Case:
-        factors = [self._factor(moved) for moved, _ in pairs]
-        f = np.stack([self._functions[taken] for _, taken in pairs])
-        moved = np.stack([factor.moved for factor in factors]) * f[:, :, None]
-        flat = moved.reshape(len(pairs), -1)
-        direct = flat @ flat.T
-        along, common = (
-            np.stack([nuisance[p] for p in pairs]),
-            np.stack([shared[p] for p in pairs]),
-        )
-        information = direct - common @ common.T - along @ self.evidence.solved(along.T)
-        left = np.array([factor.left @ own for factor, own in zip(factors, f, strict=True)])
-        metres = self._noise * np.sqrt(np.diag(direct) / self._count)
+    ) -> list[Case]:
+        """Of laws with as many columns each, (L,) of k."""
+        count, k = len(laws), len(laws[0])
+        f = np.array([[self._functions[taken] for _, taken in own] for own in laws])
+        factors = [[self._factor(moved) for moved, _ in own] for own in laws]
+        flat = np.array([[factor.moved for factor in own] for own in factors])
+        flat *= f[..., None]
+        flat = flat.reshape(count, k, -1)
+        direct = flat @ flat.swapaxes(1, 2)
+        along = np.array([[nuisance[pair] for pair in own] for own in laws])
+        common = np.array([[shared[pair] for pair in own] for own in laws])
+        solved = self.evidence.solved(along.reshape(count * k, -1).T).T.reshape(along.shape)
+        information = direct - common @ common.swapaxes(1, 2) - along @ solved.swapaxes(1, 2)
+        left = np.array([[factor.left for factor in own] for own in factors])
+        left = np.einsum("lkn,lkn->lk", left, f)
+        metres = self._noise * np.sqrt(np.diagonal(direct, axis1=1, axis2=2) / self._count)
         size = TYPICAL_SHIFT / np.maximum(metres, _NO_COLUMN)
-        information, b = size[:, None] * information * size, size * left
-        value = np.linalg.solve(information + PRECISION * np.eye(len(b)), b)
-        worth = log_bayes(information, b, value, [slice(0, len(b))])
-        return Case(worth, decrease(information, b, value), value, size, information)
+        information, b = size[:, :, None] * information * size[:, None], size * left
+        value = np.linalg.solve(information + PRECISION * np.eye(k), b[..., None])[..., 0]
+        worth = log_bayes_of_each(information, b, value).tolist()
+        gain = np.maximum(
+            0.0, np.sum(value * (2 * b - (information @ value[..., None])[..., 0]), 1)
+        )
+        return list(map(Case, worth, gain.tolist(), value, size, information))
 
     def _along_all(
         self, pairs: set[Column]

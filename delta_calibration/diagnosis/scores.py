@@ -232,6 +232,19 @@ def log_bayes(information: Array, b: Array, value: Array, spans: Sequence[slice]
     return explained - price_of(information, value, spans)
 
 
+def log_bayes_of_each(information: Array, b: Array, value: Array) -> Array:
+    """ln B of many explanations apart, (L,), each of one size that is not known.
+
+    Args:
+        information: of their parameters, (L, k, k).
+        b: what of the residuals lies along their columns, (L, k).
+        value: their most likely values, (L, k).
+    """
+    explained = np.sum(value * (b - (information @ value[..., None])[..., 0] / 2), axis=-1)
+    size, price = _of_one_size(value)
+    return np.asarray(explained - price - _cost(information, value, size))
+
+
 def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> float:
     """What parameters of this information (k, k) pay for what they could have been.
 
@@ -242,13 +255,24 @@ def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> f
     """
     size, price = np.full(len(value), SPREAD), 0.0
     for span in spans:
-        count = len(value[span])
-        rms = float(np.sqrt(np.mean(value[span] ** 2)))
-        size[span] = np.clip(rms, SPREAD * np.exp(-log(DECADES)), SPREAD)
-        price += log(log(DECADES) / np.sqrt(pi / count))
-    unlike = float(np.sum((value / size) ** 2)) / 2
-    could = np.eye(len(value)) + size[:, None] * information * size
-    return price + unlike + _log_determinant(could) / 2
+        own, paid = _of_one_size(value[span])
+        size[span], price = own, price + paid
+    return price + float(_cost(information, value, size))
+
+
+def _of_one_size(value: Array) -> tuple[Array, float]:
+    """Size that values (..., k) of an explanation share, likeliest by them; what it costs."""
+    rms = np.sqrt(np.mean(value**2, axis=-1, keepdims=True))
+    size = np.clip(rms, SPREAD * np.exp(-log(DECADES)), SPREAD)
+    return size, log(log(DECADES) / np.sqrt(pi / value.shape[-1]))
+
+
+def _cost(information: Array, value: Array, size: Array) -> Array:
+    """Of values (..., k) that were expected within `size`, by their information (..., k, k)."""
+    size = np.broadcast_to(size, value.shape)
+    unlike = np.sum((value / size) ** 2, axis=-1) / 2
+    could = np.eye(value.shape[-1]) + size[..., :, None] * information * size[..., None, :]
+    return np.asarray(unlike + _log_determinant(could) / 2)
 
 
 def _solved(matrix: Array, right: Array) -> Array:
@@ -257,12 +281,13 @@ def _solved(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right) if failed else value)
 
 
-def _log_determinant(matrix: Array) -> float:
-    """Of what is positive definite but for rounding."""
-    factor, failed = dpotrf(matrix)
-    if failed:
-        return float(np.linalg.slogdet(matrix)[1])
-    return 2 * float(np.log(np.diag(factor)).sum())
+def _log_determinant(matrix: Array) -> Array:
+    """Of what is positive definite but for rounding, (..., k, k) -> (...)."""
+    if matrix.ndim == 2:
+        factor, failed = dpotrf(matrix)
+        if not failed:
+            return np.asarray(2 * np.log(np.diag(factor)).sum())
+    return np.asarray(np.linalg.slogdet(matrix)[1])
 
 
 def _tries(largest: Array, k: int) -> float:
