@@ -235,10 +235,11 @@ class Unexplained(Effect):
 
     @property
     def variant(self) -> str:
-        """Bumps over so many joints, along one joint, or a plane."""
+        """Bumps over so many joints, along one joint, or a plane; how many joints they move."""
+        m = self.mechanism.joints
         if self.family == JOINT:
-            return "_bump_1"
-        return f"_{'bump' if self.centres else 'plane'}_{self.mechanism.joints}"
+            return f"_bump_1_{m}"
+        return f"_{'bump' if self.centres else 'plane'}_{m}_{m}"
 
     @property
     def law(self) -> Callable[..., Any]:  # type: ignore[override]
@@ -246,12 +247,11 @@ class Unexplained(Effect):
         return _bump if self.centres else _plane
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each weight: a feature that moves a joint."""
+        """One for each feature, which moves every joint by a weight of its own."""
         m = self.mechanism.joints
         features = self._bumps(places) if self.centres else self._planes(places)
         for f, (own, constants) in enumerate(features):
-            for j in range(m):
-                yield Term(own, (f * m + j,), (j,), constants)
+            yield Term(own, tuple(range(f * m, f * m + m)), tuple(range(m)), constants)
 
     def _bumps(self, places: Places) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
         """Signals and constants of each bump: places, condition; whether that counts."""
@@ -308,14 +308,14 @@ def _bump(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
     counts = c[m + 1]
     condition = where(counts > 0, s[m], 1.0)
     near = square(s[:m] - c[:m]) * c[m] + _beyond(s[:m], c[m + 2 :])
-    return v[0] * condition * exp(-near)
+    return v * (condition * exp(-near))
 
 
 def _plane(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
     """w times condition and feature, each less its middle and in its unit."""
     m = s.shape[0] - 2
-    whole = v[0] * (s[m] - c[0]) * c[1] * ((s[m + 1] - c[2]) * c[3])
-    return whole * exp(-_beyond(s[:m], c[4:]))
+    whole = (s[m] - c[0]) * c[1] * ((s[m + 1] - c[2]) * c[3])
+    return v * (whole * exp(-_beyond(s[:m], c[4:])))
 
 
 def _beyond(q: Symbol, c: Symbol) -> Symbol:

@@ -158,6 +158,8 @@ def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slop
             for j in range(count):
                 column = table.value[span[V_AT] + j]
                 slope = work[first + i * count + j]
+                if slope == 0.0:
+                    continue  # of many outputs most go with one value each
                 for side in range(len(slopes)):
                     if by_stage[side, row] != 0.0:  # else it is nothing, even of what is unknown
                         slopes[side, column] += by_stage[side, row] * slope

@@ -1,0 +1,75 @@
+"""Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
+
+from math import exp
+
+from delta_calibration.model.jit import idle, law
+
+LAYOUT = ((('s', 2), ('v', 4), ('c', 6)), 4, (), (), (), ('v',))
+SIZE = 32
+SHARED = (32, 32)
+
+
+def full(w):
+    i8 = w[8]
+    i1 = w[1]
+    i0 = w[0]
+    i6 = w[6]
+    i7 = w[7]
+    i9 = w[9]
+    i10 = w[10]
+    i11 = w[11]
+    i2 = w[2]
+    i3 = w[3]
+    i4 = w[4]
+    i5 = w[5]
+    t3 = 1.0 if 0.0 < i8 else 0.0
+    t5 = i1 if t3 != 0.0 else 0.0
+    t6 = 0.0 if t3 != 0.0 else 1.0
+    t8 = 1.0 if t6 != 0.0 else 0.0
+    t9 = t5 + t8
+    t12 = i0 - i6
+    t13 = t12 * t12
+    t15 = t13 * i7
+    t17 = i9 - i0
+    t19 = i0 - i10
+    t20 = max(t17, t19)
+    t21 = max(t20, 0.0)
+    t23 = t21 * i11
+    t24 = t23 * t23
+    t25 = t15 + t24
+    t26 = -(t25)
+    t27 = exp(t26)
+    t28 = t9 * t27
+    t29 = i2 * t28
+    t32 = i3 * t28
+    t35 = i4 * t28
+    t38 = i5 * t28
+    w[12] = t29
+    w[13] = t32
+    w[14] = t35
+    w[15] = t38
+    w[16] = t28
+    w[20] = 0.0
+    w[24] = 0.0
+    w[28] = 0.0
+    w[17] = 0.0
+    w[21] = t28
+    w[25] = 0.0
+    w[29] = 0.0
+    w[18] = 0.0
+    w[22] = 0.0
+    w[26] = t28
+    w[30] = 0.0
+    w[19] = 0.0
+    w[23] = 0.0
+    w[27] = 0.0
+    w[31] = t28
+
+
+ADDRESSES = {
+    "setup": idle(),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "adbe1d539633f7be"),
+}
+ADDRESSES["near"] = ADDRESSES["full"]

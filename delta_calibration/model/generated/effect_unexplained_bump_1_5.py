@@ -1,0 +1,87 @@
+"""Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
+
+from math import exp
+
+from delta_calibration.model.jit import idle, law
+
+LAYOUT = ((('s', 2), ('v', 5), ('c', 6)), 5, (), (), (), ('v',))
+SIZE = 43
+SHARED = (43, 43)
+
+
+def full(w):
+    i9 = w[9]
+    i1 = w[1]
+    i0 = w[0]
+    i7 = w[7]
+    i8 = w[8]
+    i10 = w[10]
+    i11 = w[11]
+    i12 = w[12]
+    i2 = w[2]
+    i3 = w[3]
+    i4 = w[4]
+    i5 = w[5]
+    i6 = w[6]
+    t3 = 1.0 if 0.0 < i9 else 0.0
+    t5 = i1 if t3 != 0.0 else 0.0
+    t6 = 0.0 if t3 != 0.0 else 1.0
+    t8 = 1.0 if t6 != 0.0 else 0.0
+    t9 = t5 + t8
+    t12 = i0 - i7
+    t13 = t12 * t12
+    t15 = t13 * i8
+    t17 = i10 - i0
+    t19 = i0 - i11
+    t20 = max(t17, t19)
+    t21 = max(t20, 0.0)
+    t23 = t21 * i12
+    t24 = t23 * t23
+    t25 = t15 + t24
+    t26 = -(t25)
+    t27 = exp(t26)
+    t28 = t9 * t27
+    t29 = i2 * t28
+    t32 = i3 * t28
+    t35 = i4 * t28
+    t38 = i5 * t28
+    t41 = i6 * t28
+    w[13] = t29
+    w[14] = t32
+    w[15] = t35
+    w[16] = t38
+    w[17] = t41
+    w[18] = t28
+    w[23] = 0.0
+    w[28] = 0.0
+    w[33] = 0.0
+    w[38] = 0.0
+    w[19] = 0.0
+    w[24] = t28
+    w[29] = 0.0
+    w[34] = 0.0
+    w[39] = 0.0
+    w[20] = 0.0
+    w[25] = 0.0
+    w[30] = t28
+    w[35] = 0.0
+    w[40] = 0.0
+    w[21] = 0.0
+    w[26] = 0.0
+    w[31] = 0.0
+    w[36] = t28
+    w[41] = 0.0
+    w[22] = 0.0
+    w[27] = 0.0
+    w[32] = 0.0
+    w[37] = 0.0
+    w[42] = t28
+
+
+ADDRESSES = {
+    "setup": idle(),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "890f5b02ef712421"),
+}
+ADDRESSES["near"] = ADDRESSES["full"]

@@ -1,0 +1,117 @@
+"""Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
+
+from math import exp
+
+from delta_calibration.model.jit import idle, law
+
+LAYOUT = ((('s', 2), ('v', 7), ('c', 6)), 7, (), (), (), ('v',))
+SIZE = 71
+SHARED = (71, 71)
+
+
+def full(w):
+    i11 = w[11]
+    i1 = w[1]
+    i0 = w[0]
+    i9 = w[9]
+    i10 = w[10]
+    i12 = w[12]
+    i13 = w[13]
+    i14 = w[14]
+    i2 = w[2]
+    i3 = w[3]
+    i4 = w[4]
+    i5 = w[5]
+    i6 = w[6]
+    i7 = w[7]
+    i8 = w[8]
+    t3 = 1.0 if 0.0 < i11 else 0.0
+    t5 = i1 if t3 != 0.0 else 0.0
+    t6 = 0.0 if t3 != 0.0 else 1.0
+    t8 = 1.0 if t6 != 0.0 else 0.0
+    t9 = t5 + t8
+    t12 = i0 - i9
+    t13 = t12 * t12
+    t15 = t13 * i10
+    t17 = i12 - i0
+    t19 = i0 - i13
+    t20 = max(t17, t19)
+    t21 = max(t20, 0.0)
+    t23 = t21 * i14
+    t24 = t23 * t23
+    t25 = t15 + t24
+    t26 = -(t25)
+    t27 = exp(t26)
+    t28 = t9 * t27
+    t29 = i2 * t28
+    t32 = i3 * t28
+    t35 = i4 * t28
+    t38 = i5 * t28
+    t41 = i6 * t28
+    t44 = i7 * t28
+    t47 = i8 * t28
+    w[15] = t29
+    w[16] = t32
+    w[17] = t35
+    w[18] = t38
+    w[19] = t41
+    w[20] = t44
+    w[21] = t47
+    w[22] = t28
+    w[29] = 0.0
+    w[36] = 0.0
+    w[43] = 0.0
+    w[50] = 0.0
+    w[57] = 0.0
+    w[64] = 0.0
+    w[23] = 0.0
+    w[30] = t28
+    w[37] = 0.0
+    w[44] = 0.0
+    w[51] = 0.0
+    w[58] = 0.0
+    w[65] = 0.0
+    w[24] = 0.0
+    w[31] = 0.0
+    w[38] = t28
+    w[45] = 0.0
+    w[52] = 0.0
+    w[59] = 0.0
+    w[66] = 0.0
+    w[25] = 0.0
+    w[32] = 0.0
+    w[39] = 0.0
+    w[46] = t28
+    w[53] = 0.0
+    w[60] = 0.0
+    w[67] = 0.0
+    w[26] = 0.0
+    w[33] = 0.0
+    w[40] = 0.0
+    w[47] = 0.0
+    w[54] = t28
+    w[61] = 0.0
+    w[68] = 0.0
+    w[27] = 0.0
+    w[34] = 0.0
+    w[41] = 0.0
+    w[48] = 0.0
+    w[55] = 0.0
+    w[62] = t28
+    w[69] = 0.0
+    w[28] = 0.0
+    w[35] = 0.0
+    w[42] = 0.0
+    w[49] = 0.0
+    w[56] = 0.0
+    w[63] = 0.0
+    w[70] = t28
+
+
+ADDRESSES = {
+    "setup": idle(),
+    "shared": idle(),
+    "near": idle(),
+    "full": law(full, "9f3b10120fe1f4b6"),
+}
+ADDRESSES["near"] = ADDRESSES["full"]
