@@ -32,4 +32,4 @@ save_calibration(Path("calibration.yaml"), found, robot, poses)
 - `cli`: `delta-cal`; `cell`, `ros`: the live cell and its nodes
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

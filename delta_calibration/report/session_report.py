@@ -116,7 +116,7 @@ def verdict_section(verdict: Verdict) -> Section:
                     "signal λ",
                     "held-out error, without it → with it [mm]",
                     "gain, 95 % [1]",
-                    "indistinguishable here; to separate them",
+                    "alike in this session; what would tell",
                 ),
                 tuple(_finding(f) for f in verdict.findings),
                 words=(0, 1, 7),
