@@ -293,3 +293,23 @@ def test_a_bench_that_is_taken_down_leaves_no_participant_to_the_next() -> None:
     del bench, node
     Bench().take_down()
     assert context() is None
+
+
+def test_what_is_left_of_a_process_takes_nothing_apart_once_more() -> None:
+    """Threads end their work and what was said is out; what libraries hang on the end is not."""
+    script = """
+import atexit, sys, threading, time
+from delta_calibration.ros.watchdog import leave
+
+def work():
+    time.sleep(0.3)
+    print("kept")
+
+atexit.register(print, "taken apart")
+threading.Thread(target=work).start()
+leave(3)
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (3, "kept\n", "")

@@ -51,6 +51,7 @@ from delta_calibration.ros.qos import CONTROLLER, INPUTS, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import run
 from delta_calibration.ros.throttle import Throttle
 from delta_calibration.ros.trajectories import Trajectories
+from delta_calibration.ros.watchdog import leave
 from delta_calibration.texts import bounded
 
 Array = NDArray[np.float64]
@@ -523,4 +524,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -23,6 +23,7 @@ from delta_calibration.access import CALIBRATION_NODE
 from delta_calibration.ros.progress import IDLE
 from delta_calibration.ros.qos import DIAGNOSTICS, STATUS
 from delta_calibration.ros.runtime import BaseNode, run
+from delta_calibration.ros.watchdog import leave
 
 NAME = "cell_watch"
 PERIOD_S = 1.0
@@ -88,4 +89,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -5,8 +5,10 @@ from __future__ import annotations
 import signal
 import sys
 from importlib import import_module
+from typing import NoReturn
 
 from delta_calibration.errors import InputError
+from delta_calibration.ros.watchdog import leave
 
 MISSING = (
     "{executable}: rclpy is not installed for {python}: source a ROS 2 Jazzy setup, "
@@ -37,36 +39,36 @@ def run_node(executable: str) -> int:
     return int(import_module(f"delta_calibration.ros.{executable}").main())
 
 
-def session_recorder() -> int:
+def session_recorder() -> NoReturn:
     """Record a session from the cell's topics."""
-    return run_node("session_recorder")
+    leave(run_node("session_recorder"))
 
 
-def session_player() -> int:
+def session_player() -> NoReturn:
     """Play a session onto its topics."""
-    return run_node("session_player")
+    leave(run_node("session_player"))
 
 
-def calibration_node() -> int:
+def calibration_node() -> NoReturn:
     """Compensate joint commands, capture measurements, fit."""
-    return run_node("calibration_node")
+    leave(run_node("calibration_node"))
 
 
-def simulated_tracker() -> int:
+def simulated_tracker() -> NoReturn:
     """Stand in for a machine and the tracker that measures it."""
-    return run_node("simulated_tracker")
+    leave(run_node("simulated_tracker"))
 
 
-def measurement_plan() -> int:
+def measurement_plan() -> NoReturn:
     """Drive a machine through a plan of poses."""
-    return run_node("measurement_plan")
+    leave(run_node("measurement_plan"))
 
 
-def grid_positioner() -> int:
+def grid_positioner() -> NoReturn:
     """Drive points right by the tracker alone."""
-    return run_node("grid_positioner")
+    leave(run_node("grid_positioner"))
 
 
-def robot_description() -> int:
+def robot_description() -> NoReturn:
     """Show the robot: URDF, and the states of all its joints."""
-    return run_node("robot_description")
+    leave(run_node("robot_description"))

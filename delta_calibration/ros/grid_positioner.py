@@ -59,6 +59,7 @@ from delta_calibration.ros.parameters import (
 from delta_calibration.ros.qos import MEASURED, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
 from delta_calibration.ros.throttle import Throttle
+from delta_calibration.ros.watchdog import leave
 
 Array = NDArray[np.float64]
 
@@ -388,4 +389,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

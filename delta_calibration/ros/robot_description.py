@@ -33,6 +33,7 @@ from delta_calibration.ros.parameters import (
 from delta_calibration.ros.qos import MEASURED, STATUS, STREAM_OUT
 from delta_calibration.ros.runtime import BaseNode, run
 from delta_calibration.ros.throttle import Throttle
+from delta_calibration.ros.watchdog import leave
 
 NAME = "robot_description"
 ALL_STATES = "joint_states_all"
@@ -114,4 +115,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -24,6 +24,7 @@ from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unkno
 from delta_calibration.ros.playback import ALL, PlaybackClock, load_timeline, start_index
 from delta_calibration.ros.qos import BY_NAME, CLOCK, STREAM_OUT, deeper
 from delta_calibration.ros.runtime import BaseNode, run
+from delta_calibration.ros.watchdog import leave
 
 NAME = "session_player"
 PERIOD_S = 0.002  # [s] of the timer: messages are late by no more than this
@@ -212,4 +213,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

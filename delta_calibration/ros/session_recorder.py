@@ -25,6 +25,7 @@ from delta_calibration.ros.diagnostics import Diagnostics
 from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
 from delta_calibration.ros.qos import BY_NAME, INPUTS, Topic, deeper
 from delta_calibration.ros.runtime import BaseNode, run
+from delta_calibration.ros.watchdog import leave
 
 NAME = "session_recorder"
 SYNC_S = 1.0  # [s]
@@ -189,4 +190,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -41,6 +41,7 @@ from delta_calibration.ros.qos import BY_NAME, COMMAND
 from delta_calibration.ros.runtime import BaseNode, run
 from delta_calibration.ros.simulated_machine import SimulatedMachine, without_noise
 from delta_calibration.ros.throttle import Throttle
+from delta_calibration.ros.watchdog import leave
 from delta_calibration.simulation import WARM_UP, Climate, draw_machine, effect_options
 
 NAME = "simulated_tracker"
@@ -192,4 +193,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())

@@ -23,6 +23,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.ros.runtime import FAILED, BaseNode, run
+from delta_calibration.ros.watchdog import leave
 
 NAME = "trigger"
 USAGE = "usage: python -m delta_calibration.ros.trigger SERVICE [true|false] [SECONDS]"
@@ -162,4 +163,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    leave(main())
