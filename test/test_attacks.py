@@ -167,6 +167,19 @@ def test_a_peer_names_no_file_outside_data_dir(cell: Any, name: str, way: str) -
 
 
 @pytest.mark.ros
+@pytest.mark.parametrize("text", ["~nobody_of_that_name/c.yaml", "loop", "c" * 5000, "a\0b"])
+def test_a_text_that_is_no_path_is_refused_and_ends_no_node(cell: Any, text: str) -> None:
+    """The first of them, set by a peer, ended the process that the drives listen to."""
+    _bench, start, folder = cell
+    node = start()
+    (folder / "data" / "loop").symlink_to("loop")
+    result = setting(node, "calibration", text)
+    assert not result.successful
+    assert "no path" in result.reason
+    assert setting(node, "calibration", "c.yaml").successful
+
+
+@pytest.mark.ros
 def test_an_answer_tells_nothing_of_a_refused_file(cell: Any) -> None:
     bench, start, folder = cell
     (folder / "data" / "c.yaml").write_text(f"{SECRET}: 1\n")

@@ -328,12 +328,14 @@ class CalibrationNode(SafeLifecycleNode):
     def _age_s(self, desk: CalibrationSession, stamp_ns: int) -> float:
         """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it.
 
-        Not a number while the clock does not run: simulated time without a `/clock`.
+        Not a number while the clock does not run, stamped or not: simulated time without `/clock`.
         """
-        if desk.path.timeout_s == 0.0 or stamp_ns == 0:
+        if desk.path.timeout_s == 0.0:
             return 0.0
         now_ns = self.get_clock().now().nanoseconds
-        return float(now_ns - stamp_ns) * 1e-9 if now_ns else math.nan
+        if not now_ns:
+            return math.nan
+        return float(now_ns - stamp_ns) * 1e-9 if stamp_ns else 0.0
 
     def _send_all(self, data: bytes) -> None:
         if self._controllers is not None and self._active:
