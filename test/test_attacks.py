@@ -180,6 +180,30 @@ def test_a_text_that_is_no_path_is_refused_and_ends_no_node(cell: Any, text: str
 
 
 @pytest.mark.ros
+@pytest.mark.parametrize("services", [True, False])
+@pytest.mark.parametrize("together", [True, False])
+def test_a_parameter_of_a_type_that_there_is_not_ends_no_node(
+    cell: Any, services: bool, together: bool
+) -> None:
+    """It raised out of the spin: any peer could end the process that the drives listen to."""
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+
+    bench, start, _folder = cell
+    start(services=services)
+    kind, end = (SetParametersAtomically, "_atomically") if together else (SetParameters, "")
+    client = bench.node("peer").create_client(kind, f"/calibration_node/set_parameters{end}")
+    assert bench.until(client.service_is_ready)
+    wrong = Parameter(name="ramp_s", value=ParameterValue(type=200))
+    future = client.call_async(kind.Request(parameters=[wrong]))
+    assert bench.until(future.done)
+    answer = future.result()
+    results = [answer.result] if together else answer.results
+    assert [result.successful for result in results] == [False]
+    assert "200" in results[0].reason
+
+
+@pytest.mark.ros
 def test_an_answer_tells_nothing_of_a_refused_file(cell: Any) -> None:
     bench, start, folder = cell
     (folder / "data" / "c.yaml").write_text(f"{SECRET}: 1\n")

@@ -37,7 +37,7 @@ from delta_calibration.cell.usual import MARK
 from delta_calibration.description import frame_prefix
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
-from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
+from delta_calibration.ros.calibration_parameters import SPECS, desk_settings, topic_named
 from delta_calibration.ros.controllers import Controllers
 from delta_calibration.ros.diagnostics import Diagnostics, status
 from delta_calibration.ros.jobs import Finish, Jobs, Work
@@ -137,15 +137,15 @@ class CalibrationNode(SafeLifecycleNode):
     def _configure(self) -> None:
         self._require_apart()
         desk = CalibrationSession(desk_settings(self._settings), self._follow)
-        text, joints = self._settings.text, desk.robot.joints
-        trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
+        topic, joints = partial(topic_named, self._settings), desk.robot.joints
+        trajectories, trajectory_input = topic("trajectory_controller"), topic("trajectory_input")
         if trajectory_input and not trajectories:
             raise InputError("parameter trajectory_input: wants a trajectory_controller to go to")
         self._controllers = Controllers(
             self,
             joints.names,
             joints.passed_through,
-            text("command_controller"),
+            topic("command_controller"),
             self._settings.texts("command_joints"),
             trajectories,
         )
