@@ -14,7 +14,7 @@ import pytest
 import zstandard
 
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.documents import parse_yaml
+from delta_calibration.documents import parse_yaml, write_document
 from delta_calibration.errors import InputError
 from delta_calibration.plans.target_file import read_rows
 from delta_calibration.recording import inspect_session, read_session
@@ -103,6 +103,22 @@ def test_aliases_that_stand_for_millions_are_refused() -> None:
     lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 9)]
     with pytest.raises(InputError, match="aliases"):
         parse_yaml("\n".join(lines), "bomb")
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_what_lies_where_a_file_is_written_first_is_not_written_to(
+    tmp_path: Path, kind: str
+) -> None:
+    """A link there was written through, and a pipe was waited for."""
+    other, wanted = tmp_path / "other", tmp_path / "c.yaml"
+    other.write_text(SECRET)
+    beside = tmp_path / ".c.yaml.part"
+    beside.symlink_to(other) if kind == "link" else os.mkfifo(beside)
+    write_document(wanted, {"a": 1})
+    assert other.read_text() == SECRET
+    assert wanted.is_file()
+    assert not wanted.is_symlink()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "other"]
 
 
 # --- nodes
