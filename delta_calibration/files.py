@@ -48,6 +48,8 @@ def written_whole(
         InputError: (or the `kind` of it) the file cannot be written.
     """
     beside = path.with_name(f".{path.name}.part")
+    with suppress(OSError):  # of a write that was cut off; a link or a pipe is not written to
+        beside.unlink()
     try:
         yield beside
         if lasting:

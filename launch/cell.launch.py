@@ -159,12 +159,7 @@ def _live(cell: Cell) -> list[Program]:
                 "calibration": _text(given["calibration"]),
                 "output": _text(cell.named("output", "calibration.yaml")),
                 "frame_prefix": _text(cell.prefix),
-                **{name: _text(given[name]) for name in ("method", "on_failure") if given[name]},
-                **(
-                    {"command_timeout_s": float(age)}
-                    if (age := given["command_timeout_s"])
-                    else {}
-                ),
+                **_choices(given),
             },
             required=True,
         )

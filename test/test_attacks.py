@@ -14,7 +14,7 @@ import pytest
 import zstandard
 
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.documents import parse_yaml
+from delta_calibration.documents import parse_yaml, write_document
 from delta_calibration.errors import InputError
 from delta_calibration.plans.target_file import read_rows
 from delta_calibration.recording import inspect_session, read_session
@@ -105,6 +105,22 @@ def test_aliases_that_stand_for_millions_are_refused() -> None:
         parse_yaml("\n".join(lines), "bomb")
 
 
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_what_lies_where_a_file_is_written_first_is_not_written_to(
+    tmp_path: Path, kind: str
+) -> None:
+    """A link there was written through, and a pipe was waited for."""
+    other, wanted = tmp_path / "other", tmp_path / "c.yaml"
+    other.write_text(SECRET)
+    beside = tmp_path / ".c.yaml.part"
+    beside.symlink_to(other) if kind == "link" else os.mkfifo(beside)
+    write_document(wanted, {"a": 1})
+    assert other.read_text() == SECRET
+    assert wanted.is_file()
+    assert not wanted.is_symlink()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "other"]
+
+
 # --- nodes
 
 
@@ -164,6 +180,43 @@ def test_a_peer_names_no_file_outside_data_dir(cell: Any, name: str, way: str) -
     assert not result.successful
     assert "data_dir" in result.reason
     assert not setting(node, "data_dir", "/").successful
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("text", ["~nobody_of_that_name/c.yaml", "loop", "c" * 5000, "a\0b"])
+def test_a_text_that_is_no_path_is_refused_and_ends_no_node(cell: Any, text: str) -> None:
+    """The first of them, set by a peer, ended the process that the drives listen to."""
+    _bench, start, folder = cell
+    node = start()
+    (folder / "data" / "loop").symlink_to("loop")
+    result = setting(node, "calibration", text)
+    assert not result.successful
+    assert "no path" in result.reason
+    assert setting(node, "calibration", "c.yaml").successful
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("services", [True, False])
+@pytest.mark.parametrize("together", [True, False])
+def test_a_parameter_of_a_type_that_there_is_not_ends_no_node(
+    cell: Any, services: bool, together: bool
+) -> None:
+    """It raised out of the spin: any peer could end the process that the drives listen to."""
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+
+    bench, start, _folder = cell
+    start(services=services)
+    kind, end = (SetParametersAtomically, "_atomically") if together else (SetParameters, "")
+    client = bench.node("peer").create_client(kind, f"/calibration_node/set_parameters{end}")
+    assert bench.until(client.service_is_ready)
+    wrong = Parameter(name="ramp_s", value=ParameterValue(type=200))
+    future = client.call_async(kind.Request(parameters=[wrong]))
+    assert bench.until(future.done)
+    answer = future.result()
+    results = [answer.result] if together else answer.results
+    assert [result.successful for result in results] == [False]
+    assert "200" in results[0].reason
 
 
 @pytest.mark.ros

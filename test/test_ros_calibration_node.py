@@ -404,6 +404,7 @@ def test_a_timeout_lets_nothing_pass_whose_age_is_not_known_or_cannot_be(bench: 
     cell = Cell(bench, command_timeout_s=0.5, use_sim_time=True)
     assert cell.give(Q) is None
     assert cell.diagnosed("use_sim_time is set and there is no /clock")
+    assert cell.give(Q, 0) is None  # nobody stamped it, and nobody knows the time
     cell.node.set_parameters([Parameter("use_sim_time", value=False)])
     now_ns = time.time_ns()
     assert cell.give(Q, now_ns + 1000 * 10**9) is None

@@ -37,7 +37,7 @@ from delta_calibration.cell.usual import MARK
 from delta_calibration.description import frame_prefix
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.ros import conversions
-from delta_calibration.ros.calibration_parameters import SPECS, desk_settings
+from delta_calibration.ros.calibration_parameters import SPECS, desk_settings, topic_named
 from delta_calibration.ros.controllers import Controllers
 from delta_calibration.ros.diagnostics import Diagnostics, status
 from delta_calibration.ros.jobs import Finish, Jobs, Work
@@ -138,15 +138,15 @@ class CalibrationNode(SafeLifecycleNode):
     def _configure(self) -> None:
         self._require_apart()
         desk = CalibrationSession(desk_settings(self._settings), self._follow)
-        text, joints = self._settings.text, desk.robot.joints
-        trajectories, trajectory_input = text("trajectory_controller"), text("trajectory_input")
+        topic, joints = partial(topic_named, self._settings), desk.robot.joints
+        trajectories, trajectory_input = topic("trajectory_controller"), topic("trajectory_input")
         if trajectory_input and not trajectories:
             raise InputError("parameter trajectory_input: wants a trajectory_controller to go to")
         self._controllers = Controllers(
             self,
             joints.names,
             joints.passed_through,
-            text("command_controller"),
+            topic("command_controller"),
             self._settings.texts("command_joints"),
             trajectories,
         )
@@ -329,12 +329,14 @@ class CalibrationNode(SafeLifecycleNode):
     def _age_s(self, desk: CalibrationSession, stamp_ns: int) -> float:
         """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it.
 
-        Not a number while the clock does not run: simulated time without a `/clock`.
+        Not a number while the clock does not run, stamped or not: simulated time without `/clock`.
         """
-        if desk.path.timeout_s == 0.0 or stamp_ns == 0:
+        if desk.path.timeout_s == 0.0:
             return 0.0
         now_ns = self.get_clock().now().nanoseconds
-        return float(now_ns - stamp_ns) * 1e-9 if now_ns else math.nan
+        if not now_ns:
+            return math.nan
+        return float(now_ns - stamp_ns) * 1e-9 if stamp_ns else 0.0
 
     def _send_all(self, data: bytes) -> None:
         if self._controllers is not None and self._active:

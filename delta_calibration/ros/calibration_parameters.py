@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.validate_topic_name import validate_topic_name
+
 from delta_calibration.cell.calibration_session import Settings
 from delta_calibration.cell.command_path import BEYOND_LIMITS, ON_FAILURE, PASS_THROUGH, REFUSE
 from delta_calibration.cell.surroundings import TEMPERATURE_TIMEOUT_S
 from delta_calibration.compensation import METHODS
+from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.ros.parameters import FRAME_PREFIX, ROBOT, ParameterTable, Spec
 
@@ -182,6 +186,22 @@ def desk_settings(table: ParameterTable) -> Settings:
         machine=table.text("machine"),
         bags=str(table.path("history_bags") or ""),
     )
+
+
+def topic_named(table: ParameterTable, name: str) -> str:
+    """The topic, or what begins one, that a parameter names; empty for none.
+
+    Raises:
+        InputError: it is no name of a topic.
+    """
+    text = table.text(name)
+    try:
+        if text:
+            validate_topic_name(text)
+    except InvalidTopicNameException as error:
+        why = " ".join(str(error).split("\n")[0].split())
+        raise InputError(f"parameter {name}: {text!r}: {why}") from error
+    return text
 
 
 def _store(table: ParameterTable) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from delta_calibration.errors import InputError
+from delta_calibration.texts import bounded
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class DataFolder:
         Raises:
             InputError: no such folder.
         """
-        folder = (Path(text).expanduser() if text else Path.cwd()).resolve()
+        folder = _resolved("data_dir", Path.cwd(), text)
         if not folder.is_dir():
             raise InputError(f"parameter data_dir: {text!r} is no folder")
         return cls(folder, bool(text))
@@ -44,12 +45,25 @@ class DataFolder:
         """The file that the text of a parameter means; a relative one lies in the folder.
 
         Raises:
-            InputError: it lies elsewhere.
+            InputError: it lies elsewhere, or is no path.
         """
-        file = self.folder / Path(text).expanduser()
+        resolved = _resolved(name, self.folder, text)
         if text in self.known and not self.given:
-            return file
-        resolved = file.resolve()
+            return self.folder / Path(text).expanduser()
         if not resolved.is_relative_to(self.folder):
             raise InputError(f"parameter {name}: {text!r} lies outside data_dir, {self.folder}")
         return resolved
+
+
+def _resolved(name: str, folder: Path, text: str) -> Path:
+    """What a text means from a folder on, links followed.
+
+    Raises:
+        InputError: nothing: a home of nobody, links in a circle, a zero byte, a name too long.
+    """
+    try:
+        file = (folder / Path(text).expanduser()).resolve()
+        file.exists()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InputError(f"parameter {name}: {bounded(text)!r} is no path: {error}") from error
+    return file

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
 from delta_calibration.ros.parameters import Spec
+from delta_calibration.texts import bounded
 
 # What rclpy gives nodes: to be read by peers, refused where it would change the node.
 ROS_OWN = frozenset(
@@ -35,23 +39,54 @@ SERVICES = Spec(
 )
 
 
+@dataclass(frozen=True)
+class Guarded:
+    """Answers a request of a peer; one that the callback fails on is refused, and ends no node.
+
+    In rclpy 7.1 a parameter of a type that there is not raises out of `spin()`.
+
+    Attributes:
+        answer: what is called with the request and the empty response.
+        warn: logs a line.
+    """
+
+    answer: Callable[[Any, Any], Any]
+    warn: Callable[[str], Any]
+
+    def __call__(self, request: Any, response: Any) -> Any:
+        """The response: the callback's, or a refusal."""
+        try:
+            return self.answer(request, response)
+        except Exception as error:
+            reason = bounded(f"request refused: {error}")
+        self.warn(reason)
+        refused = SetParametersResult(successful=False, reason=reason)
+        if isinstance(response, SetParameters.Response):
+            response.results = [refused] * len(request.parameters)
+        elif isinstance(response, SetParametersAtomically.Response):
+            response.result = refused
+        return response
+
+
 class ShutToPeers:
-    """Mixin of a node whose parameter `services` may shut it to its peers."""
+    """Mixin of a node that no request of a peer ends, and that `services` may shut to them."""
 
     serves = True  # what the parameter says
 
     def shut_to_peers(self: Any) -> None:
-        """Where services are off, end those of the node itself, and take no parameter any more.
+        """Guard the services that rclpy gives; where services are off, end all others.
 
-        Called once the node stands.
+        No parameter is taken any more then. Called once the node stands, or again.
         """
-        if self.serves:
-            return
         own = self.get_fully_qualified_name() + "/"
         for service in list(self.services):
-            if service.service_name.removeprefix(own) not in ROS_OWN:
+            if service.service_name.removeprefix(own) in ROS_OWN:
+                if not isinstance(service.callback, Guarded):
+                    service.callback = Guarded(service.callback, self.get_logger().warn)
+            elif not self.serves:
                 self.destroy_service(service)
-        self.add_on_set_parameters_callback(_refuse_change)
+        if not self.serves:
+            self.add_on_set_parameters_callback(_refuse_change)
 
 
 def _refuse_change(_changed: list[Any]) -> SetParametersResult:
