@@ -162,24 +162,66 @@ def test_a_ball_joint_has_its_play_on_the_side_it_is_pulled_to() -> None:
     assert np.abs(moved[~found] - middle).max(initial=0.0) < 5 * clearance
 
 
+def bits(q, at, machine=MACHINE):
+    """Masses (n, k) [kg] and places (n, k, 3) of all that moves, bars by Gauss's points."""
+    upper, lower, centre, turn = balls(q, machine)
+    share, weight = np.polynomial.legendre.leggauss(4)
+    share, weight = (share + 1) / 2, weight / 2
+    taper = 1.3 - 0.6 * share  # of an arm's section, so that its centre is at 0.45
+    kg, where = [PLATFORM_KG, at.payload], [centre, centre + turn.apply(at.payload_centre)]
+    for leg in range(3):
+        hinge = MACHINE.turn[leg].apply(MACHINE.hinge[leg])
+        elbow = upper[:, 2 * leg : 2 * leg + 2].mean(axis=1)
+        kg += (ARM_KG * weight * taper).tolist()
+        where += [hinge + s * (elbow - hinge) for s in share]
+    for rod in range(6):
+        kg += (ROD_KG * weight).tolist()
+        where += [upper[:, rod] + s * (lower[:, rod] - upper[:, rod]) for s in share]
+    mass = np.stack([np.broadcast_to(m, len(q)) for m in kg], axis=1)
+    return mass, np.stack(where, axis=1)
+
+
 @both_models
 def test_a_drive_gives_way_to_the_work_of_its_inertia(model: str) -> None:
-    """D'Alembert on a motion through each pose, the platform followed in time."""
+    """D'Alembert on a motion through each pose, every bit of mass followed in time."""
     rng, t, at = np.random.default_rng(4), 1e-3, loaded(Q)
     v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
     at = replace(at, velocity=v, acceleration=a)
-    there, here, back = (MACHINE.point(Q + v * s + a * s**2 / 2) for s in (t, 0.0, -t))
-    push = (PLATFORM_KG + 3 * ROD_KG + at.payload)[:, None] * (there - 2 * here + back) / t**2
-    slope = [MACHINE.point(Q + s) - MACHINE.point(Q - s) for s in 1e-5 * np.eye(3)]
-    work = np.stack([np.sum(push * s / 2e-5, axis=1) for s in slope], axis=1)
+    mass, here = bits(Q, at)
+    there, back = (bits(Q + v * s + a * s**2 / 2, at)[1] for s in (t, -t))
+    push = mass[..., None] * (there - 2 * here + back) / t**2
+    slope = [bits(Q + s, at)[1] - bits(Q - s, at)[1] for s in 1e-5 * np.eye(3)]
+    work = np.stack([np.sum(push * s / 2e-5, axis=(1, 2)) for s in slope], axis=1)
     columns = effect("dynamic_deflection", model).columns(at)[..., 0]
     assert np.abs(work).max() > 5.0  # [N m]
     np.testing.assert_allclose(columns, -work, rtol=2e-3, atol=5e-3)
+    spring = np.einsum("njj->nj", effect("joint_compliance", model).columns(at))
+    at_rest_ = np.einsum("njj->nj", effect("joint_compliance", model).columns(loaded(Q)))
+    np.testing.assert_allclose(spring - at_rest_, columns, atol=1e-9)  # one spring for both
     other_way = replace(at, velocity=-v)  # the same circle the other way round
     np.testing.assert_allclose(
         effect("dynamic_deflection", model).columns(other_way)[..., 0], columns, atol=1e-9
     )
     assert not effect("dynamic_deflection", model).columns(loaded(Q)).any()
+
+
+@both_models
+def test_rods_carry_the_inertia_of_what_they_hold(model: str) -> None:
+    """D'Alembert: the work of all that is accelerated where a pair of rods is made longer."""
+    rng, t, at = np.random.default_rng(6), 1e-3, loaded(Q, centred=True)
+    v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
+    mass, here = bits(Q, at)
+    there, back = (bits(Q + v * s + a * s**2 / 2, at)[1] for s in (t, -t))
+    push = mass[..., None] * (there - 2 * here + back) / t**2
+    compliance = effect("forearm_compliance", model)
+    moving = replace(at, velocity=v, acceleration=a)
+    more = (compliance.columns(moving) - compliance.columns(at))[..., 0]
+    for leg in (1, 2, 3):
+        ends = [bits(Q, at, SixRods({f"rod_{leg}": s * 1e-5}))[1] for s in (1, -1)]
+        work = np.sum(push * (ends[0] - ends[1]) / 2e-5, axis=(1, 2))
+        row = compliance.mechanism.parameters.names.index(f"rod_{leg}")
+        np.testing.assert_allclose(2 * more[:, row], -work, rtol=5e-3, atol=2e-2)
+    assert np.abs(more).max() > 3.0  # [N]
 
 
 def play(path, gap):

@@ -222,10 +222,11 @@ def test_effects_add():
     one, other = "joint_compliance", "transmission_error"
     both = moved_by(one, other)
     assert rms(both) > 5e-5
-    np.testing.assert_allclose(both, moved_by(one) + moved_by(other), atol=2e-7)
+    # to first order: where inertia is most the one is 3 mm, and the other turns it by 0.15 mrad
+    np.testing.assert_allclose(both, moved_by(one) + moved_by(other), atol=5e-7)
     with_dimension = moved_by(one, "arm_length:location=joint_3")
     apart = moved_by(one) + moved_by("arm_length:location=joint_3")
-    np.testing.assert_allclose(with_dimension, apart, atol=2e-6)
+    np.testing.assert_allclose(with_dimension, apart, atol=6e-6)
 
 
 def test_a_cause_given_twice_is_in_both_places():
