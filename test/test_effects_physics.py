@@ -224,6 +224,27 @@ def test_rods_carry_the_inertia_of_what_they_hold(model: str) -> None:
     assert np.abs(more).max() > 3.0  # [N]
 
 
+@pytest.mark.parametrize("end", [-1.0, 1.0])
+def test_a_worn_ball_joint_changes_over_where_its_own_pin_does(end: float) -> None:
+    """Half of the rod's weight along it is more at the elbow, and less at the platform."""
+    q = np.random.default_rng(3).uniform([0.3, -0.1, -0.1], [0.9, 0.3, 0.3], (60, 3))
+    at, clearance = loaded(q), 3e-5
+    upper, lower, _, _ = balls(q)
+    along = (upper - lower)[..., 2] / np.linalg.norm(upper - lower, axis=2)
+    middle = rod_forces(at)
+    pin = middle + end * ROD_KG * GRAVITY / 2 * along
+    assert (np.sign(pin) != np.sign(middle)).sum() > 5
+    signals = effect("ball_joint_clearance", end=end).columns(at)[..., 0]
+    names = effect("ball_joint_clearance").mechanism.parameters.names
+    for leg in range(3):
+        sides = np.sign(pin[:, 2 * leg : 2 * leg + 2])
+        known = np.abs(pin[:, 2 * leg : 2 * leg + 2]).min(axis=1) > 1e-3  # [N]
+        found = signals[:, names.index(f"rod_{leg + 1}")]
+        np.testing.assert_allclose(found[known], sides.mean(axis=1)[known], atol=1e-9)
+    moved = predicted([effect("ball_joint_clearance", end=end)], [clearance], at)
+    assert np.abs(moved - MACHINE.point(q)).max() > clearance
+
+
 def play(path, gap):
     """Joint less motor of a gap as a state: the joint waits until the motor takes it along."""
     joint = np.empty_like(path)

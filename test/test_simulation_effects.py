@@ -310,7 +310,7 @@ def test_the_seed_decides_effects():
         ("joint_zero_drift:step_at=1800", {"time_constant": 0.0, "step_at": 1800.0}),
         ("stick_slip:speed=0.03", {"speed": 0.03, "level": 0.0}),
         ("stick_slip:level=0.4", {"speed": 0.1, "level": 0.4}),
-        ("ball_joint_clearance:force=0.5", {"force": 0.5}),
+        ("ball_joint_clearance:force=0.5", {"force": 0.5, "end": 0.0}),
     ],
 )
 def test_shapes_are_as_said_or_as_a_cell_has_them(text, settings):

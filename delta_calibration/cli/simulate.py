@@ -51,7 +51,8 @@ Structure:
   thermal_growth_forearm
                         has no sensor: grows with time, time_constant=2400
   forearm_compliance dynamic_deflection
-  ball_joint_clearance  force=N: load that takes it from end to end (0: any)
+  ball_joint_clearance  force=N: load that takes it from end to end (0: any);
+                        end=1: at the elbow, -1: at the platform, 0: at both
 By robot:
   every robot           geometry smr_offset tracker_scale tracker_drift
                         timestamp_latency backlash joint_lag

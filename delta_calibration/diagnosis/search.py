@@ -174,7 +174,7 @@ def _reshaped(model: Fitted, i: int) -> list[tuple[Candidate, ...]]:
     at, evidence = model.evidence.at, beside(model.evidence, (*terms[:i], *terms[i + 1 :]))
     others = [
         replace(term, effect=other)
-        for other in term.effect.shapes(at)
+        for other in term.effect.refinements(at)
         if not other.missing(at) and not _reached(term.effect, other)
     ]
     if not others:
@@ -216,9 +216,17 @@ def _likeliest(
         information = fit.evidence.information(columns)
         price = price_of(information, value, sizes(fit.terms))
         price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.terms)
+        price += sum(_price_of_choice(m, fit) for m in fit.terms)
         return gain / 2 - price
 
     return max(fits, key=likely)
+
+
+def _price_of_choice(term: Candidate, fit: Fitted) -> float:
+    """What a shape costs that was chosen among those tried once the cause was found."""
+    if term.effect is None or not term.effect.chosen:
+        return 0.0
+    return float(np.log(sum(1 for _ in term.effect.refinements(fit.evidence.at))))
 
 
 def _keys(terms: Sequence[Candidate]) -> tuple[str, ...]:
