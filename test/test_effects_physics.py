@@ -245,6 +245,24 @@ def test_a_worn_ball_joint_changes_over_where_its_own_pin_does(end: float) -> No
     assert np.abs(moved - MACHINE.point(q)).max() > clearance
 
 
+@both_models
+def test_play_leans_where_the_load_is_more_than_friction(model: str) -> None:
+    """sign(load) there, the side of the last motion elsewhere; a payload may change it over."""
+    rng, step, friction = np.random.default_rng(7), 1e-5 * np.eye(3), 5.0
+    q = rng.uniform([0.3, -0.4, -0.4], [1.1, 0.6, 0.6], (60, 3))
+    at = replace(loaded(q), direction=rng.choice([-1.0, 1.0], q.shape), travel=np.ones_like(q))
+    load = np.stack([(energy(q + s, at) - energy(q - s, at)) / 2e-5 for s in step], axis=1)
+    held = np.abs(load) > friction
+    assert 20 < held.sum() < 160
+    side = np.where(held, np.sign(load), at.direction)
+    columns = effect("backlash", model, held_by=friction).columns(at)
+    np.testing.assert_allclose(np.einsum("njj->nj", columns), -side / 2, atol=1e-12)
+    by_load = np.einsum("njj->nj", effect("backlash", model, held_by=1e-3).columns(at))
+    np.testing.assert_allclose(by_load, -np.sign(load) / 2, atol=1e-12)
+    assert (by_load > 0).any()
+    assert (by_load < 0).any()
+
+
 def play(path, gap):
     """Joint less motor of a gap as a state: the joint waits until the motor takes it along."""
     joint = np.empty_like(path)

@@ -358,7 +358,7 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
     ("text", "message"),
     [
         ("backlash:gap=1", "effect backlash: unknown option gap; allowed: location, value, stren"),
-        ("backlash:width=1", "unknown option width; allowed: location, value, strength$"),
+        ("backlash:width=1", "unknown option width; allowed: location, value, strength, held_by$"),
         ("tracker_scale:location=joint_1", "unknown option location; allowed: value, strength$"),
         ("transmission_error:cycle=3", "cycle; allowed: location, value, strength, cycles$"),
         ("backlash:location=joint_4", "no location 'joint_4'; allowed: joint_1, joint_2, joint_3"),

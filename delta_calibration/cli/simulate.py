@@ -38,7 +38,9 @@ Drive:
   encoder_eccentricity  value: amplitude
   transmission_error    value: amplitude; cycles=N per turn (default: gear
                         ratio)
-  joint_scale backlash joint_compliance joint_lag
+  joint_scale joint_compliance joint_lag
+  backlash              on a Delta, held_by=N m: loads above it hold the gear
+                        on one flank (0: none does)
   joint_zero_drift      linear over an hour; or time_constant=S, step_at=S [s]
   stick_slip            falls to level= (0 by default) of its value above
                         speed= [rad/s; m/s for sliding joints]; by default
