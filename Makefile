@@ -1,11 +1,11 @@
 # Everything is installed into .venv; `make` alone lists the targets.
 #   make install PYTHON=python3.12      another interpreter
-#   make install EXTRAS=report,notebook,history,fleet,serve,docs,test,study,laws,dev  without the ROS wheels (other platforms; a cell that has ROS from apt)
+#   make install EXTRAS=report,notebook,history,fleet,serve,docs,test,study,physics,laws,dev  without the ROS wheels (other platforms; a cell that has ROS from apt)
 #   make test PYTEST_ARGS="-k delta"    a part of the tests
 
 SHELL := /bin/bash
 PYTHON ?= python3
-EXTRAS ?= ros,report,notebook,history,fleet,serve,docs,test,study,laws,dev
+EXTRAS ?= ros,report,notebook,history,fleet,serve,docs,test,study,physics,laws,dev
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
@@ -72,6 +72,7 @@ docs: install ## build the API reference, a page a module (out/docs); what is mi
 
 study: install ## put swarm and diagnosis on trial on thousands of machines (hours; STUDY_ARGS="--help")
 	@$(PY) benchmarks/compensation.py --failures $(FAILURES)
+	@PYTHONPATH=test:benchmarks $(PY) -m study.bodies $(BODIES_ARGS)
 	@PYTHONPATH=test:benchmarks $(PY) -m study $(STUDY_ARGS)
 
 recovery: install ## count hidden values within their intervals, every effect on every robot (RECOVERY_ARGS="--help")

@@ -15,7 +15,7 @@ from blind.delta import DELTA, ROD_KG
 from blind.machine import Changed, assemble, drawing, manufactured
 from blind.plans import PLANS, rich
 from blind.unknown import UNKNOWN
-from blind.weight import GRAVITY, energy, inertia, torques
+from blind.weight import GRAVITY, Moved, energy, torques
 from blind.world import CENTRE, Warming, World
 from delta_calibration.data import Session, collect
 from delta_calibration.estimation import identify
@@ -157,7 +157,7 @@ def test_inertia_at_rest_is_a_mass_matrix() -> None:
     stand, payload, still = assemble(q, build), np.zeros(1), np.zeros((1, 3))
 
     def push(acceleration: np.ndarray) -> np.ndarray:
-        return inertia(DELTA, q, still, acceleration, build, payload, CENTRE, stand)
+        return Moved(DELTA, q, still, acceleration, build, payload, CENTRE, stand).moments()
 
     mass = np.stack([push(axis[None])[0] for axis in np.eye(3)])
     assert_allclose(mass, mass.T, atol=1e-6)

@@ -60,6 +60,11 @@ def conditions(q: np.ndarray) -> Conditions:
     )
 
 
+def standing(q: np.ndarray) -> Conditions:
+    """The same at rest: no inertia."""
+    return replace(conditions(q), velocity=np.zeros_like(q), acceleration=np.zeros_like(q))
+
+
 def calibration(*causes: str, model: str | None = None, scatter: float = 1.0) -> Calibration:
     """A machine `scatter` times its tolerances off, with effects of the sizes above."""
     mechanism = ROBOT.model(model)
@@ -178,7 +183,7 @@ def test_a_drive_is_told_more_by_what_its_load_turns_it(payload: float, model: s
     """told = q + tau(q) / k, with tau = dU/dq where the arm stands."""
     stiffness = np.array([2e4, 3e4, 4e4])
     made = with_values(calibration("joint_compliance", model=model, scatter=0.0), 1 / stiffness)
-    at = replace(conditions(Q), payload=np.full(len(Q), payload))
+    at = replace(standing(Q), payload=np.full(len(Q), payload))
     done = JointCompensator(made).compensate(Q, at)
     step = 1e-4 * np.eye(3)
     for q, told in zip(Q, done.joint, strict=True):
@@ -210,7 +215,7 @@ def test_a_clearance_is_taken_back_or_left_open_by_its_own_size_at_most(size: fl
         made, chain=made.chain.with_effects((effect,)), theta=np.append(made.theta, size)
     )
     q = np.linspace([0.619, 0.0, 0.0], [0.623, 0.0, 0.0], 400)
-    at = conditions(q)
+    at = standing(q)
     assert np.ptp(effect.columns(at), axis=0).max() == 2  # pulled, then pushed
     done = JointCompensator(made).compensate(q, at)
     assert set(done.verdicts) == {CommandStatus.CORRECTED}

@@ -48,7 +48,8 @@ CABLES = load_robot("cdpr8")
 POINTS = [(CABLES, CableRobot(FOUR_CABLES, tolerances)) for tolerances in (TOLERANCES, ZEROS_FREE)]
 # settings in which a law goes another way than by default
 SHAPES = {
-    "ball_joint_clearance": [{"force": 0.5}],
+    "backlash": [{"held_by": 0.5}],
+    "ball_joint_clearance": [{"force": 0.5}, {"end": -1.0}],
     "joint_zero_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}],
     "pulley_radius": [{"radius": 0.03}],
     "stick_slip": [{"level": 0.3}],

@@ -267,7 +267,7 @@ def test_a_search_leaves_no_gap(cause: str) -> None:
 
 def test_a_play_is_crossed_over_its_gap_and_never_over_less_than_nothing() -> None:
     effect = built(MODELS[0], "backlash").refined(np.array([3e-4, -1e-4, 0.0]))
-    assert effect.settings == {"width": (3e-4, 0.0, 0.0)}
+    assert effect.settings == {"width": (3e-4, 0.0, 0.0), "held_by": 0.0}
     for cause in {cause for _, cause in ALL} - {"backlash"}:
         other = built(MODELS[0], cause)
         assert other.refined(np.ones(len(other.parameters))) is other

@@ -162,24 +162,105 @@ def test_a_ball_joint_has_its_play_on_the_side_it_is_pulled_to() -> None:
     assert np.abs(moved[~found] - middle).max(initial=0.0) < 5 * clearance
 
 
+def bits(q, at, machine=MACHINE):
+    """Masses (n, k) [kg] and places (n, k, 3) of all that moves, bars by Gauss's points."""
+    upper, lower, centre, turn = balls(q, machine)
+    share, weight = np.polynomial.legendre.leggauss(4)
+    share, weight = (share + 1) / 2, weight / 2
+    taper = 1.3 - 0.6 * share  # of an arm's section, so that its centre is at 0.45
+    kg, where = [PLATFORM_KG, at.payload], [centre, centre + turn.apply(at.payload_centre)]
+    for leg in range(3):
+        hinge = MACHINE.turn[leg].apply(MACHINE.hinge[leg])
+        elbow = upper[:, 2 * leg : 2 * leg + 2].mean(axis=1)
+        kg += (ARM_KG * weight * taper).tolist()
+        where += [hinge + s * (elbow - hinge) for s in share]
+    for rod in range(6):
+        kg += (ROD_KG * weight).tolist()
+        where += [upper[:, rod] + s * (lower[:, rod] - upper[:, rod]) for s in share]
+    mass = np.stack([np.broadcast_to(m, len(q)) for m in kg], axis=1)
+    return mass, np.stack(where, axis=1)
+
+
 @both_models
 def test_a_drive_gives_way_to_the_work_of_its_inertia(model: str) -> None:
-    """D'Alembert on a motion through each pose, the platform followed in time."""
+    """D'Alembert on a motion through each pose, every bit of mass followed in time."""
     rng, t, at = np.random.default_rng(4), 1e-3, loaded(Q)
     v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
     at = replace(at, velocity=v, acceleration=a)
-    there, here, back = (MACHINE.point(Q + v * s + a * s**2 / 2) for s in (t, 0.0, -t))
-    push = (PLATFORM_KG + 3 * ROD_KG + at.payload)[:, None] * (there - 2 * here + back) / t**2
-    slope = [MACHINE.point(Q + s) - MACHINE.point(Q - s) for s in 1e-5 * np.eye(3)]
-    work = np.stack([np.sum(push * s / 2e-5, axis=1) for s in slope], axis=1)
+    mass, here = bits(Q, at)
+    there, back = (bits(Q + v * s + a * s**2 / 2, at)[1] for s in (t, -t))
+    push = mass[..., None] * (there - 2 * here + back) / t**2
+    slope = [bits(Q + s, at)[1] - bits(Q - s, at)[1] for s in 1e-5 * np.eye(3)]
+    work = np.stack([np.sum(push * s / 2e-5, axis=(1, 2)) for s in slope], axis=1)
     columns = effect("dynamic_deflection", model).columns(at)[..., 0]
     assert np.abs(work).max() > 5.0  # [N m]
     np.testing.assert_allclose(columns, -work, rtol=2e-3, atol=5e-3)
+    spring = np.einsum("njj->nj", effect("joint_compliance", model).columns(at))
+    at_rest_ = np.einsum("njj->nj", effect("joint_compliance", model).columns(loaded(Q)))
+    np.testing.assert_allclose(spring - at_rest_, columns, atol=1e-9)  # one spring for both
     other_way = replace(at, velocity=-v)  # the same circle the other way round
     np.testing.assert_allclose(
         effect("dynamic_deflection", model).columns(other_way)[..., 0], columns, atol=1e-9
     )
     assert not effect("dynamic_deflection", model).columns(loaded(Q)).any()
+
+
+@both_models
+def test_rods_carry_the_inertia_of_what_they_hold(model: str) -> None:
+    """D'Alembert: the work of all that is accelerated where a pair of rods is made longer."""
+    rng, t, at = np.random.default_rng(6), 1e-3, loaded(Q, centred=True)
+    v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
+    mass, here = bits(Q, at)
+    there, back = (bits(Q + v * s + a * s**2 / 2, at)[1] for s in (t, -t))
+    push = mass[..., None] * (there - 2 * here + back) / t**2
+    compliance = effect("forearm_compliance", model)
+    moving = replace(at, velocity=v, acceleration=a)
+    more = (compliance.columns(moving) - compliance.columns(at))[..., 0]
+    for leg in (1, 2, 3):
+        ends = [bits(Q, at, SixRods({f"rod_{leg}": s * 1e-5}))[1] for s in (1, -1)]
+        work = np.sum(push * (ends[0] - ends[1]) / 2e-5, axis=(1, 2))
+        row = compliance.mechanism.parameters.names.index(f"rod_{leg}")
+        np.testing.assert_allclose(2 * more[:, row], -work, rtol=5e-3, atol=2e-2)
+    assert np.abs(more).max() > 3.0  # [N]
+
+
+@pytest.mark.parametrize("end", [-1.0, 1.0])
+def test_a_worn_ball_joint_changes_over_where_its_own_pin_does(end: float) -> None:
+    """Half of the rod's weight along it is more at the elbow, and less at the platform."""
+    q = np.random.default_rng(3).uniform([0.3, -0.1, -0.1], [0.9, 0.3, 0.3], (60, 3))
+    at, clearance = loaded(q), 3e-5
+    upper, lower, _, _ = balls(q)
+    along = (upper - lower)[..., 2] / np.linalg.norm(upper - lower, axis=2)
+    middle = rod_forces(at)
+    pin = middle + end * ROD_KG * GRAVITY / 2 * along
+    assert (np.sign(pin) != np.sign(middle)).sum() > 5
+    signals = effect("ball_joint_clearance", end=end).columns(at)[..., 0]
+    names = effect("ball_joint_clearance").mechanism.parameters.names
+    for leg in range(3):
+        sides = np.sign(pin[:, 2 * leg : 2 * leg + 2])
+        known = np.abs(pin[:, 2 * leg : 2 * leg + 2]).min(axis=1) > 1e-3  # [N]
+        found = signals[:, names.index(f"rod_{leg + 1}")]
+        np.testing.assert_allclose(found[known], sides.mean(axis=1)[known], atol=1e-9)
+    moved = predicted([effect("ball_joint_clearance", end=end)], [clearance], at)
+    assert np.abs(moved - MACHINE.point(q)).max() > clearance
+
+
+@both_models
+def test_play_leans_where_the_load_is_more_than_friction(model: str) -> None:
+    """sign(load) there, the side of the last motion elsewhere; a payload may change it over."""
+    rng, step, friction = np.random.default_rng(7), 1e-5 * np.eye(3), 5.0
+    q = rng.uniform([0.3, -0.4, -0.4], [1.1, 0.6, 0.6], (60, 3))
+    at = replace(loaded(q), direction=rng.choice([-1.0, 1.0], q.shape), travel=np.ones_like(q))
+    load = np.stack([(energy(q + s, at) - energy(q - s, at)) / 2e-5 for s in step], axis=1)
+    held = np.abs(load) > friction
+    assert 20 < held.sum() < 160
+    side = np.where(held, np.sign(load), at.direction)
+    columns = effect("backlash", model, held_by=friction).columns(at)
+    np.testing.assert_allclose(np.einsum("njj->nj", columns), -side / 2, atol=1e-12)
+    by_load = np.einsum("njj->nj", effect("backlash", model, held_by=1e-3).columns(at))
+    np.testing.assert_allclose(by_load, -np.sign(load) / 2, atol=1e-12)
+    assert (by_load > 0).any()
+    assert (by_load < 0).any()
 
 
 def play(path, gap):

@@ -226,11 +226,11 @@ def test_backlash_and_a_zero_offset_take_both_sides(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("second", ["arm_length", "joint_zero_offset", "geometry"])
-def test_compliance_and_a_dimension_take_two_payloads(second):
+def test_compliance_and_a_dimension_take_two_payloads_and_motion(second):
+    """A spring gives to inertia as well: the more of it, the less is left to tell by stops."""
     found = part(ROBOT, ("joint_compliance", second))
-    loads, stops = np.unique(found.plan.payload, return_counts=True)
-    assert loads.tolist() == [0.0, 2.0]
-    assert stops.min() >= 5
+    assert np.unique(found.plan.payload).tolist() == [0.0, 2.0]
+    assert found.plan.paths
     assert (found.plan.direction == 1).all()  # no side matters
     assert np.count_nonzero(np.diff(found.plan.payload)) == 1  # it is changed once
     assert found.after.parted

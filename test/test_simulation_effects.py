@@ -222,10 +222,11 @@ def test_effects_add():
     one, other = "joint_compliance", "transmission_error"
     both = moved_by(one, other)
     assert rms(both) > 5e-5
-    np.testing.assert_allclose(both, moved_by(one) + moved_by(other), atol=2e-7)
+    # to first order: where inertia is most the one is 3 mm, and the other turns it by 0.15 mrad
+    np.testing.assert_allclose(both, moved_by(one) + moved_by(other), atol=5e-7)
     with_dimension = moved_by(one, "arm_length:location=joint_3")
     apart = moved_by(one) + moved_by("arm_length:location=joint_3")
-    np.testing.assert_allclose(with_dimension, apart, atol=2e-6)
+    np.testing.assert_allclose(with_dimension, apart, atol=6e-6)
 
 
 def test_a_cause_given_twice_is_in_both_places():
@@ -309,7 +310,7 @@ def test_the_seed_decides_effects():
         ("joint_zero_drift:step_at=1800", {"time_constant": 0.0, "step_at": 1800.0}),
         ("stick_slip:speed=0.03", {"speed": 0.03, "level": 0.0}),
         ("stick_slip:level=0.4", {"speed": 0.1, "level": 0.4}),
-        ("ball_joint_clearance:force=0.5", {"force": 0.5}),
+        ("ball_joint_clearance:force=0.5", {"force": 0.5, "end": 0.0}),
     ],
 )
 def test_shapes_are_as_said_or_as_a_cell_has_them(text, settings):
@@ -357,7 +358,7 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
     ("text", "message"),
     [
         ("backlash:gap=1", "effect backlash: unknown option gap; allowed: location, value, stren"),
-        ("backlash:width=1", "unknown option width; allowed: location, value, strength$"),
+        ("backlash:width=1", "unknown option width; allowed: location, value, strength, held_by$"),
         ("tracker_scale:location=joint_1", "unknown option location; allowed: value, strength$"),
         ("transmission_error:cycle=3", "cycle; allowed: location, value, strength, cycles$"),
         ("backlash:location=joint_4", "no location 'joint_4'; allowed: joint_1, joint_2, joint_3"),

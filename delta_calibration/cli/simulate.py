@@ -38,7 +38,9 @@ Drive:
   encoder_eccentricity  value: amplitude
   transmission_error    value: amplitude; cycles=N per turn (default: gear
                         ratio)
-  joint_scale backlash joint_compliance joint_lag
+  joint_scale joint_compliance joint_lag
+  backlash              on a Delta, held_by=N m: loads above it hold the gear
+                        on one flank (0: none does)
   joint_zero_drift      linear over an hour; or time_constant=S, step_at=S [s]
   stick_slip            falls to level= (0 by default) of its value above
                         speed= [rad/s; m/s for sliding joints]; by default
@@ -51,7 +53,8 @@ Structure:
   thermal_growth_forearm
                         has no sensor: grows with time, time_constant=2400
   forearm_compliance dynamic_deflection
-  ball_joint_clearance  force=N: load that takes it from end to end (0: any)
+  ball_joint_clearance  force=N: load that takes it from end to end (0: any);
+                        end=1: at the elbow, -1: at the platform, 0: at both
 By robot:
   every robot           geometry smr_offset tracker_scale tracker_drift
                         timestamp_latency backlash joint_lag

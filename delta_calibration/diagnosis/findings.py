@@ -234,6 +234,7 @@ def shape_of(term: Candidate, spread: Array) -> dict[str, Estimate | str]:
         told, unit = effect.told[name]
         std = float(share) * (high - low) / 12**0.5  # of a uniform distribution
         shape[told] = Estimate(float(getattr(effect, name)), std, effect.unit_of(unit))
+    shape |= effect.chosen
     sensor = effect.settings.get(SENSOR)
     return shape | ({SENSOR: sensor} if isinstance(sensor, str) and sensor else {})
 

@@ -272,7 +272,7 @@ def _zoomed(
         values = np.linspace(low, high, _POINTS)
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
         shapes = [replace(term, effect=replace(term.effect, **field)) for field in fields]
-        gains = np.array([_gain(evidence, shape, weighed) for shape in shapes])
+        gains = np.array([gain_of(evidence, shape, weighed) for shape in shapes])
         top = int(np.argmax(gains))
         term = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
@@ -290,7 +290,7 @@ def _vertex(before: float, top: float, after: float) -> float:
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
 
-def _gain(evidence: LinearizedModel, candidate: Candidate, weighed: Array) -> float:
+def gain_of(evidence: LinearizedModel, candidate: Candidate, weighed: Array) -> float:
     """Decrease of chi square by a candidate."""
     columns = columns_of(candidate, evidence)
     return float(free_decrease(evidence.information(columns), columns.T @ weighed)[0])

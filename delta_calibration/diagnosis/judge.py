@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
-from delta_calibration.diagnosis.constants import LIKELIER, MOST, PART_OF_A_MAP, SOME
+from delta_calibration.diagnosis.constants import (
+    KNOWN,
+    LIKELIER,
+    MOST,
+    PART_OF_A_MAP,
+    PLAIN,
+    SOME,
+)
 from delta_calibration.diagnosis.cross_validation import HeldOut
 from delta_calibration.diagnosis.findings import (
     MM,
@@ -235,11 +242,27 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
 
 
 def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
-    """Findings, at even odds where they are in doubt."""
+    """Findings, at even odds as far as something is beside them that they may be a part of."""
     return {
-        m: replace(f, confidence=f.confidence * (PART_OF_A_MAP if _in_doubt(f, last) else 1.0))
+        m: replace(f, confidence=f.confidence * (1 - (1 - PART_OF_A_MAP) * _map_beside(f, last)))
         for m, f in said.items()
     }
+
+
+def _map_beside(finding: Finding, last: Scan) -> float:
+    """Probability that a map which explains some beside a cause is there.
+
+    Beforehand that of something which has no name; sure where the search would have taken it.
+    """
+    if _in_doubt(finding, last):
+        return 1.0
+    some = (
+        s.log_bayes
+        for s in last.scores
+        if s.candidate.unexplained and s.gain > SOME * finding.signal
+    )
+    odds = (1 - KNOWN) / KNOWN * float(np.exp(min(max(some, default=-np.inf), PLAIN)))
+    return odds / (1 + odds)
 
 
 def _in_doubt(finding: Finding, last: Scan) -> bool:

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.constants import LOOKED_AT, MOST, NEARLY, PLAIN, RIVAL, SWAPS
-from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.fitted import Fitted, beside, gain_of
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, sizes
 from delta_calibration.diagnosis.model_selection import (
     Worth,
@@ -128,7 +128,8 @@ def _pairs(
 def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
     """The fit with a cause in the place of another that does nearly as much, or of a map.
 
-    Two take the place of one where they seem likelier already.
+    Two take the place of one where they seem likelier already. A cause is tried in its other
+    shapes as well: its own was chosen about a fit without it.
 
     Each set is fitted from the machine without any: about the fit of one the other is astray. The
     model itself where none is likelier.
@@ -148,6 +149,7 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
     worth = Worth(together, here, model.noise_degrees)
     if len(named) < count:
         sets.append(named)
+    sets += [reshaped for i in range(count) for reshaped in _reshaped(model, i)]
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)
         least = together.fit(kept)[2]
@@ -159,6 +161,40 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
             chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(bare, sets, short, model)
+
+
+def _reshaped(model: Fitted, i: int) -> list[tuple[Candidate, ...]]:
+    """The terms with one of them in other shapes, out of reach of its own, that do nearly as much.
+
+    About the fit that stands: where a term's own shape was chosen, others were not in it yet.
+    """
+    terms, term = model.terms, model.terms[i]
+    if term.effect is None or term.unexplained:
+        return []
+    at, evidence = model.evidence.at, beside(model.evidence, (*terms[:i], *terms[i + 1 :]))
+    others = [
+        replace(term, effect=other)
+        for other in term.effect.refinements(at)
+        if not other.missing(at) and not _reached(term.effect, other)
+    ]
+    if not others:
+        return []
+    weighed = evidence.weigh(evidence.column)
+    enough = NEARLY * gain_of(evidence, term, weighed)
+    gains = [(gain_of(evidence, other, weighed), k) for k, other in enumerate(others)]
+    best = sorted((gain for gain in gains if gain[0] > enough), reverse=True)[:LOOKED_AT]
+    return [(*terms[:i], others[k], *terms[i + 1 :]) for _, k in best]
+
+
+def _reached(effect: Effect, other: Effect) -> bool:
+    """Whether another shape lies within the intervals of an effect, or is a value's own."""
+    if effect.refined(np.zeros(len(effect.parameters))) is not effect:
+        return True
+    searched = {name for name, _, _ in effect.intervals()}
+    own, shape = effect.settings, other.settings
+    fixed = all(shape[name] == own[name] for name in own if name not in searched)
+    within = (low <= getattr(other, name) <= high for name, low, high in effect.intervals())
+    return fixed and all(within)
 
 
 def _likeliest(
@@ -180,9 +216,17 @@ def _likeliest(
         information = fit.evidence.information(columns)
         price = price_of(information, value, sizes(fit.terms))
         price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.terms)
+        price += sum(_price_of_choice(m, fit) for m in fit.terms)
         return gain / 2 - price
 
     return max(fits, key=likely)
+
+
+def _price_of_choice(term: Candidate, fit: Fitted) -> float:
+    """What a shape costs that was chosen among those tried once the cause was found."""
+    if term.effect is None or not term.effect.chosen:
+        return 0.0
+    return float(np.log(sum(1 for _ in term.effect.refinements(fit.evidence.at))))
 
 
 def _keys(terms: Sequence[Candidate]) -> tuple[str, ...]:

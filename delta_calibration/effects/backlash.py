@@ -1,25 +1,41 @@
-"""Play between motor and arm: half the gap behind, whichever way the joint last went.
+"""Play between motor and arm: the arm leans on one flank of the gap.
 
-    dq = -(gap / 2) play(direction, travel)
+    dq = -(gap / 2) sign(tau)                      where |tau| > held_by
+    dq = -(gap / 2) play(direction, travel)        elsewhere
 
-The play crosses over the first `width` of travel after a turn, and stays at its end then.
+On which flank is up to what pushes the arm there. Friction of the arm (its bearing, its ball
+joints) has it half the gap behind, whichever way the joint last went: the play crosses over the
+first `width` of travel after a turn, and stays at its end then. Where weight and inertia tau are
+more than friction, `held_by` [N m], they hold it on their own flank, from whichever side it came;
+it changes over where tau changes its sign, by the pose or by what is carried. A diagnosis does not
+search for `held_by`: the simulator has it, and a machine of which it is known.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.base import Array, Effect, Limits, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import ADJUST, Remedy
-from delta_calibration.effects.signals import DIRECTION, GRAVITY, TRAVEL, nominal
+from delta_calibration.effects.signals import (
+    DIRECTION,
+    GRAVITY,
+    INERTIA,
+    NOTHING,
+    TRAVEL,
+    Places,
+    nominal,
+)
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.chain_constants import OF_WEIGHT
-from delta_calibration.model.symbols import Symbol, maximum, minimum
+from delta_calibration.model.symbols import Symbol, absolute, maximum, minimum, sign, where
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 
@@ -38,8 +54,10 @@ class Backlash(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
     live_strength: ClassVar[float] = 1.0
+    limits: ClassVar[Limits] = {"held_by": (0.0, 1e4)}
 
     width: tuple[float, ...] = ()  # (m,) [rad] of travel over which the play is crossed
+    held_by: float = 0.0  # [N m] more than this holds the arm on its flank; 0: nothing does
 
     @property
     def parameters(self) -> ParameterSet:
@@ -50,27 +68,49 @@ class Backlash(Effect):
         """By the direction in which the joint last went."""
         return by_direction(at, joint)
 
-    takes: ClassVar[tuple[str, ...]] = (
-        DIRECTION,
-        TRAVEL,
-    )
+    @property
+    def takes(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Loads only where they hold the arm."""
+        loads = (GRAVITY, INERTIA) if self.held_by else ()
+        return (DIRECTION, TRAVEL, *loads)
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """-(gap / 2) play."""
+        """-(gap / 2) side."""
         crossed = minimum(maximum(2 * s[1] / c[0] - 1, -1.0), 1.0)
-        return -v[0] * s[0] * crossed / 2
+        load = s[2] + s[3]
+        held = where(absolute(load) > c[1], sign(load), s[0] * crossed)
+        return -v[0] * where(c[1] > 0, held, s[0] * crossed) / 2
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """Width of the play."""
+        """Width of the play, load that holds the arm."""
         width = self.width[joint] if self.width else 0.0
-        return (max(width, _LEAST * self.mechanism.joint_size),)
+        return (max(width, _LEAST * self.mechanism.joint_size), self.held_by)
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each joint."""
+        for j in range(self.mechanism.joints):
+            names = (DIRECTION, TRAVEL, GRAVITY, INERTIA)
+            signals = [places.begin(name) + j for name in names]
+            if not self.held_by:
+                signals[2:] = 2 * [places.begin(NOTHING)]
+            yield Term(tuple(signals), (j,), (j,), self.constants(j))
+
+    def missing(self, at: Conditions) -> str:
+        """The payload as well, where loads hold the arm."""
+        if self.held_by and not np.isfinite(at.payload).all():
+            return "the payload is not known"
+        return super().missing(at)
+
+    def _load(self, at: Conditions) -> Array:
+        """Torque of weight on the joints of the drawing's machine, (n, m) [N m]."""
+        return nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
         """Play that the weight of the arms holds shut: (gap / 2) sign(torque), a zero offset."""
         if not isinstance(self.mechanism, DeltaModel) or not len(at):
             return None
-        torque = nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
+        torque = self._load(at)
         held = np.abs(np.sign(torque).sum(axis=0)) == len(torque)
         if not held.any():
             return None
@@ -88,8 +128,10 @@ class Backlash(Effect):
         )
 
     def wrong(self) -> str:
-        """A width for each joint or none, none of them negative."""
+        """A width for each joint or none, none of them negative; a load that can be."""
         joints = self.mechanism.joints
+        if wrong := super().wrong():
+            return wrong
         if len(self.width) in (0, joints) and all(0 <= value < np.inf for value in self.width):
             return ""
         return f"width: {self.width} is not allowed; none, or {joints} of 0 or more"

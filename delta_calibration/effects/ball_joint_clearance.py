@@ -1,8 +1,11 @@
 """Ball joints with play: a rod is longer by the clearance when pulled, shorter when pushed.
 
-    dl = c tanh(N / N_0)
+    dl = c tanh(N / N_0)        N = N_m + e (w / 2) n
 
-The surface where the force N changes its sign is a step in the workspace, as wide as the force N_0
+N is the force of the pin that has the play along its rod: that of the rod's middle N_m, by half of
+the rod's weight w along the rod (n is how upright the rod is) more at the elbow, e = 1, which the
+rod hangs from, and as much less at the platform, e = -1. Of play at both ends, or who knows where,
+e = 0. The surface where N changes its sign is a step in the workspace, as wide as the force N_0
 takes by which contact and friction let go of one side; 0 is a sharp one.
 """
 
@@ -10,15 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import ClassVar
 
 from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
-from delta_calibration.effects.signals import LOAD, Places
+from delta_calibration.effects.signals import JOINT, LOAD, POSE, Places
 from delta_calibration.mechanisms.delta_leg import DeltaModel
-from delta_calibration.model.symbols import Symbol, maximum, sign, tanh, where
+from delta_calibration.model.chain_constants import FREE_FALL
+from delta_calibration.model.symbols import Symbol, maximum, sign, sin, tanh, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
@@ -39,9 +44,10 @@ class BallJointClearance(Effect):
     stage: ClassVar[Stage] = Stage.STRUCTURE
     needs: ClassVar[tuple[str, ...]] = ("payload",)
 
-    limits: ClassVar[Limits] = {"force": (0.0, 1e3)}
+    limits: ClassVar[Limits] = {"force": (0.0, 1e3), "end": (-1.0, 1.0)}
 
     force: float = 0.0
+    end: float = 0.0  # of the rods where the play is: -1 platform, 1 elbow, 0 both or not known
 
     @property
     def suits(self) -> bool:
@@ -53,25 +59,52 @@ class BallJointClearance(Effect):
         """c [m]: 5 to 50 um."""
         return self.shared("clearance", "m", 20e-6, 0.0, 1e-3)
 
-    takes: ClassVar[tuple[str, ...]] = (LOAD,)
+    takes: ClassVar[tuple[str, ...]] = (LOAD, JOINT, POSE)
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """c tanh(N / N_0) of the rods of a pair; N_0 = 0 is a sharp step."""
+        upright = -(s[3] + c[2] * sin(c[4] * (s[2] - c[5]))) / c[3]
         soft = maximum(c[0], 1e-12)
-        a, b = (where(c[0] > 0, tanh(pull / soft), sign(pull)) for pull in pulls(s))
+        a, b = (
+            where(c[0] > 0, tanh(pull / soft), sign(pull))
+            for pull in (pull + c[1] * upright for pull in pulls(s))
+        )
         return lengthened(v[0] * a, v[0] * b)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each pair of rods."""
-        return pairs(self.mechanism, places, (self.force,))
+        """One for each pair of rods: its loads, its joint, the platform's height."""
+        model = self.mechanism
+        assert isinstance(model, DeltaModel)
+        drawn, drives, masses = model.dimensions, model.drives, self.robot.masses
+        half = 0.0 if masses is None else self.end * masses.rod * FREE_FALL / 2
+        height = places.begin(POSE) + 2
+        for leg, pair in enumerate(pairs(model, places)):
+            signals = (*pair.signals, places.begin(JOINT) + leg, height)
+            reads = (drives.sense[leg], drives.zero[leg])
+            constants = (self.force, half, drawn.arm, drawn.rod, *reads)
+            yield replace(pair, signals=signals, constants=constants)
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """A sharp step, and wider ones [N]."""
+        """A sharp step, and wider ones [N], wherever along the rods the play is."""
         del at
-        for force in (0.0, 0.2, 0.8):
-            yield replace(self, force=force)
+        for force in _FORCES:
+            yield replace(self, force=force, end=0.0)
+
+    def refinements(self, at: Conditions) -> Iterator[Effect]:
+        """The same, and with the play at the one end or at the other."""
+        del at
+        for force, end in product(_FORCES, (0.0, -1.0, 1.0)):
+            yield replace(self, force=force, end=end)
+
+    @property
+    def chosen(self) -> dict[str, str]:
+        """End of the rods that the play is at, where that was found."""
+        return {"worn_end": "elbow" if self.end > 0 else "platform"} if self.end else {}
 
     def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search; a sharp step is one."""
         return (("force", self.force / 2, 2 * self.force),) if self.force else ()
+
+
+_FORCES = (0.0, 0.2, 0.8)  # [N]

@@ -192,6 +192,10 @@ class Effect(ABC):
         del at
         yield self
 
+    def refinements(self, at: Conditions) -> Iterator[Effect]:
+        """Shapes that are tried once the cause was found; those of the search by default."""
+        yield from self.shapes(at)
+
     def regressor(self, at: Conditions) -> Regressor:
         """Quantity that gives it away: the horizontal axis of its picture in the report."""
         del at
@@ -222,6 +226,11 @@ class Effect(ABC):
 
     # what searched fields are called in a verdict, and their unit; the joints' for "rad"
     told: ClassVar[Mapping[str, tuple[str, str]]] = {}
+
+    @property
+    def chosen(self) -> dict[str, str]:
+        """What a verdict says of the shape in words, by name; nothing by default."""
+        return {}
 
     def refined(self, values: Array) -> Effect:
         """The same effect with the shape that these values of its parameters (k,) go with."""

@@ -1,6 +1,9 @@
-"""Drives that give way to the inertia they accelerate.
+"""Drives that give way to the inertia they accelerate, and hold the weight they carry.
 
 dq = -J^T M a / k
+
+A control that integrates takes up what is steady, and gives way to what is quick. A spring gives
+way to both: joint_compliance.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class DynamicDeflection(Effect):
-    """Elastic twist of the drives under what the platform and its payload weigh in motion."""
+    """Give of the drives to what it takes to accelerate arms, rods, platform and payload."""
 
     cause: ClassVar[str] = "dynamic_deflection"
     remedy: ClassVar[Remedy] = Remedy(

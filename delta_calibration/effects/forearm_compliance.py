@@ -1,6 +1,6 @@
-"""Rods that stretch under the force they carry.
+"""Rods that stretch under the force they carry: that of weight, and of inertia in motion.
 
-dl = N(pose, payload) / k
+dl = N / k
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""A drive that gives way under the weight it carries.
+"""A drive that gives way under what it carries: one spring, for weight and inertia alike.
 
-dq = -tau(q, payload) / k        tau = dU/dq
+dq = -tau / k        tau = dU/dq + J^T M a
+
+of arms, rods, platform and payload (model/loads.py). At rest it is their weight alone.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Array, Effect, Stage
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
-from delta_calibration.effects.signals import GRAVITY
+from delta_calibration.effects.signals import GRAVITY, INERTIA
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
@@ -45,23 +47,24 @@ class JointCompliance(Effect):
         return self.each_joint("compliance", "rad/(N m)", 4e-5, 0.0, 1e-2)
 
     def regressor(self, at: Conditions) -> Regressor:
-        """Torque of weight on the joint, of the nominal machine."""
+        """Torque on the joint, of the nominal machine."""
         del at
-        return Regressor("torque of weight on the joint [N m]", self._torque)
+        return Regressor("torque of weight and inertia on the joint [N m]", self._torque)
 
     def groups(self, at: Conditions, joint: int) -> Groups:
         """By payload."""
         del joint
         return by_payload(at)
 
-    takes: ClassVar[tuple[str, ...]] = (GRAVITY,)
+    takes: ClassVar[tuple[str, ...]] = (GRAVITY, INERTIA)
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """-tau / k."""
         del c
-        return -v[0] * s[0]
+        return -v[0] * (s[0] + s[1])
 
     def _torque(self, at: Conditions, joint: int) -> Array:
         """About one joint, (n,) [N m]."""
-        return self.nominal(at).of(GRAVITY)[:, joint]
+        signals = self.nominal(at)
+        return signals.of(GRAVITY)[:, joint] + signals.of(INERTIA)[:, joint]

@@ -32,7 +32,7 @@ READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
 
 _ASKED = {
     GRAVITY: OF_WEIGHT,
-    LOAD: OF_WEIGHT,
+    LOAD: OF_WEIGHT | OF_INERTIA,
     INERTIA: OF_INERTIA,
     PULL: OF_PULLS,
     PULL_HOME: OF_PULLS,

@@ -140,10 +140,9 @@ class Mechanism(ABC):
         """Sizes of the robot's own masses [kg]; one at the platform's centre by default."""
         return np.array([0.0 if masses is None else masses.on_platform])
 
-    @property
-    def moving(self) -> Array:
-        """Which of the masses count where they are accelerated, 1 or 0 each."""
-        return np.ones(1)
+    def moving(self, masses: Any) -> Array:
+        """Share of each mass that counts where it is accelerated; all of it by default."""
+        return np.ones(len(self.weights(masses)))
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
@@ -381,7 +380,7 @@ class Mechanism(ABC):
 
     @cached_property
     def _masses(self) -> Law:
-        own, count = type(self).masses, len(self.moving)
+        own, count = type(self).masses, len(self.weights(None))
         if own is None:
             groups: tuple[tuple[str, int], ...] = (("x", self.pose_size), ("q", 0), ("g", 0))
             law, name = partial(_at_centre, type(self).point), f"{self._point.name}_centre"
@@ -536,7 +535,7 @@ class Mechanism(ABC):
             np.array([*of_mass, mass.compiled.size]),
             np.array(dims, dtype=np.int64),
             np.array(self.weights(masses), dtype=float),
-            np.array(self.moving, dtype=float),
+            np.array(self.moving(masses), dtype=float),
             np.array(self.home_pose, dtype=float),
             float(self.pretension),
             np.array([c for limb in every for c in limb.constants], dtype=float),

@@ -115,8 +115,17 @@ class DeltaMasses:
 
     @property
     def on_platform(self) -> float:
-        """What moves with the platform: itself and half of each rod [kg]."""
+        """What a platform carries where it is all that is known: itself, half of each rod [kg]."""
         return self.platform + LEGS * self.rod
+
+    @property
+    def turning(self) -> float:
+        """Moment of inertia of an arm about its motor, part of its mass times its length squared.
+
+        That of a bar whose section changes evenly along it, so that its centre is where it is; at
+        least that of its mass in one point there.
+        """
+        return max(self.arm_centre**2, self.arm_centre - 1 / 6)
 
 
 class DeltaModel(Mechanism):
@@ -154,19 +163,24 @@ class DeltaModel(Mechanism):
         )
 
     def weights(self, masses: DeltaMasses | None) -> Array:
-        """Platform with half of each rod; at each elbow half of its rods and the arm's part [kg].
+        """Platform, elbows and middles of the pairs of rods [kg].
 
-        An arm's mass is shared out between hinge and elbow, so that its centre stays.
+        A rod is a sixth of its mass at either end and the rest in the middle: Simpson's rule has
+        the weight, the centre and the inertia of a uniform one. An arm's mass is shared out
+        between hinge and elbow, so that its centre stays.
         """
         if masses is None:
-            return np.zeros(1 + LEGS)
-        at_elbow = masses.arm * masses.arm_centre + masses.rod
-        return np.array([masses.on_platform, *LEGS * (at_elbow,)])
+            return np.zeros(1 + 2 * LEGS)
+        at_elbow = masses.arm * masses.arm_centre + masses.rod / 3
+        pair = 4 / 3 * masses.rod
+        return np.array([masses.platform + masses.rod, *LEGS * (at_elbow,), *LEGS * (pair,)])
 
-    @property
-    def moving(self) -> Array:
-        """What the platform carries; the inertia of the arms is left out."""
-        return np.array([1.0, *LEGS * (0.0,)])
+    def moving(self, masses: DeltaMasses | None) -> Array:
+        """All of it, but of an arm what its inertia comes to."""
+        share = np.ones(1 + 2 * LEGS)
+        if masses is not None and (at_elbow := self.weights(masses)[1]):
+            share[1 : 1 + LEGS] = (masses.arm * masses.turning + masses.rod / 3) / at_elbow
+        return share
 
     @abstractmethod
     def _leg_parameters(self, leg: int) -> list[Parameter]:

@@ -74,8 +74,9 @@ class RotaryDelta(DeltaModel):
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Platform and elbows."""
-        return column(x[0:3], *(_elbow(q[leg], g[leg], c[leg]) for leg in range(LEGS)))
+        """Platform, elbows, and middles of the pairs of rods."""
+        elbows = [_elbow(q[leg], g[leg], c[leg]) for leg in range(LEGS)]
+        return column(x[0:3], *elbows, *((elbow + x[0:3]) / 2 for elbow in elbows))
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:

@@ -130,11 +130,6 @@ class SerialArm(Mechanism):
         each = [link.mass for link in self.dimensions.links]
         return np.outer(each, np.array([1.0, 4.0, 1.0]) / 6).ravel()
 
-    @property
-    def moving(self) -> Array:
-        """All of them."""
-        return np.ones(3 * self.joints)
-
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Pose of the tool, the product itself."""

@@ -71,7 +71,7 @@ class SixRodDelta(DeltaModel):
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Platform and elbows."""
+        """Platform, elbows, and middles of the pairs of rods."""
         return RotaryDelta.masses(x, q, [_sphere(leg) for leg in g], c)
 
     @staticmethod

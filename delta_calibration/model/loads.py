@@ -58,7 +58,7 @@ class Bearing(NamedTuple):
                                 and its size
     mass (4,), mass_at (7,)     law of the masses' places; places of x, q, g, f, f_x, f_q, size
     dims (d,)                   dimensions that it takes, or fixed numbers behind them
-    kg (k,), moves (k,)         each mass, and whether its inertia counts
+    kg (k,), moves (k,)         each mass, and the share of it that counts where it is accelerated
     home (k,)                   pose at which counters are zero
     pretension                  [N] of every cable
     constants (c,)              of the limbs, for the law of the masses
@@ -80,7 +80,10 @@ class Bearing(NamedTuple):
 
 @record
 class Carried(NamedTuple):
-    """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home."""
+    """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home.
+
+    dU/dg is that of the weight, and of the inertia where that is asked for as well.
+    """
 
     point: Array
     mass: Array
@@ -212,8 +215,8 @@ def _work(
             a[axis] = 0.0 if axis < 2 else FREE_FALL
             if accelerated:
                 a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
-        if accelerated and point >= 0 and bearing.moves[point] == 0.0:
-            continue
+        if accelerated and point >= 0:
+            kg *= bearing.moves[point]
         _add(limbs, bearing, found, point, kg, a, u_q)
 
 
@@ -295,6 +298,8 @@ def bear(
 ) -> None:
     """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g."""
     u_q, moving = found.u_q, False
+    for i in range(len(found.load)):
+        found.load[i] = 0.0
     if asked & OF_INERTIA:
         moving = _accelerate(limbs, bearing, q, x, rate, acceleration, centre, room, found)
         for i in range(len(q)):
@@ -314,6 +319,8 @@ def bear(
         moved(limbs, found.u_x, room, found.by_q, found.by_g)
         for i in range(len(q)):
             found.inertia[i] = u_q[i] + found.by_q[0, i]
+        for i in range(found.by_g.shape[1]):
+            found.load[i] = found.by_g[0, i]
     _work(limbs, bearing, payload, False, found, u_q)
     if asked & OF_PULLS:
         _pulls(limbs, bearing, room, found, found.pull)
@@ -322,7 +329,7 @@ def bear(
         for i in range(len(q)):
             found.gravity[i] = u_q[i] + found.by_q[0, i]
         for i in range(found.by_g.shape[1]):
-            found.load[i] = found.by_g[0, i]
+            found.load[i] += found.by_g[0, i]
 
 
 @compiled()

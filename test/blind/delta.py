@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +125,15 @@ class Delta(Kind):
             )
             result[:, rod] = -(up - down) / (2 * _LONGER)
         return result.reshape(-1, 3, 2)
+
+    def pulls_of_motion(self, moved: Any) -> Array:
+        """Tension that each rod must give to move the masses, (n, 3, 2) [N]."""
+        each = []
+        for rod in np.eye(6).reshape(6, 1, 3, 2):
+            longer = (self.nothing().and_rod(s * _LONGER * rod) for s in (1, -1))
+            ends = (moved.where(moved.q, changed) for changed in longer)
+            each.append(-moved.work(*ends) / (2 * _LONGER))
+        return np.stack(each, axis=1).reshape(-1, 3, 2)
 
     def reflector(self, rng: np.random.Generator) -> Array:
         return rng.uniform([-0.03, -0.03, -0.06], [0.03, 0.03, -0.02])

@@ -197,7 +197,7 @@ def joint_zero_drift(
 
 
 def joint_compliance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Each drive a spring that gives way to the slope of the potential energy."""
+    """Each drive a spring that gives way to all that it carries: weight, and inertia in motion."""
     give = strength * _GIVE * uneven(rng, legs)
 
     def act(world: World, state: State) -> None:
@@ -207,7 +207,7 @@ def joint_compliance(rng: np.random.Generator, strength: float, legs: Array) -> 
 
 
 def dynamic_deflection(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The same springs under what it takes to move the masses."""
+    """Drives that hold all weight, and give way to what it takes to move the masses."""
     give = strength * _GIVE * uneven(rng, legs)
 
     def act(world: World, state: State) -> None:

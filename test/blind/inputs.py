@@ -100,7 +100,7 @@ def _speed(world: World) -> Array:
 
 
 def _torque(world: World) -> Array:
-    return world.moments(world.kind.nothing()) + world.pushes()
+    return world.moments(world.kind.nothing())
 
 
 _OF_JOINTS: dict[str, Callable[[World], Array]] = {

@@ -110,6 +110,11 @@ class Kind(ABC):
         """Tension of rods or cables [N]."""
         raise NotImplementedError(f"{self.robot} has neither rods nor cables")
 
+    def pulls_of_motion(self, moved: Any) -> Array | float:
+        """More tension of them where masses are moved (`weight.Moved`) [N]."""
+        del moved
+        return 0.0
+
     @abstractmethod
     def reflector(self, rng: np.random.Generator) -> Array:
         """Where it sits on the platform, (3,) [m]."""

@@ -7,6 +7,8 @@ move by (D'Alembert).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,28 +48,42 @@ def torques(
     return np.stack(each, axis=1)
 
 
-def inertia(
-    kind: Kind,
-    q: Array,
-    velocity: Array,
-    acceleration: Array,
-    build: Any,
-    payload: Array,
-    centre: Array,
-    near: Any,
-) -> Array:
-    """Moment that each joint must give to move the masses as commanded, (n, m) [N m], or [N]."""
+@dataclass(frozen=True)
+class Moved:
+    """Samples in motion: what was commanded of a machine, and what it carried."""
 
-    def where(angle: Array) -> Array:
-        stand = kind.assemble(angle, build, None, near)
-        return kind.masses(stand, build, payload, centre)[1]
+    kind: Kind
+    q: Array  # (n, m) [rad]
+    velocity: Array  # (n, m) [rad/s]
+    acceleration: Array  # (n, m) [rad/s^2]
+    build: Any
+    payload: Array  # (n,) [kg]
+    centre: Array  # (3,) [m]
+    near: Any
 
-    t, turn = _MOMENT, _TURN * kind.size
-    later, sooner = (q + s * t * velocity + t**2 / 2 * acceleration for s in (1, -1))
-    mass, here = kind.masses(kind.assemble(q, build, None, near), build, payload, centre)
-    pushed = mass[..., None] * (where(later) - 2 * here + where(sooner)) / t**2
-    each = []
-    for joint in np.eye(q.shape[1]):
-        slope = (where(q + turn * joint) - where(q - turn * joint)) / (2 * turn)
-        each.append(np.sum(pushed * slope, axis=(1, 2)))
-    return np.stack(each, axis=1)
+    def where(self, q: Array, changed: Any = None) -> Array:
+        """Places of the masses, (n, k, 3) [m]."""
+        stand = self.kind.assemble(q, self.build, changed, self.near)
+        return self.kind.masses(stand, self.build, self.payload, self.centre)[1]
+
+    @cached_property
+    def pushed(self) -> Array:
+        """Force that moves each mass as commanded, (n, k, 3) [N]."""
+        t = _MOMENT
+        ways = (t * s * self.velocity + t**2 / 2 * self.acceleration for s in (1, -1))
+        later, sooner = (self.where(self.q + way) for way in ways)
+        stand = self.kind.assemble(self.q, self.build, None, self.near)
+        mass, here = self.kind.masses(stand, self.build, self.payload, self.centre)
+        return mass[..., None] * (later - 2 * here + sooner) / t**2
+
+    def moments(self) -> Array:
+        """Moment that each joint must give for it, (n, m) [N m], or [N]."""
+        each, turn = [], _TURN * self.kind.size
+        for joint in np.eye(self.q.shape[1]):
+            up, down = (self.where(self.q + s * turn * joint) for s in (1, -1))
+            each.append(self.work(up, down) / (2 * turn))
+        return np.stack(each, axis=1)
+
+    def work(self, up: Array, down: Array) -> Array:
+        """Of the forces from one place of the masses to another, (n,) [J]."""
+        return np.asarray(np.sum(self.pushed * (up - down), axis=(1, 2)))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from blind.delta import DELTA
 from blind.kind import Kind, Span, Stand
 from blind.plans import Item
-from blind.weight import inertia, torques
+from blind.weight import Moved, torques
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -138,40 +138,42 @@ class World:
         return np.stack(filled, axis=1).reshape(-1, *values.shape[1:])
 
     def moments(self, changed: Any) -> Array:
-        """Of gravity at the joints, (n, m) [N m]."""
+        """Of weight at the joints, and of inertia in motion, (n, m) [N m]."""
 
         def at(rows: Index) -> Array:
             q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
             changed_here, centre = changed.take(rows), self.kind.centre
             return torques(self.kind, q, self.build, changed_here, payload, centre, near)
 
-        return self.spread(at)
+        return self.spread(at) + self.pushes()
 
     def pulls(self, changed: Any) -> Array:
-        """Tension of the rods, (n, 3, 2), or of the cables, (n, m) [N]."""
+        """Tension of the rods, with inertia in motion, (n, 3, 2), or of the cables, (n, m) [N]."""
 
         def at(rows: Index) -> Array:
             q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
             changed_here, centre = changed.take(rows), self.kind.centre
             return self.kind.pulls(q, self.build, changed_here, payload, centre, near)
 
-        return self.spread(at)
+        result = self.spread(at)
+        rows, moved = self._moved
+        result[rows] += self.kind.pulls_of_motion(moved)
+        return result
 
     def pushes(self) -> Array:
         """Moments of inertia forces at the joints, (n, m) [N m]."""
-        rows = np.flatnonzero(~self.still)
         result = np.zeros_like(self.command)
-        result[rows] = inertia(
-            self.kind,
-            self.command[rows],
-            self.velocity[rows],
-            self.acceleration[rows],
-            self.build,
-            self.payload[rows],
-            self.kind.centre,
-            self.stand.take(rows),
-        )
+        rows, moved = self._moved
+        result[rows] = moved.moments()
         return result
+
+    @cached_property
+    def _moved(self) -> tuple[Index, Moved]:
+        """All samples in motion: their rows, and what moved."""
+        rows = np.flatnonzero(~self.still)
+        motion = (values[rows] for values in (self.command, self.velocity, self.acceleration))
+        kind, near = self.kind, self.stand.take(rows)
+        return rows, Moved(kind, *motion, self.build, self.payload[rows], kind.centre, near)
 
 
 @dataclass

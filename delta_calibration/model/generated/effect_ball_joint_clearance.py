@@ -1,59 +1,75 @@
 """Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
 
-from math import tanh
+from math import sin, tanh
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 2), ('v', 1), ('c', 1)), 2, (), (), (), ('v',))
-SIZE = 8
-SHARED = (8, 8)
+LAYOUT = ((('s', 4), ('v', 1), ('c', 6)), 2, (), (), (), ('v',))
+SIZE = 15
+SHARED = (15, 15)
 
 
 def full(w):
-    i3 = w[3]
+    i5 = w[5]
     i1 = w[1]
     i0 = w[0]
     i2 = w[2]
-    t3 = 1.0 if 0.0 < i3 else 0.0
+    i10 = w[10]
+    i9 = w[9]
+    i7 = w[7]
+    i3 = w[3]
+    i8 = w[8]
+    i6 = w[6]
+    i4 = w[4]
+    t3 = 1.0 if 0.0 < i5 else 0.0
     t7 = (-2.0) * i1
     t8 = i0 + t7
     t10 = t8 / 2.0
-    t12 = max(i3, 1e-12)
-    t13 = t10 / t12
-    t14 = -(t13)
-    t15 = tanh(t14)
-    t16 = t15 if t3 != 0.0 else 0.0
-    t17 = 0.0 if t3 != 0.0 else 1.0
-    t18 = -(t10)
-    t19 = (1.0 if t18 > 0.0 else 0.0) - (1.0 if t18 < 0.0 else 0.0)
-    t20 = t19 if t17 != 0.0 else 0.0
-    t21 = t16 + t20
-    t22 = i2 * t21
-    t23 = t7 - i0
-    t24 = t23 / 2.0
-    t25 = t24 / t12
-    t26 = tanh(t25)
-    t27 = t26 if t3 != 0.0 else 0.0
-    t28 = (1.0 if t24 > 0.0 else 0.0) - (1.0 if t24 < 0.0 else 0.0)
-    t29 = t28 if t17 != 0.0 else 0.0
-    t30 = t27 + t29
-    t31 = i2 * t30
-    t32 = t22 + t31
-    t33 = t32 / 2.0
-    t35 = t31 - t22
-    t38 = t21 + t30
-    t39 = 0.5 * t38
-    t41 = t30 - t21
-    w[4] = t33
-    w[5] = t35
-    w[6] = t39
-    w[7] = t41
+    t17 = i2 - i10
+    t18 = i9 * t17
+    t19 = sin(t18)
+    t20 = i7 * t19
+    t21 = i3 + t20
+    t23 = t21 / i8
+    t24 = i6 * t23
+    t25 = t10 + t24
+    t27 = max(i5, 1e-12)
+    t28 = t25 / t27
+    t29 = -(t28)
+    t30 = tanh(t29)
+    t31 = t30 if t3 != 0.0 else 0.0
+    t32 = 0.0 if t3 != 0.0 else 1.0
+    t33 = -(t25)
+    t34 = (1.0 if t33 > 0.0 else 0.0) - (1.0 if t33 < 0.0 else 0.0)
+    t35 = t34 if t32 != 0.0 else 0.0
+    t36 = t31 + t35
+    t37 = i4 * t36
+    t38 = t7 - i0
+    t39 = t38 / 2.0
+    t40 = t39 - t24
+    t41 = t40 / t27
+    t42 = tanh(t41)
+    t43 = t42 if t3 != 0.0 else 0.0
+    t44 = (1.0 if t40 > 0.0 else 0.0) - (1.0 if t40 < 0.0 else 0.0)
+    t45 = t44 if t32 != 0.0 else 0.0
+    t46 = t43 + t45
+    t47 = i4 * t46
+    t48 = t37 + t47
+    t49 = t48 / 2.0
+    t51 = t47 - t37
+    t54 = t36 + t46
+    t55 = 0.5 * t54
+    t57 = t46 - t36
+    w[11] = t49
+    w[12] = t51
+    w[13] = t55
+    w[14] = t57
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "3c993c91629fece3"),
+    "full": law(full, "40fada8fefdc8554"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
