@@ -128,8 +128,8 @@ def _pairs(
 def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
     """The fit with a cause in the place of another that does nearly as much, or of a map.
 
-    Two take the place of one where they seem likelier already. A cause is tried in its other
-    shapes as well: its own was chosen about a fit without it.
+    Two take the place of one where they seem likelier already. A cause is tried in its best
+    other shape as well: its own was chosen about a fit without it.
 
     Each set is fitted from the machine without any: about the fit of one the other is astray. The
     model itself where none is likelier.
@@ -164,7 +164,7 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
 
 
 def _reshaped(model: Fitted, i: int) -> list[tuple[Candidate, ...]]:
-    """The terms with one of them in other shapes, out of reach of its own, that do nearly as much.
+    """The terms with one in its best other shape, out of reach of its own, if nearly as good.
 
     About the fit that stands: where a term's own shape was chosen, others were not in it yet.
     """
@@ -181,9 +181,8 @@ def _reshaped(model: Fitted, i: int) -> list[tuple[Candidate, ...]]:
         return []
     weighed = evidence.weigh(evidence.column)
     enough = NEARLY * gain_of(evidence, term, weighed)
-    gains = [(gain_of(evidence, other, weighed), k) for k, other in enumerate(others)]
-    best = sorted((gain for gain in gains if gain[0] > enough), reverse=True)[:LOOKED_AT]
-    return [(*terms[:i], others[k], *terms[i + 1 :]) for _, k in best]
+    gain, k = max((gain_of(evidence, other, weighed), k) for k, other in enumerate(others))
+    return [(*terms[:i], others[k], *terms[i + 1 :])] if gain > enough else []
 
 
 def _reached(effect: Effect, other: Effect) -> bool:
