@@ -49,6 +49,8 @@ SHADOW = 0.9  # share of what a map explains that a named cause must explain to 
 SHADOWED = 0.5  # share of a cause's signal that a map makes as well, for it to be in its shadow
 REMAINS = 0.25  # share of what remains unexplained that a cause must explain at least
 SOME = 0.02  # share of what a cause explains that a map may explain beside it: no model is perfect
+# the same of a map that chance may have made, on machines that others measured as well
+MUCH = 0.1
 IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself
 LIKELIER = 0.9  # probability of a law from which causes that it follows as well are not named
 TEMPER = 3.0  # ln p of laws is divided by this: calibrates their stated probability

@@ -18,6 +18,7 @@ from delta_calibration.diagnosis.constants import (
     KNOWN,
     LIKELIER,
     MOST,
+    MUCH,
     PART_OF_A_MAP,
     PLAIN,
     SOME,
@@ -252,14 +253,15 @@ def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, F
 def _map_beside(finding: Finding, last: Scan) -> float:
     """Probability that a map which explains some beside a cause is there.
 
-    Beforehand that of something which has no name; sure where the search would have taken it.
+    Beforehand that of something which has no name; sure where the search would have taken it. One
+    that chance may have made has to explain more of what the cause does: no model is perfect.
     """
     if _in_doubt(finding, last):
         return 1.0
     some = (
         s.log_bayes
         for s in last.scores
-        if s.candidate.unexplained and s.gain > SOME * finding.signal
+        if s.candidate.unexplained and s.gain > MUCH * finding.signal
     )
     odds = (1 - KNOWN) / KNOWN * float(np.exp(min(max(some, default=-np.inf), PLAIN)))
     return odds / (1 + odds)
