@@ -44,6 +44,7 @@ def unseen(
     said = [_of_class(finding) for finding in findings if finding.equivalents]
     found = {finding.cause for finding in findings}
     reasons: dict[tuple[str, str], list[str]] = {}
+    whole = beside(evidence, terms)
     for effect in effects:
         if effect.cause in found:
             continue
@@ -51,7 +52,7 @@ def unseen(
         if disguised is not None:
             name, other, because, following = disguised
             said.append(CannotTell((name, other), because, following))
-        blind = _blind(evidence, terms, effect, unknown)
+        blind = _blind(evidence, whole, terms, effect, unknown)
         if blind is not None:
             partners, because, following = blind
             if effect.cause in partners:  # a dimension of the same name is fitted anyway
@@ -59,7 +60,7 @@ def unseen(
             names = reasons.setdefault((because, following), [])
             names += [n for n in (effect.cause, *partners) if n not in names]
     if "smr_offset" not in found:
-        said += _reflector(beside(evidence, terms))
+        said += _reflector(whole)
     said += [
         CannotTell(tuple(names) if len(names) > 1 else (*names, _NOTHING), because, following)
         for (because, following), names in reasons.items()
@@ -108,11 +109,15 @@ def _of_class(finding: Finding) -> CannotTell:
 
 def _blind(
     evidence: LinearizedModel,
+    whole: LinearizedModel,
     terms: tuple[Candidate, ...],
     effect: Effect,
     unknown: UnknownStructure,
 ) -> tuple[tuple[str, ...], str, str] | None:
-    """Partners, reason and next experiment of an effect of typical size that would not show."""
+    """Partners, reason and next experiment of an effect of typical size that would not show.
+
+    `whole` is the evidence with the terms among what may always be there.
+    """
     shape = next(effect.shapes(evidence.at), effect)
     lacking = shape.missing(evidence.at)
     if lacking:
@@ -122,7 +127,6 @@ def _blind(
             lacking,
             following if "known" in lacking else ("measure under conditions in which they differ"),
         )
-    whole = beside(evidence, terms)
     bare, left = visibility(whole, shape)
     if left >= HIDDEN:
         return None
