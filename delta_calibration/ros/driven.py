@@ -15,6 +15,7 @@ from rclpy.task import Future
 
 PERIOD_S = 0.2
 AGAIN_S = 1.0  # [s] an answer can be lost while the other side does not know of this one yet
+LASTS_S = 0.5  # [s] of trouble that is no end in common: Ctrl-C ends all nodes, one after another
 SILENT_S = 3.0  # [s] without an answer a node is taken to hang
 ACTIVE = "active"
 STATE_TYPE = "lifecycle_msgs/srv/GetState"
@@ -48,6 +49,7 @@ class Driven:
         self._node, self._commands, self._wanted = node, commands, wanted
         self._listeners: set[str] = set()  # full names of nodes, as of the last look
         self._managed: dict[str, _Managed] = {}
+        self._met: tuple[str, float] | None = None  # trouble as it began, and when
         node.create_timer(PERIOD_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def trouble(self) -> str:
@@ -66,6 +68,17 @@ class Driven:
             who = f"only {found} of {self._wanted}" if found else "nobody"
             return f"{who} listens to {topic}"
         return ""
+
+    def lasting_trouble(self) -> str:
+        """The same, as it began, once it has lasted for `LASTS_S`; to be asked again and again."""
+        trouble, now_s = self.trouble(), time.monotonic()
+        if not trouble:
+            self._met = None
+            return ""
+        if self._met is None:
+            self._met = trouble, now_s
+        begun, since_s = self._met
+        return begun if now_s - since_s >= LASTS_S else ""
 
     def known(self) -> bool:
         """Whether every lifecycle node that listens has said its state."""

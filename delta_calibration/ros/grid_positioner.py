@@ -258,7 +258,7 @@ class GridPositioner(BaseNode):
                 return
             self.get_logger().info(f"sets off: {self._positioning.doing}")
             self._set_off()
-        trouble = self._driven.trouble()
+        trouble = self._driven.lasting_trouble()
         if trouble:
             raise DataError(f"stopped during {self._positioning.doing}: {trouble}")
         if self._motion:

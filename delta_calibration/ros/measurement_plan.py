@@ -209,7 +209,7 @@ class MeasurementPlan(BaseNode):
         Raises:
             DataError: what is sent does not reach the drives any more.
         """
-        trouble = self._driven.trouble()
+        trouble = self._driven.lasting_trouble()
         if trouble:
             at = int(motion.leg[max(self._next - 1, 0)]) + 1
             raise DataError(f"stopped at {at} of {motion.leg_count}: {trouble}")
