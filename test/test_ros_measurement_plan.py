@@ -22,6 +22,7 @@ from delta_calibration.errors import InputError, ReachError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import joint_state, stamp_to_ns
+from delta_calibration.ros.driven import LASTS_S, Driven
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
 from delta_calibration.ros.measurement_plan import MeasurementPlan, Motion
 from delta_calibration.ros.qos import COMMAND, DIAGNOSTICS, MEASURED, STATUS, STREAM_OUT
@@ -323,3 +324,14 @@ def test_a_motion_has_no_jumps_and_visits_every_stop(name: str) -> None:
         joint = motion.joint[motion.leg == stop]
         np.testing.assert_array_equal(joint[-int(0.2 * RATE) :], [plan.joint[stop]] * 20)
     np.testing.assert_array_equal(np.unique(motion.payload), np.unique(plan.payload))
+
+
+def test_who_is_missing_counts_once_it_has_lasted(bench: Bench) -> None:
+    """Nodes that are ended together by one Ctrl-C leave one after another."""
+    node = bench.node("drives")
+    driven = Driven(node, node.create_publisher(JointState, "joint_command", 10), 1)
+    assert driven.lasting_trouble() == ""
+    bench.spin_for(0.6 * LASTS_S)
+    assert driven.lasting_trouble() == ""
+    bench.spin_for(0.6 * LASTS_S)
+    assert driven.lasting_trouble() == "nobody listens to /joint_command"

@@ -415,7 +415,7 @@ class JointCompensator:
         return share if self.robot.limits.region_margin else None
 
     def _lacking(self, at: Conditions) -> list[int]:
-        """Commands of which something is missing, as `missing` says of all of them."""
+        """Rows of the commands for which a condition is missing, where `missing` found any."""
         if len(at) == 1:
             return [0]
         return [row for row in range(len(at)) if self.missing(at.take(slice(row, row + 1)))]

@@ -233,7 +233,7 @@ def log_bayes(information: Array, b: Array, value: Array, spans: Sequence[slice]
 
 
 def log_bayes_of_each(information: Array, b: Array, value: Array) -> Array:
-    """ln B of many explanations apart, (L,), each of one size that is not known.
+    """ln B of each of L explanations on its own, (L,); the values of each share one unknown size.
 
     Args:
         information: of their parameters, (L, k, k).
@@ -268,7 +268,7 @@ def _of_one_size(value: Array) -> tuple[Array, float]:
 
 
 def _cost(information: Array, value: Array, size: Array) -> Array:
-    """Of values (..., k) that were expected within `size`, by their information (..., k, k)."""
+    """Price (...) of values (..., k) expected within `size`; information is (..., k, k)."""
     size = np.broadcast_to(size, value.shape)
     unlike = np.sum((value / size) ** 2, axis=-1) / 2
     could = np.eye(value.shape[-1]) + size[..., :, None] * information * size[..., None, :]

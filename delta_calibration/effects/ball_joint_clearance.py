@@ -92,7 +92,7 @@ class BallJointClearance(Effect):
             yield replace(self, force=force, end=0.0)
 
     def refinements(self, at: Conditions) -> Iterator[Effect]:
-        """The same, and with the play at the one end or at the other."""
+        """Each step of the search, with play at both ends of the rods or at one of them only."""
         del at
         for force, end in product(_FORCES, (0.0, -1.0, 1.0)):
             yield replace(self, force=force, end=end)

@@ -70,7 +70,7 @@ class Driven:
         return ""
 
     def lasting_trouble(self) -> str:
-        """The same, as it began, once it has lasted for `LASTS_S`; to be asked again and again."""
+        """What `trouble` said first, once it has lasted for `LASTS_S`; asked at every command."""
         trouble, now_s = self.trouble(), time.monotonic()
         if not trouble:
             self._met = None
