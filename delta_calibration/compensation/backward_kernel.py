@@ -47,7 +47,7 @@ from delta_calibration.model.kernels import (
     solve,
     spread_joints,
 )
-from delta_calibration.model.loads import point_at
+from delta_calibration.model.loads import other_point, point_at
 from delta_calibration.model.stand import (
     Body,
     Stages,
@@ -166,7 +166,7 @@ def place_of(machine: MachineRecord, x: Array, room: Place) -> None:
     for arm in range(3):
         for i in range(3):
             room.offset[i] = aim.tool[i] + (aim.arm if i == arm else 0.0)
-        point_at(bearing, x, room.offset, room.point)
+        other_point(bearing, room.offset, room.point)
         for axis in range(3):
             row = 3 + 3 * arm + axis
             room.place[row] = room.point[f + axis] - room.place[axis]

@@ -26,6 +26,8 @@ from delta_calibration.export.c_laws import SIGNS
 from delta_calibration.export.c_numbers import LAWS, number
 
 TYPES = """\
+#include <string.h>
+
 typedef void (*Law)(double *);
 
 typedef struct { const double *at; int n, width; } Numbers; /* n rows of a width */
@@ -36,6 +38,9 @@ typedef struct { const Law *at; int n, width; } Laws;
 static inline double larger(double a, double b) { return b > a ? b : a; }
 static inline double smaller(double a, double b) { return b < a ? b : a; }
 static inline Numbers read(Rows r) { const Numbers same = {r.at, r.n, r.width}; return same; }
+static inline void copied(Rows to, Numbers from) { /* they lie apart */
+    memcpy(to.at, from.at, sizeof(double) * (size_t)(to.n * to.width));
+}
 """
 _ARRAYS = {"Numbers": "double", "Rows": "double", "Wholes": "int", "Laws": "law"}
 _OF_REALS = {"sqrt": "sqrt", "arcsin": "asin", "exp": "exp"}  # of numpy
@@ -512,6 +517,9 @@ class _Function:
                 law, space = (self.value(each) for each in node.args)
                 self.written(node.args[1])
                 return _Text(f"{law.text}({space.text}.at)", NOTHING)
+            case ast.Name(id="copy_into"):  # the compiler cannot know that they lie apart
+                target, source = self.written(node.args[0]), self.value(node.args[1])
+                return _Text(f"copied({target.text}, {self._as(source, NUMBERS).text})", NOTHING)
             case ast.Name(id="len"):
                 return _Text(f"{self.value(node.args[0]).text}.n", INT)
             case ast.Name(id="min" | "max" | "abs" | "float" | "int" | "bool" as name):

@@ -376,7 +376,7 @@ class Mechanism(ABC):
         shared = type(self).point is Mechanism.point
         name = f"point_{self.pose_size}" if shared else f"{self.law_name}_point"
         groups = (("x", self.pose_size), ("o", 3))
-        return Law(name, groups, 3, type(self).point, (), (), (), ("x", "o"))
+        return Law(name, groups, 3, type(self).point, (), ("x",), (), ("x", "o"))
 
     @cached_property
     def _masses(self) -> Law:

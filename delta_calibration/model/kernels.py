@@ -26,7 +26,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_constants import ON_THE_WAY, SETTLED_STEP, SIDES, STEPS
+from delta_calibration.model.chain_constants import (
+    ON_THE_WAY,
+    SETTLED_STEP,
+    SIDES,
+    SMALL_STEP,
+    STEPS,
+)
 from delta_calibration.model.jit import call, compiled, record
 
 Array = NDArray[np.float64]
@@ -64,6 +70,7 @@ class Room(NamedTuple):
     system: Array  # (max, max + sides)
     step: Array  # of unknowns, or a weight a side
     way: Array  # (m,)
+    past: Array  # (k,) pose of the stage before, on the way
 
 
 Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
@@ -90,6 +97,7 @@ def room(limbs: Limbs, size: int) -> Room:
         np.zeros((wide, wide + max(m, max(k, SIDES)))),
         np.zeros(max(wide, SIDES)),
         np.zeros(m),
+        np.zeros(k),
     )
 
 
@@ -113,28 +121,33 @@ def solve(system: Array, size: int, sides: int) -> bool:
     """Solve size equations for the right sides behind them, in place; False if singular."""
     width = size + sides
     for k in range(size):
-        best = k
+        best, most = k, abs(system[k, k])
         for i in range(k + 1, size):
-            if abs(system[i, k]) > abs(system[best, k]):
-                best = i
-        if not abs(system[best, k]) > 0.0:  # zero or NaN
+            other = abs(system[i, k])
+            if other > most:
+                best, most = i, other
+        if not most > 0.0:  # zero or NaN
             return False
+        own = system[k]
         if best != k:
+            row = system[best]
             for j in range(k, width):
-                system[k, j], system[best, j] = system[best, j], system[k, j]
-        inverse = 1.0 / system[k, k]
+                own[j], row[j] = row[j], own[j]
+        inverse = 1.0 / own[k]
         for i in range(k + 1, size):
-            factor = system[i, k] * inverse
+            row = system[i]
+            factor = row[k] * inverse
             if factor != 0.0:
                 for j in range(k + 1, width):
-                    system[i, j] -= factor * system[k, j]
+                    row[j] -= factor * own[j]
     for k in range(size - 1, -1, -1):
-        inverse = 1.0 / system[k, k]
+        own = system[k]
+        inverse = 1.0 / own[k]
         for side in range(size, width):
-            total = system[k, side]
+            total = own[side]
             for j in range(k + 1, size):
-                total -= system[k, j] * system[j, side]
-            system[k, side] = total * inverse
+                total -= own[j] * system[j, side]
+            own[side] = total * inverse
     return True
 
 
@@ -167,19 +180,16 @@ def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
         for i in range(joints.shape[1]):
             joint = joints[limb, i]
             work[to_q + i] = own_joint(limbs, joint, q[joint])
-        for i in range(k):
-            work[to_x + i] = x[i]
+        copy_into(work[to_x : to_x + k], x)
         if limb == 0:
             call(law[SHARED], work)
         else:
-            for i in range(at[FROM], at[TO]):
-                work[i] = every[0, i]
+            copy_into(work[at[FROM] : at[TO]], every[0][at[FROM] : at[TO]])
         call(law[stage], work)
         for i in range(rows.shape[1]):
-            row = rows[limb, i]
+            row, first = rows[limb, i], from_x + i * k
             f[row] = work[from_f + i]
-            for j in range(k):
-                by_x[row, j] = work[from_x + i * k + j]
+            copy_into(by_x[row], work[first : first + k])
 
 
 @compiled(borrows=True)
@@ -209,13 +219,19 @@ def spread_geometry(limbs: Limbs, room: Room) -> None:
 @compiled(borrows=True)
 def squares(slope: Array, system: Array) -> None:
     """slope^T slope of slope (r, k), into the first columns of `system`."""
-    for i in range(slope.shape[1]):
-        for j in range(i, slope.shape[1]):
-            total = 0.0
-            for row in range(slope.shape[0]):
-                total += slope[row, i] * slope[row, j]
-            system[i, j] = total
-            system[j, i] = total
+    k = slope.shape[1]
+    for i in range(k):
+        for j in range(i, k):
+            system[i, j] = 0.0
+    for row in range(slope.shape[0]):
+        line = slope[row]
+        for i in range(k):
+            own, value = system[i], line[i]
+            for j in range(i, k):
+                own[j] += value * line[j]
+    for i in range(k):
+        for j in range(i):
+            system[i, j] = system[j, i]
 
 
 @compiled(borrows=True)
@@ -224,10 +240,11 @@ def normal_equations(slope: Array, f: Array, system: Array) -> None:
     k = slope.shape[1]
     squares(slope, system)
     for i in range(k):
-        total = 0.0
-        for row in range(slope.shape[0]):
-            total += slope[row, i] * f[row]
-        system[i, k] = total
+        system[i, k] = 0.0
+    for row in range(slope.shape[0]):
+        line, value = slope[row], f[row]
+        for i in range(k):
+            system[i, k] += line[i] * value
 
 
 @compiled(borrows=True)
@@ -249,11 +266,11 @@ def towards(room: Room, r: int, k: int) -> bool:
 
 
 @compiled(borrows=True)
-def closed(limbs: Limbs, room: Room, stray: float) -> bool:
+def closed(limbs: Limbs, room: Room, share: float, stray: float) -> bool:
     """Whether the pose is one: no step in it would close more, nothing is torn.
 
-    Asked after `towards` near the pose. Of a pose on the way anything is allowed: `stray` is
-    infinite.
+    Asked after `towards` near the pose, of which a step leaves a share. Of a pose on the way
+    anything is allowed: `stray` is infinite.
     """
     if stray == np.inf:
         return True
@@ -265,7 +282,7 @@ def closed(limbs: Limbs, room: Room, stray: float) -> bool:
         else:
             for j in range(k):
                 missed += room.by_x[row, j] * room.step[j]
-        if not abs(missed) < stray or not abs(room.f[row]) <= limbs.most[row]:
+        if not abs(share * missed) < stray or not abs(room.f[row]) <= limbs.most[row]:
             return False
     return True
 
@@ -274,10 +291,14 @@ def closed(limbs: Limbs, room: Room, stray: float) -> bool:
 def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool:
     """Bring the pose x (k,) to joints q (m,), from where it is; NaN and False where none is.
 
+    Each step leaves a share of itself, known from the step before: its square where steps are
+    Newton's, and so converge quadratically, itself where they are Gauss's. A step that leaves
+    nothing that counts is the last one.
+
     Nearly, where it is only on the way: where `stray` is infinite, see `closed`.
     """
     r, k = limbs.sizes[R], limbs.sizes[K]
-    good, settled = False, ON_THE_WAY if stray == np.inf else SETTLED_STEP
+    good, enough, before = False, ON_THE_WAY if stray == np.inf else SETTLED_STEP, 0.0
     for _ in range(STEPS):
         place(limbs, q, x, NEAR, room)
         good = False
@@ -289,8 +310,12 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
             x[i] -= room.step[i]
         if not most < np.inf:
             break
-        good = closed(limbs, room, stray)
-        if most <= settled:
+        share = 1.0
+        if most < min(before, SMALL_STEP):
+            share = most / before
+            share *= share if r == k else 1.0
+        good, before = closed(limbs, room, share, stray), most
+        if share * most <= enough:
             break
     if good:
         return True
@@ -305,13 +330,18 @@ def follow(
 ) -> bool:
     """The same in stages: by joints between home (m,), where x is a pose, and q (m,).
 
-    So the assembly mode is that of home.
+    So the assembly mode is that of home. Each stage begins as far on as the one before has led.
     """
-    m, way = limbs.sizes[M], room.way
+    m, way, past = limbs.sizes[M], room.way, room.past
+    copy_into(past, x)
     for stage in range(1, stages + 1):
         last = stage == stages
         for i in range(m):
             way[i] = q[i] if last else home[i] + (q[i] - home[i]) * stage / stages
+        for i in range(len(x)):
+            moved_by = x[i] - past[i]
+            past[i] = x[i]
+            x[i] += moved_by
         if not assemble(limbs, way, x, stray if last else np.inf, room):
             return False
     return True

@@ -22,11 +22,13 @@ from delta_calibration.model.chain_constants import (
     OF_INERTIA,
     OF_PULLS,
     OF_WEIGHT,
-    STRAY,
 )
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
+    BESIDE,
+    F_Q,
     FULL,
+    NEAR,
     SETUP,
     SHARED,
     K,
@@ -34,7 +36,6 @@ from delta_calibration.model.kernels import (
     M,
     R,
     Room,
-    assemble,
     copy_into,
     fill,
     moved,
@@ -44,6 +45,7 @@ from delta_calibration.model.kernels import (
     set_geometry,
     solve,
     squares,
+    towards,
 )
 
 Array = NDArray[np.float64]
@@ -102,6 +104,9 @@ class Carried(NamedTuple):
     still: Array  # (m,) readings of counters at home
     origin: Array  # (3,)
     a: Array  # (3,)
+    pace: Array  # (k,) velocity of the pose, then its acceleration
+    turn: Array  # (R,) second derivative of the closures along the velocity
+    known: Array  # (1,) whether the pulls at home are those of these dimensions
 
 
 @compiled()
@@ -126,18 +131,26 @@ def carried(limbs: Limbs, bearing: Bearing) -> Carried:
         np.zeros(m),
         np.zeros(3),
         np.zeros(3),
+        np.zeros(k),
+        np.zeros(r),
+        np.zeros(1),
     )
 
 
 @compiled(borrows=True)
 def point_at(bearing: Bearing, x: Array, offset: Array, work: Array) -> None:
     """Evaluate the law of a point at `offset` (3,) [m] of the platform."""
-    for i in range(len(x)):
-        work[bearing.point_at[0] + i] = x[i]
-    for i in range(3):
-        work[bearing.point_at[1] + i] = offset[i]
+    copy_into(work[bearing.point_at[0] : bearing.point_at[0] + len(x)], x)
     call(bearing.point[SETUP], work)
     call(bearing.point[SHARED], work)
+    other_point(bearing, offset, work)
+
+
+@compiled(borrows=True)
+def other_point(bearing: Bearing, offset: Array, work: Array) -> None:
+    """Evaluate the same at the same pose for another offset."""
+    for i in range(3):
+        work[bearing.point_at[1] + i] = offset[i]
     call(bearing.point[FULL], work)
 
 
@@ -161,6 +174,7 @@ def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None
     for i in range(len(bearing.dims)):
         row = bearing.dims[i]
         found.mass[bearing.mass_at[2] + i] = g[row] if row < p else limbs.fixed[row - p]
+    found.known[0] = 0.0
     first = bearing.mass_at[2] + len(bearing.dims)
     for i in range(len(bearing.constants)):
         found.mass[first + i] = bearing.constants[i]
@@ -231,37 +245,96 @@ def _places(bearing: Bearing, found: Carried, weight: float) -> None:
 
 
 @compiled(borrows=True)
-def _accelerate(
+def _moves(rate: Array, acceleration: Array) -> bool:
+    """Whether any joint moves."""
+    for i in range(len(rate)):  # noqa: SIM110 - nothing is made for it
+        if rate[i] != 0.0 or acceleration[i] != 0.0:
+            return True
+    return False
+
+
+@compiled(borrows=True)
+def _pose_for(limbs: Limbs, joints: Array, turn: Array, room: Room, found: Array) -> None:
+    """-f_x^+ (f_q joints + turn): what a pose does (k,) while its joints do this (m,).
+
+    The limbs are placed with their derivatives by the joints. NaN where it is singular.
+    """
+    count, k = limbs.joints.shape[1], limbs.sizes[K]
+    for limb in range(len(limbs.joints)):
+        work = room.work[limb]
+        for i in range(limbs.rows.shape[1]):
+            row = limbs.rows[limb, i]
+            room.f[row] = turn[row]
+            for j in range(count):
+                joint = limbs.joints[limb, j]
+                slope = limbs.sense[joint] * work[limbs.at[F_Q] + i * count + j]
+                room.f[row] += slope * joints[joint]
+    good = towards(room, limbs.sizes[R], k)
+    for i in range(k):
+        found[i] = -room.step[i] if good else np.nan
+
+
+@compiled(borrows=True)
+def _along(
     limbs: Limbs,
     bearing: Bearing,
     q: Array,
     x: Array,
     rate: Array,
-    acceleration: Array,
     centre: Array,
     room: Room,
     found: Carried,
-) -> bool:
-    """Accelerations of all masses by the second difference of their places; False if none move."""
-    moving = False
-    for i in range(len(q)):
-        moving = moving or rate[i] != 0.0 or acceleration[i] != 0.0
+) -> None:
+    """Second differences of closures and of masses' places, but for what is in their middle.
+
+    Along the straight line through (q, x) that has the velocity (q', x'), x' = -f_x^+ f_q q'.
+    """
+    there, way, turn = found.there, found.way, found.turn
+    for row in range(len(turn)):
+        turn[row] = 0.0
     for i in range(len(found.accelerated)):
         found.accelerated[i] = 0.0
-    if not moving:
-        return False
-    there, way = found.there, found.way
-    for side in range(-1, 2):
-        t = side * MOMENT
+    place(limbs, q, x, BESIDE, room)
+    _pose_for(limbs, rate, turn, room, found.pace)
+    for side in range(2):
+        t = MOMENT if side == 0 else -MOMENT
         for i in range(len(q)):
-            way[i] = q[i] + rate[i] * t + acceleration[i] * t * t / 2
+            way[i] = q[i] + rate[i] * t
         for i in range(len(x)):
-            there[i] = x[i]
-        assemble(limbs, way, there, STRAY, room)
+            there[i] = x[i] + found.pace[i] * t
+        place(limbs, way, there, NEAR, room)
+        for row in range(len(turn)):
+            turn[row] += room.f[row] / MOMENT**2
         point_at(bearing, there, centre, found.point)
         masses_at(limbs, bearing, way, there, found.mass)
-        _places(bearing, found, (-2.0 if side == 0 else 1.0) / MOMENT**2)
-    return True
+        _places(bearing, found, 1.0 / MOMENT**2)
+
+
+@compiled(borrows=True)
+def _accelerate(
+    limbs: Limbs, bearing: Bearing, acceleration: Array, room: Room, found: Carried
+) -> None:
+    """Accelerations of all masses, after `_along`; limbs and masses are placed.
+
+    With D2 the second derivative along the velocity, and p the masses' places:
+
+        x'' = -f_x^+ (f_q q'' + D2 f)      p'' = p_x x'' + p_q q'' + D2 p
+    """
+    k, joints, pace = len(found.pace), bearing.joints, found.pace
+    for row in range(len(found.turn)):
+        found.turn[row] -= 2.0 * room.f[row] / MOMENT**2
+    _places(bearing, found, -2.0 / MOMENT**2)
+    _pose_for(limbs, acceleration, found.turn, room, pace)
+    for row in range(3 * len(bearing.kg)):
+        for i in range(k):
+            found.accelerated[row] += found.mass[bearing.mass_at[4] + row * k + i] * pace[i]
+        for i in range(len(joints)):
+            slope = limbs.sense[joints[i]] * found.mass[bearing.mass_at[5] + row * len(joints) + i]
+            found.accelerated[row] += slope * acceleration[joints[i]]
+    for axis in range(3):
+        row = 3 * len(bearing.kg) + axis
+        for i in range(k):
+            found.accelerated[row] += found.point[bearing.point_at[3] + axis * k + i] * pace[i]
 
 
 @compiled(borrows=True)
@@ -300,21 +373,25 @@ def bear(
     u_q, moving = found.u_q, False
     for i in range(len(found.load)):
         found.load[i] = 0.0
-    if asked & OF_INERTIA:
-        moving = _accelerate(limbs, bearing, q, x, rate, acceleration, centre, room, found)
-        for i in range(len(q)):
-            found.inertia[i] = 0.0
-    if asked & OF_PULLS:
+    if asked & OF_PULLS and found.known[0] == 0.0:
         copy_into(found.still, limbs.zero)
         place(limbs, found.still, bearing.home, FULL, room)
         point_at(bearing, bearing.home, found.origin, found.point)
         masses_at(limbs, bearing, found.still, bearing.home, found.mass)
         _work(limbs, bearing, 0.0, False, found, u_q)
         _pulls(limbs, bearing, room, found, found.pull_home)
+        found.known[0] = 1.0
+    if asked & OF_INERTIA:
+        for i in range(len(q)):
+            found.inertia[i] = 0.0
+        moving = _moves(rate, acceleration)
+    if moving:
+        _along(limbs, bearing, q, x, rate, centre, room, found)
     place(limbs, q, x, FULL, room)
     point_at(bearing, x, centre, found.point)
     masses_at(limbs, bearing, q, x, found.mass)
     if moving:
+        _accelerate(limbs, bearing, acceleration, room, found)
         _work(limbs, bearing, payload, True, found, u_q)
         moved(limbs, found.u_x, room, found.by_q, found.by_g)
         for i in range(len(q)):

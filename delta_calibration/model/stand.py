@@ -294,9 +294,13 @@ def stand(
         copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
     elif not begin_at(body, stages, signals, g, stray, x, state):
         return False
+    before = 0.0
     for _ in range(ROUNDS):
         if not next_round(body, stages, signals, g, values, stray, x, state):
             return False
-        if state.swing[0] <= SETTLED_POSE:
+        swing = state.swing[0]
+        share = swing / before if stages.gentle and swing < before else 1.0
+        if share * swing <= SETTLED_POSE:  # by which the next round would move it
             break
+        before = swing
     return True

@@ -25,10 +25,6 @@ static double *placed(double *next, CommandRoom *scratch) {
 /* @PLACES@ */
 }
 
-static void copied(Rows into, Numbers from) {
-    for (int i = 0; i < from.n * from.width; i++) into.at[i] = from.at[i];
-}
-
 static void fill_signals(const conditions *at, double *signals) {
     for (int i = 0; i < CORRECT_JOINTS; i++) {
         signals[given.rate + i] = at->rate[i];

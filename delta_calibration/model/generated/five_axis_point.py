@@ -4,54 +4,87 @@ from math import cos, sin
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('x', 4), ('o', 3)), 3, (), (), (), ('x', 'o'))
-SIZE = 31
-SHARED = (31, 31)
+LAYOUT = ((('x', 4), ('o', 3)), 3, (), ('x',), (), ('x', 'o'))
+SIZE = 45
+SHARED = (31, 45)
+
+
+def shared(w):
+    i3 = w[3]
+    i2 = w[2]
+    t1 = cos(i3)
+    w[31] = t1
+    t4 = sin(i3)
+    w[32] = t4
+    t11 = sin(i2)
+    w[33] = t11
+    t12 = t11 * t4
+    w[34] = t12
+    t14 = cos(i2)
+    w[35] = t14
+    t18 = t11 * t1
+    w[36] = t18
+    t25 = t14 * t4
+    w[37] = t25
+    t28 = t14 * t1
+    w[38] = t28
+    t42 = t4 * t14
+    w[39] = t42
+    t46 = t1 * t14
+    w[40] = t46
+    t51 = t4 * t11
+    w[41] = t51
+    t54 = t1 * t11
+    w[42] = t54
+    t73 = -(t25)
+    w[43] = t73
+    t79 = -(t18)
+    w[44] = t79
 
 
 def full(w):
-    i3 = w[3]
+    t1 = w[31]
     i4 = w[4]
+    t4 = w[32]
     i6 = w[6]
-    i2 = w[2]
+    t12 = w[34]
+    t14 = w[35]
     i5 = w[5]
+    t18 = w[36]
     i0 = w[0]
+    t11 = w[33]
+    t25 = w[37]
+    t28 = w[38]
     i1 = w[1]
-    t1 = cos(i3)
+    t42 = w[39]
+    t46 = w[40]
+    t51 = w[41]
+    t54 = w[42]
+    t73 = w[43]
+    t79 = w[44]
     t3 = t1 * i4
-    t4 = sin(i3)
     t6 = t4 * i6
     t7 = t3 + t6
-    t11 = sin(i2)
-    t12 = t11 * t4
     t13 = t12 * i4
-    t14 = cos(i2)
     t16 = t14 * i5
     t17 = t13 + t16
-    t18 = t11 * t1
     t19 = t18 * i6
     t20 = t17 - t19
     t21 = i0 + t20
     t24 = t11 * i5
-    t25 = t14 * t4
     t26 = t25 * i4
     t27 = t24 - t26
-    t28 = t14 * t1
     t29 = t28 * i6
     t30 = t27 + t29
     t31 = i1 + t30
-    t42 = t4 * t14
     t43 = i4 * t42
     t44 = i5 * t11
     t45 = t43 - t44
-    t46 = t1 * t14
     t47 = i6 * t46
     t48 = t45 - t47
     t50 = i5 * t14
-    t51 = t4 * t11
     t52 = i4 * t51
     t53 = t50 + t52
-    t54 = t1 * t11
     t55 = i6 * t54
     t56 = t53 - t55
     t58 = i6 * t1
@@ -64,8 +97,6 @@ def full(w):
     t67 = i6 * t25
     t68 = t66 + t67
     t69 = -(t68)
-    t73 = -(t25)
-    t79 = -(t18)
     w[7] = t7
     w[8] = t21
     w[9] = t31
@@ -94,8 +125,8 @@ def full(w):
 
 ADDRESSES = {
     "setup": idle(),
-    "shared": idle(),
+    "shared": law(shared, "7590fa822761d54f"),
     "near": idle(),
-    "full": law(full, "25a992a7855ca862"),
+    "full": law(full, "7590fa822761d54f"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -2,7 +2,7 @@
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('x', 3), ('o', 3)), 3, (), (), (), ('x', 'o'))
+LAYOUT = ((('x', 3), ('o', 3)), 3, (), ('x',), (), ('x', 'o'))
 SIZE = 27
 SHARED = (27, 27)
 
@@ -44,6 +44,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "99b70b5e1844c3a6"),
+    "full": law(full, "bc34a5ddd5afec7b"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
