@@ -2,12 +2,14 @@
 
 Each history is a simulated machine of its own, measured on twelve days with the tracker and the
 reflector set up anew; none, one or two numbers of it step in gaps drawn by lot, by sizes drawn
-evenly in their logarithm. With --speed all dimensions drift from day to day as well. Nothing of
-the search is told what was hidden. A change counts where its signal is strong enough: lambda is
-the decrease of chi square that the true step would bring, by the information of these sessions.
+evenly in their logarithm. With --speed all dimensions drift from day to day as well. With --few
+only every fourth session is a whole one; the others are so many places that `plan --update` chose
+after the first. Nothing of the search is told what was hidden. A change counts where its signal is
+strong enough: lambda is the decrease of chi square that the true step would bring, by the
+information of these sessions.
 
     python benchmarks/history.py [--histories 20] [--seed 0] [--plan identify] [--count 30]
-        [--smallest 0.3] [--speed 0]
+        [--smallest 0.3] [--speed 0] [--few 0]
 """
 
 from __future__ import annotations
@@ -20,14 +22,16 @@ from datetime import datetime, timedelta, timezone
 import numpy as np
 
 from delta_calibration.data import survey
-from delta_calibration.history import Dated, Step, Steps, find_changes
-from delta_calibration.history.pooled import pooled
+from delta_calibration.history import Dated, Step, Steps, find_changes, prospect
+from delta_calibration.history.few import pool
 from delta_calibration.plans import make_plan
+from delta_calibration.plans.renewal import renewal_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.simulation import TrueMachine, draw_machine, simulate_session, visited
 
 STRONG = 80.0  # lambda
 SESSIONS = 12
+WHOLE = 4  # of so many sessions one is whole, where others are of few places
 BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)
 # what may step, and its typical size
 KINDS = {
@@ -80,10 +84,11 @@ def sessions_of(
     plan: str,
     count: int | None,
     speed: float = 0.0,
+    few: int = 0,
 ) -> list[Dated]:
     """The days of one machine."""
-    poses = make_plan(plan, robot, count=count, seed=seed)
-    sessions = []
+    whole = poses = make_plan(plan, robot, count=count, seed=seed)
+    sessions: list[Dated] = []
     for day in range(SESSIONS):
         causes = [
             (c.what, {"location": c.location, "value": str(c.size)})
@@ -92,7 +97,10 @@ def sessions_of(
         ]
         machine = drifted(draw_machine(robot, seed, 1.0, causes), seed, day, speed)
         machine = visited(machine, robot, seed, day + 1)
-        recorded = simulate_session(machine, poses, seed + 1_000_003 * (day + 1))
+        if few and day == 1:
+            poses = renewal_plan(robot, prospect(sessions, robot).carried, few, seed=seed).plan
+        now = poses if day % WHOLE else whole
+        recorded = simulate_session(machine, now, seed + 1_000_003 * (day + 1))
         seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
         sessions.append(Dated(f"day_{day}", BEGAN + timedelta(days=day), seen))
     return sessions
@@ -124,6 +132,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=None)
     parser.add_argument("--smallest", type=float, default=0.3)
     parser.add_argument("--speed", type=float, default=0.0)
+    parser.add_argument("--few", type=int, default=0)
     parser.add_argument("--robot", default="srbd")
     given = parser.parse_args()
     robot = load_robot(given.robot)
@@ -132,11 +141,14 @@ def main() -> None:
     for number in range(given.histories):
         seed = 1000 * given.seed + number
         changes = drawn(np.random.default_rng([seed, 18]), given.smallest)
-        dated = sessions_of(robot, seed, changes, given.plan, given.count, given.speed)
+        dated = sessions_of(robot, seed, changes, given.plan, given.count, given.speed, given.few)
         found = find_changes(dated, robot)
         told = {(c.what, c.location, int(c.after[4:])): c for c in found.changes}
         true = {(c.what, c.location, c.gap): c for c in changes}
-        lambdas = signals(Steps(*pooled(dated, robot)), changes) if changes else []
+        lambdas = []
+        if changes:
+            whole = pool(dated, robot)
+            lambdas = signals(Steps(whole.kept, whole.parts), changes)
         for (key, change), value in zip(true.items(), lambdas, strict=True):
             if value < STRONG:
                 weak += 1

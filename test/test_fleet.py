@@ -251,6 +251,35 @@ def test_the_machines_of_a_history_are_worked_through(
     assert len(compared.changes) == 1
 
 
+def test_sessions_of_few_places_wait_for_the_others(
+    folder: Path, robot: Robot, tmp_path: Path, client: distributed.Client
+) -> None:
+    """They are fitted with what those say, are done then, and are told where there are none."""
+    mine = tmp_path / "fleet"
+    plan = make_plan("identify", robot, count=6, seed=1)
+    for name, seed in (("a", 0), ("b", 1)):
+        machine = visited(draw_machine(robot, seed, 1.0), robot, seed, 9)
+        for day in (5, 6):
+            session = days_later(simulate_session(machine, plan, 40 + 10 * seed + day), day)
+            write_session(mine / name / f"a_few_{day}", session, {})
+    for day in range(2):
+        shutil.copytree(folder / "press_1" / f"day_{day}", mine / "a" / f"day_{day}")
+    with open_store(str(tmp_path / "h.sqlite"), make=True) as store:
+        ledger, heard, again = Ledger(store), Heard(), Heard()
+        run(client, machines(mine), ledger, QUICK, heard)
+        updates = [entry.id for entry in store.sessions("a") if entry.is_update]
+        done = ledger.done("a", quick=False)
+        assert done == {e.sha256 for e in store.sessions("a") if e.is_update}
+        run(client, machines(mine), ledger, QUICK, again)
+    assert heard.added()[2:] == ["a/a_few_5", "a/a_few_6"]
+    assert updates == ["a_few_5", "a_few_6"]
+    assert [type(result) for result in heard.of(Compared)] == [Compared]
+    assert len(again.of(There)) == 6
+    told = [result.told for result in heard.of(Failure) if isinstance(result, Failure)]
+    assert len(told) == 2
+    assert all("no session in the history began before this one" in each for each in told)
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [

@@ -82,6 +82,16 @@ def test_a_machine_has_the_first_state_that_is_true_of_it() -> None:
     assert stands("a", None).state == UNKNOWN
 
 
+def test_an_update_leaves_the_verdict_before_it_and_counts_as_measured() -> None:
+    before = known("a", verdict(("backlash", "joint_1")), ago=100)
+    update = Measured("new", DAY - timedelta(days=2), None, 0.012, 0.01, 12, is_update=True)
+    now = standing(Known("a", "srbd", (*before.sessions, update)), DAY, LATELY)
+    assert (now.state, now.held_out_mm, now.last) == (CAUSE, 0.012, update.began)
+    assert now.stake_mm == pytest.approx(0.04)
+    fine = known("a", verdict(), ago=100)
+    assert standing(Known("a", "srbd", (*fine.sessions, update)), DAY, LATELY).state == FINE
+
+
 def test_what_is_at_stake_says_what_to_visit_first() -> None:
     cause = stands("cause", verdict(("backlash", "joint_1")))
     assert cause.stake_mm == pytest.approx(0.04)

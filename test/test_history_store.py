@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
 import sys
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from datetime import datetime, timezone
@@ -14,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from databases import server, url
 from delta_calibration.cli.main import run
 from delta_calibration.errors import InputError
 from delta_calibration.plans import make_plan
@@ -31,6 +28,8 @@ from delta_calibration.history import store as history_store
 from delta_calibration.history.bags import at_hand, bag_hash, is_there, name_of
 from delta_calibration.history.store import BY_COMMAND, BY_NODE, Entry, open_store
 
+__all__ = ["server", "url"]  # fixtures
+
 BEGAN = datetime(2026, 1, 2, 3, 4, tzinfo=timezone.utc)
 FIRST = (  # the schema of version 1, as it was
     "CREATE TABLE delta_cal_history (version INTEGER NOT NULL)",
@@ -45,84 +44,6 @@ FIRST = (  # the schema of version 1, as it was
     "INSERT INTO sessions VALUES ('m', 'day_0', '/bags/day_0', 'def', "
     "'2026-01-02T03:04:00+00:00', '2026-01-02T03:04:00+00:00', '[]', '{\"model\": \"x\"}', NULL)",
 )
-
-
-def _programs() -> Path | None:
-    """Folder of PostgreSQL's programs, as Debian puts them."""
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"), reverse=True)
-    if found:
-        return found[0].parent
-    initdb = shutil.which("initdb")
-    return None if initdb is None else Path(initdb).parent
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Path]:
-    """A PostgreSQL server of the test's own; the folder of its socket."""
-    pytest.importorskip("psycopg")
-    programs = _programs()
-    if programs is None:
-        pytest.skip("no PostgreSQL: apt install postgresql")
-    who = {"user": "postgres"} if os.geteuid() == 0 else {}  # the server refuses root
-    folder = Path(tempfile.mkdtemp(prefix="pg", dir="/tmp"))  # sockets have short names
-    try:
-        if who:
-            shutil.chown(folder, "postgres")
-        data = folder / "data"
-        options = f"-k {folder} -c fsync=off -c listen_addresses='' -c shared_buffers=8MB"
-        commands = (
-            [
-                "initdb",
-                "-D",
-                str(data),
-                "-A",
-                "trust",
-                "-U",
-                "postgres",
-                "--no-sync",
-                "-E",
-                "UTF8",
-            ],
-            ["pg_ctl", "-D", str(data), "-w", "-l", str(folder / "log"), "-o", options, "start"],
-        )
-        for command in commands:
-            done = subprocess.run(
-                [str(programs / command[0]), *command[1:]],
-                stdout=subprocess.DEVNULL,  # the server keeps what it is given open
-                stderr=subprocess.DEVNULL,
-                check=False,
-                cwd=folder,
-                **who,
-            )
-            if done.returncode:
-                pytest.skip(f"PostgreSQL is there, but {command[0]} does not run here")
-        yield folder
-        subprocess.run(
-            [str(programs / "pg_ctl"), "-D", str(data), "-m", "immediate", "stop"],
-            stdout=subprocess.DEVNULL,
-            check=True,
-            cwd=folder,
-            **who,
-        )
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    """An empty database."""
-    if request.param == "sqlite":
-        yield str(tmp_path / "h.sqlite")
-        return
-    folder = request.getfixturevalue("server")
-    admin = sqlalchemy.create_engine(
-        f"postgresql+psycopg://postgres@/postgres?host={folder}", isolation_level="AUTOCOMMIT"
-    )
-    with admin.connect() as connection:
-        connection.execute(sqlalchemy.text("DROP DATABASE IF EXISTS history"))
-        connection.execute(sqlalchemy.text("CREATE DATABASE history"))
-    admin.dispose()
-    yield f"postgresql://postgres@/history?host={folder}"
 
 
 def engine_of(url: str) -> object:
@@ -225,6 +146,20 @@ def test_a_database_that_cannot_be_reached_is_told_without_its_password(tmp_path
     assert "someone" in str(caught.value)
     with pytest.raises(InputError, match="cannot be opened"), open_store("nonsense://x"):
         pass
+
+
+def test_a_password_is_not_told_where_all_goes_well(
+    request: pytest.FixtureRequest, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not in what `add` says, nor where a machine or a session is not there."""
+    folder = request.getfixturevalue("server")
+    url = f"postgresql://postgres:secret@/postgres?host={folder}"
+    store = ["--machine", "m", "--store", url]
+    assert run(["history", "add", str(bag), "--robot", "srbd", "--quick", *store]) == 0
+    assert run(["history", "show", "none", *store]) == 2
+    assert run(["history", "changes", "--machine", "none", "--store", url]) == 2
+    assert run(["fleet", "report", "--store", url, "--out", str(folder / "p.html")]) == 0
+    assert "secret" not in "".join(capsys.readouterr())
 
 
 def test_a_missing_driver_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

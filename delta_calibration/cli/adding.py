@@ -6,28 +6,36 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.diagnose import diagnosed
+from delta_calibration.cli.fit import describe_carried
+from delta_calibration.cli.kept import dated_sessions, robot_kept
 from delta_calibration.data import Survey
-from delta_calibration.diagnosis import Diagnosis
-from delta_calibration.errors import InputError
+from delta_calibration.diagnosis import FEWEST, Diagnosis
+from delta_calibration.errors import DataError, InputError
 from delta_calibration.report import read_verdict
 from delta_calibration.robot import Robot
 from delta_calibration.texts import read_text
 
 if TYPE_CHECKING:  # other verbs do not wait for a database's library
-    pass
+    from delta_calibration.history.store import Store
 
 Found = tuple[dict[str, Any], dict[str, Any] | None]  # a calibration's document, a verdict
 
 
 def known_of(
-    sessions: tuple[str, ...], verdict: Path | None, calibration: Path | None, quick: bool
+    sessions: tuple[str, ...],
+    verdict: Path | None,
+    calibration: Path | None,
+    quick: bool,
+    update: bool,
 ) -> tuple[Path, Path] | None:
     """Verdict and calibration that were made already; None where they are to be made.
 
     Raises:
-        InputError: one without the other, of several sessions, or with --quick.
+        InputError: one without the other, of several sessions, or with --quick or --update.
     """
     if verdict is None and calibration is None:
         return None
@@ -37,6 +45,8 @@ def known_of(
         raise InputError(f"--verdict {verdict}: of a single session; {len(sessions)} are given")
     if quick:
         raise InputError("--quick: makes no verdict, and --verdict gives one")
+    if update:
+        raise InputError("--update: fits with the history, and --calibration gives another fit")
     return verdict, calibration
 
 
@@ -54,6 +64,28 @@ def found_of(
     return made_of(seen, robot, seed, None if quick else diagnose)
 
 
+def update_of(seen: Survey, name: str, store: Store, machine: str, seed: int) -> Found:
+    """Calibration of a session of few places, fitted with what the history says; no verdict.
+
+    Raises:
+        DataError: there is no session of the machine before it, or it has hardly any places.
+    """
+    from delta_calibration.history.adding import newly, updated
+    from delta_calibration.history.few import places_of
+
+    if machine not in dict(store.machines()):
+        raise DataError(
+            f"{seen.poses.source}: a machine's first session needs {FEWEST} different poses at "
+            f"rest or more, and this one has {places_of(seen)}; {store.name} has no machine "
+            f"{machine!r}"
+        )
+    robot = robot_kept(store, machine)
+    old = dated_sessions(store.sessions(machine), robot)
+    expected, calibration = updated(old, newly(name, seen), robot, seed)
+    click.echo(describe_carried(expected, name))
+    return calibration, None
+
+
 def _read_found(seen: Survey, robot: Robot, verdict_file: Path, calibration_file: Path) -> Found:
     """What a diagnosis of this very session wrote.
 
@@ -67,6 +99,11 @@ def _read_found(seen: Survey, robot: Robot, verdict_file: Path, calibration_file
     if calibration["provenance"]["measured_sha256"] != seen.poses.digest:
         raise InputError(
             f"{calibration_file}: was made from other poses than those of {seen.poses.source}"
+        )
+    if "prior" in calibration["provenance"]:
+        raise InputError(
+            f"{calibration_file}: was fitted with what other sessions say; give the one that "
+            "`diagnose --out` wrote of this session alone"
         )
     verdict = read_verdict(verdict_file).verdict
     if verdict.session.poses != len(seen.poses):

@@ -131,7 +131,7 @@ def run_(
         settings = Settings(quick, again, not no_changes, seed)
         with told.bar:
             run(client, machines, Ledger(store), settings, told)
-    click.echo(f"{store_url}: {told.summary(len(machines))}")
+    click.echo(f"{store.name}: {told.summary(len(machines))}")
     if told.counts["failed"]:
         raise click.exceptions.Exit(1)
 
@@ -183,7 +183,7 @@ def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
         fleet = [standing(known, on, timedelta(days=lately)) for known in known_machines(ledger)]
         never = never_measured(ledger)
     if not fleet:
-        raise DataError(f"{url}: no machine has a session with a result")
+        raise DataError(f"{store.name}: no machine has a session with a result")
     shared = shared_causes(fleet, *_looked_for({each.robot for each in fleet}))
     page = page_of_fleet(fleet, shared, never, on, lately)
     write_page(out, page)
@@ -213,7 +213,7 @@ def priors(url: str, robot_given: str | None, out: Path) -> None:
 
     with opened(url) as store:
         known = Ledger(store).made_for()
-        robot = _type_of(url, known, robot_given)
+        robot = _type_of(store.name, known, robot_given)
         names = sorted(name for name, (_, made) in known.items() if made == robot.machine_hash)
         machines = [
             fitted(name, (e.calibration for e in store.sessions(name)), robot) for name in names

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from delta_calibration.cli.adding import Found, found_of, known_of
+from delta_calibration.cli.adding import Found, found_of, known_of, update_of
 from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.kept import dated_sessions, robot_kept, store_option
 from delta_calibration.cli.options import (
@@ -65,6 +65,12 @@ def command() -> None:
     help="Only fit the geometry; do not look for causes and store no verdict.",
 )
 @click.option(
+    "--update",
+    is_flag=True,
+    help="Fit with what the earlier sessions say, as `fit --machine` does, and look for no "
+    "causes; done without this option where a session has fewer than 12 places.",
+)
+@click.option(
     "--verdict",
     "verdict_file",
     type=_FILE,
@@ -87,6 +93,7 @@ def add(
     url: str,
     name: str | None,
     quick: bool,
+    update: bool,
     verdict_file: Path | None,
     calibration_file: Path | None,
     seed: int,
@@ -97,6 +104,9 @@ def add(
     The bags stay where they are; the history stores their paths and hashes. A session may be a
     URL as fsspec takes it, such as s3://bucket/day_1 or zip://day_1::days.zip. After an error, the
     sessions added before it remain in the history.
+
+    The first session of a machine needs 12 places or more. A later one may have as few as 5, as
+    `plan --update` chooses them: it is fitted with what the sessions before it say.
     """
     from delta_calibration.history import bags
 
@@ -106,15 +116,30 @@ def add(
     for session in sessions:
         if not bags.is_there(session):
             raise InputError(f"{session}: not the folder of a session")
-    known = known_of(sessions, verdict_file, calibration_file, quick)
+    known = known_of(sessions, verdict_file, calibration_file, quick, update)
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
     with opened(url, make=True) as store:
         for session in sessions:
             path, own = bags.place_of(session), name or bags.name_of(session)
-            make = partial(found_of, known=known, robot=robot, seed=seed, quick=quick)
+            alone = partial(found_of, known=known, robot=robot, seed=seed, quick=quick)
+            told = partial(update_of, name=own, store=store, machine=machine, seed=seed)
+            make = partial(_made, alone=alone, told=told, known=known is not None, update=update)
             _add(store, machine, path, own, robot, given, topics, make)
         count = len(store.sessions(machine))
-    click.echo(f"{url}: {machine} has {count} session{'' if count == 1 else 's'}")
+    click.echo(f"{store.name}: {machine} has {count} session{'' if count == 1 else 's'}")
+
+
+def _made(
+    seen: Survey,
+    alone: Callable[[Survey], Found],
+    told: Callable[[Survey], Found],
+    known: bool,
+    update: bool,
+) -> Found:
+    """What is made of a session: by itself, or told of others where it has few places."""
+    from delta_calibration.history.few import is_few
+
+    return told(seen) if update or (is_few(seen) and not known) else alone(seen)
 
 
 def _add(
@@ -171,7 +196,8 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:
         raise InputError(
-            f"{url}: machine {machine!r} has no session {name!r}; it has: {', '.join(entries)}"
+            f"{store.name}: machine {machine!r} has no session {name!r}; it has: "
+            f"{', '.join(entries)}"
         )
     entry = entries[name]
     click.echo(
@@ -241,6 +267,6 @@ def _all(store: Store) -> Iterable[tuple[str, str]]:
 def _changes(machine: str, url: str) -> History:
     """What changed, from the bags of the history."""
     with opened(url) as store:
-        robot = robot_kept(store, machine, url)
+        robot = robot_kept(store, machine)
         entries = store.sessions(machine)
     return find_changes(dated_sessions(entries, robot), robot, named=robot.named)

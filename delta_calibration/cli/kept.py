@@ -44,7 +44,7 @@ def known_machine_option(what: str) -> Callable[[Function], Function]:
     )
 
 
-def robot_kept(store: Store, machine: str, url: str) -> Robot:
+def robot_kept(store: Store, machine: str) -> Robot:
     """The robot of a machine, by the file that it was added with.
 
     Raises:
@@ -54,9 +54,9 @@ def robot_kept(store: Store, machine: str, url: str) -> Robot:
     robot = load_robot(given)
     if robot.machine_hash != digest:
         raise InputError(
-            f"{url}: machine {machine!r} was added with robot {given!r} of hash {digest[:12]}; "
-            f"that file now has hash {robot.machine_hash[:12]}: put the old one back, or begin "
-            "another history"
+            f"{store.name}: machine {machine!r} was added with robot {given!r} of hash "
+            f"{digest[:12]}; that file now has hash {robot.machine_hash[:12]}: put the old one "
+            "back, or begin another history"
         )
     return robot
 
@@ -74,14 +74,14 @@ def robot_given(robot_file: str | None, machine: str | None, url: str) -> Robot:
     from delta_calibration.history.opening import opened
 
     with opened(url) as store:
-        kept = robot_kept(store, machine, url)
+        kept = robot_kept(store, machine)
     if robot_file is None:
         return kept
     robot = load_robot(robot_file)
     if robot.machine_hash != kept.machine_hash:
         raise InputError(
             f"--robot {robot_file} has hash {robot.machine_hash[:12]}; machine {machine!r} of "
-            f"{url} is of {kept.source} with hash {kept.machine_hash[:12]}"
+            f"{store.name} is of {kept.source} with hash {kept.machine_hash[:12]}"
         )
     return robot
 

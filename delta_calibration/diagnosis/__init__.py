@@ -1,6 +1,7 @@
 """What a session shows that the model does not, and what causes it."""
 
 from delta_calibration.diagnosis.diagnose import (
+    FEWEST,
     Diagnosis,
     calibrated,
     diagnose,
@@ -13,6 +14,7 @@ from delta_calibration.diagnosis.verdict import Finding, FoundEquation, Verdict
 from delta_calibration.estimation import Measured
 
 __all__ = [
+    "FEWEST",
     "STEPS",
     "Diagnosis",
     "Finding",

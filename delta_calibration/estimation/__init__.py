@@ -5,6 +5,8 @@ from delta_calibration.estimation.cross_validation import Known, left_out
 from delta_calibration.estimation.encoder_closures import EncoderClosure
 from delta_calibration.estimation.fit import (
     FEWEST_CARRIED,
+    PRIOR_HISTORY,
+    PRIOR_POPULATION,
     Effort,
     Identification,
     Residuals,
@@ -59,6 +61,8 @@ from delta_calibration.estimation.warnings import DIAGNOSIS, doubt, doubts
 __all__ = [
     "DIAGNOSIS",
     "FEWEST_CARRIED",
+    "PRIOR_HISTORY",
+    "PRIOR_POPULATION",
     "Belief",
     "Carried",
     "DistanceBetween",

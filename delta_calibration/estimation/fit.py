@@ -38,6 +38,7 @@ Index = NDArray[np.int64]
 _FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
 _FEWEST_OF_MANY = 6  # the same where the machines of its type say what to expect
 FEWEST_CARRIED = 5  # where the machine is known: they place the tracker and show a change
+PRIOR_HISTORY, PRIOR_POPULATION = "history", "population"  # by what a fit was told beforehand
 _FOLDS = 5
 _LOOSE = 1.0  # [m] by which parts within their tolerances never move a platform that is held
 _ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
@@ -180,8 +181,7 @@ def identify(
         plain = solve(problem)
         problem = with_population(plain, population)
         near = problem.unknowns(plain.theta)  # where what is left tells the noise, not the prior
-    # a fit that was told of others is no evidence about a population
-    prior = {} if population is None else {"prior": "population"}
+    prior = _told_by(carried, population)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch, near)
     full = fit.solution
@@ -231,6 +231,13 @@ def identify(
         turn_missed=_turn_missed(full),
         unseen_motion=poses.unseen_motion,
     )
+
+
+def _told_by(carried: Carried | None, population: Population | None) -> dict[str, int | str]:
+    """What a fit was told beforehand: it is no evidence beside that, or about a population."""
+    if carried is not None:
+        return {"prior": PRIOR_HISTORY}
+    return {} if population is None else {"prior": PRIOR_POPULATION}
 
 
 def _fewest(carried: Carried | None, population: Population | None) -> int:

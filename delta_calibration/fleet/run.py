@@ -1,15 +1,16 @@
 """A fleet worked through on a Dask cluster, its results written by this process alone.
 
 Only so many sessions are on their way at once (`AHEAD` a thread of the cluster): the scheduler's
-memory does not grow with the fleet. The sessions of a machine are compared as soon as the last of
-them is there. A worker that is lost has its sessions done again by another; one that takes three
-workers with it is a failure of that session.
+memory does not grow with the fleet. Sessions of few places are fitted when all others of their
+machine are there, the earliest first, and the sessions of a machine are compared as soon as the
+last of them is there. A worker that is lost has its sessions done again by another; one that takes
+three workers with it is a failure of that session.
 """
 
 from __future__ import annotations
 
 import logging
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,7 +21,16 @@ from distributed import Client, Future, LocalCluster, as_completed
 
 from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.fleet.places import Machine, Place, robot_file
-from delta_calibration.fleet.work import Comparison, Job, There, compare, examine
+from delta_calibration.fleet.work import (
+    Comparison,
+    Few,
+    Job,
+    There,
+    Update,
+    compare,
+    examine,
+    update,
+)
 from delta_calibration.history.ledger import Compared, Failure, Ledger, hash_of_sessions
 from delta_calibration.history.store import Entry, Store
 from delta_calibration.robot import robot_from
@@ -50,6 +60,7 @@ class _Course:
     machines: dict[str, Machine]
     hashes: dict[str, str]  # of their robots
     left: Counter[str]
+    few: defaultdict[str, list[Few]] = field(default_factory=lambda: defaultdict(list))
     of: dict[Future[Any], tuple[str, Place | None]] = field(default_factory=dict)
 
 
@@ -119,16 +130,32 @@ def run(
         machine, place = course.of.pop(future)
         result = _result(future, machine, place)
         future.release()
-        result, new = _written(result, course, ledger)
-        tell(result, new)
+        if isinstance(result, Few):
+            course.few[machine].append(result)
+        else:
+            result, new = _written(result, course, ledger)
+            tell(result, new)
+            course.left[machine] -= place is not None
         if place is not None:
-            course.left[machine] -= 1
-            for job in islice(jobs, 1):
-                coming.add(_submitted(client, course, job))
-            if settings.compare and not course.left[machine]:
-                comparison = _comparison(course.machines[machine], ledger)
-                if comparison is not None:
-                    coming.add(_submitted(client, course, comparison))
+            further = (*islice(jobs, 1), *_behind(course, machine, ledger, settings))
+            for work in further:
+                coming.add(_submitted(client, course, work))
+
+
+def _behind(
+    course: _Course, machine: str, ledger: Ledger, settings: Settings
+) -> tuple[Update | Comparison, ...]:
+    """What can be done of a machine now that another of its sessions is there."""
+    few, left = course.few[machine], course.left[machine]
+    if few and left == len(few):  # all others are there
+        few.sort(key=lambda each: each.began)
+        known = machine in dict(ledger.store.machines())
+        there = ledger.store.sessions(machine) if known else ()
+        return (Update(few.pop(0).job, there),)
+    if left or not settings.compare:
+        return ()
+    comparison = _comparison(course.machines[machine], ledger)
+    return () if comparison is None else (comparison,)
 
 
 def machines_of(store: Store) -> tuple[Machine, ...]:
@@ -184,17 +211,17 @@ def _jobs(machines: Sequence[Machine], ledger: Ledger, settings: Settings) -> It
             )
 
 
-def _submitted(client: Client, course: _Course, job: Job | Comparison) -> Future[Any]:
-    work: Any = examine if isinstance(job, Job) else compare
-    future = client.submit(work, job, pure=False, retries=_RETRIES)
-    course.of[future] = (job.machine, job.place if isinstance(job, Job) else None)
+def _submitted(client: Client, course: _Course, work: Job | Update | Comparison) -> Future[Any]:
+    done_by: Any = {Job: examine, Update: update, Comparison: compare}[type(work)]
+    future = client.submit(done_by, work, pure=False, retries=_RETRIES)
+    course.of[future] = (work.machine, work.place)
     return future
 
 
-def _result(future: Future[Any], machine: str, place: Place | None) -> Result:
+def _result(future: Future[Any], machine: str, place: Place | None) -> Result | Few:
     """What came of it; an error that is no result, or the loss of three workers, is told."""
     if future.status == "finished":
-        result: Result = future.result()
+        result: Result | Few = future.result()
         return result
     told = f"{type(future.exception()).__name__}: {future.exception()}".splitlines()[0]
     if place is None:

@@ -8,6 +8,8 @@ A machine has one state, the first of these that is true of it:
 - not measured lately;
 - fine.
 
+An update, a session that was fitted with what was known, leaves the verdict before it.
+
 What is at stake is the error [mm RMS] that a visit may take away: what the last calibration leaves
 beyond the extended model, what no cause explains, or what a change moves the tool by.
 """
@@ -43,6 +45,7 @@ class Measured:
     held_out_mm: float  # by its own fit
     noise_mm: float  # of a pose
     poses: int
+    is_update: bool = False  # fitted with what was known before; its verdict is that of before
 
 
 @dataclass(frozen=True)
@@ -83,18 +86,19 @@ def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
         lately: how long ago a session or a change counts.
     """
     last = known.sessions[-1]
+    judged = next((each for each in reversed(known.sessions) if not each.is_update), last)
     changes = _recent(known, day - lately)
-    findings = _causes(last)
-    state, why, to_do, stake = _fine(last)
+    findings = _causes(judged)
+    state, why, to_do, stake = _fine(judged)
     if day - last.began > lately:
         state, why = STALE, f"last measured {(day - last.began).days} days ago"
         to_do = "measure"
     if findings:
-        state, why, to_do, stake = _caused(last, findings)
+        state, why, to_do, stake = _caused(judged, findings)
     if changes:
         state, why, to_do, stake = _drifted(known, changes, stake)
-    if last.verdict is None or last.verdict["unknown_structure"]["found"]:
-        state, why, to_do, stake = _unknown(last, stake)
+    if judged.verdict is None or judged.verdict["unknown_structure"]["found"]:
+        state, why, to_do, stake = _unknown(judged, stake)
     return Standing(
         known.machine,
         known.robot,

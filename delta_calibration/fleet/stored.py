@@ -42,4 +42,5 @@ def _measured(entry: Entry) -> Measured:
         entry.held_out_mm,
         float(calibration["noise"]["floor_mm"]),
         int(calibration["provenance"]["poses"]),
+        entry.is_update,
     )

@@ -1,27 +1,33 @@
 """What a worker of the cluster does: one session, or the comparison of a machine's sessions.
 
-Both are functions of what they are handed, and change nothing but what they return: a worker that
+All are functions of what they are handed, and change nothing but what they return: a worker that
 is lost loses nothing, its work is done again elsewhere.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
+from typing import TypeVar
 
 from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import Diagnosis, diagnose
 from delta_calibration.doctor import check
 from delta_calibration.errors import CalibrationError, InputError, MistakeError
 from delta_calibration.fleet.places import Place, RobotFile, local
-from delta_calibration.history import find_changes
-from delta_calibration.history.adding import dated, entry_of, made_of
+from delta_calibration.history import Dated, find_changes
+from delta_calibration.history.adding import dated, entry_of, made_of, newly, updated
 from delta_calibration.history.bags import bag_hash
+from delta_calibration.history.few import is_few
 from delta_calibration.history.ledger import Compared, Failure, hash_of_sessions
 from delta_calibration.history.store import Entry
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, robot_from
+
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True)
@@ -47,16 +53,53 @@ class There:
 
 
 @dataclass(frozen=True)
+class Few:
+    """A session of few places, to be fitted when the others of its machine are there."""
+
+    job: Job
+    began: datetime
+
+
+@dataclass(frozen=True)
+class Update:
+    """A session of few places, and the sessions of its machine that are there."""
+
+    job: Job
+    entries: tuple[Entry, ...]
+
+    @property
+    def machine(self) -> str:
+        """Name of its machine."""
+        return self.job.machine
+
+    @property
+    def place(self) -> Place:
+        """Where the session is."""
+        return self.job.place
+
+
+@dataclass(frozen=True)
 class Comparison:
     """The sessions of a machine to be compared."""
 
     machine: str
     robot: RobotFile
     entries: tuple[Entry, ...]
+    place: None = None  # of no single session
 
 
-def examine(job: Job) -> Entry | Failure | There:
+def examine(job: Job) -> Entry | Failure | There | Few:
     """Check, fit and diagnose one session; what is wrong with it is a result as well."""
+    return _examined(job, lambda folder, digest: _entry(job, folder, digest))
+
+
+def update(work: Update) -> Entry | Failure | There:
+    """Fit a session of few places with what the others of its machine say."""
+    return _examined(work.job, lambda folder, digest: _updated(work, folder, digest))
+
+
+def _examined(job: Job, work: Callable[[Path, str], _Made]) -> _Made | Failure | There:
+    """What is made of a session that needs work."""
     digest, place = "", job.place
     try:
         with local(place.url) as folder:
@@ -64,7 +107,7 @@ def examine(job: Job) -> Entry | Failure | There:
             if digest in job.done or digest == job.failed:
                 return There(job.machine, place.id, digest == job.failed)
             try:
-                return _entry(job, folder, digest)
+                return work(folder, digest)
             except CalibrationError as error:
                 told = str(error).replace(str(folder), place.url)
     except CalibrationError as error:
@@ -77,13 +120,7 @@ def compare(job: Comparison) -> Compared:
     digest = hash_of_sessions(entry.sha256 for entry in job.entries)
     try:
         robot = robot_from(job.robot.document, job.robot.given)
-        with ExitStack() as stack:
-            folders = [stack.enter_context(local(entry.path)) for entry in job.entries]
-            for entry, folder in zip(job.entries, folders, strict=True):
-                if bag_hash(str(folder)) != entry.sha256:
-                    raise InputError(f"{entry.path}: was changed since it was added")
-            days = [dated(e, robot, f) for e, f in zip(job.entries, folders, strict=True)]
-        found = find_changes(days, robot, named=robot.named)
+        found = find_changes(_days(job.entries, robot), robot, named=robot.named)
     except CalibrationError as error:
         return Compared(job.machine, digest, (), str(error))
     said = (
@@ -93,17 +130,43 @@ def compare(job: Comparison) -> Compared:
     return Compared(job.machine, digest, tuple(said))
 
 
-def _entry(job: Job, folder: Path, digest: str) -> Entry:
+def _days(entries: Sequence[Entry], robot: Robot) -> list[Dated]:
+    """Sessions that are there, read again."""
+    with ExitStack() as stack:
+        folders = [stack.enter_context(local(entry.path)) for entry in entries]
+        for entry, folder in zip(entries, folders, strict=True):
+            if bag_hash(str(folder)) != entry.sha256:
+                raise InputError(f"{entry.path}: was changed since it was added")
+        return [dated(e, robot, f) for e, f in zip(entries, folders, strict=True)]
+
+
+def _entry(job: Job, folder: Path, digest: str) -> Entry | Few:
+    robot, seen = _seen(job, folder)
+    place = job.place
+    if is_few(seen):
+        return Few(job, newly(place.id, seen).began)
+
+    def diagnosed(seen: Survey, robot: Robot) -> Diagnosis:
+        return diagnose(seen, robot, seed=job.seed)
+
+    made = made_of(seen, robot, job.seed, None if job.quick else diagnosed)
+    return entry_of(job.machine, place.id, place.url, digest, seen.poses, *made, place.topics)
+
+
+def _updated(work: Update, folder: Path, digest: str) -> Entry:
+    job, place = work.job, work.job.place
+    robot, seen = _seen(job, folder)
+    days = _days(work.entries, robot)
+    _, calibration = updated(days, newly(place.id, seen), robot, job.seed)
+    made = calibration, None
+    return entry_of(job.machine, place.id, place.url, digest, seen.poses, *made, place.topics)
+
+
+def _seen(job: Job, folder: Path) -> tuple[Robot, Survey]:
+    """The robot, and what was measured of it without any mistake that can be seen."""
     robot = robot_from(job.robot.document, job.robot.given)
     recorded = read_session(folder, Topics.from_options(job.place.topics))
     found = check(recorded, robot, job.robot.document, job.robot.given).found
     if found:
         raise MistakeError("; ".join(mistake.sentence() for mistake in found))
-
-    def diagnosed(seen: Survey, robot: Robot) -> Diagnosis:
-        return diagnose(seen, robot, seed=job.seed)
-
-    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
-    place = job.place
-    made = made_of(seen, robot, job.seed, None if job.quick else diagnosed)
-    return entry_of(job.machine, place.id, place.url, digest, seen.poses, *made, place.topics)
+    return robot, survey(recorded, robot.joints.names, robot.commanded.joint_size)

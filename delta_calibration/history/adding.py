@@ -14,6 +14,7 @@ from delta_calibration.data import Poses, Survey, survey
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.estimation import identify
+from delta_calibration.history.continual import Prospect, prospect
 from delta_calibration.history.pooled import Dated
 from delta_calibration.history.store import BY_COMMAND, Entry
 from delta_calibration.recording import Topics, read_session
@@ -98,10 +99,43 @@ def made_of(
     return calibration, found.verdict.as_dict()
 
 
+def updated(
+    old: Sequence[Dated], new: Dated, robot: Robot, seed: int
+) -> tuple[Prospect, dict[str, Any]]:
+    """Calibration of a session that is fitted with what those before it say, as a document.
+
+    It may have few places, of which no diagnosis can be made.
+
+    Args:
+        old: other sessions of the machine; those that began before the new one count.
+        new: the session.
+        robot: what was measured.
+        seed: of what a fit leaves to chance.
+
+    Raises:
+        DataError: no session began before, or the new one has hardly any places.
+    """
+    expected = prospect(old, robot, new)
+    poses = new.survey.poses
+    found = identify(poses, robot, seed=seed, carried=expected.carried)
+    return expected, document_of(lambda file: save_calibration(file, found, robot, poses))
+
+
+def newly(name: str, seen: Survey) -> Dated:
+    """A session that is not in the history yet."""
+    began = datetime.fromtimestamp(seen.poses.start_ns * 1e-9, timezone.utc)
+    return Dated(name, began, seen)
+
+
 def dated(entry: Entry, robot: Robot, folder: Path) -> Dated:
-    """The session of an entry, read again from a folder, with the effects of its calibration."""
+    """The session of an entry, read again from a folder, with the effects that it showed.
+
+    What an update has in its calibration was found in other sessions.
+    """
     recorded = read_session(folder, Topics.from_options(entry.topics))
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    if entry.is_update:
+        return Dated(entry.id, entry.began, seen)
     with tempfile.TemporaryDirectory() as own:
         file = Path(own) / "calibration.json"
         file.write_text(json.dumps(entry.calibration), encoding="utf-8")

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
-from delta_calibration.history.pooled import Dated, pooled
+from delta_calibration.history.few import pool
+from delta_calibration.history.pooled import Dated
 from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import DIMENSION, State, Step, Walk, days_between
 from delta_calibration.robot import Robot
@@ -120,20 +121,20 @@ def find_changes(
 ) -> History:
     """Search for what changed of a machine and when.
 
-    The tracker's frame and the reflector's place are each session's own.
+    The tracker's frame and the reflector's place are each session's own. One session at least has
+    enough places for a fit by itself; others may have few.
 
     Raises:
         DataError: fewer than two sessions, or one that cannot be fitted.
     """
     if len(sessions) < 2:
         raise DataError(f"{len(sessions)} session in the history; changes need 2 or more")
-    if len(sessions) < 2:
-        raise DataError(f"{len(sessions)} session in the history; changes need 2 or more")
     ordered = sorted(sessions, key=lambda each: each.began)
-    kept, parts = pooled(ordered, robot, model)
+    found_in = pool(ordered, robot, model)
+    parts = found_in.parts
     causes = {effect.cause for each in ordered for effect in each.effects}
     days = days_between([each.began.timestamp() for each in ordered])
-    steps = Steps(kept, parts, frozenset(causes), tuple(days.tolist()))
+    steps = Steps(found_in.kept, parts, frozenset(causes), tuple(days.tolist()))
     found, walk = steps.search()
     walk = walk.stepped(each.step for each in found)
     return History(

@@ -19,7 +19,8 @@ from scipy.stats import chi2
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import Carried
 from delta_calibration.history.changes import Change, changes_of
-from delta_calibration.history.pooled import Dated, Pool, pool, pool_with
+from delta_calibration.history.few import carried_of, pool, pool_with
+from delta_calibration.history.pooled import Dated, Pool
 from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import State, Step, Walk, days_between
 from delta_calibration.robot import Robot
@@ -27,7 +28,6 @@ from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
 
-_FAST = 0.3  # [typical sizes / sqrt(day)] as if a machine drifted
 _ODD = 1e-3  # probability under which a session does not fit to what was known
 
 
@@ -77,7 +77,7 @@ def prospect(
     every = old if new is None else [*old, new]
     whole = pool(old, robot, model)
     if new is not None:
-        whole = pool_with(whole, new, _roughly(whole, old, new), robot, model)
+        whole = pool_with(whole, old, new, robot, model)
     causes = {effect.cause for each in old for effect in each.effects}
     days = days_between([each.began.timestamp() for each in every])
     steps = Steps(whole.kept, whole.parts, frozenset(causes), tuple(days.tolist()))
@@ -86,15 +86,7 @@ def prospect(
     causes |= {steps.key(step)[0] for step in walk.steps}
     small = whole.only(causes)
     state, odd = _next(_believed(small, found, steps, walk, len(old)), new)
-    return Prospect(_carried(small, state, old), walk.speed, told, odd)
-
-
-def _roughly(past: Pool, old: Sequence[Dated], new: Dated) -> Carried:
-    """What is known of a machine that may have changed much since it was measured last."""
-    days = days_between([each.began.timestamp() for each in (*old, new)])
-    speed = tuple((kept.what, _FAST) for kept in past.kept)
-    walk = Walk(past.kept, past.parts, days[:-1], speed=speed)
-    return _carried(past, walk.later(float(days[-1])), old)
+    return Prospect(carried_of(small, state, old), walk.speed, told, odd)
 
 
 def _believed(
@@ -126,15 +118,3 @@ def _next(walk: Walk, new: Dated | None) -> tuple[State, float]:
         return state, 1.0
     odd = square / degrees
     return State(state.value, odd * state.covariance), odd
-
-
-def _carried(small: Pool, state: State, old: Sequence[Dated]) -> Carried:
-    scale = np.array([kept.scale for kept in small.kept])
-    nominal = np.array([kept.nominal for kept in small.kept])
-    return Carried(
-        small.effects,
-        nominal + scale * state.value,
-        scale[:, None] * state.covariance * scale,
-        np.concatenate([each.survey.poses.joint for each in old]),
-        tuple(each.name for each in old),
-    )

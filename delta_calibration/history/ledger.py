@@ -23,10 +23,12 @@ from sqlalchemy import (
     cast,
     delete,
     insert,
+    or_,
     select,
     update,
 )
 
+from delta_calibration.estimation import PRIOR_HISTORY
 from delta_calibration.history.store import MACHINES, SESSIONS, Entry, Store, insert_entry
 
 _NAME = 255
@@ -86,13 +88,16 @@ class Ledger:
 
         Args:
             machine: its name.
-            quick: whether a fit is all that is asked; else a verdict is.
+            quick: whether a fit is all that is asked; else a verdict is, but of updates, of which
+                none can be made.
         """
         here = SESSIONS.c.machine == machine
         query = select(SESSIONS.c.sha256).where(here)
         # a JSON column holds the JSON value null where there is no verdict; not all databases
         # compare JSON
-        query = query if quick else query.where(cast(SESSIONS.c.verdict, String) != "null")
+        judged = cast(SESSIONS.c.verdict, String) != "null"
+        told = SESSIONS.c.calibration["provenance"]["prior"].as_string() == PRIOR_HISTORY
+        query = query if quick else query.where(or_(judged, told))
         with self.store.transaction() as connection:
             return frozenset(connection.execute(query).scalars())
 

@@ -10,6 +10,8 @@ or by the session's own clock. With z_k integrated out nothing but information a
 left of a session (`linear_model.py`), which is all that a comparison over months needs:
 
     H_k = X_k^T V_k^-1 X_k,    b_k = X_k^T V_k^-1 r_k
+
+Sessions of few places are told of in `few.py`.
 """
 
 from __future__ import annotations
@@ -27,7 +29,6 @@ from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.effects import Effect, Stage, catalogue
 from delta_calibration.effects.base import SPREAD
-from delta_calibration.estimation import FEWEST_CARRIED, Carried, solve
 from delta_calibration.history.walk import DIMENSION, Kept, Part
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
@@ -83,8 +84,8 @@ class Pool:
 
 
 @one_thread()
-def pool(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> Pool:
-    """What may change of the machine, and what each session says of it.
+def pool_whole(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> Pool:
+    """What may change of the machine, and what each session says of it about its own fit.
 
     Args:
         sessions: in the order of time.
@@ -99,50 +100,12 @@ def pool(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> P
     return Pool(
         _kept(models[0], machine),
         tuple(
-            _said(each.name, *_alone(fitted, machine, visit))
+            said_by(each.name, fitted, machine, visit)
             for each, fitted in zip(sessions, models, strict=True)
         ),
         tuple(machine),
         tuple(visit),
     )
-
-
-@one_thread()
-def pool_with(
-    past: Pool, new: Dated, known: Carried, robot: Robot, model: str | None = None
-) -> Pool:
-    """The same with one more session, which may have few poses.
-
-    A fit to few poses may end far from the machine, where nothing is linear that holds near it:
-    the session is taken about a fit that knows the machine roughly.
-
-    Args:
-        past: the sessions before.
-        new: the session.
-        known: what is roughly known of the machine's dimensions.
-        robot: drawing, tolerances, tracker.
-        model: name of a mechanism; the robot file's own where not given.
-
-    Raises:
-        DataError: it has too few poses or is of another robot.
-    """
-    alone = calibrated(new.survey, robot, model, FEWEST_CARRIED)
-    near = solve(known.bare.applied(alone.problem))
-    about = replace(
-        alone, theta=near.theta, cell=replace(alone.cell, weight=near.weight), near=None
-    )
-    at = about.evidence.at
-    able = past.only([effect.cause for effect in past.effects if not effect.missing(at)])
-    said = _said(new.name, *_alone(about, able.effects, able.visit))
-    return replace(able, said=(*able.said, said))
-
-
-def pooled(
-    sessions: Sequence[Dated], robot: Robot, model: str | None = None
-) -> tuple[tuple[Kept, ...], tuple[Part, ...]]:
-    """What may change of the machine, and what each session says of it: see `pool`."""
-    found = pool(sessions, robot, model)
-    return found.kept, found.parts
 
 
 def _effects(
@@ -206,7 +169,16 @@ def _alone(
     return alone, columns
 
 
-def _said(name: str, evidence: LinearizedModel, columns: Array) -> Said:
+def said_by(name: str, model: Model, machine: Sequence[Effect], visit: Sequence[Effect]) -> Said:
+    """What a session says of the machine, about a fit of it.
+
+    Args:
+        name: of the session.
+        model: the fit.
+        machine: effects that the machine may have.
+        visit: effects that were found to be of single sessions.
+    """
+    evidence, columns = _alone(model, machine, visit)
     weighed = evidence.weigh(evidence.column)[:, 0]
     square = float(evidence.column[:, 0] @ weighed)
     return Said(name, evidence.information(columns), columns.T @ weighed, square, evidence.degrees)

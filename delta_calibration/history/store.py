@@ -38,10 +38,12 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from delta_calibration.errors import InputError
+from delta_calibration.estimation import PRIOR_HISTORY
 from delta_calibration.history.bags import bag_hash, is_there
 
 VERSION = 2
 BY_COMMAND, BY_NODE = "delta-cal history add", "calibration_node"  # who adds sessions
+UPDATED = "update: fitted with what the history says"
 _NAME = 255
 _POSTGRESQL = ("postgresql", "postgres")
 
@@ -100,10 +102,15 @@ class Entry:
     added_by: str = BY_COMMAND
 
     @property
+    def is_update(self) -> bool:
+        """Whether it was fitted with what the sessions before it say."""
+        return bool(self.calibration["provenance"].get("prior") == PRIOR_HISTORY)
+
+    @property
     def found(self) -> str:
         """The causes that its verdict names, as words."""
         if self.verdict is None:
-            return "no causes looked for"
+            return UPDATED if self.is_update else "no causes looked for"
         named = [
             f["cause"] + (f" at {f['location']}" if f["location"] else "")
             for f in self.verdict["findings"]
@@ -141,6 +148,11 @@ class Store:
     def __init__(self, engine: Engine, name: str) -> None:
         """Take a database that is of the present version; see `open_store`."""
         self._engine, self._name = engine, name
+
+    @property
+    def name(self) -> str:
+        """What it is called: its file, or its URL without a password."""
+        return self._name
 
     @contextmanager
     def transaction(self) -> Iterator[Connection]:

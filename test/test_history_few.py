@@ -1,0 +1,169 @@
+"""Sessions of few places in the history: kept, compared with the others, and counted once."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from delta_calibration.cli.main import run
+from delta_calibration.data import Session, survey
+from delta_calibration.errors import DataError
+from delta_calibration.fleet.evidence import fitted
+from delta_calibration.history import Dated, find_changes, prospect
+from delta_calibration.history.few import is_few, pool
+from delta_calibration.plans import Plan, make_plan
+from delta_calibration.plans.renewal import renewal_plan
+from delta_calibration.recording import write_session
+from delta_calibration.robot import Robot, load_robot
+from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
+
+BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)
+SEED = 5
+LONGER = {"arm_length": {"location": "joint_3", "value": "1.5e-4"}}
+Causes = dict[str, dict[str, str]]
+
+
+def measured(robot: Robot, day: int, plan: Plan, causes: Causes) -> Session:
+    """A day of the same machine, tracker and reflector set up anew."""
+    machine = visited(draw_machine(robot, SEED, 1.0, causes), robot, SEED, day + 1)
+    return days_later(simulate_session(machine, plan, 100 + day), day)
+
+
+def dated(robot: Robot, day: int, plan: Plan, causes: Causes) -> Dated:
+    recorded = measured(robot, day, plan, causes)
+    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    return Dated(f"day_{day}", BEGAN + timedelta(days=day), seen)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("srbd")
+
+
+@pytest.fixture(scope="module")
+def whole(robot: Robot) -> Plan:
+    return make_plan("identify", robot, count=30, seed=1)
+
+
+@pytest.fixture(scope="module")
+def old(robot: Robot, whole: Plan) -> list[Dated]:
+    return [dated(robot, day, whole, {}) for day in range(2)]
+
+
+@pytest.fixture(scope="module")
+def few(robot: Robot, old: list[Dated]) -> Plan:
+    return renewal_plan(robot, prospect(old, robot).carried, 6, seed=1).plan
+
+
+def test_changes_are_found_among_sessions_of_few_places(
+    robot: Robot, old: list[Dated], few: Plan
+) -> None:
+    """In a gap between two of them as well, and none where nothing changed."""
+    days = [dated(robot, day, few, {}) for day in range(2, 5)]
+    assert all(is_few(day.survey) for day in days)
+    assert find_changes([*old, *days], robot).changes == ()
+    later = [dated(robot, day, few, LONGER) for day in range(5, 8)]
+    found = find_changes([*later, *old, *days], robot)  # they are put in order
+    (change,) = found.changes
+    assert (change.what, change.location) == ("arm_length", "joint_3")
+    assert (change.after, change.before) == ("day_4", "day_5")
+    assert abs(change.to - change.from_ - 1.5e-4) < 4 * change.std < 1e-4
+    assert found.sessions == tuple(f"day_{day}" for day in range(8))
+
+
+def test_a_session_of_few_places_says_what_its_own_readings_say(
+    robot: Robot, old: list[Dated], few: Plan
+) -> None:
+    """Whatever is known beside it: nothing of the others is counted a second time with it."""
+    day = dated(robot, 2, few, {})
+    by_one, by_more = (pool([*each, day], robot).said[-1] for each in (old[:1], old))
+    assert by_one.name == by_more.name == "day_2"
+    told = [float(np.trace(said.information)) for said in (by_one, by_more)]
+    assert abs(told[0] / told[1] - 1) < 0.1
+    assert max(told) < np.trace(pool(old, robot).said[0].information)
+
+
+def test_what_few_places_say_is_carried_on(robot: Robot, old: list[Dated], few: Plan) -> None:
+    """To where the machine is now: it changed, and only sessions of few places have seen that."""
+    days = [dated(robot, day, few, LONGER) for day in range(2, 6)]
+    arm = robot.model().parameters.names.index("arm_3")
+    seen, unseen = (prospect(each, robot).carried for each in ([*old, *days], old))
+    true = draw_machine(robot, SEED, 1.0, LONGER).theta[arm]
+    spread = float(np.sqrt(seen.covariance[arm, arm]))
+    assert abs(seen.mean[arm] - true) < 4 * spread < 4e-4
+    assert abs(unseen.mean[arm] - true) > 1e-4
+    assert seen.sessions == ("day_0", "day_1", "day_2", "day_3", "day_4", "day_5")
+
+
+def test_few_places_before_any_whole_session_count_as_well(
+    robot: Robot, old: list[Dated], few: Plan
+) -> None:
+    first = Dated("first", BEGAN - timedelta(days=3), dated(robot, 2, few, {}).survey)
+    assert [said.name for said in pool([first, *old], robot).said] == ["first", "day_0", "day_1"]
+    assert find_changes([first, *old], robot).changes == ()
+    with pytest.raises(DataError, match="no session has 12 or more places"):
+        pool([first, first], robot)
+
+
+@pytest.fixture(scope="module")
+def folder(robot: Robot, whole: Plan, few: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two whole days and two of few places, after the arm has grown; and the first days' store."""
+    folder = tmp_path_factory.mktemp("few")
+    for day in range(4):
+        plan, causes = (few, LONGER) if day > 1 else (whole, {})
+        write_session(folder / f"day_{day}", measured(robot, day, plan, causes), {})
+    return folder
+
+
+def add(folder: Path, days: list[int], *more: str) -> list[str]:
+    store = ["--machine", "m", "--store", str(folder / "h.sqlite"), "--robot", "srbd"]
+    return ["history", "add", *(str(folder / f"day_{day}") for day in days), *store, *more]
+
+
+def test_few_places_are_added_by_the_verb(
+    folder: Path, robot: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("sqlalchemy")
+    from delta_calibration.history.store import open_store
+
+    store = ["--machine", "m", "--store", str(folder / "h.sqlite")]
+    assert run(add(folder, [2])) == 1
+    assert "first session needs 12 different poses at rest or more, and this one has 6" in (
+        capsys.readouterr().err
+    )
+    assert run(add(folder, [0, 1], "--quick")) == 0
+    capsys.readouterr()
+    assert run(add(folder, [2, 3])) == 0
+    said = capsys.readouterr().out
+    assert "carried over from 2 sessions (day_0 to day_1)" in said
+    assert "changed: between day_1 and day_2 the arm length of joint 3" in said
+    assert "carried over from 3 sessions (day_0 to day_2)" in said
+    assert run(add(folder, [3])) == 2
+    assert "is in the history of 'm' already" in capsys.readouterr().err
+    with open_store(str(folder / "h.sqlite")) as opened:
+        entries = opened.sessions("m")
+    assert [entry.is_update for entry in entries] == [False, False, True, True]
+    # a fleet's priors are made of fits that were told nothing
+    assert len(fitted("m", (entry.calibration for entry in entries), robot).calibrations) == 2
+    assert run(["history", "changes", *store]) == 0
+    assert "between day_1 and day_2 the arm length of joint 3" in capsys.readouterr().out
+    assert run(["history", "list", *store]) == 0
+    assert "update: fitted with what the history says" in capsys.readouterr().out
+
+
+def test_a_whole_session_may_be_an_update_too(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And an update is not what a diagnosis of that session says."""
+    pytest.importorskip("sqlalchemy")
+    for day in range(2):
+        (tmp_path / f"day_{day}").symlink_to(folder / f"day_{day}")
+    assert run(add(tmp_path, [0], "--quick")) == 0
+    assert run(add(tmp_path, [1], "--update")) == 0
+    assert "carried over from 1 session (day_0 to day_0)" in capsys.readouterr().out
+    known = ["--verdict", "v.json", "--calibration", "c.yaml"]
+    assert run(add(folder, [2], "--update", *known)) == 2
+    assert "--update: fits with the history" in capsys.readouterr().err
