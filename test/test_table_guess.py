@@ -94,6 +94,25 @@ TABLES = {
         lambda q, y, k: numbers(np.concatenate([1e3 * q, 1e3 * y])),
         robot="linear_delta",
     ),
+    "units in a line of their own, marks between thousands": Written(
+        "Name;q1;q2;q3;X;Y;Z\n;deg;deg;deg;mm;mm;mm\n",
+        lambda q, y, k: (
+            f"P{k};"
+            + ";".join(f"{v:,.6f}".translate(str.maketrans(",.", ".,")) for v in deg_mm(q, y))
+        ),
+        "utf-16",
+    ),
+    "Z in m, which no name says": Written(
+        "q1,q2,q3,x,y,z\n",
+        lambda q, y, k: numbers(np.r_[np.degrees(q), 1e3 * y[:2], y[2]], digits=9),
+    ),
+    "a column without a name, another twice": Written(
+        ",q1,q2,q3,x,y,z,rms,rms\n",
+        lambda q, y, k: f"{k}," + numbers(np.r_[deg_mm(q, y), 0.01, 0.02]),
+    ),
+    "seconds that no unit says": Written(
+        "Time,q1,q2,q3,x,y,z\n", lambda q, y, k: f"{20 * k}," + numbers(deg_mm(q, y))
+    ),
     "blanks": Written("q1 q2 q3 x y z\n", lambda q, y, k: numbers(deg_mm(q, y), by=" ")),
 }
 
@@ -184,8 +203,66 @@ def test_what_is_in_doubt_is_not_written(
     assert guess(file, "srbd", "--out", str(out)) != 0
     both = capsys.readouterr()
     assert "in doubt: with no choice of columns and units" in both.out
+    assert re.search("read like this: .*likely q2 of the other sign", both.out)
     assert "--mapping-out" in both.err
     assert not out.exists()
+
+
+def test_times_that_would_be_too_far_apart_are_in_doubt(
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Milliseconds without a unit: 20000 s from stop to stop are not likely."""
+    q, y = measured["srbd"]
+    rows = [f"{20_000 * k}," + numbers(deg_mm(q[k], y[k])) + "\n" for k in range(len(q))]
+    file = tmp_path / "table.csv"
+    file.write_text("Time,q1,q2,q3,x,y,z\n" + "".join(rows), encoding="utf-8")
+    assert guess(file, "srbd", "--out", str(tmp_path / "session")) != 0
+    assert "in doubt: Time: is this a time in seconds" in capsys.readouterr().out
+
+
+def test_rows_with_gaps_and_lines_below_the_table_are_left_out(
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Stops at which the tracker had no reading, in the middle; a mean below."""
+    q, y = measured["srbd"]
+    rows = [
+        f"P{k};" + numbers(deg_mm(q[k], y[k]), ",", ";") + "\n"
+        if k not in (4, 5)
+        else f"P{k};;;;;;\n"
+        for k in range(len(q))
+    ]
+    text = "Punkt;q1;q2;q3;X;Y;Z\n" + "".join(rows) + "Mittelwert;;;;1,0;2,0;3,0\nEnde\n"
+    file, out = tmp_path / "table.csv", tmp_path / "session"
+    file.write_text(text, encoding="utf-8")
+    assert guess(file, "srbd", "--out", str(out)) == 0
+    assert "rows have gaps and are left out" in capsys.readouterr().out
+    found = collect(read_session(out), ("joint_1", "joint_2", "joint_3"))
+    np.testing.assert_allclose(found.point, np.delete(y, (4, 5), axis=0), atol=1e-6)
+
+
+def test_the_sheet_with_the_numbers_is_found(
+    tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
+) -> None:
+    """A cover, then a sheet with a title, a remark that most rows leave empty, and the numbers."""
+    workbook = pytest.importorskip("openpyxl").Workbook()
+    workbook.active.append(["Messprotokoll"])
+    sheet = workbook.create_sheet("Werte")
+    sheet.append(["Halle 2"])
+    sheet.append(
+        ["Nr", *("A1 [deg]", "A2 [deg]", "A3 [deg]"), *("X [mm]", "Y [mm]", "Z [mm]"), "R"]
+    )
+    q, y = measured["srbd"]
+    for k in range(len(q)):
+        sheet.append([k, *deg_mm(q[k], y[k]).tolist(), "again" if k == 7 else None])
+    file, out = tmp_path / "table.xlsx", tmp_path / "session"
+    workbook.save(file)
+    assert guess(file, "srbd", "--out", str(out)) == 0
+    found = collect(read_session(out), ("joint_1", "joint_2", "joint_3"))
+    np.testing.assert_allclose(found.point, y, atol=1e-6)
 
 
 def test_columns_that_are_not_used_are_told_and_units_once(
@@ -300,3 +377,22 @@ def test_two_files_that_do_not_go_together_are_refused(
     assert "rows do not go together by name, row or time" in capsys.readouterr().err
     assert guess(log, "srbd") == 2
     assert "--join FILE" in capsys.readouterr().err
+
+
+def test_times_that_are_too_far_apart_are_told_with_what_would_join_them(
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    q, y = measured["srbd"]
+    every, late = np.arange(len(q)), [f"{10 * k},3" for k in range(len(q))]
+    log, points = tmp_path / "log.csv", tmp_path / "points.csv"
+    own = [f"{10 * k}" for k in range(len(q))]
+    log.write_text(half(np.degrees(q), own, "t;A1;A2;A3\n", every), "utf-8")
+    points.write_text(half(1e3 * y, late, "Time;X;Y;Z\n", every[2:]), "utf-8")
+    assert guess(log, "srbd", "--join", str(points)) == 2
+    said = capsys.readouterr().err
+    assert "is 0.3 s (median) from the nearest" in said
+    assert "--within" in said
+    out = str(tmp_path / "session")
+    assert guess(log, "srbd", "--join", str(points), "--within", "0.4", "--out", out) == 0

@@ -15,12 +15,17 @@ from delta_calibration.cli.options import robot_option, write_json
 from delta_calibration.cli.options import table as columns_of
 from delta_calibration.cli.quantity import Quantity
 from delta_calibration.documents import write_document
-from delta_calibration.errors import DataError, InputError
+from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.files import read_bounded
 from delta_calibration.recording import write_session
 from delta_calibration.recording.presets import Other, mapping_of, overview
 from delta_calibration.recording.table_guess import Guess, guessed
-from delta_calibration.recording.table_mapping import LENGTHS, read_mapping
+from delta_calibration.recording.table_mapping import (
+    LENGTHS,
+    TableMapping,
+    mapping_from,
+    read_mapping,
+)
 from delta_calibration.recording.table_session import session_of_table
 from delta_calibration.robot import Robot, load_robot
 
@@ -154,7 +159,8 @@ def command(
                 proposed = guessed(table, robot, joined, beside)
                 if json_file is not None:
                     write_json(json_file, proposed.as_dict())
-                mapping = _proposed(proposed, table, out is not None)
+                read_as = mapping_from(proposed.mapping, beside, robot)
+                mapping = _proposed(proposed, table, read_as, robot, to_write=out is not None)
             write_document(mapping_file, dict(mapping))
             _tell_of_mapping(mapping_file, out, mapping_out)
         if out is not None:
@@ -190,8 +196,10 @@ def _second(
     return None if file is None else Other(file, "", by or "", within, shift)
 
 
-def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
-    """The mapping, once it was shown.
+def _proposed(
+    guess: Guess, table: Path, mapping: TableMapping, robot: Robot, *, to_write: bool
+) -> Mapping[str, Any]:
+    """The mapping, once it was shown; with what an import by it would say, if it is in doubt.
 
     Raises:
         DataError: a session is to be written, and something is in doubt.
@@ -204,12 +212,24 @@ def _proposed(guess: Guess, table: Path, to_write: bool) -> Mapping[str, Any]:
     click.echo()
     for text in guess.doubts:
         click.echo(f"in doubt: {text}")
+    if guess.doubts:
+        for text in _objections(table, mapping, robot):
+            click.echo(f"read like this: {text}")
     if guess.doubts and to_write:
+        many = "one guess is" if len(guess.doubts) == 1 else f"{len(guess.doubts)} guesses are"
         raise DataError(
-            f"{table}: not written, because {len(guess.doubts)} of the guesses is in doubt: write "
-            "the mapping with --mapping-out, correct it, and import with --mapping"
+            f"{table}: not written, because {many} in doubt: write the mapping with "
+            "--mapping-out, correct it, and import with --mapping"
         )
     return guess.mapping
+
+
+def _objections(table: Path, mapping: TableMapping, robot: Robot) -> tuple[str, ...]:
+    """What an import by a mapping would refuse or note."""
+    try:
+        return session_of_table(table, mapping, robot).notes
+    except CalibrationError as error:
+        return (str(error),)
 
 
 def _tell_of_mapping(path: Path, out: Path | None, mapping_out: Path | None) -> None:

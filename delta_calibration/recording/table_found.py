@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
-from delta_calibration.recording.table_source import Form, lines_of_file
+from delta_calibration.recording.table_source import Form, is_gap, lines_of_file, sheets_of
 from delta_calibration.texts import number_of
 
 Array = NDArray[np.float64]
 Lines = Sequence[tuple[int, list[str]]]
 
 _DELIMITERS = (";", "\t", "|", ",", " ")
+_THOUSANDS = (".", ",", "'", " ")
 _FEWEST = 3  # numbers in a line of the table: joints alone, or points alone
+UNIT = (  # as people write them, between brackets or bare
+    r"urad|mrad|rad|radians?|deg|degrees?|grad|°|turns?|um|µm|mm|cm|m|inch|in|ms|us|"
+    r"ns|s|sec|seconds?|min|minutes?|h|kg|g|degc|°c|k"
+)
+_UNIT_CELL = re.compile(rf"[\[(]?\s*(?:{UNIT})\s*[\])]?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -32,6 +40,7 @@ class FoundTable:
         number: (n, columns), NaN for texts.
         text: the same cells as texts.
         first: line of the file with the first row, from 1.
+        ends: whether lines that are no rows, such as a mean, come after the rows.
         join: section `join` of a mapping, if the table was put together from two files.
         notes: what a reader should know about how the table was found.
     """
@@ -42,6 +51,7 @@ class FoundTable:
     number: Array
     text: tuple[tuple[str, ...], ...]
     first: int = 0
+    ends: bool = False
     join: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -59,6 +69,10 @@ class FoundTable:
         form: dict[str, Any] = {}
         if self.form.decimal != ".":
             form["decimal"] = self.form.decimal
+        if self.form.thousands:
+            form["thousands"] = self.form.thousands
+        if self.form.sheet:
+            form["sheet"] = self.form.sheet
         if self.form.columns:
             form |= {"columns": list(self.form.columns), "first_line": self.form.first_line}
         return form
@@ -67,35 +81,74 @@ class FoundTable:
 def found_table(path: Path) -> FoundTable:
     """The table in a file: cut so that most cells are numbers in lines of the same length.
 
+    Of a workbook it is the sheet with most numbers.
+
     Raises:
         InputError: no such file, or no table in it.
     """
-    tried = [(delimiter, decimal) for delimiter in _DELIMITERS for decimal in ".,"]
-    best, most = None, 0
-    for delimiter, decimal in tried:
-        if delimiter != decimal:
-            form = Form(delimiter, decimal)
-            lines = lines_of_file(path, form)
-            body = _body(lines, form)
-            count = sum(_numbers(cells, form) for _, cells in lines[body[0] : body[1]])
-            if count > most:
-                best, most = (form, lines, body), count
+    sheets = sheets_of(path)
+    best = _best(path, _plain_forms(sheets), workbook=bool(sheets))
+    if not sheets:
+        best = _best(path, _grouped_forms(best), best)
     if best is None:
         raise InputError(f"{path}: no table in it: no lines of numbers in columns")
-    form, lines, (first, last) = best
+    form, lines, first, last = best.form, best.lines, best.first, best.last
     width = len(lines[first][1])
-    head = _head(lines[:first], form, width)
-    names = (
-        tuple(name.strip() for name in head) if head else tuple(f"c{k + 1}" for k in range(width))
-    )
-    if len(set(names)) != len(names) or not all(names):
-        names, head = tuple(f"c{k + 1}" for k in range(width)), None
+    names, there = _names([cells for _, cells in lines[:first]], form, width)
     rows = [cells for _, cells in lines[first:last] if len(cells) == width]
     number = np.array([[number_of(form.plain(cell)) for cell in cells] for cells in rows])
-    if head is None:
+    named = any(names) or there
+    if not there:
+        names = tuple(name or f"c{k + 1}" for k, name in enumerate(names))
         form = replace(form, columns=names, first_line=lines[first][0])
     text = tuple(map(tuple, rows))
-    return FoundTable(form, names, head is not None, number, text, lines[first][0])
+    return FoundTable(form, names, named, number, text, lines[first][0], last < len(lines))
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """The lines of a file as a form cuts them, and the rows of the table among them."""
+
+    form: Form
+    lines: Lines
+    first: int
+    last: int
+    numbers: int  # in the rows
+
+
+def _best(
+    path: Path, forms: Iterable[Form], best: _Cut | None = None, *, workbook: bool = False
+) -> _Cut | None:
+    """The first of the forms that finds most numbers, if it finds more than `best`."""
+    for form in forms:
+        lines = lines_of_file(path, form)
+        if workbook:  # whose lines end with the last cell that is not empty
+            width = max(len(cells) for _, cells in lines)
+            lines = [(line, cells + [""] * (width - len(cells))) for line, cells in lines]
+        first, last = _body(lines, form)
+        count = sum(_numbers(cells, form) for _, cells in lines[first:last])
+        if count > (0 if best is None else best.numbers):
+            best = _Cut(form, lines, first, last, count)
+    return best
+
+
+def _plain_forms(sheets: Sequence[str]) -> Iterator[Form]:
+    """Sheets of a workbook, or what parts the columns of a text, and the decimal marks."""
+    for number, sheet in enumerate(sheets):
+        yield Form(";", sheet=sheet if number else "")
+        yield Form(";", ",", sheet=sheet if number else "")
+    if not sheets:
+        for delimiter, decimal in product(_DELIMITERS, ".,"):
+            if delimiter != decimal:
+                yield Form(delimiter, decimal)
+
+
+def _grouped_forms(best: _Cut | None) -> Iterator[Form]:
+    """Texts whose numbers have a mark between the thousands."""
+    delimiters = _DELIMITERS if best is None else (best.form.delimiter,)
+    for delimiter, decimal, thousands in product(delimiters, ".,", _THOUSANDS):
+        if len({delimiter, decimal, thousands}) == 3:
+            yield Form(delimiter, decimal, thousands)
 
 
 def _numbers(cells: Sequence[str], form: Form) -> int:
@@ -103,19 +156,34 @@ def _numbers(cells: Sequence[str], form: Form) -> int:
 
 
 def _body(lines: Lines, form: Form) -> tuple[int, int]:
-    """The longest run of lines of the same length with enough numbers in them."""
+    """The longest run of lines of the same length with numbers in them, gaps between."""
     best = begin = 0, 0
     for k, (_, cells) in enumerate(lines):
         good = _numbers(cells, form) >= _FEWEST
         same = begin[1] > begin[0] and len(lines[begin[0]][1]) == len(cells)
-        begin = (begin[0], k + 1) if good and same else (k, k + int(good))
+        more = same and (good or 2 * sum(map(is_gap, cells)) >= len(cells))
+        begin = (begin[0], k + 1) if more else (k, k + int(good))
         best = max(best, begin, key=lambda run: run[1] - run[0])
     return best
 
 
-def _head(before: Lines, form: Form, width: int) -> list[str] | None:
-    """The last line before the numbers that has as many texts."""
-    for _, cells in reversed(before):
-        if len(cells) == width and _numbers(cells, form) == 0:
-            return list(cells)
-    return None
+def _names(
+    before: Sequence[Sequence[str]], form: Form, width: int
+) -> tuple[tuple[str, ...], bool]:
+    """Names of the columns, and whether one line of the file has them just so.
+
+    They are in the last line before the numbers that has as many texts; units may be in a line
+    between. A column without a name has an empty one; of equal names the later ones are numbered.
+    """
+    heads = [cells for cells in before if len(cells) == width and not _numbers(cells, form)]
+    if not heads:
+        return ("",) * width, False
+    head, units = [name.strip() for name in heads[-1]], [""] * width
+    if len(heads) > 1 and all(is_gap(c) or _UNIT_CELL.fullmatch(c.strip()) for c in head):
+        head, units = [name.strip() for name in heads[-2]], [unit.strip("[]() ") for unit in head]
+    names: list[str] = []
+    for name, unit in zip(head, units, strict=True):
+        whole = f"{name} [{unit}]" if name and unit else name
+        known = names.count(whole) if whole else 0
+        names.append(f"{whole} ({known + 1})" if known else whole)
+    return tuple(names), all(names) and names == [name.strip() for name in heads[-1]]

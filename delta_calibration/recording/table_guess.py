@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording.presets import Other
-from delta_calibration.recording.table_found import FoundTable, found_table
+from delta_calibration.recording.table_found import UNIT, FoundTable, found_table
 from delta_calibration.recording.table_mapping import ANGLES, LENGTHS
 from delta_calibration.recording.table_pair import paired
 from delta_calibration.recording.table_placing import FEWEST, Placed
+from delta_calibration.recording.table_source import is_gap
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -30,11 +31,10 @@ _LIES = 0.03  # of the points' spread: a median miss under which the drawing lie
 _CLEARLY = 3.0  # times the best: what another reading has to miss by
 _MOST = 300  # rows that are looked at
 _SHOWN = 10  # rows that are shown
-_UNIT = re.compile(
-    r"[\[(/\s_]+(urad|mrad|rad|radians?|deg|degrees?|grad|°|turns?|um|µm|mm|cm|m|inch|in|ms|us|"
-    r"ns|s|sec|seconds?|min|minutes?|h|kg|g|degc|°c|k)[\])]*$",
-    re.IGNORECASE,
-)
+_STEPS = 2.0, 600.0  # [s] between stops, if a time is in seconds
+_POINT_UNITS = ("mm", "m", "inch")
+_POINT_UNITS_ALIKE = tuple((unit, unit, unit) for unit in _POINT_UNITS)
+_UNIT = re.compile(rf"[\[(/\s_]+({UNIT})[\])]*$", re.IGNORECASE)
 _CALLED = {  # as people write them -> a mapping's word
     **dict.fromkeys(("radian", "radians"), "rad"),
     **dict.fromkeys(("degree", "degrees", "grad", "°"), "deg"),
@@ -177,6 +177,8 @@ def _numbered(bare: Mapping[str, str], robot: Robot) -> list[str]:
 def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined: bool) -> None:
     """What names leave open: columns, units; by where the drawing comes to lie."""
     tried = sorted(_readings(table, robot, found), key=lambda one: one[0])
+    if tried and not found.place_units:
+        tried = _by_mixed_units(tried, table, robot, found)
     if not tried:
         raise InputError(
             f"{path}: no {len(robot.joints.names)} columns of joints and 3 of a point in it; "
@@ -193,7 +195,8 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
             "joints with another sign, zero or order, another robot, or too few rows at rest"
         )
         return
-    said = f"joints in {joint_unit}, the point in {', '.join(dict.fromkeys(place_units))}"
+    told = place_units[:1] if len(set(place_units)) == 1 else place_units
+    said = f"joints in {joint_unit}, the point in {', '.join(told)}"
     reason = f"the nominal robot matches the points within {100 * share:.1f} % of their extent"
     found.sure.append(f"{said}: {reason}" if open_units else f"{said}, by name; {reason}")
     near = [one for one in tried[1:] if one[0] < _CLEARLY * share]
@@ -205,21 +208,44 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
         )
 
 
+def _by_mixed_units(
+    tried: list[_Reading], table: FoundTable, robot: Robot, found: _Found
+) -> list[_Reading]:
+    """The readings, first one whose x, y and z differ in unit if that is clearly better.
+
+    Coordinates that vary little hardly show in which unit they are: a reading by one unit that
+    matches is held against those of the same columns, one that does not against all.
+    """
+    share, joints, place, joint_unit, _ = tried[0]
+    known = _Found(list(joints), list(place), joint_unit) if share <= _LIES else found
+    mixed = [units for units in product(_POINT_UNITS, repeat=3) if len(set(units)) > 1]
+    best = min(_readings(table, robot, known, mixed), key=lambda one: one[0])
+    return [best, *tried] if best[0] * _CLEARLY < share else tried
+
+
 _Reading = tuple[float, tuple[str, ...], tuple[str, ...], str, tuple[str, ...]]
 
 
-def _readings(table: FoundTable, robot: Robot, found: _Found) -> Iterator[_Reading]:
-    """Every way to read joints and point, with the share of the extent that it misses by."""
+def _readings(
+    table: FoundTable,
+    robot: Robot,
+    found: _Found,
+    units: Sequence[tuple[str, ...]] = _POINT_UNITS_ALIKE,
+) -> Iterator[_Reading]:
+    """Every way to read joints and point, with the share of the extent that it misses by.
+
+    Args:
+        table: the cells.
+        robot: whose drawing is laid over the points.
+        found: what the names say of columns and units.
+        units: of x, y and z, to be tried where the names do not say them.
+    """
     count = len(robot.joints.names)
     turning = robot.joints.unit == "rad"
     joint_units = (
         [found.joint_unit] if found.joint_unit else (["deg", "rad"] if turning else ["mm", "m"])
     )
-    place_units = (
-        [tuple(found.place_units)]
-        if found.place_units
-        else [(unit,) * 3 for unit in ("mm", "m", "inch")]
-    )
+    place_units = [tuple(found.place_units)] if found.place_units else units
     every = [name for name in table.names if np.isfinite(table.column(name)).mean() > 0.9]
     points = [name for name in every if not _bare(name)[0].startswith(_MEANT)]
     joints = [tuple(found.joints)] if found.joints else list(_runs(every, count, found.place))
@@ -281,7 +307,16 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
         "unit": units[0] if len(set(units)) == 1 else units,
     }
     mapping |= _others(table, found)
-    return mapping
+    return mapping | _gaps(table, found, mapping)
+
+
+def _gaps(table: FoundTable, found: _Found, mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """Rows without a value in a column that is used are left out, and told."""
+    used = [table.names.index(name) for name in _columns_in(dict(mapping))]
+    gaps = sum(any(is_gap(row[k]) for k in used) for row in table.text)
+    if gaps:
+        found.sure.append(f"{gaps} of {len(table.text)} rows have gaps and are left out")
+    return {"missing": "skip"} if gaps or table.ends else {}
 
 
 def _kind(table: FoundTable, found: _Found) -> str:
@@ -365,7 +400,13 @@ def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, A
     if not re.fullmatch(_DIGITS, text) and np.isfinite(table.number[:, column]).all():
         if unit in ("ns", "us", "ms", "s", "min", "h"):
             return {"time": {"column": name, "unit": unit}}
-        found.doubts.append(f"{name}: is this a time in seconds? It is read as such")
+        step = float(np.median(np.diff(table.number[:, column])))
+        if _STEPS[0] <= step <= _STEPS[1]:
+            found.sure.append(f"{name}: read in seconds; {step:.3g} s from row to row (median)")
+        else:
+            found.doubts.append(
+                f"{name}: is this a time in seconds? It would be {step:.3g} s from row to row"
+            )
         return {"time": {"column": name, "unit": "s"}}
     for form in _FORMATS:
         try:

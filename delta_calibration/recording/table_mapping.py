@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from delta_calibration.documents import load_schema, read_document
+from delta_calibration.documents import Document, load_schema, read_document
 from delta_calibration.errors import ConfigError
 from delta_calibration.recording.table_source import Form, Join
 from delta_calibration.robot import Robot
@@ -99,7 +99,22 @@ def read_mapping(path: Path, robot: Robot) -> TableMapping:
         ConfigError: no such file, an entry that is missing, unknown or not allowed, joints other
             than the robot's, or units of another kind than its joints have.
     """
-    data = _bare(read_document(path, lambda _: load_schema("mapping")))
+    return mapping_from(read_document(path, lambda _: load_schema("mapping")), path, robot)
+
+
+def mapping_from(document: Document, path: Path, robot: Robot) -> TableMapping:
+    """The mapping that a document of the schema says.
+
+    Args:
+        document: the entries.
+        path: file that it is in, or would be in: names of other files are relative to it.
+        robot: whose joints it names.
+
+    Raises:
+        ConfigError: joints other than the robot's, units of another kind than its joints have, or
+            entries that do not go together.
+    """
+    data = _bare(document)
     time, moving = data.get("time"), data.get("moving", {})
     mapping = TableMapping(
         source=str(path),

@@ -22,7 +22,7 @@ from delta_calibration.recording.table_mapping import (
     Turn,
 )
 from delta_calibration.recording.table_repeats import new_rows
-from delta_calibration.recording.table_source import read_source
+from delta_calibration.recording.table_source import is_gap, read_source
 from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
@@ -31,7 +31,6 @@ Mask = NDArray[np.bool_]
 _STOP = 10.0  # [s] from row to row where a table of stops has no time
 _PAUSE = 1.1  # [s] stops nearer than this would not be told from a stream
 _LATEST = float(2**31)  # [s] a ROS stamp ends there
-_GAPS = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # as programs write them
 _SHOWN = 6  # texts of a column in a message, at most
 _APART = 0.5e-3  # [m] that reflectors lie at most from their places among each other
 _YEAR = re.compile(r"%[YyGcDFxsj]")  # directives of a time that has a date
@@ -122,7 +121,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
 
 
 def _filled(row: Row, name: str) -> bool:
-    return (row.text[name] or "").strip().lower() not in _GAPS
+    return not is_gap(row.text[name])
 
 
 def _number(row: Row, name: str) -> float:

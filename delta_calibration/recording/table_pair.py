@@ -51,6 +51,7 @@ def paired(
     raise InputError(
         f"{path} and {other.file}: rows do not go together by {other.by or 'name, row or time'}: "
         f"{len(left.text)} and {len(right.text)} rows; columns {columns}"
+        f"{_how_far(left, right, other)}"
     )
 
 
@@ -87,11 +88,8 @@ def _by_row(left: FoundTable, right: FoundTable, _: Other) -> _Found:
 
 def _by_nearest(left: FoundTable, right: FoundTable, other: Other) -> _Found:
     """Columns of time in numbers, each row with the nearest of the other table."""
-    times = [
-        next((n for n in table.names if TIME.match(n) and np.isfinite(table.column(n)).all()), "")
-        for table in (left, right)
-    ]
-    if not all(times):
+    times = _times(left, right)
+    if times is None:
         return None
     ours, theirs = left.column(times[0]), right.column(times[1]) + other.shift
     near = np.abs(theirs[:, None] - ours).argmin(axis=0)
@@ -102,6 +100,30 @@ def _by_nearest(left: FoundTable, right: FoundTable, other: Other) -> _Found:
     if other.shift:
         join["shift"] = other.shift
     return np.stack([rows, near[rows]], axis=1), join, f"the nearest {times[0]} and {times[1]}"
+
+
+def _times(left: FoundTable, right: FoundTable) -> tuple[str, str] | None:
+    """The column of time of either table, if both have one in numbers."""
+    ours, theirs = (
+        next((n for n in table.names if TIME.match(n) and np.isfinite(table.column(n)).all()), "")
+        for table in (left, right)
+    )
+    return (ours, theirs) if ours and theirs else None
+
+
+def _how_far(left: FoundTable, right: FoundTable, other: Other) -> str:
+    """What to change for rows to go together by time, where both tables have one."""
+    times = _times(left, right)
+    if times is None:
+        return ""
+    ours, theirs = left.column(times[0]), right.column(times[1]) + other.shift
+    gap = np.abs(theirs[:, None] - ours).min(axis=1)
+    return (
+        f". By time, a row of {other.file.name} is {np.median(gap):.3g} s (median) from the "
+        f"nearest of the other file, and --within allows {other.within:g} s; times run from "
+        f"{ours.min():.7g} to {ours.max():.7g} and from {theirs.min():.7g} to {theirs.max():.7g}: "
+        "raise --within, or move the second clock by --shift"
+    )
 
 
 def _distinct(left: FoundTable, right: FoundTable) -> FoundTable:

@@ -33,6 +33,7 @@ _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff",
 _LIKELY = ["utf_16_le", "utf_16_be", "cp1252", "gb18030", "shift_jis", "euc_kr"]
 _MOST_ROWS, _MOST_CELLS = 1 << 20, 50_000_000  # of a sheet, empty ones between others as well
 _PREAMBLE = 200  # lines that may stand before the names of the columns
+_GAPS = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # as programs write them
 
 
 @dataclass(frozen=True)
@@ -200,6 +201,21 @@ def lines_of_file(path: Path, form: Form) -> list[tuple[int, list[str]]]:
     return _lines(path, form)[0]
 
 
+def sheets_of(path: Path) -> list[str]:
+    """Names of the sheets of a workbook; empty of a text file.
+
+    Raises:
+        InputError: no such file, or a workbook that cannot be read.
+    """
+    data = read_bounded(path)
+    return list(_workbook(path, data)) if data.startswith(_WORKBOOK) else []
+
+
+def is_gap(cell: str | None) -> bool:
+    """Whether a cell is empty, or says that there is no value."""
+    return (cell or "").strip().lower() in _GAPS
+
+
 def _cut(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]]]:
     """Lines of a text, at their delimiter; without comments."""
     stream = io.StringIO(text, newline="")
@@ -249,6 +265,15 @@ def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:
 
 def _sheet(path: Path, data: bytes, form: Form) -> Iterator[tuple[int, list[str]]]:
     """Rows of a workbook's sheet, numbers to their last digit."""
+    sheets = _workbook(path, data)
+    if form.sheet and form.sheet not in sheets:
+        raise InputError(f"{path}: no sheet {form.sheet!r}; there are: {listed(list(sheets))}")
+    sheet = sheets[form.sheet] if form.sheet else next(iter(sheets.values()))
+    return _rows_of(path, sheet)
+
+
+def _workbook(path: Path, data: bytes) -> dict[str, Any]:
+    """The sheets of a workbook by their names."""
     try:
         from openpyxl import load_workbook
     except ImportError as error:
@@ -271,10 +296,7 @@ def _sheet(path: Path, data: bytes, form: Form) -> Iterator[tuple[int, list[str]
     sheets = {sheet.title: sheet for sheet in book.worksheets}
     if not sheets:
         raise InputError(f"{path}: has no sheet of cells")
-    if form.sheet and form.sheet not in sheets:
-        raise InputError(f"{path}: no sheet {form.sheet!r}; there are: {listed(list(sheets))}")
-    sheet = sheets[form.sheet] if form.sheet else next(iter(sheets.values()))
-    return _rows_of(path, sheet)
+    return sheets
 
 
 def _rows_of(path: Path, sheet: Any) -> Iterator[tuple[int, list[str]]]:
