@@ -181,13 +181,14 @@ def test_its_numbers_are_those_of_the_json(cell: Path) -> None:
 def test_what_a_dcc_must_say_is_asked_for(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All that is missing, at once; nothing of it is written."""
     (cell / "bare.yaml").write_text("number: K-15\n", encoding="utf-8")
-    before = (cell / "certificate.xml").read_bytes()
+    files = [cell / f"certificate.{kind}" for kind in ("xml", "json")]
+    before = [file.read_bytes() for file in files]
     assert certificate(cell, "bare.yaml") != 0
     said = capsys.readouterr().err
     for entry in ("customer", "operator", "machine: {serial", "laboratory: {name", "country"):
         assert entry in said
     assert "number," not in said
-    assert (cell / "certificate.xml").read_bytes() == before
+    assert [file.read_bytes() for file in files] == before
 
 
 def test_a_stated_day_stands_in_the_certificate(cell: Path) -> None:

@@ -24,6 +24,7 @@ from delta_calibration.drafting import (
 from delta_calibration.drafting.review import _by_tolerances
 from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.geometry import align
+from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.plans import make_plan
 from delta_calibration.plans.points import tool_points
 from delta_calibration.report.sketch import Pose, _driven, _motion
@@ -228,6 +229,13 @@ def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
     assert robot.dimensions.rod == load_robot("srbd").dimensions.rod
     assert "# L: length of the upper arm, motor axis to elbow" in out.read_text(encoding="utf-8")
     assert isinstance(run("new", "--like", "srbd", "--out", out).exception, InputError)
+
+
+def test_kinds_of_robots_are_told_apart_before_one_is_asked_for(tmp_path: Path) -> None:
+    done = run("new", "--out", tmp_path / "mine.yaml", typed="six_rod_delta\n")
+    for name in MECHANISMS:
+        assert f"\n{name}: " in f"\n{done.output}"
+    assert "six rods, each of its own length" in done.output
 
 
 def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:

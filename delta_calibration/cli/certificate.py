@@ -189,7 +189,8 @@ def _write(certificate: Certificate, outs: tuple[Path, ...], dcc_schema: Path | 
     page = page_of_certificate(certificate)
     click.echo(page.sentence)
     beside = {out.with_suffix(".json") for out in outs}
-    for path in sorted({*outs, *beside}):
+    for path in sorted({*outs, *beside}, key=lambda path: (path.suffix != ".xml", path)):
+        # a DCC first: where it is refused, no other file is written
         if path.suffix == ".html":
             write_page(path, page)
         elif path.suffix == ".pdf":

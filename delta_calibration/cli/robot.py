@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -193,6 +194,9 @@ def _begun(mechanism: str | None, model: str | None, *, ask: bool) -> dict[str, 
     if mechanism is None:
         if not ask:
             raise click.UsageError("give --mechanism or --like")
+        for kind in MECHANISMS.values():
+            summary = (inspect.getdoc(kind) or "").partition("\n")[0]
+            click.echo(f"{kind.name}: {summary}")
         mechanism = click.prompt("mechanism", type=click.Choice(list(MECHANISMS)))
     return model_for(str(mechanism))
 

@@ -35,7 +35,7 @@ RADIAL, TANGENTIAL, HEIGHT, TILT_X, TILT_Z, ZERO, ARM, ROD = range(_SIZE)
 
 
 class RotaryDelta(DeltaModel):
-    """Three legs on motors, a platform that keeps its orientation.
+    """Delta of three arms whose pairs of rods are equal: the platform keeps its orientation.
 
     Closure of leg i: |x - e_i(q_i)|^2 = l_i^2, with e_i the elbow moved in by the platform radius,
 

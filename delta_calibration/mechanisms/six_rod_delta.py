@@ -29,7 +29,9 @@ _ALONG = (0.0, 1.0, 0.0)
 
 
 class SixRodDelta(DeltaModel):
-    """Three legs of two rods each; the platform has six coordinates, three of them commanded.
+    """Delta of three arms with six rods, each of its own length: the platform tilts a little.
+
+    The platform has six coordinates, three of them commanded.
 
     Closure of rod j of leg i (paper 000 (5)): |p + R(w) a_ij - e_ij(q_i)|^2 = l_ij^2 with
 
