@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.model.chain_constants import (
+    LEFT,
     ON_THE_WAY,
     SETTLED_STEP,
     SIDES,
@@ -315,7 +316,7 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
             share = most / before
             share *= share if r == k else 1.0
         good, before = closed(limbs, room, share, stray), most
-        if share * most <= enough:
+        if most <= enough or share * most <= LEFT:
             break
     if good:
         return True

@@ -25,6 +25,7 @@ from delta_calibration.model.chain_constants import (
     GRAVITY,
     INERTIA,
     JOINT,
+    LEFT,
     LOAD,
     OF_INERTIA,
     OF_PULLS,
@@ -300,7 +301,7 @@ def stand(
             return False
         swing = state.swing[0]
         share = swing / before if stages.gentle and swing < before else 1.0
-        if share * swing <= SETTLED_POSE:  # by which the next round would move it
+        if swing <= SETTLED_POSE or share * swing <= LEFT:
             break
         before = swing
     return True
