@@ -29,7 +29,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.model.chain_constants import JOINED, JOINT, ROUNDS, SAME_POSE, SETTLED_POSE
+from delta_calibration.model.chain_constants import (
+    AIMED,
+    JOINED,
+    JOINT,
+    ROUNDS,
+    SAME_POSE,
+    SETTLED_POSE,
+)
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
     BESIDE,
@@ -38,7 +45,7 @@ from delta_calibration.model.kernels import (
     K,
     M,
     R,
-    assemble,
+    along,
     copy_into,
     least_step,
     moved,
@@ -245,17 +252,40 @@ def verified(
 
     Found from the beginning, in the machine's own assembly mode; infinite where it cannot stand
     there. Where it stands there already, effects and all, only the assembly mode is found anew.
-    Effects that are not gentle have their rounds from the beginning: they may lead elsewhere.
+    Effects that are not gentle may lead elsewhere, see `found_anew`; `correct` has asked that.
     """
     state = room.state
+    if not machine.stages.gentle:
+        if room.settled[0] > 0.0:
+            return distance(room, target)
+        return found_anew(machine, q, signals, target, room)
     if room.settled[0] > 0.0:
         opening = opened(machine.body, state.joint, state.before, machine.stray, state)
         for i in range(len(room.x)):
             opening = opening and abs(state.before[i] - room.x[i]) <= SAME_POSE
         return distance(room, target) if opening else np.inf
-    if len(machine.body.opening.law) or not machine.stages.gentle:
+    if len(machine.body.opening.law):
         begin(room)
     return reached(machine, q, signals, target, room)
+
+
+@compiled(borrows=True)
+def found_anew(
+    machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place
+) -> float:
+    """Distance from the target after a command of effects that are not gentle [m].
+
+    From the beginning. Where the first round of the effects already ends, another try begins a
+    little aside: a pose that rounds lead away from may be hit, but is none that the machine takes.
+    """
+    begin(room)
+    error = reached(machine, q, signals, target, room)
+    if room.state.rounds[0] > 1.0 or not error < np.inf:
+        return error
+    for i in range(len(room.x)):
+        room.x[i] += SAME_POSE
+    room.near[0] = 1.0
+    return max(error, reached(machine, q, signals, target, room))
 
 
 @compiled(borrows=True)
@@ -328,6 +358,20 @@ def newton(
 
 
 @compiled(borrows=True)
+def _stepped(machine: MachineRecord, room: Place) -> bool:
+    """Joints less a step, and the pose nearly where that leads, after `_slope`."""
+    state, by = room.state, room.there
+    for i in range(len(by)):
+        by[i] = -room.step[i]
+        state.joint[i] += by[i]
+    if not along(machine.body.limbs, by, state.room):
+        return False
+    for i in range(len(room.x)):
+        room.x[i] -= state.room.step[i]
+    return True
+
+
+@compiled(borrows=True)
 def taking_turns(
     machine: MachineRecord,
     search: Search,
@@ -339,8 +383,10 @@ def taking_turns(
 ) -> tuple[float, int]:
     """Correct one command (m,) as `newton` does, steps and rounds of the effects in turn.
 
-    Ends `settled`, or with an infinite distance and `best` as it was. The last step, by less than
-    the tolerance, is only added: answers do not depend on how far within it the others came.
+    A step leads on to the pose that it foretells: the round of the effects after it assembles.
+    What a step and a round leave is known by those before; the last step, which leaves nothing
+    that counts, has no round after it. Ends `settled`, with `swing` what one more round would
+    have moved, or with an infinite distance and `best` as it was.
     """
     body, stages, state = machine.body, machine.stages, room.state
     m, at, dq, step = len(q), stages.at[JOINT], room.dq, room.step
@@ -351,19 +397,20 @@ def taking_turns(
     if not begin_at(body, stages, room.signals, machine.g, machine.stray, room.x, state):
         return np.inf, 1
     place_of(machine, room.x, room)
-    before = np.inf
+    missed, before, last = 0.0, 0.0, False
     for turn in range(1, ROUNDS + 1):
         _slope(machine, room)
         if not _least_squares(room.by_q, room.place, target, room.normal, step):
             return np.inf, 2 * turn
         for i in range(m):
             dq[i] -= step[i]
-            state.joint[i] -= step[i]
             room.signals[at + i] = q[i] + dq[i]
             if not abs(dq[i]) <= search.bound:
                 return np.inf, 2 * turn
-        if not assemble(body.limbs, state.joint, room.x, machine.stray, state.room):
+        if not _stepped(machine, room):
             return np.inf, 2 * turn
+        if last:
+            break
         if not next_round(
             body,
             stages,
@@ -377,18 +424,18 @@ def taking_turns(
             return np.inf, 2 * turn + 1
         place_of(machine, room.x, room)
         error, swing = distance(room, target), state.swing[0]
-        left = swing * min(swing / before, 1.0)  # by which the next round would move the pose
-        if error <= search.tolerance and left <= SETTLED_POSE:
-            _slope(machine, room)
-            more = _least_squares(room.by_q, room.place, target, room.normal, step)
-            for i in range(m):
-                best[i] = dq[i] - (step[i] if more else 0.0)
-            room.settled[0] = 1.0
-            return error, 2 * turn + 1
-        if not swing < before:
+        aside = error * (error / missed if error < missed else 1.0)
+        state.swing[0] = swing * (swing / before if swing < before else 1.0)
+        last = max(aside, state.swing[0]) <= AIMED
+        if turn > 1 and not last and not swing < before:
             return np.inf, 2 * turn + 1
-        before = swing
-    return np.inf, 2 * ROUNDS + 1
+        missed, before = error, swing
+    if not last:
+        return np.inf, 2 * ROUNDS + 1
+    place_of(machine, room.x, room)
+    copy_into(best, dq)
+    room.settled[0] = 1.0
+    return distance(room, target), 2 * turn
 
 
 @compiled(borrows=True)
@@ -564,8 +611,13 @@ def correct(
     if machine.by_pose:
         error, count = by_pose(machine, q, signals, target, best, room)
     else:
-        if machine.stages.stands and machine.stages.gentle:
+        if machine.stages.stands:
             error, count = taking_turns(machine, search, q, signals, target, best, room)
+        if not machine.stages.gentle and error <= search.tolerance:
+            for i in range(len(q)):
+                room.there[i] = q[i] + best[i]
+            error, count = found_anew(machine, room.there, signals, target, room), count + 1
+            room.settled[0] = 1.0 if error <= search.tolerance else 0.0
         if not error <= search.tolerance:
             error, more = newton(machine, search, q, signals, target, best, room)
             count += more

@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.model.chain_constants import OF_INERTIA, OF_PULLS, OF_WEIGHT
+from delta_calibration.model.chain_constants import (
+    OF_DIMENSIONS,
+    OF_INERTIA,
+    OF_PULLS,
+    OF_WEIGHT,
+)
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -32,7 +37,7 @@ READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
 
 _ASKED = {
     GRAVITY: OF_WEIGHT,
-    LOAD: OF_WEIGHT | OF_INERTIA,
+    LOAD: OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS,
     INERTIA: OF_INERTIA,
     PULL: OF_PULLS,
     PULL_HOME: OF_PULLS,
@@ -110,7 +115,8 @@ def asked_of(names: Any) -> int:
 
 def all_asked(mechanism: Mechanism) -> int:
     """Flags of every load that a mechanism has."""
-    return OF_WEIGHT | OF_INERTIA | (OF_PULLS if mechanism.pulls else 0)
+    pulls = OF_PULLS if mechanism.pulls else 0
+    return OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS | pulls
 
 
 def standing_asked(names: Any) -> bool:

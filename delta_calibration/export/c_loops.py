@@ -464,11 +464,12 @@ class _Function:
         return _Text(f"({kind.name}){{{begin}, {width}, 1}}", kind)
 
     def _slice(self, array: _Text, index: ast.Slice) -> _Text:
+        """Some rows of an array, all of its columns."""
         low = "0" if index.lower is None else self.value(index.lower).text
         high = f"{array.text}.n" if index.upper is None else self.value(index.upper).text
-        if array.kind.rank != 1:
-            raise self.refused(index)
-        text = f"({array.kind.name}){{{array.text}.at + {low}, {high} - {low}, 1}}"
+        width = "1" if array.kind.rank == 1 else f"{array.text}.width"
+        begin = low if array.kind.rank == 1 else f"{low} * {width}"
+        text = f"({array.kind.name}){{{array.text}.at + {begin}, {high} - {low}, {width}}}"
         return _Text(text, array.kind)
 
     def _of_unaryop(self, node: ast.UnaryOp) -> _Text:

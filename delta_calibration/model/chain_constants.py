@@ -41,7 +41,7 @@ NAMES = (
 ) = range(len(NAMES))
 
 # Loads are asked for by a sum of these.
-OF_WEIGHT, OF_INERTIA, OF_PULLS = 1, 2, 4
+OF_WEIGHT, OF_INERTIA, OF_PULLS, OF_DIMENSIONS = 1, 2, 4, 8
 
 # Of what derivatives are asked for.
 NOTHING, READINGS, POSES = range(3)
@@ -57,5 +57,6 @@ LEFT = 1e-14  # [m, rad] that a step, or a round of effects, leaves where it is 
 SMALL_STEP = 1e-7  # [m, rad] from which on what is left is known by the step before
 ON_THE_WAY = 1e-2  # [m, rad] the same of a pose that only leads on to the next
 SETTLED_POSE = 1e-12  # [m, rad] by which a round moves a pose
+AIMED = 1e-11  # [m] by which a tool may miss its target after the last step, effects and all
 SAME_POSE = 1e-6  # [m, rad] by which poses that are one differ at most
 JOINED = 1e-9  # [rad, m] by which joints that are brought to a pose still move

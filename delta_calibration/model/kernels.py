@@ -173,8 +173,15 @@ def own_joint(limbs: Limbs, joint: int, reading: float) -> float:
 @compiled(borrows=True)
 def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
     """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`."""
+    place_in(limbs, q, x, stage, room.work, room.f, room.by_x)
+
+
+@compiled(borrows=True)
+def place_in(
+    limbs: Limbs, q: Array, x: Array, stage: int, every: Array, f: Array, by_x: Array
+) -> None:
+    """The same in workspaces (L, s) that have the dimensions: closures (R,), slopes (R, k)."""
     at, law, joints, rows, k = limbs.at, limbs.law, limbs.joints, limbs.rows, limbs.sizes[K]
-    every, f, by_x = room.work, room.f, room.by_x
     to_q, to_x, from_f, from_x = at[Q], at[X], at[F], at[F_X]
     for limb in range(len(joints)):
         work = every[limb]
@@ -264,6 +271,24 @@ def towards(room: Room, r: int, k: int) -> bool:
     for i in range(k):
         step[i] = system[i, k]
     return True
+
+
+@compiled(borrows=True)
+def along(limbs: Limbs, joints: Array, room: Room) -> bool:
+    """f_x^+ (f + f_q joints), into `step`: Newton's step in the pose while joints (m,) move.
+
+    `f` may be another rate of the closures by then. Where the limbs were placed with their
+    derivatives by the joints, `BESIDE`; `f` is used up. False where there is no step.
+    """
+    count, from_q, f = limbs.joints.shape[1], limbs.at[F_Q], room.f
+    for limb in range(len(limbs.joints)):
+        work = room.work[limb]
+        for i in range(limbs.rows.shape[1]):
+            row = limbs.rows[limb, i]
+            for j in range(count):
+                joint = limbs.joints[limb, j]
+                f[row] += limbs.sense[joint] * work[from_q + i * count + j] * joints[joint]
+    return towards(room, limbs.sizes[R], limbs.sizes[K])
 
 
 @compiled(borrows=True)

@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from delta_calibration.model.chain_constants import (
     FREE_FALL,
     MOMENT,
+    OF_DIMENSIONS,
     OF_INERTIA,
     OF_PULLS,
     OF_WEIGHT,
 )
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
-    BESIDE,
-    F_Q,
     FULL,
     NEAR,
     SETUP,
@@ -36,20 +35,23 @@ from delta_calibration.model.kernels import (
     M,
     R,
     Room,
+    along,
     copy_into,
     fill,
     moved,
     own_joint,
     place,
+    place_in,
     room,
     set_geometry,
     solve,
     squares,
-    towards,
 )
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+WEIGHT, INERTIA = range(2)  # rows of the work
 
 
 @record
@@ -81,59 +83,82 @@ class Bearing(NamedTuple):
 
 
 @record
+class Beside(NamedTuple):
+    """Workspaces for places beside the one in question, which stays in its own."""
+
+    work: Array  # (L, s) of the limbs
+    f: Array  # (R,)
+    by_x: Array  # (R, k)
+    point: Array
+    mass: Array
+    joint: Array  # (m,)
+    pose: Array  # (k,)
+
+
+@record
 class Carried(NamedTuple):
     """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home.
 
-    dU/dg is that of the weight, and of the inertia where that is asked for as well.
+    Of the work U there is a row for `WEIGHT` and one for `INERTIA`. dU/dg is that of the weight,
+    and of the inertia where that is asked for as well.
     """
 
     point: Array
     mass: Array
-    u_x: Array  # (1, k)
-    by_q: Array  # (1, m)
-    by_g: Array  # (1, p)
+    u_x: Array  # (2, k)
+    u_q: Array  # (2, m)
+    by_q: Array  # (2, m)
+    by_g: Array  # (2, p)
+    none: Array  # (2, 0) in its place where dU/dg is not asked for
     accelerated: Array  # (3 (masses + payload),)
     gravity: Array  # (m,)
     inertia: Array  # (m,)
     load: Array  # (p,)
     pull: Array  # (R,)
     pull_home: Array  # (R,)
-    there: Array  # (k,)
-    way: Array  # (m,)
-    u_q: Array  # (m,)
     still: Array  # (m,) readings of counters at home
     origin: Array  # (3,)
     a: Array  # (3,)
     pace: Array  # (k,) velocity of the pose, then its acceleration
     turn: Array  # (R,) second derivative of the closures along the velocity
     known: Array  # (1,) whether the pulls at home are those of these dimensions
+    beside: Beside
 
 
 @compiled()
-def carried(limbs: Limbs, bearing: Bearing) -> Carried:
-    """Scratch for one sample after the other."""
+def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
+    """Scratch for one sample after the other; `size` is that of a limb's workspace."""
     m, k, p, r = limbs.sizes[M], limbs.sizes[K], limbs.sizes[2], limbs.sizes[R]
+    beside = Beside(
+        np.zeros((len(limbs.joints), size)),
+        np.zeros(r),
+        np.zeros((r, k)),
+        np.zeros(bearing.point_at[5]),
+        np.zeros(max(1, bearing.mass_at[6])),
+        np.zeros(m),
+        np.zeros(k),
+    )
     return Carried(
         np.zeros(bearing.point_at[5]),
         np.zeros(max(1, bearing.mass_at[6])),
-        np.zeros((1, k)),
-        np.zeros((1, m)),
-        np.zeros((1, p)),
+        np.zeros((2, k)),
+        np.zeros((2, m)),
+        np.zeros((2, m)),
+        np.zeros((2, p)),
+        np.zeros((2, 0)),
         np.zeros(3 * (len(bearing.kg) + 1)),
         np.zeros(m),
         np.zeros(m),
         np.zeros(p),
         np.zeros(r),
         np.zeros(r),
-        np.zeros(k),
-        np.zeros(m),
-        np.zeros(m),
         np.zeros(m),
         np.zeros(3),
         np.zeros(3),
         np.zeros(k),
         np.zeros(r),
         np.zeros(1),
+        beside,
     )
 
 
@@ -182,66 +207,57 @@ def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None
 
 @compiled(borrows=True)
 def _add(
-    limbs: Limbs,
-    bearing: Bearing,
-    found: Carried,
-    point: int,
-    kg: float,
-    a: Array,
-    u_q: Array,
+    limbs: Limbs, bearing: Bearing, found: Carried, row: int, point: int, kg: float, a: Array
 ) -> None:
-    """Add the work of one mass against the acceleration a (3,) to u_x and u_q."""
-    k = found.u_x.shape[1]
+    """Add the work of one mass against the acceleration a (3,) to a row of u_x and u_q."""
+    u_x, u_q = found.u_x[row], found.u_q[row]
+    k, count = len(u_x), len(bearing.joints)
     for axis in range(3):
         force = kg * a[axis]
         if force == 0.0:
             continue
         if point < 0:  # the payload
+            first = bearing.point_at[3] + axis * k
             for i in range(k):
-                found.u_x[0, i] += force * found.point[bearing.point_at[3] + axis * k + i]
+                u_x[i] += force * found.point[first + i]
             continue
-        row = 3 * point + axis
+        by_x = bearing.mass_at[4] + (3 * point + axis) * k
+        by_q = bearing.mass_at[5] + (3 * point + axis) * count
         for i in range(k):
-            found.u_x[0, i] += force * found.mass[bearing.mass_at[4] + row * k + i]
-        for i in range(len(bearing.joints)):
-            slope = found.mass[bearing.mass_at[5] + row * len(bearing.joints) + i]
+            u_x[i] += force * found.mass[by_x + i]
+        for i in range(count):
             joint = bearing.joints[i]
-            u_q[joint] += force * (limbs.sense[joint] * slope)
+            u_q[joint] += force * (limbs.sense[joint] * found.mass[by_q + i])
 
 
 @compiled(borrows=True)
-def _work(
-    limbs: Limbs,
-    bearing: Bearing,
-    payload: float,
-    accelerated: bool,
-    found: Carried,
-    u_q: Array,
-) -> None:
-    """u_x and u_q of all masses, under gravity or as `accelerated`; the laws are evaluated."""
+def _work(limbs: Limbs, bearing: Bearing, payload: float, row: int, found: Carried) -> None:
+    """A row of u_x and u_q of all masses, `WEIGHT` or `INERTIA`; the laws are evaluated."""
     a, count = found.a, len(bearing.kg)
-    fill(found.u_x, 0.0)
+    u_x, u_q = found.u_x[row], found.u_q[row]
+    for i in range(len(u_x)):
+        u_x[i] = 0.0
     for i in range(len(u_q)):
         u_q[i] = 0.0
     for point in range(-1, count):
         kg = payload if point < 0 else bearing.kg[point]
         for axis in range(3):
             a[axis] = 0.0 if axis < 2 else FREE_FALL
-            if accelerated:
+            if row == INERTIA:
                 a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
-        if accelerated and point >= 0:
+        if row == INERTIA and point >= 0:
             kg *= bearing.moves[point]
-        _add(limbs, bearing, found, point, kg, a, u_q)
+        _add(limbs, bearing, found, row, point, kg, a)
 
 
 @compiled(borrows=True)
-def _places(bearing: Bearing, found: Carried, weight: float) -> None:
-    """Add the places of all masses and the payload, times a weight, to what is accelerated."""
-    count = len(bearing.kg)
-    for i in range(3 * count):
-        found.accelerated[i] += weight * found.mass[bearing.mass_at[3] + i]
+def _places(bearing: Bearing, point: Array, mass: Array, weight: float, found: Array) -> None:
+    """Add the places of all masses and the payload, times a weight, to what is found."""
+    count = 3 * len(bearing.kg)
+    for i in range(count):
+        found[i] += weight * mass[bearing.mass_at[3] + i]
     for i in range(3):
-        found.accelerated[3 * count + i] += weight * found.point[bearing.point_at[2] + i]
+        found[count + i] += weight * point[bearing.point_at[2] + i]
 
 
 @compiled(borrows=True)
@@ -259,23 +275,14 @@ def _pose_for(limbs: Limbs, joints: Array, turn: Array, room: Room, found: Array
 
     The limbs are placed with their derivatives by the joints. NaN where it is singular.
     """
-    count, k = limbs.joints.shape[1], limbs.sizes[K]
-    for limb in range(len(limbs.joints)):
-        work = room.work[limb]
-        for i in range(limbs.rows.shape[1]):
-            row = limbs.rows[limb, i]
-            room.f[row] = turn[row]
-            for j in range(count):
-                joint = limbs.joints[limb, j]
-                slope = limbs.sense[joint] * work[limbs.at[F_Q] + i * count + j]
-                room.f[row] += slope * joints[joint]
-    good = towards(room, limbs.sizes[R], k)
-    for i in range(k):
+    copy_into(room.f, turn)
+    good = along(limbs, joints, room)
+    for i in range(len(found)):
         found[i] = -room.step[i] if good else np.nan
 
 
 @compiled(borrows=True)
-def _along(
+def _curved(
     limbs: Limbs,
     bearing: Bearing,
     q: Array,
@@ -285,45 +292,49 @@ def _along(
     room: Room,
     found: Carried,
 ) -> None:
-    """Second differences of closures and of masses' places, but for what is in their middle.
+    """Second derivatives of closures and of masses' places along the motion, by differences.
 
     Along the straight line through (q, x) that has the velocity (q', x'), x' = -f_x^+ f_q q'.
+    Limbs and masses are placed at (q, x), and stay so.
     """
-    there, way, turn = found.there, found.way, found.turn
+    turn, places, beside, share = found.turn, found.accelerated, found.beside, 1.0 / MOMENT**2
     for row in range(len(turn)):
         turn[row] = 0.0
-    for i in range(len(found.accelerated)):
-        found.accelerated[i] = 0.0
-    place(limbs, q, x, BESIDE, room)
+    for i in range(len(places)):
+        places[i] = 0.0
+    _places(bearing, found.point, found.mass, -2.0 * share, places)
+    copy_into(beside.f, room.f)
     _pose_for(limbs, rate, turn, room, found.pace)
+    for row in range(len(turn)):
+        turn[row] -= 2.0 * share * beside.f[row]
+    for limb in range(len(beside.work)):
+        copy_into(beside.work[limb], room.work[limb])
+    copy_into(beside.mass, found.mass)
     for side in range(2):
         t = MOMENT if side == 0 else -MOMENT
         for i in range(len(q)):
-            way[i] = q[i] + rate[i] * t
+            beside.joint[i] = q[i] + rate[i] * t
         for i in range(len(x)):
-            there[i] = x[i] + found.pace[i] * t
-        place(limbs, way, there, NEAR, room)
+            beside.pose[i] = x[i] + found.pace[i] * t
+        place_in(limbs, beside.joint, beside.pose, NEAR, beside.work, beside.f, beside.by_x)
         for row in range(len(turn)):
-            turn[row] += room.f[row] / MOMENT**2
-        point_at(bearing, there, centre, found.point)
-        masses_at(limbs, bearing, way, there, found.mass)
-        _places(bearing, found, 1.0 / MOMENT**2)
+            turn[row] += share * beside.f[row]
+        point_at(bearing, beside.pose, centre, beside.point)
+        masses_at(limbs, bearing, beside.joint, beside.pose, beside.mass)
+        _places(bearing, beside.point, beside.mass, share, places)
 
 
 @compiled(borrows=True)
 def _accelerate(
     limbs: Limbs, bearing: Bearing, acceleration: Array, room: Room, found: Carried
 ) -> None:
-    """Accelerations of all masses, after `_along`; limbs and masses are placed.
+    """Accelerations of all masses, after `_curved`.
 
     With D2 the second derivative along the velocity, and p the masses' places:
 
         x'' = -f_x^+ (f_q q'' + D2 f)      p'' = p_x x'' + p_q q'' + D2 p
     """
     k, joints, pace = len(found.pace), bearing.joints, found.pace
-    for row in range(len(found.turn)):
-        found.turn[row] -= 2.0 * room.f[row] / MOMENT**2
-    _places(bearing, found, -2.0 / MOMENT**2)
     _pose_for(limbs, acceleration, found.turn, room, pace)
     for row in range(3 * len(bearing.kg)):
         for i in range(k):
@@ -338,13 +349,13 @@ def _accelerate(
 
 
 @compiled(borrows=True)
-def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Array) -> None:
-    """Pulls of the cables that bear u_x, nearest to the pretension; the limbs are placed."""
+def _pulls(limbs: Limbs, bearing: Bearing, room: Room, u_x: Array, pull: Array) -> None:
+    """Pulls of the cables that bear u_x (k,), nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
     system = room.system
     squares(room.by_x, system)
     for i in range(k):
-        right = -found.u_x[0, i]
+        right = -u_x[i]
         for row in range(r):
             right -= room.by_x[row, i] * bearing.pretension
         system[i, k] = right
@@ -353,6 +364,20 @@ def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Arr
         pull[row] = bearing.pretension if good else np.nan
         for i in range(k):
             pull[row] += room.by_x[row, i] * system[i, k]
+
+
+@compiled(borrows=True)
+def _pulls_at_home(limbs: Limbs, bearing: Bearing, room: Room, found: Carried) -> None:
+    """Pulls where counters are zero, without a payload: once for the same dimensions."""
+    if found.known[0] > 0.0:
+        return
+    copy_into(found.still, limbs.zero)
+    place(limbs, found.still, bearing.home, FULL, room)
+    point_at(bearing, bearing.home, found.origin, found.point)
+    masses_at(limbs, bearing, found.still, bearing.home, found.mass)
+    _work(limbs, bearing, 0.0, WEIGHT, found)
+    _pulls(limbs, bearing, room, found.u_x[WEIGHT], found.pull_home)
+    found.known[0] = 1.0
 
 
 @compiled(borrows=True)
@@ -370,43 +395,32 @@ def bear(
     found: Carried,
 ) -> None:
     """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g."""
-    u_q, moving = found.u_q, False
-    for i in range(len(found.load)):
-        found.load[i] = 0.0
-    if asked & OF_PULLS and found.known[0] == 0.0:
-        copy_into(found.still, limbs.zero)
-        place(limbs, found.still, bearing.home, FULL, room)
-        point_at(bearing, bearing.home, found.origin, found.point)
-        masses_at(limbs, bearing, found.still, bearing.home, found.mass)
-        _work(limbs, bearing, 0.0, False, found, u_q)
-        _pulls(limbs, bearing, room, found, found.pull_home)
-        found.known[0] = 1.0
-    if asked & OF_INERTIA:
-        for i in range(len(q)):
-            found.inertia[i] = 0.0
-        moving = _moves(rate, acceleration)
-    if moving:
-        _along(limbs, bearing, q, x, rate, centre, room, found)
+    if asked & OF_PULLS:
+        _pulls_at_home(limbs, bearing, room, found)
     place(limbs, q, x, FULL, room)
     point_at(bearing, x, centre, found.point)
     masses_at(limbs, bearing, q, x, found.mass)
+    _work(limbs, bearing, payload, WEIGHT, found)
+    moving = asked & OF_INERTIA > 0 and _moves(rate, acceleration)
     if moving:
+        _curved(limbs, bearing, q, x, rate, centre, room, found)
         _accelerate(limbs, bearing, acceleration, room, found)
-        _work(limbs, bearing, payload, True, found, u_q)
-        moved(limbs, found.u_x, room, found.by_q, found.by_g)
-        for i in range(len(q)):
-            found.inertia[i] = u_q[i] + found.by_q[0, i]
-        for i in range(found.by_g.shape[1]):
-            found.load[i] = found.by_g[0, i]
-    _work(limbs, bearing, payload, False, found, u_q)
+        _work(limbs, bearing, payload, INERTIA, found)
     if asked & OF_PULLS:
-        _pulls(limbs, bearing, room, found, found.pull)
+        _pulls(limbs, bearing, room, found.u_x[WEIGHT], found.pull)
+    if asked & OF_WEIGHT or moving:
+        rows = 2 if moving else 1
+        by_g = found.by_g if asked & OF_DIMENSIONS else found.none
+        moved(limbs, found.u_x[:rows], room, found.by_q[:rows], by_g[:rows])
     if asked & OF_WEIGHT:
-        moved(limbs, found.u_x, room, found.by_q, found.by_g)
         for i in range(len(q)):
-            found.gravity[i] = u_q[i] + found.by_q[0, i]
-        for i in range(found.by_g.shape[1]):
-            found.load[i] += found.by_g[0, i]
+            found.gravity[i] = found.u_q[WEIGHT, i] + found.by_q[WEIGHT, i]
+    if asked & OF_INERTIA:
+        for i in range(len(q)):
+            found.inertia[i] = found.u_q[INERTIA, i] + found.by_q[INERTIA, i] if moving else 0.0
+    if asked & OF_DIMENSIONS:
+        for i in range(len(found.load)):
+            found.load[i] = found.by_g[WEIGHT, i] + (found.by_g[INERTIA, i] if moving else 0.0)
 
 
 @compiled()
@@ -427,7 +441,7 @@ def every(
     n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
     pull, home = np.zeros((n, r)), np.zeros((n, r))
-    own, found, last = room(limbs, size), carried(limbs, bearing), len(g) - 1
+    own, found, last = room(limbs, size), carried(limbs, bearing, size), len(g) - 1
     for row in range(n):
         if row == 0 or last > 0:
             set_geometry(limbs, g[min(row, last)], own)
@@ -454,12 +468,11 @@ def every(
 def pulls(limbs: Limbs, size: int, bearing: Bearing, x: Array, g: Array, load: Array) -> Array:
     """Pulls of the limbs that bear dU/dx = load (n, k) at poses x (n, k), (n, R)."""
     n, last = len(x), len(g) - 1
-    own, found = room(limbs, size), carried(limbs, bearing)
+    own, found = room(limbs, size), carried(limbs, bearing, size)
     every_pull = np.empty((n, limbs.sizes[R]))
     for row in range(n):
         if row == 0 or last > 0:
             set_geometry(limbs, g[min(row, last)], own)
         place(limbs, found.still, x[row], FULL, own)
-        copy_into(found.u_x[0], load[row])
-        _pulls(limbs, bearing, own, found, every_pull[row])
+        _pulls(limbs, bearing, own, load[row], every_pull[row])
     return every_pull

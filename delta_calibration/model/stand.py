@@ -113,6 +113,7 @@ class State(NamedTuple):
     geometry: Array  # (p,) under these conditions
     before: Array  # (k,)
     swing: Array  # (1,) [m, rad] by which the last round of effects moved the pose
+    rounds: Array  # (1,) of effects that it took
 
 
 @compiled()
@@ -125,13 +126,14 @@ def state_of(body: Body, stages: Stages) -> State:
             own[body.opening.at[2] + i] = body.opening.constants[i]
     return State(
         room(limbs, body.size),
-        carried(limbs, body.bearing),
+        carried(limbs, body.bearing, body.size),
         own,
         stages.drive.work.copy(),
         stages.structure.work.copy(),
         np.zeros(limbs.sizes[M]),
         np.zeros(limbs.sizes[P]),
         np.zeros(limbs.sizes[K]),
+        np.zeros(1),
         np.zeros(1),
     )
 
@@ -296,7 +298,8 @@ def stand(
     elif not begin_at(body, stages, signals, g, stray, x, state):
         return False
     before = 0.0
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
+        state.rounds[0] = number + 1
         if not next_round(body, stages, signals, g, values, stray, x, state):
             return False
         swing = state.swing[0]

@@ -9,6 +9,8 @@ their addresses, so no set of effects has to be compiled.
     lead (T,)       where its first signal is
     reach (T, 2)    least and largest value of that with which the term does anything: beyond it is
                     passed over
+    end (T,)        first term behind the run that a term is in: of terms with the same `lead`, and
+                    with `reach` that does not fall at either side
     span (T, 9)     begin and number of a term's signals, values and outputs in `signal`, `value`,
                     `output`; where its workspace begins, its size, where f stands in it
     work            the workspaces, constants already in their places
@@ -48,6 +50,7 @@ class Table(NamedTuple):
     law: Index
     lead: Index
     reach: Array
+    end: Index
     span: Index
     signal: Index
     value: Index
@@ -95,6 +98,7 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
         np.array(law, dtype=np.int64),
         np.array(lead, dtype=np.int64),
         np.array(reach, dtype=float).reshape(-1, 2),
+        np.array(_ends(lead, reach), dtype=np.int64),
         np.array(span, dtype=np.int64).reshape(-1, 9),
         np.array(signal, dtype=np.int64),
         np.array(value, dtype=np.int64),
@@ -103,11 +107,29 @@ def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
     )
 
 
+def _ends(lead: Sequence[int], reach: Sequence[tuple[float, float]]) -> list[int]:
+    """Ends of runs, see `Table.end`."""
+    ends = [len(lead)] * len(lead)
+    for i in reversed(range(len(lead) - 1)):
+        alike = lead[i] == lead[i + 1]
+        rises = reach[i][0] <= reach[i + 1][0] and reach[i][1] <= reach[i + 1][1]
+        ends[i] = ends[i + 1] if alike and rises else i + 1
+    return ends
+
+
 @compiled(borrows=True)
-def idle_at(table: Table, term: int, signals: Array) -> bool:
-    """Whether a term does nothing at a sample; where its signal is not a number it may."""
-    led = signals[table.lead[term]]
-    return bool(led < table.reach[term, 0] or led > table.reach[term, 1])
+def busy_from(table: Table, term: int, signals: Array) -> int:
+    """The term, if it does something at a sample, else one before which none of its run does.
+
+    Where its signal is not a number it may do something.
+    """
+    led, end = signals[table.lead[term]], table.end[term]
+    if led < table.reach[term, 0]:
+        return end
+    if led > table.reach[term, 1]:
+        middle = int(0.5 * (term + end))
+        return middle if middle > term and led > table.reach[middle, 1] else term + 1
+    return term
 
 
 @compiled(borrows=True)
@@ -127,8 +149,12 @@ def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array
 @compiled(borrows=True)
 def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: Array) -> None:
     """Add what all terms do to a stage, (size of the stage,)."""
+    busy = 0
     for term in range(len(table.law)):
-        if idle_at(table, term, signals):
+        if term < busy:
+            continue
+        busy = busy_from(table, term, signals)
+        if busy > term:
             continue
         evaluate(table, term, signals, values, work)
         span = table.span[term]
@@ -145,8 +171,12 @@ def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slop
 
     The terms have been evaluated on these signals; their derivatives are in the workspaces.
     """
+    busy = 0
     for term in range(len(table.law)):
-        if idle_at(table, term, signals):
+        if term < busy:
+            continue
+        busy = busy_from(table, term, signals)
+        if busy > term:
             continue
         span = table.span[term]
         count = span[V_COUNT]
@@ -190,8 +220,12 @@ def _columns(
     table: Table, signals: Array, values: Array, by_stage: Array, work: Array, found: Array
 ) -> None:
     for row in range(len(signals)):
+        busy = 0
         for term in range(len(table.law)):
-            if not idle_at(table, term, signals[row]):
+            if term < busy:
+                continue
+            busy = busy_from(table, term, signals[row])
+            if busy == term:
                 evaluate(table, term, signals[row], values, work)
         of_row = by_stage[min(row, len(by_stage) - 1)]
         slopes_into(table, signals[row], work, of_row, found[row])
