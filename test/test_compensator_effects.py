@@ -354,7 +354,8 @@ def test_effects_that_do_not_settle_get_no_correction(size: float, settles: bool
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(
-    "cause", ["joint_compliance", "forearm_compliance", "dynamic_deflection", "ball_joint_clearance"]
+    "cause",
+    ["joint_compliance", "forearm_compliance", "dynamic_deflection", "ball_joint_clearance"],
 )
 def test_steps_and_rounds_in_turn_end_where_the_whole_chain_reaches_the_target(
     cause: str, model: str

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import subprocess
 import sys
 
 import pytest
@@ -124,3 +125,11 @@ def test_an_example_would_be_taken(name: str) -> None:
 def test_help_that_is_a_parameters_value_is_none() -> None:
     assert not asks_for_help(["node", "--ros-args", "-p", "output:=x", "--help"])
     assert not asks_for_help(["--help"])
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_a_module_that_is_run_by_python_tells_the_same(name: str) -> None:
+    command = [sys.executable, "-m", f"delta_calibration.ros.{name}", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith(f"{name}: ")
+    assert f"ros2 run delta_calibration {name}" in done.stdout

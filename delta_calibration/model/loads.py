@@ -37,7 +37,6 @@ from delta_calibration.model.kernels import (
     Room,
     along,
     copy_into,
-    fill,
     moved,
     own_joint,
     place,

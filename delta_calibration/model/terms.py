@@ -123,7 +123,7 @@ def busy_from(table: Table, term: int, signals: Array) -> int:
 
     Where its signal is not a number it may do something.
     """
-    led, end = signals[table.lead[term]], table.end[term]
+    led, end = signals[table.lead[term]], int(table.end[term])
     if led < table.reach[term, 0]:
         return end
     if led > table.reach[term, 1]:

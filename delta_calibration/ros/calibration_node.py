@@ -40,6 +40,7 @@ from delta_calibration.ros import conversions
 from delta_calibration.ros.calibration_parameters import SPECS, desk_settings, topic_named
 from delta_calibration.ros.controllers import Controllers
 from delta_calibration.ros.diagnostics import Diagnostics, status
+from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.jobs import Finish, Jobs, Work
 from delta_calibration.ros.joint_intake import JointIntake, Stamp, nanoseconds
 from delta_calibration.ros.lifecycle import SafeLifecycleNode
@@ -526,4 +527,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    leave(main())
+    leave(run_node(NAME))

@@ -47,6 +47,7 @@ from delta_calibration.ros.conversions import (
 )
 from delta_calibration.ros.diagnostics import Diagnostics
 from delta_calibration.ros.driven import Driven
+from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import (
     RATE,
     ROBOT,
@@ -389,4 +390,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    leave(main())
+    leave(run_node(NAME))

@@ -27,6 +27,7 @@ from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
 from delta_calibration.ros.driven import Driven
+from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import (
     RATE,
     ROBOT,
@@ -273,4 +274,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    leave(main())
+    leave(run_node(NAME))

@@ -23,6 +23,7 @@ from delta_calibration.errors import CalibrationError, ReachError
 from delta_calibration.robot import load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
+from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import (
     FRAME_PREFIX,
     ROBOT,
@@ -115,4 +116,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    leave(main())
+    leave(run_node(NAME))

@@ -20,6 +20,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from delta_calibration.errors import InputError
 from delta_calibration.ros.conversions import ns_to_stamp
+from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
 from delta_calibration.ros.playback import ALL, PlaybackClock, load_timeline, start_index
 from delta_calibration.ros.qos import BY_NAME, CLOCK, STREAM_OUT, deeper
@@ -213,4 +214,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    leave(main())
+    leave(run_node(NAME))

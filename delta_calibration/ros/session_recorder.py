@@ -22,6 +22,7 @@ from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.recording import LATCHED, Qos, SessionWriter
 from delta_calibration.recording.messages import message_type
 from delta_calibration.ros.diagnostics import Diagnostics
+from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import ParameterTable, Spec, warn_of_unknown
 from delta_calibration.ros.qos import BY_NAME, INPUTS, Topic, deeper
 from delta_calibration.ros.runtime import BaseNode, run
@@ -190,4 +191,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    leave(main())
+    leave(run_node(NAME))

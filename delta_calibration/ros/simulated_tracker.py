@@ -30,6 +30,7 @@ from delta_calibration.ros.conversions import (
     stamp_to_ns,
 )
 from delta_calibration.ros.diagnostics import Diagnostics
+from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import (
     FRAME_PREFIX,
     ROBOT,
@@ -193,4 +194,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    leave(main())
+    leave(run_node(NAME))
