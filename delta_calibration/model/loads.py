@@ -7,6 +7,10 @@ them), the joints carry dU/dq and a dimension g of the machine carries dU/dg,
 
 Cables can only pull, and more of them than freedoms hold each other taut: of all pulls that bear
 the load the nearest to the pretension is taken, t = t_p + (f_x^T)^+ (-u_x - f_x^T t_p).
+
+What all of it presses on the base is the sum over the masses (d'Alembert), with z up,
+
+    F = -sum m (p'' + G z)        M = -sum p x m (p'' + G z)
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from delta_calibration.model.chain_constants import (
     MOMENT,
     OF_INERTIA,
     OF_PULLS,
+    OF_REACTION,
     OF_WEIGHT,
 )
 from delta_calibration.model.jit import call, compiled, record
@@ -60,7 +65,7 @@ class Bearing(NamedTuple):
                                 and its size
     mass (4,), mass_at (7,)     law of the masses' places; places of x, q, g, f, f_x, f_q, size
     dims (d,)                   dimensions that it takes, or fixed numbers behind them
-    kg (k,), moves (k,)         each mass, and the share of it that counts where it is accelerated
+    kg (k,), levers (k, 3)      each mass, and how far [m] it is from the place that its law states
     home (k,)                   pose at which counters are zero
     pretension                  [N] of every cable
     constants (c,)              of the limbs, for the law of the masses
@@ -73,7 +78,7 @@ class Bearing(NamedTuple):
     mass_at: Index
     dims: Index
     kg: Array
-    moves: Array
+    levers: Array
     home: Array
     pretension: float
     constants: Array
@@ -82,7 +87,7 @@ class Bearing(NamedTuple):
 
 @record
 class Carried(NamedTuple):
-    """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home.
+    """Scratch, and what is found: torques of weight and inertia, dU/dg, reaction, pulls.
 
     dU/dg is that of the weight, and of the inertia where that is asked for as well.
     """
@@ -96,6 +101,7 @@ class Carried(NamedTuple):
     gravity: Array  # (m,)
     inertia: Array  # (m,)
     load: Array  # (p,)
+    reaction: Array  # (6,) [N, N m] force and moment on the base, about its origin
     pull: Array  # (R,)
     pull_home: Array  # (R,)
     there: Array  # (k,)
@@ -123,6 +129,7 @@ def carried(limbs: Limbs, bearing: Bearing) -> Carried:
         np.zeros(m),
         np.zeros(m),
         np.zeros(p),
+        np.zeros(6),
         np.zeros(r),
         np.zeros(r),
         np.zeros(k),
@@ -229,8 +236,6 @@ def _work(
             a[axis] = 0.0 if axis < 2 else FREE_FALL
             if accelerated:
                 a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
-        if accelerated and point >= 0:
-            kg *= bearing.moves[point]
         _add(limbs, bearing, found, point, kg, a, u_q)
 
 
@@ -338,6 +343,34 @@ def _accelerate(
 
 
 @compiled(borrows=True)
+def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> None:
+    """Force and moment on the base; the laws are evaluated, and the accelerations if `moving`."""
+    a, count, total = found.a, len(bearing.kg), found.reaction
+    for i in range(6):
+        total[i] = 0.0
+    for point in range(-1, count):
+        row = count if point < 0 else point
+        kg = payload if point < 0 else bearing.kg[point]
+        for axis in range(3):
+            a[axis] = 0.0 if axis < 2 else FREE_FALL
+            if moving:
+                a[axis] += found.accelerated[3 * row + axis]
+        for axis in range(3):
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            p_i, p_j = _place_of(bearing, found, point, i), _place_of(bearing, found, point, j)
+            total[axis] -= kg * a[axis]
+            total[3 + axis] -= kg * (p_i * a[j] - p_j * a[i])
+
+
+@compiled(borrows=True)
+def _place_of(bearing: Bearing, found: Carried, point: int, axis: int) -> float:
+    """Where a mass is along an axis of the base [m]; the payload's number is -1."""
+    if point < 0:
+        return float(found.point[bearing.point_at[2] + axis])
+    return float(found.mass[bearing.mass_at[3] + 3 * point + axis] + bearing.levers[point, axis])
+
+
+@compiled(borrows=True)
 def _pulls(limbs: Limbs, bearing: Bearing, room: Room, found: Carried, pull: Array) -> None:
     """Pulls of the cables that bear u_x, nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
@@ -384,6 +417,7 @@ def bear(
     if asked & OF_INERTIA:
         for i in range(len(q)):
             found.inertia[i] = 0.0
+    if asked & (OF_INERTIA | OF_REACTION):
         moving = _moves(rate, acceleration)
     if moving:
         _along(limbs, bearing, q, x, rate, centre, room, found)
@@ -392,6 +426,9 @@ def bear(
     masses_at(limbs, bearing, q, x, found.mass)
     if moving:
         _accelerate(limbs, bearing, acceleration, room, found)
+    if asked & OF_REACTION:
+        _react(bearing, payload, moving, found)
+    if moving and asked & OF_INERTIA:
         _work(limbs, bearing, payload, True, found, u_q)
         moved(limbs, found.u_x, room, found.by_q, found.by_g)
         for i in range(len(q)):
@@ -422,11 +459,11 @@ def every(
     acceleration: Array,
     payload: Array,
     centre: Array,
-) -> tuple[Array, Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array, Array, Array]:
     """All loads that are asked for, of every sample; see `Mechanism.loads`."""
     n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
-    pull, home = np.zeros((n, r)), np.zeros((n, r))
+    pull, home, reaction = np.zeros((n, r)), np.zeros((n, r)), np.zeros((n, 6))
     own, found, last = room(limbs, size), carried(limbs, bearing), len(g) - 1
     for row in range(n):
         if row == 0 or last > 0:
@@ -446,8 +483,8 @@ def every(
             found,
         )
         weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
-        pull[row], home[row] = found.pull, found.pull_home
-    return weight, inertia, load, pull, home
+        pull[row], home[row], reaction[row] = found.pull, found.pull_home, found.reaction
+    return weight, inertia, load, pull, home, reaction
 
 
 @compiled()
