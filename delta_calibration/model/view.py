@@ -89,7 +89,7 @@ def _move_base(
         for j in range(3):
             a, b = (j + 1) % 3, (j + 2) % 3
             at_a, at_b = device.rotation[i, a], device.rotation[i, b]
-            turned[i, j] = device.rotation[i, j] + at_b * shift[3 + a] - at_a * shift[3 + b]
+            turned[i, j] = device.rotation[i, j] + at_a * shift[3 + b] - at_b * shift[3 + a]
             by_base[i, j] = device.rotation[i, j]
             by_base[i, 3 + j] = at_b * place[first + a] - at_a * place[first + b]
     for i in range(3):
