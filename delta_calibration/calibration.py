@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects import Effect
 from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
@@ -54,7 +54,7 @@ class Calibration:
         return tuple(
             (effect, value)
             for effect, value in zip(self.chain.effects, values, strict=True)
-            if effect.stage is not Stage.MEASUREMENT and not effect.bound_to_session
+            if not effect.on_readings and not effect.bound_to_session
         )
 
     @property
