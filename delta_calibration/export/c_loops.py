@@ -354,6 +354,11 @@ class _Function:
             yield from self._block(node.orelse, indent)
         yield f"{indent}}}"
 
+    def _while(self, node: ast.While, indent: str) -> Iterator[str]:
+        yield f"{indent}while ({_bare(self.value(node.test).text)}) {{"
+        yield from self._block(node.body, indent)
+        yield f"{indent}}}"
+
     def _for(self, node: ast.For, indent: str) -> Iterator[str]:
         name = node.target.id  # type: ignore[attr-defined]
         match node.iter:

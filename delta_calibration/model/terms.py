@@ -119,16 +119,19 @@ def _ends(lead: Sequence[int], reach: Sequence[tuple[float, float]]) -> list[int
 
 @compiled(borrows=True)
 def busy_from(table: Table, term: int, signals: Array) -> int:
-    """The term, if it does something at a sample, else one before which none of its run does.
+    """The first term from this one on that may do something at a sample, or their number.
 
-    Where its signal is not a number it may do something.
+    Where its signal is not a number it may.
     """
-    led, end = signals[table.lead[term]], int(table.end[term])
-    if led < table.reach[term, 0]:
-        return end
-    if led > table.reach[term, 1]:
-        middle = int(0.5 * (term + end))
-        return middle if middle > term and led > table.reach[middle, 1] else term + 1
+    while term < len(table.law):
+        led, end = signals[table.lead[term]], int(table.end[term])
+        if led < table.reach[term, 0]:
+            term = end
+        elif led > table.reach[term, 1]:
+            middle = int(0.5 * (term + end))
+            term = middle if middle > term and led > table.reach[middle, 1] else term + 1
+        else:
+            break
     return term
 
 
@@ -149,13 +152,8 @@ def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array
 @compiled(borrows=True)
 def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: Array) -> None:
     """Add what all terms do to a stage, (size of the stage,)."""
-    busy = 0
-    for term in range(len(table.law)):
-        if term < busy:
-            continue
-        busy = busy_from(table, term, signals)
-        if busy > term:
-            continue
+    term = busy_from(table, 0, signals)
+    while term < len(table.law):
         evaluate(table, term, signals, values, work)
         span = table.span[term]
         first = span[W_AT] + span[F_AT]
@@ -163,6 +161,7 @@ def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: A
             row = table.output[span[O_AT] + i]
             if row >= 0:
                 shift[row] += work[first + i]
+        term = busy_from(table, term + 1, signals)
 
 
 @compiled(borrows=True)
@@ -171,13 +170,8 @@ def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slop
 
     The terms have been evaluated on these signals; their derivatives are in the workspaces.
     """
-    busy = 0
-    for term in range(len(table.law)):
-        if term < busy:
-            continue
-        busy = busy_from(table, term, signals)
-        if busy > term:
-            continue
+    term = busy_from(table, 0, signals)
+    while term < len(table.law):
         span = table.span[term]
         count = span[V_COUNT]
         first = span[W_AT] + span[F_AT] + span[O_COUNT]
@@ -193,6 +187,7 @@ def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slop
                 for side in range(len(slopes)):
                     if by_stage[side, row] != 0.0:  # else it is nothing, even of what is unknown
                         slopes[side, column] += by_stage[side, row] * slope
+        term = busy_from(table, term + 1, signals)
 
 
 @compiled(borrows=True)
@@ -220,13 +215,10 @@ def _columns(
     table: Table, signals: Array, values: Array, by_stage: Array, work: Array, found: Array
 ) -> None:
     for row in range(len(signals)):
-        busy = 0
-        for term in range(len(table.law)):
-            if term < busy:
-                continue
-            busy = busy_from(table, term, signals[row])
-            if busy == term:
-                evaluate(table, term, signals[row], values, work)
+        term = busy_from(table, 0, signals[row])
+        while term < len(table.law):
+            evaluate(table, term, signals[row], values, work)
+            term = busy_from(table, term + 1, signals[row])
         of_row = by_stage[min(row, len(by_stage) - 1)]
         slopes_into(table, signals[row], work, of_row, found[row])
 
