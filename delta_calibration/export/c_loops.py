@@ -491,6 +491,8 @@ class _Function:
             if right.text == "2":
                 return _Text(f"({left.text} * {left.text})", left.kind)
             return _Text(f"pow({left.text}, {right.text})", REAL)
+        if type(node.op) not in SIGNS:
+            raise self.refused(node)
         kind = INT if left.kind == right.kind == INT else REAL
         divided = isinstance(node.op, ast.Div)
         first = f"(double){left.text}" if divided and kind == INT else left.text

@@ -365,15 +365,17 @@ def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> No
             a[axis] = 0.0 if axis < 2 else FREE_FALL
             if moving:
                 a[axis] += found.accelerated[3 * row + axis]
+        x, y = _coordinate(bearing, found, point, 0), _coordinate(bearing, found, point, 1)
+        z = _coordinate(bearing, found, point, 2)
         for axis in range(3):
-            i, j = (axis + 1) % 3, (axis + 2) % 3
-            p_i, p_j = _place_of(bearing, found, point, i), _place_of(bearing, found, point, j)
             total[axis] -= kg * a[axis]
-            total[3 + axis] -= kg * (p_i * a[j] - p_j * a[i])
+        total[3] -= kg * (y * a[2] - z * a[1])
+        total[4] -= kg * (z * a[0] - x * a[2])
+        total[5] -= kg * (x * a[1] - y * a[0])
 
 
 @compiled(borrows=True)
-def _place_of(bearing: Bearing, found: Carried, point: int, axis: int) -> float:
+def _coordinate(bearing: Bearing, found: Carried, point: int, axis: int) -> float:
     """Where a mass is along an axis of the base [m]; the payload's number is -1."""
     if point < 0:
         return float(found.point[bearing.point_at[2] + axis])

@@ -128,8 +128,13 @@ def busy_from(table: Table, term: int, signals: Array) -> int:
         if led < table.reach[term, 0]:
             term = end
         elif led > table.reach[term, 1]:
-            middle = int(0.5 * (term + end))
-            term = middle if middle > term and led > table.reach[middle, 1] else term + 1
+            term += 1
+            while term < end:
+                middle = int(0.5 * (term + end))
+                if led > table.reach[middle, 1]:
+                    term = middle + 1
+                else:
+                    end = middle
         else:
             break
     return term
