@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.effects import Effect
+from delta_calibration.effects import Effect, Stage
 from delta_calibration.geometry import Frame
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
@@ -59,8 +59,16 @@ class Calibration:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Causes found that are not compensated: they went by the clock of a session."""
-        return tuple(e.cause for e in self.chain.effects if e.bound_to_session)
+        """Causes found that are not compensated, see `why_left_out`."""
+        effects = self.chain.effects
+        return tuple(e.cause for e in effects if e.bound_to_session or e.stage is Stage.BASE)
+
+    def why_left_out(self, cause: str) -> str:
+        """Why a cause that was found is not compensated: the end of a sentence."""
+        (effect,) = (e for e in self.chain.effects if e.cause == cause)
+        if effect.bound_to_session:
+            return "it depends on the time within its session"
+        return "it moves the base, not the joints"
 
     @property
     def frame(self) -> Frame:

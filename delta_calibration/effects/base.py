@@ -306,6 +306,12 @@ class Effect(ABC):
             return "the direction of the last motion is not known"
         return ""
 
+    def remedied(self, lacking: str) -> str:
+        """What to do about what is `missing`, so that it can be evaluated."""
+        if "known" in lacking:
+            return f"record it: {' and '.join(self.needs)}"
+        return "measure under conditions in which they differ"
+
     @property
     def bound_to_session(self) -> bool:
         """Whether it goes by the clock of the session it was found in, and ends with it."""

@@ -24,6 +24,7 @@ from delta_calibration.effects.base import Array, Effect, Stage
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.signals import REACTION
+from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model.symbols import Symbol, column
 from delta_calibration.parameters import Parameter, ParameterSet
 
@@ -33,6 +34,7 @@ from delta_calibration.parameters import Parameter, ParameterSet
 _SHIFT, _TURN = 2.5e-7, 4e-6  # [m/N], [rad/(N m)]
 _COUPLING = 5e-7  # [rad/N] of mounts 0.12 m off the base's origin
 _SOFTEST = 80.0  # times as soft
+_UNWEIGHED = "the robot file states no masses"
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,9 @@ class BaseCompliance(Effect):
 
     @property
     def suits(self) -> bool:
-        """Whether it has one base: cables hang from posts that stand apart."""
-        return not self.mechanism.pulls
+        """Whether its file can say what it weighs, and it has one base: cables have posts."""
+        weighed = self.mechanism.Masses is not None or isinstance(self.mechanism, SerialArm)
+        return weighed and not self.mechanism.pulls
 
     @property
     def parameters(self) -> ParameterSet:
@@ -99,10 +102,16 @@ class BaseCompliance(Effect):
         )
 
     def missing(self, at: Conditions) -> str:
-        """Also where nobody has stated what the machine's parts weigh."""
+        """Also where nobody has stated what the links of an arm weigh (`mass_kg`)."""
         if not self.mechanism.weights(self.robot.masses).any():
-            return "the robot file states no masses"
+            return _UNWEIGHED
         return super().missing(at)
+
+    def remedied(self, lacking: str) -> str:
+        """State the masses, where these are what is missing."""
+        if lacking == _UNWEIGHED:
+            return "state mass_kg of the links in the robot file"
+        return super().remedied(lacking)
 
     def regressor(self, at: Conditions) -> Regressor:
         """Moment that tilts the base, of the nominal machine."""
