@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
@@ -211,10 +211,8 @@ class Trial:
         robot, streams = self.robot, joint_streams(self.few)
         every = tuple(range(len(robot.joints.names)))
         for which in (*((j,) for j in every), *([every] if len(every) > 1 else ())):
-            yield self._offset(
-                which, lambda v, w=which: hypotheses.offset_joints(robot, streams, w, v)
-            )
-        yield self._offset(every, lambda v: _opposite(robot, streams, v))
+            yield self._offset(which, partial(hypotheses.offset_joints, robot, streams, which))
+        yield self._offset(every, partial(_opposite, robot, streams))
 
     def _offset(self, which: tuple[int, ...], change: Callable[[float], Change]) -> Change:
         """The best offset of some joints, of the changes that each offset is."""

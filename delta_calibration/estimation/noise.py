@@ -148,7 +148,8 @@ class _Visits:
     def degrees(self) -> int:
         """Degrees of freedom of a pose that are left to chance."""
         size = np.bincount(self.place)
-        return max(int((size[size > 0] - 1).sum()) - -(-self.course.shape[1] // 3), 0)
+        taken = -(-int(self.course.shape[1]) // 3)
+        return max(int((size[size > 0] - 1).sum()) - taken, 0)
 
     @property
     def floor(self) -> float:
