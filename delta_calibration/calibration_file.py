@@ -191,6 +191,7 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
             float(model["widen"]),
             np.array(model["play"], dtype=float),
             1e-12 * float(model.get("doubt_um2", 0.0)),
+            float(model.get("kurtosis", 0.0)),
         ),
         float(told.get("repeatability_degrees_of_freedom", np.inf)),
     )
@@ -219,6 +220,7 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
             "widen": model.widen,
             "play": model.play.tolist(),
             "doubt_um2": 1e12 * model.doubt,
+            **({"kurtosis": model.kurtosis} if model.kurtosis else {}),
         },
         **({"repeatability_degrees_of_freedom": known} if np.isfinite(known) else {}),
     }

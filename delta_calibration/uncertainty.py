@@ -14,8 +14,14 @@ M is measured: what poses that a fit had not seen were missed by, less what nois
 it; the less sure it is, the less of it counts (James and Stein 1961). Most models miss more
 towards the edge of the region than in its middle: the size of M goes as 1 - b + b r^2, with r the
 distance from the middle of the poses in units of their spread and b, 0 to 1, as the poses show it.
-Errors of a model are not always normal: `widen` is by how much the 95 % of those poses reach
-beyond what V and the tracker's noise say, and is 1 where as many as do may by chance.
+Errors of a model are not always normal. Those of a gear are bounded sines, with lighter tails: the
+fourth moment of the same poses says how light,
+
+    Var |e|^2 = 2 tr V^2 + k (tr M)^2
+
+with k = 0 of a normal law, below it of lighter tails and above it of heavier ones. `widen` is by
+how much the 95 % of those poses reach beyond what V and the tracker's noise say, and is 1 where as
+many as do may by chance.
 
 The 95 % radius goes by Student's t in the place of the normal law, as s_q and M are known from few
 poses: degrees of freedom by Welch and Satterthwaite (GUM G.4). Play is no normal error but one of
@@ -62,6 +68,7 @@ class ModelError:
     widen: float  # at least 1
     play: Array  # (m,) [rad or m] each joint is off, by the side it comes from
     doubt: float = 0.0  # [m^2] standard error of M's trace
+    kurtosis: float = 0.0  # k: variance of |m|^2 less that of a normal m, over (tr M)^2
 
     def at(self, places: Array) -> Array:
         """M at places (n, 3) [m], (n, 3, 3)."""
@@ -94,6 +101,7 @@ class Parts:
     sided: Array  # (n, 3, m) [m] by play of each joint, by the side it comes from
     model: Array
     doubt: Array  # (n,) [m^2] standard error of the trace of the whole
+    fourth: Array  # (n,) [m^4] variance of the error squared beyond that of a normal law
 
     @property
     def play(self) -> Array:
@@ -150,14 +158,16 @@ class Identified:
         frame = jacobian[..., self.chain.layout.frame]
         model, places = self.uncertainty.model, self.chain.mechanism.position(seen.x)
         still = self.uncertainty.repeatability**2 * by_joints @ _turned_round(by_joints)
+        left = model.at(places)
         unsure = np.trace(still, axis1=1, axis2=2) * np.sqrt(2 / self.uncertainty.freedom)
         return Parts(
             frame=frame @ rest @ _turned_round(frame),
             dimensions=jacobian @ following @ _turned_round(jacobian),
             repeatability=still,
             sided=by_joints * model.play,
-            model=model.at(places),
+            model=left,
             doubt=np.hypot(unsure, model.doubt * model.growth(places)),
+            fourth=model.kurtosis * np.trace(left, axis1=1, axis2=2) ** 2,
         )
 
     def radius(self, at: Conditions, stated: Array | float = 0.0) -> Array:
@@ -172,7 +182,8 @@ class Identified:
         """
         parts = self.machine.parts(at)
         normal = parts.whole - parts.play + stated
-        return self.uncertainty.model.widen * radius95(normal, parts.sided, parts.doubt)
+        widen = self.uncertainty.model.widen
+        return widen * radius95(normal, parts.sided, parts.doubt, parts.fourth)
 
 
 def _turned_round(matrix: Array) -> Array:
@@ -200,7 +211,12 @@ def _definite(matrix: Array) -> Array:
     return np.asarray((way * np.maximum(value, 0.0)) @ way.T)
 
 
-def radius95(normal: Array, sided: Array | None = None, doubt: Array | None = None) -> Array:
+def radius95(
+    normal: Array,
+    sided: Array | None = None,
+    doubt: Array | None = None,
+    fourth: Array | float = 0.0,
+) -> Array:
     """Radius within which an error lies with 95 %, (n,) [m].
 
     A normal vector's square is a sum of chi squares, weighted with the eigenvalues of its
@@ -213,9 +229,10 @@ def radius95(normal: Array, sided: Array | None = None, doubt: Array | None = No
         sided: what has two values: plus or minus each column of (n, 3, m) [m], all combinations
             as likely.
         doubt: standard error of the trace of the covariance, (n,) [m^2].
+        fourth: variance of the error squared less that of a normal law, (n,) [m^4].
     """
     trace = np.trace(normal, axis1=-2, axis2=-1)
-    square = np.sum(normal * _turned_round(normal), axis=(-2, -1))
+    square = _half_variance(normal, fourth)
     with np.errstate(invalid="ignore", divide="ignore"):
         degrees = np.where(square > 0, trace**2 / square, 1.0)
         sure = quantile = chdtri(degrees, 1 - COVERED)
@@ -229,17 +246,22 @@ def radius95(normal: Array, sided: Array | None = None, doubt: Array | None = No
         return np.asarray(found)
     with np.errstate(invalid="ignore", divide="ignore"):
         wider = np.where(found > 0, quantile / sure, 1.0)
-    return _about_all_sides(wider[:, None, None] * normal, sided)
+    return _about_all_sides(wider[:, None, None] * normal, sided, wider**2 * fourth)
 
 
-def _about_all_sides(normal: Array, sided: Array) -> Array:
+def _half_variance(normal: Array, fourth: Array | float) -> Array:
+    """Half of the variance of the square of vectors of covariance (n, 3, 3), (n,)."""
+    return np.asarray(np.sum(normal * _turned_round(normal), axis=(-2, -1)) + fourth / 2)
+
+
+def _about_all_sides(normal: Array, sided: Array, fourth: Array) -> Array:
     """The radius of the mixture of normal laws about plus or minus each column, (n,)."""
     joints = np.flatnonzero(sided.any(axis=(0, 1)))
     sides = np.array([(1.0, *way) for way in product((-1.0, 1.0), repeat=len(joints) - 1)])
     middle = np.einsum("nij,kj->nki", sided[..., joints], sides)
     mean = np.trace(normal, axis1=1, axis2=2)[:, None] + np.sum(middle**2, axis=2)
     within = np.einsum("nki,nij,nkj->nk", middle, normal, middle)
-    square = np.sum(normal * _turned_round(normal), axis=(1, 2))[:, None]
+    square = _half_variance(normal, fourth)[:, None]
     variance = np.maximum(2 * square + 4 * within, np.finfo(float).eps * mean**2)
     shape, scale = mean**2 / variance, variance / mean
     low, high = np.zeros(len(mean)), np.max(mean + 10 * np.sqrt(variance), axis=1)
@@ -282,8 +304,11 @@ def model_error_of(chain: Chain, theta: Array, held: HeldOut) -> ModelError:
     error = error - sided @ play
     places = chain.mechanism.position(seen.x)
     found = _grown(places, error, known, np.abs(play), held.place[rows])
-    ratio = np.linalg.norm(error, axis=1) / radius95(known + found.at(places))
-    return replace(found, widen=_reached(ratio))
+    model = found.at(places)
+    kurtosis = _kurtosis(error, known + model, model, held.place[rows])
+    fourth = kurtosis * np.trace(model, axis1=1, axis2=2) ** 2
+    ratio = np.linalg.norm(error, axis=1) / radius95(known + model, fourth=fourth)
+    return replace(found, widen=_reached(ratio), kurtosis=kurtosis)
 
 
 def _play(sided: Array, error: Array, known: Array) -> Array:
@@ -342,6 +367,24 @@ def _counted(excess: Array, beyond: Array, place: Index) -> tuple[Array, float]:
         return np.zeros((3, 3)), 0.0
     share = 1 - (doubt / size) ** 2
     return kept * (size * share / whole), doubt * share
+
+
+def _kurtosis(error: Array, whole: Array, model: Array, place: Index) -> float:
+    """k, as far as it is sure, of errors (n, 3) of covariance `whole`, `model` of it the model's.
+
+    At least so that what the model leaves out has a variance of its square.
+    """
+    square, size = (np.trace(each, axis1=1, axis2=2) for each in (whole, model))
+    weight = float(np.sum(size**2))
+    if weight <= 0.0:
+        return 0.0
+    each = (np.sum(error**2, axis=1) - square) ** 2 - 2 * _half_variance(whole, 0.0)
+    found = float(np.sum(each)) / weight
+    doubt = float(np.linalg.norm(np.bincount(place, each - found * size**2))) / weight
+    if abs(found) <= doubt:
+        return 0.0
+    least = -2 * float(np.sum(model[0] ** 2)) / float(size[0]) ** 2
+    return max(found - doubt**2 / found, least)
 
 
 def _reached(ratio: Array) -> float:

@@ -20,7 +20,7 @@ from delta_calibration.documents import check_document, load_schema, write_docum
 from delta_calibration.errors import MistakeError
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import robot_document
-from mistakes import KINDS, clean_case, examined, has_turns, judged, stamped
+from mistakes import BOTH, KINDS, clean_case, examined, has_turns, joints, judged, stamped
 
 # kinds by robot: on the one whose sessions are quickest all, on the others what is special there
 SHOWN = {
@@ -88,6 +88,27 @@ def test_two_mistakes_are_both_named() -> None:
         ("unit_mm", "joint_command"),
         ("unit_mm", "joint_states"),
     ]
+
+
+@pytest.mark.parametrize("robot", ["srbd", "ur10"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_joints_from_one_other_zero_are_named_with_their_direction(
+    robot: str, sign: float
+) -> None:
+    """Motors that read 90 degrees with the arm level, and may count the other way."""
+    case = case_of(robot)
+    made = joints(case.session, BOTH, lambda q: np.pi / 2 + sign * q)
+    checked = check(made, case.robot)
+    every = ", ".join(case.robot.joints.names)
+    shifted = [("joint_offset", stream, every) for stream in BOTH]
+    turned = [("joint_reversed", stream, every) for stream in BOTH if sign < 0]
+    assert [(m.mistake, m.stream, m.part) for m in checked.found] == shifted + turned
+    assert checked.found[0].value == pytest.approx(np.pi / 2, abs=np.radians(0.3))
+    assert checked.found[0].mend.startswith(
+        "`scale: -1` and `offset: 1.5" if sign < 0 else "`offset: -1.5"
+    )
+    was, now = case.session.states.position, checked.session.states.position
+    np.testing.assert_allclose(now, was, atol=np.radians(0.3))
 
 
 def test_a_latency_is_left_to_the_diagnosis() -> None:

@@ -17,13 +17,15 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("plotly", reason="needs the extra [report]")
 
 from delta_calibration.accuracy import IsoReport, IsoValue
-from delta_calibration.data import survey
+from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.verdict import Estimate
+from delta_calibration.effects.regressor import ANGLE
 from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import STANDARD
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.plans import make_plan
+from delta_calibration.region import Region
 from delta_calibration.report import (
     build_page,
     missing,
@@ -35,14 +37,14 @@ from delta_calibration.report import (
 )
 from delta_calibration.report.browser import plot_of, ticks_of
 from delta_calibration.report.document import Report
-from delta_calibration.report.drawing import Axis, Figure, Line, Panel, Points, Rule, Scale
+from delta_calibration.report.drawing import Axis, Field, Figure, Line, Panel, Points, Rule, Scale
 from delta_calibration.report.judged import Judged
 from delta_calibration.report.line import along_line, line_figure, line_table
 from delta_calibration.report.numbers import cell
 from delta_calibration.report.picture import draw
 from delta_calibration.report.session_report import _tests
 from delta_calibration.report.words import estimate
-from delta_calibration.report.workspace import around, scale_of
+from delta_calibration.report.workspace import around, maps, scale_of
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
 from delta_calibration.wording import chance, figures, sure
@@ -405,3 +407,26 @@ def test_estimates_in_a_readers_unit(e: Estimate, said: str) -> None:
 
 def test_a_scale_that_is_not_logarithmic_has_even_ticks() -> None:
     assert ticks_of(Scale("r [1]", -1.0, 1.0)) == [-1.0, -0.5, 0.0, 0.5, 1.0]
+
+
+def test_maps_show_the_planes_that_a_machine_works_in_and_are_not_empty() -> None:
+    """A five-axis machine works across x, a SCARA in a plane off which noise lifts its poses."""
+    rng = np.random.default_rng(0)
+    spread = 0.2 * rng.uniform(-1, 1, (60, 3))
+    for flat, title in ((0, "Section, x = "), (2, "Seen from above, z = ")):
+        place = spread.copy()
+        place[:, flat] = 0.0
+        region = Region.of(place)
+        place[:, flat] = 2e-3 + 1e-5 * rng.standard_normal(60)
+        (figure,) = maps(place, {"before": np.full(60, 1e-4)}, region, 1e-5)
+        assert figure.title.startswith(title)
+        field = next(mark for mark in figure.panels[0].marks if isinstance(mark, Field))
+        assert np.isfinite(field.value).mean() > 0.5
+
+
+def test_joints_that_slide_are_drawn_in_mm() -> None:
+    at = at_rest(np.array([[0.25], [0.5]]))
+    slid = ANGLE.of_joints("m")
+    assert slid.title == "position of the joint [mm]"
+    np.testing.assert_allclose(slid.of(at, 0), [250.0, 500.0])
+    assert ANGLE.of_joints("rad") is ANGLE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -229,6 +230,29 @@ def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
     assert robot.dimensions.rod == load_robot("srbd").dimensions.rod
     assert "# L: length of the upper arm, motor axis to elbow" in out.read_text(encoding="utf-8")
     assert isinstance(run("new", "--like", "srbd", "--out", out).exception, InputError)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "typed", "said"),
+    [
+        (
+            (),
+            "\n" * 50,
+            r"mechanism \(rotary_delta, .*5 answers were refused; the last one was ''",
+        ),
+        ((), "", "the input ended before all questions were answered"),
+        (("--mechanism", "rotary_delta"), "", "the input ended before all questions"),
+        (("--mechanism", "rotary_delta"), "r\n" + "-\n" * 50, "5 answers were refused"),
+    ],
+)
+def test_questions_that_nobody_answers_end(
+    tmp_path: Path, arguments: tuple[str, ...], typed: str, said: str
+) -> None:
+    """Input from a pipe that accepts everything, or from none: an error, and no endless loop."""
+    done = run("new", *arguments, "--out", tmp_path / "mine.yaml", typed=typed)
+    assert isinstance(done.exception, InputError)
+    assert done.exception.exit_code == 2
+    assert re.search(said, str(done.exception))
 
 
 def test_kinds_of_robots_are_told_apart_before_one_is_asked_for(tmp_path: Path) -> None:

@@ -208,6 +208,46 @@ def test_what_is_in_doubt_is_not_written(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_joints_from_one_other_zero_are_proposed_with_scale_and_offset(
+    sign: float,
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Motors that read 90 degrees with the arm level: proposed, read like that, and in doubt."""
+    q, y = measured["srbd"]
+    file = write(tmp_path, TABLES["plain"], np.pi / 2 + sign * q, y)
+    mapping, out = tmp_path / "mapping.yaml", tmp_path / "session"
+    assert guess(file, "srbd", "--out", str(out)) == 1
+    assert guess(file, "srbd", "--mapping-out", str(mapping)) == 0
+    said = capsys.readouterr().out
+    assert "and read 90 deg where the robot file has 0" in said
+    assert "compare them with the drives' settings" in said
+    assert not out.exists()
+    assert (
+        run(["import", str(file), "--mapping", str(mapping), "--robot", "srbd", "--out", str(out)])
+        == 0
+    )
+    found = collect(read_session(out), load_robot("srbd").joints.names)
+    np.testing.assert_allclose(found.command, q, atol=1e-6)
+
+
+def test_a_column_that_is_not_used_has_no_gaps(
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Remarks that nobody wrote: no row is said to be left out."""
+    q, y = measured["srbd"]
+    written = Written(
+        "A1 [deg];A2 [deg];A3 [deg];X [mm];Y [mm];Z [mm];remark\n",
+        lambda q, y, k: numbers(deg_mm(q, y), ",", ";") + ";",
+    )
+    guess(write(tmp_path, written, q, y), "srbd")
+    assert "gaps" not in capsys.readouterr().out
+
+
 def test_times_that_would_be_too_far_apart_are_in_doubt(
     tmp_path: Path,
     measured: dict[str, tuple[np.ndarray, np.ndarray]],

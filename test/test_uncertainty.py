@@ -30,7 +30,7 @@ from delta_calibration.report import (
 from delta_calibration.report.budget import budget_of, certified, standard
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
-from delta_calibration.uncertainty import Uncertainty, _divided, radius95
+from delta_calibration.uncertainty import Uncertainty, _divided, _kurtosis, radius95
 
 ALPHA, KELVIN = 11.5e-6, 0.5
 ABOUT = About(
@@ -155,6 +155,42 @@ def test_radius_about_either_side_by_monte_carlo() -> None:
         r = np.linalg.norm(way + rng.standard_normal((n, 3)) * sigma, axis=1)
         found = radius95(np.diag(np.square(sigma))[None], sided[None])[0]
         assert found == pytest.approx(np.quantile(r, 0.95), rel=0.02), sigma
+
+
+def sines(amplitude: list[float], n: int, rng: np.random.Generator) -> np.ndarray:
+    """Independent sines of random phase along the axes, (n, 3): what gears leave."""
+    return np.array(amplitude) * np.sqrt(2) * np.sin(rng.uniform(0, 2 * np.pi, (n, 3)))
+
+
+def fourth_of(error: np.ndarray) -> float:
+    """Variance of |e|^2 less that of a normal law of the same covariance."""
+    covariance = error.T @ error / len(error)
+    return float(np.var(np.sum(error**2, axis=1)) - 2 * np.sum(covariance**2))
+
+
+def test_radius_of_bounded_errors_by_monte_carlo() -> None:
+    """Sines reach less far than normal errors of their size; the fourth moment says how far."""
+    rng, n = np.random.default_rng(6), 400_000
+    for amplitude in ([1.0, 1.0, 1.0], [1.0, 0.7, 0.3], [1.0, 0.2, 0.0]):
+        error = sines(amplitude, n, rng) + 0.3 * rng.standard_normal((n, 3))
+        r = np.linalg.norm(error, axis=1)
+        covariance = (error.T @ error / n)[None]
+        found = radius95(covariance, fourth=fourth_of(error))
+        assert np.mean(r <= found) == pytest.approx(0.95, abs=0.015), amplitude
+        assert np.mean(r <= radius95(covariance)) > np.mean(r <= found) + 0.01, amplitude
+
+
+def test_fourth_moment_of_what_a_model_leaves_out_is_found_from_its_errors() -> None:
+    """A sine along one axis has k = 1.5 - 3, one along each of three a third of it; noise 0."""
+    rng, n = np.random.default_rng(7), 20_000
+    place, noise = np.arange(n), np.tile(0.04 * np.eye(3), (n, 1, 1))
+    for amplitude, expected in (([1.0, 0.0, 0.0], -1.5), ([1.0, 1.0, 1.0], -0.5)):
+        error = sines(amplitude, n, rng) + 0.2 * rng.standard_normal((n, 3))
+        model = np.tile(np.diag(np.square(amplitude)), (n, 1, 1))
+        found = _kurtosis(error, model + noise, model, place)
+        assert found == pytest.approx(expected, abs=0.05), amplitude
+    normal = rng.standard_normal((n, 3))
+    assert abs(_kurtosis(normal, np.tile(np.eye(3), (n, 1, 1)), model, place)) < 0.05
 
 
 def test_radius_of_a_variance_from_few_repeats_by_monte_carlo() -> None:

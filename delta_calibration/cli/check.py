@@ -49,10 +49,11 @@ def command(
 ) -> None:
     """Check SESSION for recording mistakes before anything is fitted.
 
-    Possible mistakes are each fitted to the data: wrong units, swapped or reversed joints,
-    left-handed frames, clock errors, a tracker that was moved, a reflector that was changed,
-    values held by a logger, a wrong robot file. A mistake that explains the session by a clear
-    margin is reported with the evidence and the remedy. The exit code is 1 if a mistake is found.
+    Possible mistakes are each fitted to the data: wrong units, swapped or reversed joints, joints
+    that count from another zero, left-handed frames, clock errors, a tracker that was moved, a
+    reflector that was changed, values held by a logger, a wrong robot file. A mistake that
+    explains the session by a clear margin is reported with the evidence and the remedy. The exit
+    code is 1 if a mistake is found.
     """
     for path in (json_file, fix):
         if path is not None:

@@ -51,8 +51,8 @@ def command(
     """Compare FILES: calibrations (YAML) by the dates of their sessions, or verdicts (JSON).
 
     For calibrations: how far each machine's tool is from that of the first one at the same joint
-    angles, over the region that both cover, wherever the tracker stood. For verdicts: errors,
-    noise and findings, in the order given. A single verdict also makes a page.
+    angles, over the region that both cover, independent of where the tracker stood. For
+    verdicts: errors, noise and findings, in the order given. A single verdict also makes a page.
     """
     if out is not None:
         require_folder(out)

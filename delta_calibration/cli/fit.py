@@ -50,7 +50,7 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
 @click.command("fit", short_help="identify the real geometry of the machine")
 @SESSION
 @robot_or_machine_option
-@known_machine_option("what its earlier sessions say about it is carried over.")
+@known_machine_option("the results of its earlier sessions are used.")
 @store_option
 @click.option(
     "--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write."

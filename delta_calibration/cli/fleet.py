@@ -43,7 +43,7 @@ class _Verbs(click.Group):
 
 @click.group("fleet", cls=_Verbs, short_help="work through many machines on a cluster")
 def command() -> None:
-    """Check, fit and diagnose the sessions of many machines, and tell what they have in common.
+    """Check, fit and diagnose the sessions of many machines, and report what they have in common.
 
     `delta-cal fleet FOLDER` is short for `delta-cal fleet run FOLDER`.
     Needs Dask and SQLAlchemy: pip install 'delta_calibration[fleet]'.
@@ -86,11 +86,11 @@ def command() -> None:
     default=2.0,
     show_default=True,
     metavar="GB",
-    help="Most memory of a worker of the local cluster; one that needs more is begun anew.",
+    help="Memory limit of a worker of the local cluster; one that exceeds it is restarted.",
 )
 @click.option("--quick", is_flag=True, help="Fit the geometry only; look for no causes.")
 @click.option("--no-changes", is_flag=True, help="Do not compare the sessions of a machine.")
-@click.option("--again", is_flag=True, help="Try sessions once more that failed before.")
+@click.option("--again", is_flag=True, help="Try sessions again that failed before.")
 @seed_option
 @topics_option
 @click.option("-v", "--verbose", is_flag=True, help="Print a line for every session.")
@@ -111,9 +111,9 @@ def run_(
     """Check, fit and diagnose all sessions of the machines in FOLDER, or of a history, a STORE.
 
     FOLDER has a folder for each machine, with a folder for each of its sessions; it may be the URL
-    of any file system that fsspec knows. Sessions whose result is in the history are not worked on
-    again: a run that was stopped goes on where it was. A session that cannot be used is told, and
-    the others go on; the exit code is 1 then.
+    of any file system that fsspec knows. Sessions whose result is in the history are skipped, so
+    that an interrupted run can be resumed. A session that cannot be used is reported and skipped;
+    the exit code is then 1.
     """
     _require_libraries()
     from delta_calibration.fleet.places import is_folder
@@ -158,7 +158,7 @@ def _machines(
     type=click.DateTime(["%Y-%m-%d"]),
     default=None,
     metavar="DATE",
-    help="Day of which is told, as 2026-05-31.  [default: today]",
+    help="Date of the report, such as 2026-05-31.  [default: today]",
 )
 @click.option(
     "--lately",
@@ -166,7 +166,7 @@ def _machines(
     default=90,
     show_default=True,
     metavar="DAYS",
-    help="How long ago a session or a change counts.",
+    help="Sessions and changes of so many days count as recent.",
 )
 def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
     """Write one page of all machines: their states, what they share, which to visit first."""
@@ -202,10 +202,11 @@ def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
 )
 @click.option("--out", type=_FILE, required=True, help="File of priors (YAML) to write.")
 def priors(url: str, robot_given: str | None, out: Path) -> None:
-    """Estimate the dimensions that machines of one type have in common, as priors of the next.
+    """Estimate the dimensions that machines of one type have in common, as priors for the next.
 
-    Mean and spread of every dimension over the machines, by all their fits and what each is sure
-    of; odd machines are told and not counted among the others. `delta-cal fit --priors` uses it.
+    Computes mean and spread of every dimension over the machines, from all their fits weighted by
+    their standard errors. Unusual machines are reported and left out. `delta-cal fit --priors`
+    uses the file.
     """
     require_folder(out)
     _require_libraries()

@@ -67,8 +67,8 @@ def command() -> None:
 @click.option(
     "--update",
     is_flag=True,
-    help="Fit with what the earlier sessions say, as `fit --machine` does, and look for no "
-    "causes; done without this option where a session has fewer than 12 places.",
+    help="Fit with the results of the earlier sessions, as `fit --machine` does, without looking "
+    "for causes. Sessions with fewer than 12 places are always fitted like this.",
 )
 @click.option(
     "--verdict",

@@ -67,7 +67,7 @@ _STOPS = 20  # of --separate, where --count is not given
     help="Select the few D-optimal poses that a new calibration of a machine needs, given the "
     "sessions in its history (--machine, --store).",
 )
-@known_machine_option("its sessions are what --update adds to.")
+@known_machine_option("--update builds on its sessions.")
 @store_option
 @click.option(
     "--separate",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import numpy as np
@@ -33,7 +33,13 @@ PER_JOINT = {  # lists that have a value for each joint
     ("joints", key)
     for key in ("lower_deg", "upper_deg", "lower_mm", "upper_mm", "sign", "zero_deg", "zero_mm")
 }
+_TRIES = 5  # answers to a question, after which nobody seems to read what is wrong with them
+_Answer = TypeVar("_Answer")
 _GROWN = 1.25  # that a dimension is drawn with beside what the file says
+
+
+class UnansweredError(InputError):
+    """A question that was not answered."""
 
 
 @click.group("robot", short_help="write, check and draw a robot file")
@@ -133,7 +139,7 @@ def new(
         raise InputError(f"{out}: already exists; name another file")
     data = _begun(mechanism, model, ask=not yes)
     default = str(data["name"]) if yes else "my_robot"
-    named = name or (default if yes else click.prompt("name", default=default))
+    named = name or (default if yes else _prompted("name", str, default))
     data = {**data, "name": named}
     robot_from(data, str(model or data["mechanism"]))  # a name that no robot may have ends it here
     shown = _shown(data, model or str(data["mechanism"]), pictures)
@@ -197,8 +203,41 @@ def _begun(mechanism: str | None, model: str | None, *, ask: bool) -> dict[str, 
         for kind in MECHANISMS.values():
             summary = (inspect.getdoc(kind) or "").partition("\n")[0]
             click.echo(f"{kind.name}: {summary}")
-        mechanism = click.prompt("mechanism", type=click.Choice(list(MECHANISMS)))
-    return model_for(str(mechanism))
+        mechanism = _prompted(f"mechanism ({', '.join(MECHANISMS)})", _mechanism)
+    return model_for(mechanism)
+
+
+def _mechanism(said: str) -> str:
+    """One of the names of mechanisms.
+
+    Raises:
+        InputError: it is none.
+    """
+    if said not in MECHANISMS:
+        raise InputError(f"{said!r} is not one of {', '.join(MECHANISMS)}")
+    return said
+
+
+def _prompted(text: str, read: Callable[[str], _Answer], default: str = "") -> _Answer:
+    """An answer that `read` accepts, asked for a few times.
+
+    Raises:
+        UnansweredError: all answers were refused, or there are none to come.
+    """
+    for _ in range(_TRIES):
+        try:
+            said = click.prompt(text, default=default, show_default=bool(default), type=str)
+        except click.Abort as error:
+            if isinstance(error.__context__, EOFError):
+                said = "the input ended before all questions were answered"
+                raise UnansweredError(said) from error
+            raise
+        try:
+            return read(said)
+        except InputError as error:
+            click.echo(str(error), err=True)
+    name = text.rpartition("\n")[2]
+    raise UnansweredError(f"{name}: {_TRIES} answers were refused; the last one was {said!r}")
 
 
 def _shown(data: dict[str, Any], source: str, folder: Path | None) -> dict[tuple[str, ...], Path]:
@@ -224,7 +263,7 @@ def _answered(
     try:
         for entry in entries(str(data["mechanism"])):
             data = _asked(entry, data, shown.get(entry.path))
-    except click.Abort:
+    except (click.Abort, UnansweredError):
         write_text(out, commented(data))
         click.echo(
             f"\nstopped; the answers so far are in {out}. To go on: "
@@ -245,14 +284,13 @@ def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str
     about = f"\n{entry.about}" if entry.about else ""
     seen = f"\n(picture: {picture})" if picture else ""
     text = f"{about}{seen}\n{entry.name}{unit}"
-    while True:
-        said = click.prompt(text, default=left_out or _written(proposed), type=str)
+
+    def read(said: str) -> dict[str, Any]:
         if said == left_out:
             return data
-        try:
-            return with_value(data, entry.path, _for_joints(entry, entry.read(said), data))
-        except InputError as error:
-            click.echo(str(error), err=True)
+        return with_value(data, entry.path, _for_joints(entry, entry.read(said), data))
+
+    return _prompted(text, read, left_out or _written(proposed))
 
 
 def _for_joints(entry: Entry, value: Any, data: dict[str, Any]) -> Any:

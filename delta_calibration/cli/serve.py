@@ -14,13 +14,13 @@ from delta_calibration.errors import InputError
 _MEGABYTE = 1 << 20
 
 
-@click.command("serve", short_help="a page in the browser that does what the verbs do")
+@click.command("serve", short_help="do all of this on a page in the browser")
 @click.option(
     "--data",
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("bench"),
     show_default=True,
-    help="Folder of everything that is kept: sessions, results, the history.",
+    help="Folder for sessions, results and the history.",
 )
 @click.option(
     "--store",
@@ -32,7 +32,7 @@ _MEGABYTE = 1 << 20
     "--address",
     default="127.0.0.1",
     show_default=True,
-    help="Address to listen on. Others than the default let other machines in, unencrypted.",
+    help="Address to listen on. Any but the default admits other machines, without encryption.",
 )
 @click.option(
     "--port",
@@ -46,8 +46,8 @@ _MEGABYTE = 1 << 20
     "names",
     multiple=True,
     metavar="HOST",
-    help="Name by which browsers reach this machine, where that is not the address. As often as "
-    "needed.",
+    help="Host name by which browsers reach this machine, if it is not the address; may be "
+    "repeated.",
 )
 @click.option(
     "--most",
@@ -55,14 +55,14 @@ _MEGABYTE = 1 << 20
     default=1024,
     show_default=True,
     metavar="MB",
-    help="Largest session that may be dropped, unpacked.",
+    help="Size of the largest session that is accepted, unpacked.",
 )
 @click.option(
     "--workers",
     type=click.IntRange(1, 64),
     default=1,
     show_default=True,
-    help="How many sessions are worked on at once.",
+    help="Number of sessions that are processed at once.",
 )
 @click.option(
     "--cell/--no-cell",
@@ -82,11 +82,11 @@ def command(
     cell: bool,
     show: bool,
 ) -> None:
-    """Serve a page on which sessions are dropped, checked, fitted, diagnosed and certified.
+    """Serve a web page that checks, fits, diagnoses and certifies sessions dropped on it.
 
-    The link that is shown has a token in it; whoever opens it may use the page. What the page does
-    are the verbs of this command, and every page says which. Work goes on when a page is closed,
-    and goes on with the next start when the server was ended. Ctrl-C ends it.
+    The link that is printed contains a token: everyone who has the link can use the page. The page
+    runs the verbs of this command, and shows which. Work continues when the page is closed; if the
+    server is stopped, it continues at the next start. Ctrl-C stops the server.
 
     Needs Starlette and others: pip install 'delta_calibration[serve]'.
     """

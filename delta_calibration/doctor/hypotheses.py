@@ -6,6 +6,7 @@ All of them are transformations of the rows of a stream that need no parameter, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -111,21 +112,51 @@ def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ..
 
 def offset_joint(robot: Robot, streams: tuple[str, ...], joint: int, value: float) -> Change:
     """A joint that counts from another zero: recorded less true is `value` [rad, m]."""
-    name, unit = robot.joints.names[joint], robot.joints.unit
-    shift, factor = np.zeros(len(robot.joints.names)), robot.joints.shown[1]
-    key = "joints.zero_deg" if unit == "rad" else "joints.zero_mm"
-    shift[joint] = value
+    return offset_joints(robot, streams, (joint,), value)
+
+
+def offset_joints(
+    robot: Robot, streams: tuple[str, ...], which: tuple[int, ...], value: float
+) -> Change:
+    """Joints that count from one other zero: recorded less true is `value` [rad, m] for each."""
+    unit, (key, factor) = robot.joints.unit, _zeros(robot)
+    shift = np.zeros(len(robot.joints.names))
+    shift[list(which)] = value
+    part = ", ".join(robot.joints.names[k] for k in which)
+    home = "home the joint again" if len(which) == 1 else "home the joints again"
     return Change(
         "joint_offset",
         streams,
         of_angles(streams, lambda q: q - shift),
-        f"`offset: {-value:.6g}` ({unit}) for {name} in the mapping, or home the joint again "
-        f"(--fix subtracts it); if the drive is right, add {factor * value:.6g} to `{key}` in "
-        "the robot file",
-        part=name,
+        f"`offset: {-value:.6g}` ({unit}) for {part} in the mapping, or {home} (--fix subtracts "
+        f"it); if the drive is right, add {factor * value:.6g} to `{key}` in the robot file",
+        part=part,
         value=value,
         unit=unit,
     )
+
+
+def opposite(robot: Robot, streams: tuple[str, ...], value: float) -> tuple[Change, Change]:
+    """All joints of the other sign that read `value` [rad, m] where they should read 0.
+
+    Undone one after the other: what is recorded is `value` less what is true.
+    """
+    every = tuple(range(len(robot.joints.names)))
+    shifted = offset_joints(robot, streams, every, value)
+    turned, (key, factor) = reversed_joints(robot, streams, every), _zeros(robot)
+    mend = (
+        f"`scale: -1` and `offset: {value:.6g}` ({robot.joints.unit}) for {shifted.part} in the "
+        "mapping, or reverse the signs in the drives and home the joints again (--fix does both); "
+        "if the drives are right, reverse `joints.sign` in the robot file, negate "
+        f"`{key}` and add {factor * value:.6g} to it"
+    )
+    return replace(turned, mend=mend), replace(shifted, mend=mend)
+
+
+def _zeros(robot: Robot) -> tuple[str, float]:
+    """The entry of a robot file for zeros, and how many of its unit make one of SI."""
+    key = "joints.zero_deg" if robot.joints.unit == "rad" else "joints.zero_mm"
+    return key, robot.joints.shown[1]
 
 
 def turns_in(robot: Robot, value: float) -> int:

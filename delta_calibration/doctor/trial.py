@@ -6,9 +6,9 @@ quarter of what was left or less, and no more than parts within their tolerances
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
@@ -207,21 +207,23 @@ class Trial:
         return self._best(found, found) if found else None
 
     def _offsets(self) -> Iterator[Change]:
-        """An offset of each joint, at its best."""
-        joint, _ = joints_and_points(self.few)
-        for j in range(joint.shape[1]):
-            yield self._offset(j)
-
-    def _offset(self, joint: int) -> Change:
-        """The best offset of a joint."""
+        """An offset of each joint, one of all of them, and that with all of the other sign."""
         robot, streams = self.robot, joint_streams(self.few)
+        every = tuple(range(len(robot.joints.names)))
+        for which in (*((j,) for j in every), *([every] if len(every) > 1 else ())):
+            yield self._offset(which, partial(hypotheses.offset_joints, robot, streams, which))
+        yield self._offset(every, partial(_opposite, robot, streams))
+
+    def _offset(self, which: tuple[int, ...], change: Callable[[float], Change]) -> Change:
+        """The best offset of some joints, of the changes that each offset is."""
+        robot = self.robot
         values, _ = joints_and_points(self.few)
         several = robot.joints.unit != "rad" or robot.model().pulls
-        most = 2 * float(np.ptp(values[:, joint])) if several else np.pi
+        reach = float(np.abs(values[:, which]).max()) if len(which) > 1 else 0.0
+        most = max(2 * float(np.ptp(values[:, which], axis=0).max()), reach) if several else np.pi
 
         def left(value: float) -> float:
-            undone = hypotheses.offset_joint(robot, streams, joint, value).undo(self.few)
-            placed = place(undone, robot)
+            placed = place(change(value).undo(self.few), robot)
             return placed.typical if placed.found else 1e6
 
         grid = np.linspace(-most, most, _GRID + 1)
@@ -233,7 +235,7 @@ class Trial:
             method="bounded",
             options={"xatol": 1e-4 * most},
         )
-        return hypotheses.offset_joint(robot, streams, joint, float(found.x))
+        return change(float(found.x))
 
     def _pairs(self, changes: Sequence[Change]) -> Iterator[Change]:
         """Two mistakes, of different kinds or places."""
@@ -258,6 +260,12 @@ class Pair(Change):
             "",
             parts=(one, other),
         )
+
+
+def _opposite(robot: Robot, streams: tuple[str, ...], value: float) -> Pair:
+    """All joints of the other sign, from one other zero."""
+    reversed_, shifted = hypotheses.opposite(robot, streams, value)
+    return Pair.of(shifted, reversed_)
 
 
 def _earlier(stream: TrackerStream, late: int) -> TrackerStream:

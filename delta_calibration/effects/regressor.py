@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 Groups = tuple[tuple[str, NDArray[np.bool_]], ...]  # name and samples (n,) of each
 
 _DEGREES = 180 / np.pi
+_MM = 1e3
 _MOST_LEVELS = 3  # of a payload
 _SAME = 1e-3  # [kg] within which two payloads are one level
 
@@ -27,16 +28,33 @@ class Regressor:
 
     title: str  # with its unit
     of: Callable[[Conditions, int], Array]
+    sliding: Regressor | None = None  # the same of joints that slide
+
+    def of_joints(self, unit: str) -> Regressor:
+        """For joints whose unit is `rad` or `m`."""
+        return self.sliding if unit == "m" and self.sliding is not None else self
 
 
 def _length(v: Array) -> Array:
     return np.asarray(np.linalg.norm(v, axis=1))
 
 
-ANGLE = Regressor("angle of the joint [°]", lambda at, j: _DEGREES * at.joint[:, j])
+ANGLE = Regressor(
+    "angle of the joint [°]",
+    lambda at, j: _DEGREES * at.joint[:, j],
+    Regressor("position of the joint [mm]", lambda at, j: _MM * at.joint[:, j]),
+)
 CLOCK = Regressor("time [min]", lambda at, j: at.time / 60)
-VELOCITY = Regressor("speed of the joint [°/s]", lambda at, j: _DEGREES * at.velocity[:, j])
-ACCELERATION = Regressor("acceleration of the joint [rad/s²]", lambda at, j: at.acceleration[:, j])
+VELOCITY = Regressor(
+    "speed of the joint [°/s]",
+    lambda at, j: _DEGREES * at.velocity[:, j],
+    Regressor("speed of the joint [mm/s]", lambda at, j: _MM * at.velocity[:, j]),
+)
+ACCELERATION = Regressor(
+    "acceleration of the joint [rad/s²]",
+    lambda at, j: at.acceleration[:, j],
+    Regressor("acceleration of the joint [m/s²]", lambda at, j: at.acceleration[:, j]),
+)
 LOAD = Regressor("payload [kg]", lambda at, j: at.payload)
 DISTANCE = Regressor("distance from the tracker [m]", lambda at, j: _length(at.reading))
 READING_SPEED = Regressor(

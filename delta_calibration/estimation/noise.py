@@ -28,6 +28,7 @@ _ENOUGH = 20
 _GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 _STEP = 0.05  # of log s_q, over which the bend of its likelihood is taken
+_ALIKE = 1e-7  # singular value over the largest, below which conditions act alike
 _FEWEST_DEGREES = 1e-3  # of a repeatability that the tracker's noise hides
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
@@ -78,24 +79,18 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
     poses = _without_gross(poses, covariance)
-    label, whole = poses.place, _deviations(poses.point, poses.place)[1]
-    deviation, degrees = _by_chance(poses, label, slope)
-    if 3 * degrees < 2 * _ENOUGH:  # too few to tell chance from conditions: true repeats only
-        label = poses.repeat
-        deviation, degrees = _deviations(poses.point, label)
-        whole = degrees
+    course = _course(poses, poses.place, slope)
+    visits = _visits(poses.point, poses.place, course)
+    if 3 * visits.degrees < 2 * _ENOUGH:  # too few to tell chance from conditions: true repeats
+        visits = _visits(poses.point, poses.repeat, course[:, :0])
+    degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
         return replace(filed, floor=floor)
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
-    size = robot.commanded.joint_size
-    repeatability, freedom = _repeatability(
-        deviation, np.bincount(label)[label], reading, slope, size
-    )
-    floor = float(np.sqrt(np.sum(deviation**2) / whole))
-    return Noise(
-        radial, transverse, repeatability, floor, degrees, True, freedom * degrees / whole
-    )
+    moving = slope @ np.swapaxes(slope, 1, 2)
+    repeatability, freedom = _repeatability(visits, reading, moving, robot.commanded.joint_size)
+    return Noise(radial, transverse, repeatability, visits.floor, degrees, True, freedom)
 
 
 def whitening(covariance: Array) -> Array:
@@ -141,13 +136,40 @@ def _without_gross(poses: Poses, covariance: Array) -> Poses:
     return replace(poses, repeat=repeat, place=place)
 
 
-def _by_chance(poses: Poses, label: Index, slope: Array) -> tuple[Array, int]:
-    """Deviations within places (n, 3) less what conditions do, and their degrees of freedom.
+@dataclass(frozen=True)
+class _Visits:
+    """Deviations within places, and what of them is no chance."""
+
+    place: Index  # (n,) of each pose
+    deviation: Array  # (n, 3) [m] from the place's mean
+    course: Array  # (3 n, p) orthonormal: what conditions may do within places
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom of a pose that are left to chance."""
+        size = np.bincount(self.place)
+        taken = -(-int(self.course.shape[1]) // 3)
+        return max(int((size[size > 0] - 1).sum()) - taken, 0)
+
+    @property
+    def floor(self) -> float:
+        """Root mean square 3-D distance by chance from a place's mean [m]."""
+        flat = self.deviation.reshape(-1)
+        left = flat - self.course @ (self.course.T @ flat)
+        return float(np.sqrt(left @ left / max(self.degrees, 1)))
+
+
+def _visits(point: Array, place: Index, course: Array) -> _Visits:
+    return _Visits(place, _deviations(point, place)[0], course)
+
+
+def _course(poses: Poses, place: Index, slope: Array) -> Array:
+    """What conditions may do between visits of a place, an orthonormal basis (3 n, p).
 
     What a warming machine, a drifting tracker, a play or a payload does between two visits of a
     place is no noise. Whatever it is, it moves the platform smoothly: each joint by a cubic in
     time, by the sides it was approached from and by the payload, all of which may change over the
-    workspace like a plane. What is left is given the size that chance had before it was fitted.
+    workspace like a plane.
     """
     clock = 2 * (poses.time - poses.time.min()) / max(float(np.ptp(poses.time)), 1e-9) - 1
     payload = np.nan_to_num(poses.payload)
@@ -155,16 +177,12 @@ def _by_chance(poses: Poses, label: Index, slope: Array) -> tuple[Array, int]:
     plane = np.column_stack([np.ones(len(poses)), poses.joint])
     course = (condition[:, :, None] * plane[:, None, :]).reshape(len(poses), -1)
     columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(poses), -1)
-    deviation, whole = _deviations(poses.point, label)
-    within = _deviations(columns, label)[0].reshape(3 * len(poses), -1)
+    within = _deviations(columns, place)[0].reshape(3 * len(poses), -1)
     scale = np.linalg.norm(within, axis=0)
-    within = within[:, scale > 0] / scale[scale > 0]
-    values, _, rank, _ = np.linalg.lstsq(within, deviation.reshape(-1), rcond=1e-7)
-    left = whole - -(-int(rank) // 3)
-    if left <= 0:
-        return deviation, 0
-    fitted = (within @ values).reshape(-1, 3)
-    return (deviation - fitted) * np.sqrt(whole / left), left
+    if not scale.any():
+        return within[:, :0]
+    basis, value, _ = np.linalg.svd(within[:, scale > 0] / scale[scale > 0], full_matrices=False)
+    return np.asarray(basis[:, value > _ALIKE * value[0]])
 
 
 def _deviations(values: Array, label: Index) -> tuple[Array, int]:
@@ -177,26 +195,44 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
 
 
 def _repeatability(
-    deviation: Array, size: Index, reading: Array, slope: Array, joint_size: float
+    visits: _Visits, reading: Array, moving: Array, joint_size: float
 ) -> tuple[float, float]:
-    """Most likely s_q given the deviations within groups of `size` (Gaussian, one draw a move).
+    """Most likely s_q, with its degrees of freedom by how sharp the most likely value is.
 
-    With its degrees of freedom, by how sharp the most likely value is.
+    Gaussian, one draw a move, by the restricted likelihood: places and conditions are fitted
+    beside it by the covariance that s_q gives, and what they take is not counted as small
+    (Patterson and Thompson 1971, Biometrika 58, 545-554).
+
+    Args:
+        visits: deviations within places.
+        reading: covariance of the tracker's noise in each pose, (n, 3, 3) [m^2].
+        moving: J J^T, (n, 3, 3) [m^2 / rad^2].
+        joint_size: [rad or m] that one radian of a Delta is in this robot.
     """
-    several = size > 1
-    share = (size[several] - 1) / size[several]  # of a degree of freedom that each pose brings
-    d, fixed = deviation[several], reading[several]
-    moving = (slope @ np.swapaxes(slope, 1, 2))[several]
+    several = np.bincount(visits.place)[visits.place] > 1
+    _, place = np.unique(visits.place[several], return_inverse=True)
+    order = np.argsort(place, kind="stable")
+    first = np.flatnonzero(np.diff(place[order], prepend=-1))
+    course = visits.course.reshape(len(several), 3, -1)
+    columns = np.concatenate([course, visits.deviation[..., None]], axis=2)[several][order]
+    fixed, moving = reading[several][order], moving[several][order]
 
     def unlikeliness(log_sigma: float) -> float:
         covariance = fixed + np.exp(2 * log_sigma) * moving
-        solved = np.linalg.solve(covariance, d[:, :, None])[:, :, 0]
-        return float(np.sum(share * np.linalg.slogdet(covariance)[1]) + np.sum(d * solved))
+        weight = np.linalg.inv(covariance)
+        weighed = weight @ columns
+        places, along = np.add.reduceat(weight, first), np.add.reduceat(weighed, first)
+        width = columns.shape[2]
+        mean = np.linalg.solve(places, along).reshape(-1, width)
+        whole = columns.reshape(-1, width).T @ weighed.reshape(-1, width)
+        whole -= along.reshape(-1, width).T @ mean
+        known, beside = whole[:-1, :-1], whole[:-1, -1]
+        spread = sum(np.linalg.slogdet(each)[1].sum() for each in (covariance, places, known))
+        return float(spread + whole[-1, -1] - beside @ np.linalg.solve(known, beside))
 
     bounds = np.log(_LEAST * joint_size), np.log(_MOST * joint_size)
     best = minimize_scalar(unlikeliness, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     around = [unlikeliness(best.x + step) for step in (-_STEP, 0.0, _STEP)]
-    bend = (
-        around[0] - 2 * around[1] + around[2]
-    ) / _STEP**2  # by log s_q: four times by log s_q^2
-    return float(np.exp(best.x)), max(bend / 4, _FEWEST_DEGREES)
+    bend = around[0] - 2 * around[1] + around[2]
+    # -2 log L bends four times as much by log s_q as by log s_q^2
+    return float(np.exp(best.x)), max(bend / _STEP**2 / 4, _FEWEST_DEGREES)

@@ -11,10 +11,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording.presets import Other
@@ -26,9 +27,13 @@ from delta_calibration.recording.table_source import is_gap
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
+_Numbers = TypeVar("_Numbers", float, Array)
 
 _LIES = 0.03  # of the points' spread: a median miss under which the drawing lies on them
 _CLEARLY = 3.0  # times the best: what another reading has to miss by
+_ZEROS = 48  # of a turn: zeros of all joints that are tried
+_ALIKE = 3  # of them: where more do as well as the best, the points do not tell the zero
+_OUT_OF_REACH = 1e6  # a share for what the drawing cannot reach
 _MOST = 300  # rows that are looked at
 _SHOWN = 10  # rows that are shown
 _STEPS = 2.0, 600.0  # [s] between stops, if a time is in seconds
@@ -81,6 +86,45 @@ class Guess:
         }
 
 
+@dataclass(frozen=True)
+class _Count:
+    """Joints that count from one other zero, in the same or the other direction."""
+
+    sign: float = 1.0
+    zero: float = 0.0  # number at the zero of the robot's joints, in the joints' unit
+    open: tuple[float, float] = (0.0, 0.0)  # zeros that do as well lie between
+
+    def joints(self, number: _Numbers) -> _Numbers:
+        """The robot's joints, in the unit of the numbers."""
+        return self.sign * (number - self.zero)
+
+    def mapped(self) -> dict[str, float]:
+        """As a mapping says it."""
+        scale = {"scale": -1} if self.sign < 0 else {}
+        return scale | ({"offset": -self.sign * self.zero} if self.zero else {})
+
+    def said(self, unit: str) -> str:
+        """For people."""
+        way = "count in the other direction" if self.sign < 0 else "count from another zero"
+        return f"{way}, and read {self.zero:g} {unit} where the robot file has 0"
+
+    def doubt(self, unit: str) -> str:
+        """What to look at."""
+        if self.open[1] > self.open[0]:
+            low, high = self.open
+            return (
+                "the points do not tell the common zero of the joints: any from "
+                f"{low:.3g} to {high:.3g} {unit} does as well"
+            )
+        return (
+            "the direction and zero of the joints were found from the points: compare them with "
+            "the drives' settings"
+        )
+
+
+_AS_FILED = _Count()
+
+
 @dataclass
 class _Found:
     """What is known so far."""
@@ -89,6 +133,7 @@ class _Found:
     place: list[str] = field(default_factory=list)
     joint_unit: str = ""
     place_units: list[str] = field(default_factory=list)
+    count: _Count | None = None  # how all joints count, if not as the robot's file says
     sure: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
@@ -190,6 +235,8 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
     open_units = not (found.joint_unit and found.place_units)
     found.joint_unit, found.place_units = joint_unit, list(place_units)
     if not np.isfinite(share) or share > _LIES:
+        if _by_count(table, robot, found, tried):
+            return
         found.doubts.append(
             "with no choice of columns and units does the nominal robot match the points: perhaps "
             "joints with another sign, zero or order, another robot, or too few rows at rest"
@@ -221,6 +268,61 @@ def _by_mixed_units(
     mixed = [units for units in product(_POINT_UNITS, repeat=3) if len(set(units)) > 1]
     best = min(_readings(table, robot, known, mixed), key=lambda one: one[0])
     return [best, *tried] if best[0] * _CLEARLY < share else tried
+
+
+def _by_count(table: FoundTable, robot: Robot, found: _Found, tried: Sequence[_Reading]) -> bool:
+    """Whether the drawing lies on the points once all joints count in another way.
+
+    By the columns that are named, or else the likeliest: every pair of runs would take long.
+    """
+    best, least = None, _LIES
+    for reading in tried:
+        if reading[1:3] != (tuple(found.joints), tuple(found.place)):
+            continue
+        for sign in (1.0, -1.0):
+            count, share = _best_count(table, robot, reading, sign)
+            if share < least:
+                best, least = (reading, count), share
+    if best is None:
+        return False
+    (_, _, _, found.joint_unit, place_units), found.count = best
+    found.place_units = list(place_units)
+    found.sure.append(
+        f"all joints {found.count.said(found.joint_unit)} (`scale` and `offset` in the mapping): "
+        f"the nominal robot then matches the points within {100 * least:.1f} % of their extent"
+    )
+    found.doubts.append(found.count.doubt(found.joint_unit))
+    return True
+
+
+def _best_count(
+    table: FoundTable, robot: Robot, reading: _Reading, sign: float
+) -> tuple[_Count, float]:
+    """The zero by which the drawing lies best, in whole degrees or mm if that does as well."""
+    _, joints, place, unit, place_units = reading
+    number = np.column_stack([table.column(name) for name in joints])
+    if robot.joints.unit == "rad":
+        most, fine = np.pi / ANGLES[unit], np.pi / 180 / ANGLES[unit]
+    else:
+        most = float(np.nanmax(np.abs(number)) + np.nanmax(number) - np.nanmin(number))
+        fine = 1e-3 / LENGTHS[unit]
+
+    def share(zero: float) -> float:
+        missed = _share(table, robot, joints, place, unit, place_units, _Count(sign, zero))
+        return min(missed, _OUT_OF_REACH)
+
+    grid = np.linspace(-most, most, _ZEROS + 1)
+    tried, step = np.array([share(zero) for zero in grid]), float(grid[1] - grid[0])
+    alike = grid[tried <= _CLEARLY * tried.min()]
+    if tried.min() <= _LIES and len(alike) > _ALIKE:
+        zero = float(f"{fine * round(float(np.median(alike)) / fine):.6g}")
+        return _Count(sign, zero, (float(alike[0]), float(alike[-1]))), share(zero)
+    near = float(grid[int(np.argmin(tried))])
+    bounds = near - step, near + step
+    best = minimize_scalar(share, bounds=bounds, method="bounded", options={"xatol": fine / 10})
+    rounded = fine * round(float(best.x) / fine)  # a machine is off its drawing by a little
+    zero = rounded if share(rounded) <= _CLEARLY * float(best.fun) else float(best.x)
+    return _Count(sign, float(f"{zero:.6g}")), share(zero)
 
 
 _Reading = tuple[float, tuple[str, ...], tuple[str, ...], str, tuple[str, ...]]
@@ -271,9 +373,10 @@ def _share(
     place: Sequence[str],
     joint_unit: str,
     place_units: Sequence[str],
+    count: _Count = _AS_FILED,
 ) -> float:
     factor = (ANGLES if robot.joints.unit == "rad" else LENGTHS)[joint_unit]
-    q = factor * np.column_stack([table.column(name) for name in joints])
+    q = factor * count.joints(np.column_stack([table.column(name) for name in joints]))
     lengths = [LENGTHS[unit] for unit in place_units]
     y = np.column_stack([table.column(name) for name in place]) * lengths
     rows = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(y).all(axis=1))
@@ -298,8 +401,9 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
         mapping["table"] = form
     if table.join:
         mapping["join"] = dict(table.join)
+    counted = found.count.mapped() if found.count else {}
     mapping["commands"] = [
-        {"joint": joint, "column": column, "unit": found.joint_unit}
+        {"joint": joint, "column": column, "unit": found.joint_unit, **counted}
         for joint, column in zip(robot.joints.names, found.joints, strict=True)
     ]
     mapping["position"] = {
@@ -312,7 +416,8 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
 
 def _gaps(table: FoundTable, found: _Found, mapping: Mapping[str, Any]) -> dict[str, Any]:
     """Rows without a value in a column that is used are left out, and told."""
-    used = [table.names.index(name) for name in _columns_in(dict(mapping))]
+    read = {key: value for key, value in mapping.items() if key not in ("table", "join")}
+    used = [table.names.index(name) for name in _columns_in(read)]
     gaps = sum(any(is_gap(row[k]) for k in used) for row in table.text)
     if gaps:
         found.sure.append(f"{gaps} of {len(table.text)} rows have gaps and are left out")
@@ -427,10 +532,11 @@ def _rows(table: FoundTable, found: _Found) -> Iterator[dict[str, str]]:
             (found.place, found.place_units),
         )
     )
+    count = found.count or _AS_FILED
     for row in table.number[:_SHOWN]:
         value = dict(zip(table.names, row.tolist(), strict=True))
         yield {
-            **{told: f"{value[name]:.6g}" for name, told in joints.items()},
+            **{told: f"{count.joints(value[name]):.6g}" for name, told in joints.items()},
             **{told: f"{value[name]:.7g}" for name, told in places.items()},
         }
 

@@ -30,6 +30,7 @@ _GRID, _LINE = "#e6e6e6", "#4d4d4d"
 _DIVERGING = [[0.0, "#b35806"], [0.5, "#f7f7f7"], [1.0, "#542788"]]  # orange, white, purple
 _SYMBOLS = {"triangle": "triangle-up"}
 _TICKS = (1.0, 2.0, 5.0)
+_NARROW = 100.0  # times its low end that an axis reaches, under which decades are too few ticks
 _PLAIN = 1e4  # beyond it an axis counts in powers of ten
 _LOW = 0.7  # a panel so low has room for few ticks
 _FEW = 16  # names that an axis has room for
@@ -82,7 +83,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
         "nticks": 7,
     }
     if axis.log:
-        shown |= {"type": "log", "dtick": "D2" if _decades(axis) < 2 else 1}
+        shown |= {"type": "log", **_decade_ticks(axis)}
         shown["exponentformat"] = "power" if (axis.high or 1.0) > _PLAIN else "none"
         shown["minor"] = {"ticks": "outside", "ticklen": 2, "dtick": "D1"}
     if axis.low is not None and axis.high is not None:
@@ -101,10 +102,12 @@ def _axis(axis: Axis) -> dict[str, Any]:
     return shown
 
 
-def _decades(axis: Axis) -> float:
-    if axis.low is None or axis.high is None:
-        return 9.0
-    return float(np.log10(axis.high / axis.low))
+def _decade_ticks(axis: Axis) -> dict[str, Any]:
+    """Decades; where they are few 1, 2 and 5 of each, in full (plotly leaves their power out)."""
+    if axis.low is None or axis.high is None or axis.high >= _NARROW * axis.low:
+        return {"dtick": 1}
+    ticks = ticks_of(Scale("", axis.low, axis.high, log=True))
+    return {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{t:g}" for t in ticks]}
 
 
 def _traces(mark: Mark) -> list[Trace]:

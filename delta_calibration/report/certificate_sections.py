@@ -132,7 +132,10 @@ def points_section(certificate: Certificate) -> Section:
     rows = tuple(
         (
             str(k + 1),
-            *(f"{MM * v:.1f}".replace("-", "−") for v in examined.target[k]),
+            *(
+                f"{round(MM * float(v), 1) + 0.0:.1f}".replace("-", "−")
+                for v in examined.target[k]
+            ),
             *_error(examined.before[k], u[k]),
             *_error(examined.after[k], u[k]),
             figures(MM * float(u[k]), 2),

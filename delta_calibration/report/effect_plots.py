@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.effects import Effect, Stage
-from delta_calibration.effects.regressor import CLOCK, LOAD, Groups, Regressor, temperature
+from delta_calibration.effects.regressor import ANGLE, CLOCK, LOAD, Groups, Regressor, temperature
 from delta_calibration.mechanisms.base import solve
 from delta_calibration.report.drawing import (
     GREY,
@@ -69,7 +68,7 @@ def giveaways(judged: Judged, robot: Robot) -> tuple[Figure, ...]:
 def _figure(judged: Judged, robot: Robot, term: Candidate, effect: Effect, number: int) -> Figure:
     rows = _rows(judged, term)
     at = judged.evidence.seen.take(rows)
-    against = effect.regressor(at)
+    against = effect.regressor(at).of_joints(robot.joints.unit)
     seen = _seen(judged, robot, term, rows)
     panels = [
         _panel(seen, k, against, at, effect.groups(at, joint))
@@ -121,7 +120,7 @@ def _seen(judged: Judged, robot: Robot, term: Candidate, rows: Index) -> _Seen:
             angles[1][:, chosen],
             tuple(robot.joints.names[j] for j in chosen),
             tuple(chosen),
-            "stand-off of the joint [µrad]",
+            f"stand-off of the joint [{'µrad' if robot.joints.unit == 'rad' else 'µm'}]",
         )
     along = np.linalg.svd(part, full_matrices=False)[2][0]
     along = along * np.sign(along[np.argmax(np.abs(along))])
@@ -188,15 +187,13 @@ def _by_axis(x: Array, left: Array) -> Iterator[Points]:
         yield Points(f"along {name} of the tracker", x, left[:, k], colour, symbol)
 
 
-def _angle(at: Conditions, _: int, joint: int) -> Array:
-    return np.asarray(np.degrees(at.joint[:, joint]))
-
-
 def _recorded(at: Conditions, robot: Robot) -> Iterator[Regressor]:
     """What changed in the session."""
     yield CLOCK
+    own = ANGLE.of_joints(robot.joints.unit)
     for j, name in enumerate(robot.joints.names):
-        yield Regressor(f"angle of {name} [°]", partial(_angle, joint=j))
+        title = own.title.replace("the joint", name)
+        yield Regressor(title, lambda at, _, joint=j: own.of(at, joint))  # type: ignore[misc]
     if np.isfinite(at.payload).all() and np.ptp(at.payload) > 0:
         yield LOAD
     for k, part in enumerate(at.temperature_parts):

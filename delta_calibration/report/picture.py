@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ from delta_calibration.report.drawing import (
     Panel,
     Points,
     Rule,
+    Scale,
 )
 from delta_calibration.report.missing import required
 
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 Style = dict[str, Any]
 
 DPI = 150
+_LOW = 0.6  # height of a panel over the usual one, under which numbers would touch
+_THIN = 0.06  # height of a plane over its width, under which there is room for one number
 _FEW = 24  # names that an axis has room for
 _NARROW = 100.0  # ends of a logarithmic axis this near have numbers at 2 and 5 as well
 _WIDE, _TALL = 4.6, 3.5  # [inch] of a panel
@@ -91,25 +95,44 @@ def draw(figure: Figure) -> Canvas:
     )
     canvas.suptitle(figure.title, x=0.01, ha="left", weight="bold")
     for axes, panel in zip(every.flat, figure.panels, strict=False):
-        _panel(canvas, axes, panel)
+        _panel(axes, panel)
     for axes in every.flat[len(figure.panels) :]:
         axes.set_visible(False)
+    _bars(canvas, every.flat, figure)
     if figure.legend:
         handles, names = every.flat[0].get_legend_handles_labels()
         canvas.legend(handles, names, loc="outside lower left", ncols=4, fontsize=8)
     return canvas
 
 
-def _panel(canvas: Canvas, axes: Axes, panel: Panel) -> None:
+def _bars(canvas: Canvas, every: Iterable[Axes], figure: Figure) -> None:
+    """A colour bar for every scale, beside all panels that it is of."""
+    of: dict[Scale, list[Axes]] = {}
+    for axes, panel in zip(every, figure.panels, strict=False):
+        for mark in panel.marks:
+            if isinstance(mark, Field):
+                of.setdefault(mark.scale, []).append(axes)
+    for scale, panels in of.items():
+        bar = canvas.colorbar(panels[0].collections[0], ax=panels, shrink=0.9)
+        ticks = ticks_of(scale)
+        bar.set_ticks(ticks, labels=[f"{t:g}" for t in ticks], minor=False)
+        bar.set_label(scale.title)
+
+
+def _panel(axes: Axes, panel: Panel) -> None:
     axes.set_title(panel.title, loc="left", fontsize=9)
     _axis(axes, "x", panel.x)
     _axis(axes, "y", panel.y)
     for mark in panel.marks:
-        _mark(canvas, axes, panel, mark)
+        _mark(axes, panel, mark)
     if panel.y.names:
         axes.set_ylim(len(panel.y.names) - 0.4, -0.6)
     if panel.equal:
         axes.set_aspect("equal")
+        if panel.tall < _LOW:
+            axes.locator_params(axis="y", nbins=2)
+        if axes.get_data_ratio() < _THIN:
+            axes.set_yticks([float(f"{np.mean(axes.get_ylim()):.2g}")])
 
 
 def _axis(axes: Axes, which: str, axis: Axis) -> None:
@@ -133,7 +156,7 @@ def _axis(axes: Axes, which: str, axis: Axis) -> None:
         axes.grid(visible=False, axis="y" if which == "y" else "x")
 
 
-def _mark(canvas: Canvas, axes: Axes, panel: Panel, mark: Mark) -> None:
+def _mark(axes: Axes, panel: Panel, mark: Mark) -> None:
     name = mark.name or "_nolegend_"
     match mark:
         case Points():
@@ -150,7 +173,7 @@ def _mark(canvas: Canvas, axes: Axes, panel: Panel, mark: Mark) -> None:
         case Bars():
             axes.barh(mark.place, mark.length, color=mark.colour, height=0.65, label=name)
         case Field():
-            _field(canvas, axes, mark)
+            _field(axes, mark)
         case Rule():
             _rule(axes, mark)
 
@@ -169,14 +192,10 @@ def _rule(axes: Axes, mark: Rule) -> None:
         axes.text(mark.at, mark.value, mark.name, transform=place, ha="right", **words)
 
 
-def _field(canvas: Canvas, axes: Axes, mark: Field) -> None:
+def _field(axes: Axes, mark: Field) -> None:
     colors = required("matplotlib.colors", "figures as PNG")
     scale = mark.scale
     norm = (colors.LogNorm if scale.log else colors.Normalize)(scale.low, scale.high)
     value = np.clip(mark.value, scale.low, scale.high)
     colours = "PuOr" if scale.diverging else "viridis"
-    drawn = axes.pcolormesh(mark.x, mark.y, value, norm=norm, cmap=colours, shading="nearest")
-    bar = canvas.colorbar(drawn, ax=axes, shrink=0.9)
-    ticks = ticks_of(scale)
-    bar.set_ticks(ticks, labels=[f"{t:g}" for t in ticks], minor=False)
-    bar.set_label(scale.title)
+    axes.pcolormesh(mark.x, mark.y, value, norm=norm, cmap=colours, shading="nearest")

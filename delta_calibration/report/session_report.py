@@ -146,7 +146,7 @@ def _finding(finding: Finding) -> tuple[str, ...]:
     part = f"; {finding.separated_by}" if finding.separated_by else ""
     return (
         f"{finding.called()} ({finding.kind})",
-        ", ".join([*clearest, *finding.shape_told()]) + more,
+        ", ".join([*clearest, *finding.shape_told()]).replace(" +- ", " ± ") + more,
         sure(finding.confidence),
         chance(finding.p_value),
         figures(finding.signal),

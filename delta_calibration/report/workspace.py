@@ -17,7 +17,8 @@ MM = 1e3
 _NODES = 71  # along a side
 _KERNEL = 0.25  # of the poses' spread (root mean square distance from their middle)
 _LEAST_KERNEL = 0.02  # [m]
-_FLAT = 0.01  # [m] of height under which a session has no section
+_FLAT = 0.01  # [m] of extent from which poses spread along an axis
+_ON_FACE = 1e-6  # [m] a place this near to a face of the region is on it
 _SLAB = 1.0  # kernels either side within which a pose is shown on a plane
 _ROUND = (1.0, 2.0, 5.0, 10.0)
 _DOT = "#ffffff"
@@ -43,26 +44,35 @@ def maps(
         f"within {MM * _SLAB * width:.0f} mm of the plane. All maps have the same logarithmic "
         "scale."
     )
-    planes = [
-        ("map", f"Seen from above, z = {MM * middle[2]:.0f} mm", (0, 1, 2)),
-        ("section", f"Section, y = {MM * middle[1]:.0f} mm", (0, 2, 1)),
-    ]
-    if _flat(place):
-        planes = planes[:1]
-        told += " The poses lie in one plane: there is no section to show."
+    planes = _planes(place)
+    if len(planes) == 1:
+        told += " The poses lie in one plane: no other is shown."
     return tuple(
         Figure(
             f"error_{name}",
-            title.replace("-", "\u2212"),
-            told if name == planes[-1][0] else "",
+            _titled(axes[2], float(middle[axes[2]])),
+            told if axes == planes[-1] else "",
             tuple(
                 _panel(model, place, error, region, scale, axes, float(middle[axes[2]]), width)
                 for model, error in errors.items()
             ),
             columns=3,
         )
-        for name, title, axes in planes
+        for name, axes in zip(("map", "section"), planes, strict=False)
     )
+
+
+def _planes(place: Array) -> tuple[tuple[int, int, int], ...]:
+    """Planes in which poses (n, 3) spread, two at most: their axes and the one across."""
+    wide = np.ptp(place, axis=0) > _FLAT
+    planes = [axes for axes in ((0, 1, 2), (0, 2, 1), (1, 2, 0)) if wide[list(axes[:2])].all()]
+    return tuple(planes[:2]) or ((0, 1, 2),)
+
+
+def _titled(across: int, at: float) -> str:
+    """What a plane across an axis is called."""
+    name = "Seen from above" if across == 2 else "Section"
+    return f"{name}, {'xyz'[across]} = {MM * at:.0f} mm".replace("-", "\u2212")
 
 
 def unknown_maps(judged: Judged) -> tuple[Figure, ...]:
@@ -78,7 +88,6 @@ def _unknown(judged: Judged, term: Candidate) -> Figure:
     place, width = judged.place, kernel(judged.place)
     middle = np.median(place, axis=0)
     scale = Scale("displacement, RMS [mm]", 0.0, _up(MM * float(np.quantile(size, 0.98))))
-    planes = (("above", (0, 1, 2)), ("side", (0, 2, 1)))[: 2 - int(_flat(place))]
     return Figure(
         "unknown_structure",
         "Where the error without a known cause occurs",
@@ -86,7 +95,7 @@ def _unknown(judged: Judged, term: Candidate) -> Figure:
         f"each point (Gaussian kernel, {MM * width:.0f} mm).",
         tuple(
             _panel(
-                f"seen from {name}" if name == "above" else "section",
+                _titled(axes[2], float(middle[axes[2]])),
                 place,
                 size,
                 judged.region,
@@ -95,13 +104,9 @@ def _unknown(judged: Judged, term: Candidate) -> Figure:
                 float(middle[axes[2]]),
                 width,
             )
-            for name, axes in planes
+            for axes in _planes(place)
         ),
     )
-
-
-def _flat(place: Array) -> bool:
-    return bool(np.ptp(place[:, 2]) < _FLAT)
 
 
 def _panel(
@@ -121,7 +126,11 @@ def _panel(
     nodes[:, i], nodes[:, j] = (grid.ravel() for grid in np.meshgrid(x, y))
     nodes[:, k] = at
     value = around(nodes, place, error, width)
-    value[region.outside(nodes) > 0] = np.nan
+    low, high = (end(region.vertices[:, k]) for end in (np.min, np.max))
+    nodes[:, k] = np.clip(
+        at, low, high
+    )  # of a region that is a plane, which noise lifts poses off
+    value[region.outside(nodes) > _ON_FACE] = np.nan
     near = np.abs(place[:, k] - at) < _SLAB * width
     told = tuple(f"{MM * e:.4f} mm" for e in error[near])
     names = "xyz"
