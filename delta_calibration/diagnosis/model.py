@@ -14,8 +14,7 @@ from delta_calibration.diagnosis.constants import FAIR, LACKING, QUIETER, STRAYE
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.verdict import SessionFacts
-from delta_calibration.estimation import Noise, Problem, prepare, robust_weights, solve
-from delta_calibration.robot import Robot
+from delta_calibration.estimation import Population, Problem, prepare, robust_weights, solve
 from delta_calibration.theta import entries, length
 from delta_calibration.threads import one_thread
 
@@ -44,6 +43,11 @@ class Model(Fitted):
     def evidence(self) -> LinearizedModel:
         """What is left to explain, as if the terms were not in the model."""
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)
+
+    @property
+    def population(self) -> Population | None:
+        """Of the machines of its type, where it is known."""
+        return self.cell.population
 
     @property
     def noise_degrees(self) -> float:
@@ -107,7 +111,8 @@ class Model(Fitted):
         _, noise, problem = prepare(poses, robot, self.problem.chain, moved)
         if noise.floor > QUIETER * self.floor:
             return self
-        return solved(self.survey, robot, noise, problem)
+        problem = replace(self.problem, measured=problem.measured)
+        return solved(self.survey, replace(self.cell, noise=noise), problem)
 
     def everything(self) -> Model:
         """The same fit, with poses that it set aside as gross errors to be looked at again."""
@@ -132,10 +137,17 @@ class Model(Fitted):
         return rested(self)
 
 
-def solved(survey: Survey, robot: Robot, noise: Noise, problem: Problem) -> Model:
-    """The geometry identified by the poses, with nothing else in the chain."""
-    solution = solve(problem)
-    return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
+def solved(survey: Survey, cell: Cell, problem: Problem, near: Array | None = None) -> Model:
+    """The geometry identified by the poses, with nothing else in the chain.
+
+    Args:
+        survey: poses and paths.
+        cell: what is known beside them; the weights of the poses are found anew.
+        problem: of fitting the poses.
+        near: unknowns to start from, (F,); the problem's own theta where not given.
+    """
+    solution = solve(problem, near, everywhere=True)
+    return Model(survey, problem, replace(cell, weight=solution.weight), solution.theta)
 
 
 @one_thread()
