@@ -154,7 +154,8 @@ def test_a_file_of_priors_is_read_back_and_only_for_its_robot(
     robot: Robot, fleet: list[Fitted], tmp_path: Path
 ) -> None:
     file = tmp_path / "priors.yaml"
-    document = write_priors(file, fleet, robot)
+    only_updates = Fitted("a first one", ())
+    document = write_priors(file, [only_updates, *fleet], robot)
     assert document["machines"] == 6
     population = read_priors(file, robot)
     expected = [(p["mean"] - p["nominal"]) / p["tolerance"] for p in document["parameters"]]
@@ -162,7 +163,7 @@ def test_a_file_of_priors_is_read_back_and_only_for_its_robot(
     assert (population.spread > 0).all()
     with pytest.raises(ConfigError, match="made for 'linear_delta'"):
         read_priors(file, load_robot("srbd"))
-    with pytest.raises(DataError, match="4 machines of robot linear_delta; priors need 5"):
+    with pytest.raises(DataError, match="4 machines of robot linear_delta with a fit of their own; priors"):
         write_priors(file, fleet[:4], robot)
 
 

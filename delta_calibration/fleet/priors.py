@@ -46,16 +46,19 @@ def write_priors(path: Path, machines: Sequence[Fitted], robot: Robot) -> dict[s
 
     Args:
         path: the file.
-        machines: of one type, with calibrations.
+        machines: of one type; those without a calibration of their own, as of updates only, say
+            nothing.
         robot: the type.
 
     Raises:
         DataError: too few machines, or a type whose dimensions have no tolerances.
         ConfigError: the file cannot be written.
     """
+    machines = [machine for machine in machines if machine.calibrations]
     if len(machines) < FEWEST:
         raise DataError(
-            f"{len(machines)} machines of robot {robot.name}; priors need {FEWEST} or more"
+            f"{len(machines)} machines of robot {robot.name} with a fit of their own; priors need "
+            f"{FEWEST} or more"
         )
     mechanism = machines[0].calibrations[0].chain.mechanism
     _require_tolerances(mechanism.parameters.items, robot)
