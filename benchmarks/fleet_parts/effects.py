@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration_file import from_diagnosis
 from delta_calibration.data import Conditions, Survey, collect, survey
 from delta_calibration.diagnosis import diagnose
-from delta_calibration.effects import catalogue
+from delta_calibration.effects import SPREAD, catalogue
 from delta_calibration.estimation import Identification, Population, identify
 from delta_calibration.fleet.evidence import Fitted
 from delta_calibration.fleet.population import expected
@@ -33,7 +33,7 @@ from fleet_parts.priors import FEWEST, ODD, OFF, TESTED, poses_of, seen_at
 Array = NDArray[np.float64]
 
 CAUSES = ("backlash", "joint_compliance")  # of all machines, about a typical size each
-PLACES = (6, 8, 12, 16, 24, 32)
+PLACES = (6, 8, 12, 16, 24)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,8 @@ def effects(robot: Robot, spread: float, machines: int, trials: int, seed: int) 
     population = expected(crowd, learnt.told)
     print(f"{machines} machines diagnosed; causes found: {_counted(asked)}")
     for k, p in enumerate((p for e in shown for p in e.parameters), start=size):
-        print(f"  {p.name}: {crowd.mean[k]:.2f} +- {crowd.spread[k]:.2f}, odd {crowd.odd[k]:.2f}")
+        mean, spread = SPREAD * crowd.mean[k], SPREAD * crowd.spread[k]
+        print(f"  {p.name}: {mean:.2f} +- {spread:.2f} typical sizes, odd {crowd.odd[k]:.2f}")
     new = [kind.machine(10_000 * seed + 5000 + n) for n in range(trials)]
     ways = _ways(robot, population, size)
     print(f"error [um], median of {trials} machines, and largest")

@@ -1,12 +1,12 @@
 """What machines of a type have in common, as the prior of the next one.
 
 Each number d_k of a machine, a dimension in tolerances off the drawing or a parameter of an effect
-in its typical sizes, is of the crowd or odd,
+in the spread that it may have anywhere, is of the crowd or odd,
 
     p(d_k) = (1 - o_k) N(d_k; m_k, s_k^2) + o_k N(d_k; 0, 1)
 
 with mean m and spread s of the crowd, and o the share of odd ones, which are only as the drawing's
-tolerances or the usual size of the effect have them. Such a prior draws a number to the crowd as
+tolerances or what is usual of the effect have them. Such a prior draws a number to the crowd as
 long as the data leave it there; one that they put elsewhere is left where it is.
 
 About a fit the data's likelihood is normal, exp(-d^T L d / 2 + d^T l), and the posterior is found
@@ -38,7 +38,7 @@ _NARROWEST = 1e-3  # [tolerances] of a prior that was found
 
 @dataclass(frozen=True)
 class Population:
-    """Dimensions and effects over the machines of a type, in tolerances and typical sizes."""
+    """Dimensions and effects over the machines of a type, in units of the chain's priors."""
 
     mean: Array  # (p + k,) dimensions off the drawing, then the effects' parameters
     spread: Array  # (p + k,)

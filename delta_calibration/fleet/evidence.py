@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.chain import Chain
-from delta_calibration.effects import SPREAD, Effect
+from delta_calibration.effects import Effect
 from delta_calibration.estimation import DIAGNOSIS, Likelihood
 from delta_calibration.robot import Robot
 from delta_calibration.theta import entries
@@ -137,7 +137,7 @@ def together(machines: Sequence[Fitted], effects: Sequence[Effect] = ()) -> Like
 def likelihood_of_calibration(
     calibration: Calibration, effects: Sequence[Effect] = ()
 ) -> Likelihood:
-    """What the data of a calibration say, in tolerances off the drawing and typical sizes.
+    """What the data of a calibration say, in units of the chain's priors off the drawing.
 
     Args:
         calibration: of a machine.
@@ -148,8 +148,7 @@ def likelihood_of_calibration(
     whole, sums = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
     if calibration.uncertainty is None:  # of a file from before it was told
         return Likelihood(whole, sums)
-    parameters, prior = chain.parameters, chain.parameters.prior.copy()
-    prior[chain.layout.effects] *= SPREAD  # of an effect in a diagnosis
+    parameters, prior = chain.parameters, chain.parameters.prior
     variance = np.diag(calibration.uncertainty.covariance)
     known = np.isfinite(prior) & (variance > 0)
     prior = prior[known]
@@ -166,9 +165,7 @@ def likelihood_of_calibration(
     information, along = _integrated(information, along, here)
     where = {int(entry): row for row, entry in enumerate(rows)}
     place = np.array([where[int(entry)] for entry in numbers[here]], dtype=np.int64)
-    unit = np.where(np.arange(len(rows)) < chain.layout.geometry_size, 1.0, SPREAD)[place]
-    whole[np.ix_(place, place)] = information / np.outer(unit, unit)
-    sums[place] = along / unit
+    whole[np.ix_(place, place)], sums[place] = information, along
     return Likelihood(whole, sums)
 
 

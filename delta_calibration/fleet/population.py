@@ -85,8 +85,8 @@ def estimate(
     """Estimate the population that N machines are of.
 
     Args:
-        data: of dimensions (p) and effects' parameters (k), in tolerances off the drawing and in
-            typical sizes: (N, p + k, p + k) and (N, p + k).
+        data: of dimensions (p) and effects' parameters (k), in units of the chain's priors off
+            the drawing: (N, p + k, p + k) and (N, p + k).
         kinds: of each number, (p + k,); those of one kind share their spread. Each is of its own
             kind where not given.
         looked: where the effects were found; without effects where not given.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.documents import load_schema, read_document, write_document
 from delta_calibration.errors import ConfigError, DataError, InputError
-from delta_calibration.effects import Effect, catalogue, effect_named
+from delta_calibration.effects import SPREAD, Effect, catalogue, effect_named
 from delta_calibration.estimation import Population
 from delta_calibration.fleet.evidence import Fitted, common_effects, together
 from delta_calibration.fleet.population import (
@@ -153,7 +154,9 @@ def _document(
     found: Estimated,
 ) -> dict[str, Any]:
     dimensions = mechanism.parameters.items
-    every = [*dimensions, *(p for effect in effects for p in effect.parameters)]
+    # an effect's typical size is no bound: a chain expects it within a wider spread
+    wide = [replace(p, prior=SPREAD * p.prior) for e in effects for p in e.parameters]
+    every = [*dimensions, *wide]
     entries = [_entry(p, found, k) for k, p in enumerate(every)]
     return {
         "schema": SCHEMA,
