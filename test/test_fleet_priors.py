@@ -163,7 +163,7 @@ def test_a_file_of_priors_is_read_back_and_only_for_its_robot(
     assert (population.spread > 0).all()
     with pytest.raises(ConfigError, match="made for 'linear_delta'"):
         read_priors(file, load_robot("srbd"))
-    with pytest.raises(DataError, match="4 machines of robot linear_delta with a fit of their own; priors"):
+    with pytest.raises(DataError, match="4 machines of robot linear_delta with a fit of their"):
         write_priors(file, fleet[:4], robot)
 
 

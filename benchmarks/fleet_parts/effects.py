@@ -50,7 +50,9 @@ class Type:
         rng = np.random.default_rng([seed, 19])
         sizes = 1.0 + self.spread * rng.standard_normal(len(CAUSES))
         sizes[0] *= odd
-        hidden = {c: {"strength": f"{s}"} for c, s in zip(CAUSES, sizes.tolist(), strict=True) if s}
+        hidden = {
+            c: {"strength": f"{s}"} for c, s in zip(CAUSES, sizes.tolist(), strict=True) if s
+        }
         drawn = draw_machine(self.robot, seed, 1.0, hidden)
         parameters, theta = drawn.chain.mechanism.parameters, drawn.theta.copy()
         off = self.mean + self.own * rng.standard_normal(len(self.mean))

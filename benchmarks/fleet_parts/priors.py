@@ -127,7 +127,9 @@ def _odd(
     row = robot.detailed.parameters.row("arm_2")
     tolerance = float(robot.detailed.parameters.prior[row])
     nominal = float(robot.detailed.parameters.nominal[row])
-    narrow = replace(population, odd=0.0 * population.odd)  # all that is not of the crowd is pulled to it
+    narrow = replace(
+        population, odd=0.0 * population.odd
+    )  # all that is not of the crowd is pulled to it
     told: dict[str, list[tuple[float, float]]] = {}
     for number in range(trials):
         deviation = like_them()

@@ -3,10 +3,10 @@
 Machine i has dimensions and effects d_i, seen through the likelihood of its data (L_i, l_i);
 each is of the crowd N(m, s^2) or odd (`estimation/population.py`). Sought are m, s and the
 share o of odd ones that make all data likeliest. A parameter of an effect is of the crowd only in
-machines in which a diagnosis found it, and its o is its own; all dimensions share theirs. Parts of the same kind, as the arms of the three
-legs, share s, each with a mean of its own. Weak priors only count where the fleet says nothing: m
-within a tolerance of the drawing, s about a tolerance, as a fiftieth of a machine would tell it.
-By turns:
+machines in which a diagnosis found it, and its o is its own; all dimensions share theirs. Parts of
+the same kind, as the arms of the three legs, share s, each with a mean of its own. Weak priors
+only count where the fleet says nothing: m within a tolerance of the drawing, s about a tolerance,
+as a fiftieth of a machine would tell it. By turns:
 
     E   belief of each machine, by expectation propagation
     m   generalised least squares: machine i tells of m through D - D (L_i + D)^-1 D, with D the
@@ -15,7 +15,8 @@ By turns:
         is in the crowd (MacKay 1992), which goes faster than the expectation's own step
     o   mean of 1 - w
 
-A parameter that most diagnoses did not find is nothing in the crowd. A dimension that no session shows keeps the tolerance of the drawing.
+A parameter that most diagnoses did not find is nothing in the crowd. A dimension that no session
+shows keeps the tolerance of the drawing.
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ def estimate(
         if max(moved) < _SETTLED:
             break
     belief = _found(believe(data, population, belief), looked)
-    return Estimated(_lacking(population, looked.there.shape[1]), std, told, belief)
+    return Estimated(_lacking(population, looked), std, told, belief)
 
 
 def _found(belief: Belief, looked: Looked) -> Belief:
@@ -130,15 +131,18 @@ def _odd(belief: Belief, looked: Looked) -> Array:
     return np.concatenate([np.full(dimensions, odd), lacking])
 
 
-def _lacking(population: Population, effects: int) -> Population:
+def _lacking(population: Population, looked: Looked) -> Population:
     """The same with the crowd of what most machines do not have: those that have it are odd."""
-    behind = np.arange(len(population.mean)) >= len(population.mean) - effects
-    rare = behind & (population.odd > 1 / 2)
+    having = looked.there[looked.at]
+    dimensions = np.zeros(len(population.mean) - having.shape[1])
+    found = (having.sum(axis=0) + _LACKING[1]) / (len(having) + sum(_LACKING))
+    share = np.concatenate([dimensions, found])
+    rare = (np.arange(len(share)) >= len(dimensions)) & (share < 1 / 2)
     return replace(
         population,
         mean=np.where(rare, 0.0, population.mean),
         spread=np.where(rare, _NARROWEST, population.spread),
-        odd=np.where(rare, 1 - population.odd, population.odd),
+        odd=np.where(rare, share, population.odd),
     )
 
 

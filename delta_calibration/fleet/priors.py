@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.documents import load_schema, read_document, write_document
-from delta_calibration.errors import ConfigError, DataError, InputError
 from delta_calibration.effects import SPREAD, Effect, catalogue, effect_named
+from delta_calibration.errors import ConfigError, DataError, InputError
 from delta_calibration.estimation import Population
 from delta_calibration.fleet.evidence import Fitted, common_effects, together
 from delta_calibration.fleet.population import (
