@@ -91,7 +91,8 @@ def ballbar(folder: Path) -> Path:
     way = tool_points(robot, plan.paths[0].joint)
     pivot = (way.min(axis=0) + way.max(axis=0)) / 2 + PIVOT_OFF
     frame = machine.chain.split(machine.theta)[2]
-    assert session.tracker is not None and session.command is not None
+    assert session.tracker is not None
+    assert session.command is not None
     bar_length = np.linalg.norm(frame.inverse().apply(session.tracker.position) - pivot, axis=1)
     time = (session.command.stamp_ns - session.command.stamp_ns[0]) * 1e-9
     tool = 1e3 * tool_points(robot, session.command.position)

@@ -86,16 +86,39 @@ class Model(Fitted):
         Where the platform hardly tilts, an offset far off is a cheap way to follow a cause that
         is not in the model; about it nothing is linear that would name the cause.
         """
+        return (self._as_filed(),) if self.strayed and self.misfit >= LACKING else ()
+
+    @property
+    def strayed(self) -> bool:
+        """Whether the reflector is far from where the file has it."""
         offset, problem = _offset(self), self.problem
         off = (self.theta - problem.theta0)[offset] / np.diag(problem.basis)[offset]
-        if self.misfit < LACKING or np.abs(off).max() < STRAYED:
-            return ()
+        return bool(np.abs(off).max() >= STRAYED)
+
+    def _as_filed(self) -> Model:
+        """The machine fitted anew to the poses with its reflector where the file has it."""
         free = np.ones(len(self.theta), dtype=bool)
-        free[offset] = False
-        held = problem.only(free)
+        free[_offset(self)] = False
+        held = self.problem.only(free)
         solution = solve(held, held.unknowns(self.theta))
         cell = replace(self.cell, weight=solution.weight)
-        return (replace(self, theta=solution.theta, cell=cell, near=None),)
+        return replace(self, theta=solution.theta, cell=cell, near=None)
+
+    def on_its_floor(self) -> Model:
+        """The machine without terms, its reflector where poses and paths together have it.
+
+        Where the platform hardly tilts, an offset has a second floor of nearly the same error on
+        the poses. The readings in motion tell which is the right one; about the wrong one
+        they would show structure that is none.
+        """
+        if not (len(self.survey.paths) and self.strayed and self.misfit < LACKING):
+            return self
+        return min((self, self._as_filed()), key=lambda model: model.cost_ahead)
+
+    @property
+    def cost_ahead(self) -> float:
+        """Chi square of readings and priors that a step from here promises."""
+        return self.beside.cost(self.beside.best())
 
     def quieter(self, found: Fitted) -> Model:
         """Itself with the noise that repeats have without what the causes found do to them.
@@ -147,7 +170,8 @@ def solved(survey: Survey, cell: Cell, problem: Problem, near: Array | None = No
         near: unknowns to start from, (F,); the problem's own theta where not given.
     """
     solution = solve(problem, near, everywhere=True)
-    return Model(survey, problem, replace(cell, weight=solution.weight), solution.theta)
+    model = Model(survey, problem, replace(cell, weight=solution.weight), solution.theta)
+    return model.on_its_floor()
 
 
 @one_thread()
