@@ -10,6 +10,7 @@ import csv
 import hashlib
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,10 @@ import numpy as np
 from delta_calibration import __version__
 from delta_calibration.cli.main import run
 from delta_calibration.data import collect
+from delta_calibration.plans import make_plan, tool_points
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
+from delta_calibration.simulation import draw_machine, simulate_session
 
 HERE = Path(__file__).parent
 # name: arguments of `delta-cal simulate`, and what the session is for
@@ -43,6 +46,10 @@ BAGS = {
     ),
 }
 SPREADSHEET = "srbd_plain.csv"  # the stops of srbd_plain as people keep them
+BALLBAR = "scara_ballbar.csv"  # circles of a SCARA with play, by a telescoping ballbar
+PLAY = {"backlash": {"location": "joint_2", "value": "0.0006"}}
+BALLBAR_NOISE = 1e-6  # [m] of a length, which is what `delta-cal circle` expects
+PIVOT_OFF = np.array([2e-4, -1e-4, 5e-5])  # [m] of the ball on the table, where it was meant to be
 TABLE = "<!-- table: bags/make.py -->"
 
 
@@ -69,6 +76,35 @@ def spreadsheet(folder: Path) -> Path:
     return path
 
 
+def ballbar(folder: Path) -> Path:
+    """Write the distances of a SCARA's tool from a ball on the table, while it drives circles."""
+    robot, seed = load_robot("scara"), 5
+    bar = replace(
+        robot.tracker,
+        radial=BALLBAR_NOISE,
+        transverse=BALLBAR_NOISE,
+        transverse_per_metre=0.0,
+    )
+    machine = draw_machine(replace(robot, tracker=bar), seed, 1.0, PLAY)
+    plan = make_plan("circles", robot)
+    session = simulate_session(machine, plan, seed)
+    way = tool_points(robot, plan.paths[0].joint)
+    pivot = (way.min(axis=0) + way.max(axis=0)) / 2 + PIVOT_OFF
+    frame = machine.chain.split(machine.theta)[2]
+    assert session.tracker is not None
+    assert session.command is not None
+    bar_length = np.linalg.norm(frame.inverse().apply(session.tracker.position) - pivot, axis=1)
+    time = (session.command.stamp_ns - session.command.stamp_ns[0]) * 1e-9
+    tool = 1e3 * tool_points(robot, session.command.position)
+    path = folder / BALLBAR
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["time_s", "radius_mm", "x_mm", "y_mm", "z_mm"])
+        for row in list(zip(time, 1e3 * bar_length, tool, strict=True))[::2]:  # ten a second
+            rows.writerow([f"{row[0]:.2f}", f"{row[1]:.4f}", *(f"{v:.4f}" for v in row[2])])
+    return path
+
+
 def sha256(path: Path) -> str:
     """Of the recording itself, without its `metadata.yaml`."""
     return hashlib.sha256((path / f"{path.name}_0.mcap").read_bytes()).hexdigest()
@@ -82,7 +118,11 @@ def table(folder: Path) -> str:
         path = folder / name
         size = sum(file.stat().st_size for file in path.iterdir()) / 1000
         rows.append(f"| `{name}` | {what} | `{arguments}` | {size:.0f} | `{sha256(path)}` |")
-    told = f"`{SPREADSHEET}`: the stops of `srbd_plain` as a spreadsheet has them, deg and mm."
+    told = (
+        f"`{SPREADSHEET}`: the stops of `srbd_plain` as a spreadsheet has them, deg and mm.\n"
+        f"`{BALLBAR}`: circles of a SCARA with play of 0.6 mrad in joint 2, as a telescoping "
+        "ballbar measures them."
+    )
     return "\n".join([*rows, "", told, "", f"Made by version {__version__}."])
 
 
@@ -93,6 +133,7 @@ def main(arguments: list[str]) -> None:
     for name in BAGS:
         make(name, folder)
     spreadsheet(folder)
+    ballbar(folder)
     page = HERE / "README.md"
     head = page.read_text(encoding="utf-8").partition(TABLE)[0]
     if folder == HERE:

@@ -1,6 +1,7 @@
 """How often a circle test alone names a hidden cause, and whether what it foretells comes true.
 
     python benchmarks/circles.py [--machines 200] [--seed 1] [--robots srbd,...] [--json FILE]
+    python benchmarks/circles.py --clean --machines 100 --seed 3
 
 Of each robot in turn a machine is drawn with its own dimensions, three of four with one cause
 hidden at one place, of a size between 0.1 and 3 of what is typical. It is measured by the plan
@@ -15,6 +16,8 @@ hidden at one place, of a size between 0.1 and 3 of what is typical. It is measu
                 the simulator without the cause (of causes that are named as they are hidden); and
                 after compensating all dimensions, against the same machine with parts as drawn
 
+With --clean no machine hides a cause, and nothing is repaired: alarms alone are counted.
+
 Seeds are --seed * 10^5 and those that follow; they are used here and nowhere else.
 """
 
@@ -25,12 +28,14 @@ import json
 import os
 import time
 from collections import defaultdict
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from scipy.stats import beta
 
 from delta_calibration.circle_test import DIMENSIONS, CircleTest, circle_test, measured_circles
 from delta_calibration.data import Session, Survey, survey
@@ -101,11 +106,11 @@ def mean_deviation(machine: TrueMachine, seed: int) -> float:
     return float(np.mean([m.deviation for m in circles]))
 
 
-def one(name: str, seed: int) -> dict[str, Any]:
+def one(name: str, seed: int, clean: bool) -> dict[str, Any]:
     """What became of a machine."""
     rng = np.random.default_rng(seed)
     robot = load_robot(name)
-    hidden = possible(robot, seed, hidden_in(robot, rng))
+    hidden = {} if clean else possible(robot, seed, hidden_in(robot, rng))
     machine = draw_machine(robot, seed, hidden=hidden)
     session, seen = drive(machine, seed)
     begin = time.perf_counter()
@@ -116,6 +121,7 @@ def one(name: str, seed: int) -> dict[str, Any]:
         "hidden": hidden,
         "findings": [[f.cause, f.location, list(f.equivalents)] for f in test.verdict.findings],
         "unknown": test.verdict.unknown_structure.found,
+        "structure": asdict(test.verdict.unknown_structure),
         "deviation_um": 1e6 * test.deviation,
         "off": max(_off(test)),
         "seconds": time.perf_counter() - begin,
@@ -127,7 +133,7 @@ def one(name: str, seed: int) -> dict[str, Any]:
             if finding.cause == cause and key in test.circles[0].without:
                 repaired = draw_machine(robot, seed)
                 told["repair"] = [test.without(*key), mean_deviation(repaired, seed)]
-    if (DIMENSIONS, None) in test.circles[0].without:
+    if (DIMENSIONS, None) in test.circles[0].without and not clean:
         as_drawn = draw_machine(robot, seed, scatter=0.0, hidden=hidden)
         told["drawn"] = [test.without(DIMENSIONS, None), mean_deviation(as_drawn, seed)]
     return told
@@ -159,6 +165,15 @@ def judged(told: list[dict[str, Any]]) -> None:
         unknown = sum(e["unknown"] for e in clean)
         numbers = *counts, len(clean), len(alarms), unknown
         print(f"{name:>13}" + "".join(f"{n:>13}" for n in numbers))
+    clean = [e for e in told if not e["hidden"]]
+    named = sum(any(f[0] not in _OF_PARTS for f in e["findings"]) for e in clean)
+    either = sum(_alarm(e) for e in clean)
+    for what, count in (("a cause named", named), ("any alarm", either)):
+        low, high = between(count, len(clean))
+        print(
+            f"{what} without a cause: {count} of {len(clean)}, "
+            f"95 % between {100 * low:.1f} and {100 * high:.1f} %"
+        )
     print(f"shares are off the whole by at most {max(e['off'] for e in told):.1e}")
     matter = [e for e in told if "repair" in e and _changed(e) >= _MATTERS]
     for key, of, what in (
@@ -180,8 +195,8 @@ def judged(told: list[dict[str, Any]]) -> None:
                 f"  {e['robot']} seed {e['seed']} {e['hidden']} lambda {e['lambda']:.0f}: ", end=""
             )
             print(e["findings"], "unknown" if e["unknown"] else "")
-        if not e["hidden"] and any(f[0] not in _OF_PARTS for f in e["findings"]):
-            print(f"  alarm: {e['robot']} seed {e['seed']}: {e['findings']}")
+        if not e["hidden"] and _alarm(e):
+            print(f"  alarm: {e['robot']} seed {e['seed']}: {e['findings']} {e.get('structure')}")
 
 
 # a machine's own dimensions and where its reflector sits are in every machine that is drawn
@@ -194,6 +209,18 @@ _OF_PARTS = {
         for p in load_robot(name).detailed.parameters
     ),
 }
+
+
+def _alarm(e: dict[str, Any]) -> bool:
+    """Whether anything is told of a machine beyond its parts."""
+    return e["unknown"] or any(f[0] not in _OF_PARTS for f in e["findings"])
+
+
+def between(count: int, of: int) -> tuple[float, float]:
+    """The 95 % interval of a rate (Clopper and Pearson 1934, Biometrika 26, 404-413)."""
+    low = beta.ppf(0.025, count, of - count + 1) if count else 0.0
+    high = beta.ppf(0.975, count + 1, of - count) if count < of else 1.0
+    return float(low), float(high)
 
 
 def right(e: dict[str, Any]) -> bool:
@@ -214,6 +241,7 @@ def main() -> None:
     parser.add_argument("--machines", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", default="srbd,linear_delta,scara")
+    parser.add_argument("--clean", action="store_true", help="hide nothing in any machine")
     parser.add_argument("--json", type=Path, default=None, help="lines of what was found")
     options = parser.parse_args()
     robots, told = options.robots.split(","), []
@@ -222,7 +250,7 @@ def main() -> None:
     for number in range(len(told), options.machines):
         name, seed = robots[number % len(robots)], options.seed * 10**5 + number
         try:
-            each = one(name, seed)
+            each = one(name, seed, options.clean)
         except CalibrationError as error:
             print(f"{name} seed {seed}: {error}", flush=True)
             raise

@@ -1,6 +1,7 @@
 """What a fleet brings and what it costs: priors, throughput, the page.
 
 python benchmarks/fleet.py --priors [--spread 0.1] [--noise 10] [--machines 30] [--trials 8]
+python benchmarks/fleet.py --effects --noise 1 [--spread 0.1] [--machines 20] [--trials 6]
 python benchmarks/fleet.py --throughput
 python benchmarks/fleet.py --scale
 python benchmarks/fleet.py --page fleet.html
@@ -13,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from delta_calibration.robot import load_robot
+from fleet_parts.effects import effects
 from fleet_parts.page import page
 from fleet_parts.priors import priors
 from fleet_parts.scale import scale, throughput
@@ -23,6 +25,7 @@ def main() -> None:
     """Run what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--priors", action="store_true")
+    parser.add_argument("--effects", action="store_true")
     parser.add_argument("--page", type=Path)
     parser.add_argument("--shared", type=int, default=0, metavar="FLEETS")
     parser.add_argument("--throughput", action="store_true")
@@ -56,6 +59,9 @@ def main() -> None:
         shared(given.shared, given.seed)
     if given.page is not None:
         page(robot, given.page, given.seed)
+    if given.effects:
+        print(f"{robot.name}, noise {given.noise:g} times the tracker's, seed {given.seed}")
+        effects(robot, given.spread, given.machines, given.trials, given.seed)
     if given.priors:
         print(f"{robot.name}, noise {given.noise:g} times the tracker's, seed {given.seed}")
         priors(robot, given.spread, given.machines, given.places, given.trials, given.seed)

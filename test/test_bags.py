@@ -13,7 +13,16 @@ from delta_calibration.recording import read_session
 
 FOLDER = Path(__file__).parents[1] / "bags"
 sys.path.insert(0, str(FOLDER))
-from make import BAGS, SPREADSHEET, make, sha256, spreadsheet, table  # noqa: E402
+from make import (  # noqa: E402
+    BAGS,
+    BALLBAR,
+    SPREADSHEET,
+    ballbar,
+    make,
+    sha256,
+    spreadsheet,
+    table,
+)
 
 MOST_BYTES = 1_000_000
 TOGETHER_BYTES = 3_000_000
@@ -49,6 +58,14 @@ def test_a_remade_spreadsheet_has_the_same_values(tmp_path: Path) -> None:
     made, kept = (
         np.loadtxt(path, delimiter=",", skiprows=1)
         for path in (spreadsheet(tmp_path), FOLDER / SPREADSHEET)
+    )
+    np.testing.assert_allclose(made, kept, rtol=0, atol=2e-4)
+
+
+def test_a_remade_ballbar_has_the_same_lengths(tmp_path: Path) -> None:
+    made, kept = (
+        np.loadtxt(path, delimiter=",", skiprows=1)
+        for path in (ballbar(tmp_path), FOLDER / BALLBAR)
     )
     np.testing.assert_allclose(made, kept, rtol=0, atol=2e-4)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from delta_calibration.cli import kept
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
 from delta_calibration.errors import DataError
@@ -124,10 +125,13 @@ def add(folder: Path, days: list[int], *more: str) -> list[str]:
 
 
 def test_few_places_are_added_by_the_verb(
-    folder: Path, robot: Robot, capsys: pytest.CaptureFixture[str]
+    folder: Path,
+    robot: Robot,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip("sqlalchemy")
-    from delta_calibration.history.store import open_store
+    from delta_calibration.history.store import Entry, open_store
 
     store = ["--machine", "m", "--store", str(folder / "h.sqlite")]
     assert run(add(folder, [2])) == 1
@@ -136,7 +140,16 @@ def test_few_places_are_added_by_the_verb(
     )
     assert run(add(folder, [0, 1], "--quick")) == 0
     capsys.readouterr()
+    read: list[str] = []
+
+    def read_again(entry: Entry, robot: Robot) -> Dated:
+        read.append(entry.id)
+        return reading(entry, robot)
+
+    reading = kept._dated
+    monkeypatch.setattr(kept, "_dated", read_again)
     assert run(add(folder, [2, 3])) == 0
+    assert read == ["day_0", "day_1", "day_2"]  # each once
     said = capsys.readouterr().out
     assert "carried over from 2 sessions (day_0 to day_1)" in said
     assert "changed: between day_1 and day_2 the arm length of joint 3" in said

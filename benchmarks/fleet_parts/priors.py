@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration_file import from_identification
-from delta_calibration.data import Poses, collect
+from delta_calibration.data import Poses, Survey, survey
 from delta_calibration.estimation import Identification, Population, identify
 from delta_calibration.fleet.evidence import Fitted, together
 from delta_calibration.fleet.population import estimate, kinds_of
@@ -44,6 +44,11 @@ def drawn(robot: Robot, seed: int, deviation: Array) -> TrueMachine:
 
 def poses_of(machine: TrueMachine, places: int, seed: int) -> Poses:
     """Its still moments at so many places, drawn from those of a full measurement."""
+    return seen_at(machine, places, seed).poses
+
+
+def seen_at(machine: TrueMachine, places: int, seed: int) -> Survey:
+    """The same with its motion between them."""
     robot = machine.robot
     plan = make_plan("identify", robot, count=MOST, seed=seed)
     chosen = np.random.default_rng(seed).permutation(MOST)[:places]
@@ -56,7 +61,7 @@ def poses_of(machine: TrueMachine, places: int, seed: int) -> Poses:
         payload=plan.payload[rows],
     )
     session = simulate_session(machine, plan, seed)
-    return collect(session, robot.joints.names, robot.commanded.joint_size)
+    return survey(session, robot.joints.names, robot.commanded.joint_size)
 
 
 def error_of(found: Identification, machine: TrueMachine, at: Array) -> float:
@@ -122,7 +127,9 @@ def _odd(
     row = robot.detailed.parameters.row("arm_2")
     tolerance = float(robot.detailed.parameters.prior[row])
     nominal = float(robot.detailed.parameters.nominal[row])
-    narrow = replace(population, odd=0.0)  # all that is not of the crowd is pulled to it
+    narrow = replace(
+        population, odd=0.0 * population.odd
+    )  # all that is not of the crowd is pulled to it
     told: dict[str, list[tuple[float, float]]] = {}
     for number in range(trials):
         deviation = like_them()

@@ -60,6 +60,11 @@ def read_ballbar(path: Path, robot: Robot) -> Ballbar:
     names = robot.joints.names
     head = read_text(path).partition("\n")[0]
     by_points = all(name in head for name in POINT)
+    if not by_points and not any(name in head for name in names):
+        raise InputError(
+            f"{path}: no column of what was commanded: {', '.join(names)} or {', '.join(POINT)} "
+            f"beside {TIME} and {RADIUS}; found {head}"
+        )
     rows = read_table(path, (TIME, RADIUS, *(POINT if by_points else names)))
     time = np.array([row.number(TIME, -_MOST_S, _MOST_S) for row in rows])
     late = np.flatnonzero(np.diff(time) <= 0)

@@ -11,7 +11,7 @@ import click
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.fit import describe_carried
-from delta_calibration.cli.kept import dated_sessions, robot_kept
+from delta_calibration.cli.kept import Reread, robot_kept
 from delta_calibration.data import Survey
 from delta_calibration.diagnosis import FEWEST, Diagnosis
 from delta_calibration.errors import DataError, InputError
@@ -64,7 +64,9 @@ def found_of(
     return made_of(seen, robot, seed, None if quick else diagnose)
 
 
-def update_of(seen: Survey, name: str, store: Store, machine: str, seed: int) -> Found:
+def update_of(
+    seen: Survey, name: str, store: Store, machine: str, seed: int, reread: Reread
+) -> Found:
     """Calibration of a session of few places, fitted with what the history says; no verdict.
 
     Raises:
@@ -80,7 +82,7 @@ def update_of(seen: Survey, name: str, store: Store, machine: str, seed: int) ->
             f"{machine!r}"
         )
     robot = robot_kept(store, machine)
-    old = dated_sessions(store.sessions(machine), robot)
+    old = reread(store.sessions(machine), robot)
     expected, calibration = updated(old, newly(name, seen), robot, seed)
     click.echo(describe_carried(expected, name))
     return calibration, None

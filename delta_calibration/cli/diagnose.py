@@ -27,6 +27,7 @@ from delta_calibration.cli.options import (
     write_json,
     write_text,
 )
+from delta_calibration.cli.priors import population_in, priors_option
 from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import (
     STEPS,
@@ -37,6 +38,7 @@ from delta_calibration.diagnosis import (
     diagnose,
 )
 from delta_calibration.diagnosis.scores import Score
+from delta_calibration.estimation import Population
 from delta_calibration.export.effect_file import effect_file, project_file, require_effect_name
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
@@ -75,6 +77,7 @@ _VALUES = 16  # of a cause that are told, the clearest of them
     help="Python file to write (FILE.py): the most likely equation of an unexplained error, as "
     "an effect of your own.",
 )
+@priors_option
 @model_option
 @seed_option
 @topics_option
@@ -90,6 +93,7 @@ def command(
     out: Path | None,
     report_file: Path | None,
     law_file: Path | None,
+    priors_file: Path | None,
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
@@ -113,11 +117,12 @@ def command(
         require_libraries()
     robot = load_robot(robot_file)
     calibration = None if in_force is None else load_calibration(in_force, robot)
+    population = population_in(priors_file, robot, model)
     recorded = read_session(session, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
-    found = diagnosed(seen, robot, model, seed, calibration)
+    found = diagnosed(seen, robot, model, seed, calibration, population)
     click.echo(describe(found.verdict, named=robot.named))
     for text in found.doubts:
         click.echo(f"warning: {text}")
@@ -153,7 +158,12 @@ def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:
 
 
 def diagnosed(
-    seen: Survey, robot: Robot, model: str | None, seed: int, calibration: Calibration | None
+    seen: Survey,
+    robot: Robot,
+    model: str | None,
+    seed: int,
+    calibration: Calibration | None,
+    population: Population | None = None,
 ) -> Diagnosis:
     """The diagnosis, with a bar that names its step; a line a step where nobody watches."""
     begun = monotonic()
@@ -167,7 +177,15 @@ def diagnosed(
                 line = f"step {number} of {len(STEPS)}, {name}: after {seconds:.0f} s"
                 click.echo(line, err=True)
 
-        return diagnose(seen, robot, model, seed=seed, calibration=calibration, step=step)
+        return diagnose(
+            seen,
+            robot,
+            model,
+            seed=seed,
+            calibration=calibration,
+            step=step,
+            population=population,
+        )
 
 
 def describe(

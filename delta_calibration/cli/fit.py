@@ -30,6 +30,7 @@ from delta_calibration.cli.options import (
     table,
     topics_option,
 )
+from delta_calibration.cli.priors import population_in, priors_option
 from delta_calibration.data import Poses, collect, survey
 from delta_calibration.errors import InputError
 from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
@@ -38,9 +39,7 @@ from delta_calibration.recording import Topics, read_session
 from delta_calibration.wording import mm, plain, spoken
 
 if TYPE_CHECKING:  # a fit by itself does not wait for what a history needs
-    from delta_calibration.estimation import Population
     from delta_calibration.history import Prospect
-    from delta_calibration.robot import Robot
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}
 _SHOWN = 5  # of a long list, without -v
@@ -85,14 +84,7 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     "(singular), or each parameter as soon as it has settled (settled, as in the five-axis "
     "paper).  [default: singular]",
 )
-@click.option(
-    "--priors",
-    "priors_file",
-    type=click.Path(path_type=Path),
-    default=None,
-    help="Use what a fleet of this type has in common, instead of the tolerances (a file that "
-    "`delta-cal fleet priors` wrote).",
-)
+@priors_option
 @model_option
 @seed_option
 @topics_option
@@ -132,7 +124,7 @@ def command(
     robot = robot_given(robot_file, machine, url)
     if priors_file is not None and machine is not None:
         raise InputError("give one of --priors and --machine")
-    population = None if priors_file is None else _population(priors_file, robot, model)
+    population = population_in(priors_file, robot, model)
     recorded = read_session(session, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, robot_file or str(robot.source), force, out is not None)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
@@ -154,12 +146,6 @@ def command(
     if out is not None:
         save_calibration(out, found, robot, poses)
         click.echo(f"written: {out}")
-
-
-def _population(file: Path, robot: Robot, model: str | None) -> Population:
-    from delta_calibration.fleet.priors import read_priors
-
-    return read_priors(file, robot, model)
 
 
 def describe_poses(poses: Poses) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from tqdm import tqdm
 
-from delta_calibration.wording import plain
+from delta_calibration.wording import plain, spoken
 
 if TYPE_CHECKING:  # a cluster's library
     from delta_calibration.fleet.run import Result
@@ -77,8 +77,11 @@ def priors_told(document: dict[str, Any]) -> str:
     if ratio:
         lines.append(f"their spread is {ratio[len(ratio) // 2]:.2f} of the tolerance (median)")
     lines += [f"odd: {machine}: {', '.join(names)}" for machine, names in sorted(odd.items())]
+    common = {effect["cause"] for effect in document["effects"]}
     lines += [
-        f"{e['cause']} ({e['parameter']}): found in {e['found_in']} of {e['of']} machines"
-        for e in document["effects"]
+        f"{spoken(e['cause'])}: found in {e['found_in']} of {e['of']} machines"
+        + ("; expected of the next one" if e["cause"] in common else "")
+        for e in document["causes"]
+        if e["found_in"]
     ]
     return "\n".join(lines)

@@ -12,7 +12,7 @@ import click
 
 from delta_calibration.cli.adding import Found, found_of, known_of, update_of
 from delta_calibration.cli.check import warn_of_mistakes
-from delta_calibration.cli.kept import dated_sessions, robot_kept, store_option
+from delta_calibration.cli.kept import Reread, robot_kept, store_option
 from delta_calibration.cli.options import (
     require_folder,
     robot_option,
@@ -118,11 +118,14 @@ def add(
             raise InputError(f"{session}: not the folder of a session")
     known = known_of(sessions, verdict_file, calibration_file, quick, update)
     given = str(Path(robot_file).resolve()) if Path(robot_file).is_file() else robot_file
+    reread = Reread()
     with opened(url, make=True) as store:
         for session in sessions:
             path, own = bags.place_of(session), name or bags.name_of(session)
             alone = partial(found_of, known=known, robot=robot, seed=seed, quick=quick)
-            told = partial(update_of, name=own, store=store, machine=machine, seed=seed)
+            told = partial(
+                update_of, name=own, store=store, machine=machine, seed=seed, reread=reread
+            )
             make = partial(_made, alone=alone, told=told, known=known is not None, update=update)
             _add(store, machine, path, own, robot, given, topics, make)
         count = len(store.sessions(machine))
@@ -269,4 +272,4 @@ def _changes(machine: str, url: str) -> History:
     with opened(url) as store:
         robot = robot_kept(store, machine)
         entries = store.sessions(machine)
-    return find_changes(dated_sessions(entries, robot), robot, named=robot.named)
+    return find_changes(Reread()(entries, robot), robot, named=robot.named)

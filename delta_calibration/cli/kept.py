@@ -92,12 +92,22 @@ def sessions_of(machine: str, robot: Robot, url: str) -> list[Dated]:
 
     with opened(url) as store:
         entries = store.sessions(machine)
-    return dated_sessions(entries, robot)
+    return Reread()(entries, robot)
 
 
-def dated_sessions(entries: Sequence[Entry], robot: Robot) -> list[Dated]:
-    """Sessions read again, each with the effects that its calibration has."""
-    return [_dated(entry, robot) for entry in progress(entries, len(entries), "session")]
+class Reread:
+    """Reads sessions of a machine again, each once: a bag may be far away."""
+
+    def __init__(self) -> None:
+        """Begin with nothing read."""
+        self._read: dict[str, Dated] = {}
+
+    def __call__(self, entries: Sequence[Entry], robot: Robot) -> list[Dated]:
+        """Sessions, each with the effects that its calibration has."""
+        new = [entry for entry in entries if entry.sha256 not in self._read]
+        for entry in progress(new, len(new), "session"):
+            self._read[entry.sha256] = _dated(entry, robot)
+        return [self._read[entry.sha256] for entry in entries]
 
 
 def _dated(entry: Entry, robot: Robot) -> Dated:

@@ -22,7 +22,7 @@ from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.judge import STEPS, Judgement, judged
 from delta_calibration.diagnosis.law_search import Likely
-from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel
 from delta_calibration.diagnosis.model import Model, solved
 from delta_calibration.diagnosis.observed import Observed
 from delta_calibration.diagnosis.residual_tests import ResidualTests
@@ -32,10 +32,13 @@ from delta_calibration.effects import Effect, catalogue
 from delta_calibration.estimation import (
     Identification,
     Measured,
+    Population,
+    carried_by,
     chain_of,
     doubts,
     prepare,
     require_this_robot,
+    solve,
 )
 from delta_calibration.estimation.turns import turns_of
 from delta_calibration.geometry import Frame
@@ -92,6 +95,7 @@ def diagnose(
     seed: int = 0,
     calibration: Calibration | None = None,
     step: Callable[[str], None] = lambda name: None,
+    population: Population | None = None,
 ) -> Diagnosis:
     """Say why the robot does not stand where its model says.
 
@@ -104,6 +108,8 @@ def diagnose(
         calibration: what the robot is compensated by; held against the session as the baseline in
             the place of the drawing.
         step: is told of each of `STEPS` as it begins.
+        population: of the machines of this type: its dimensions take the place of the tolerances,
+            and causes that are frequent in it are found sooner than others.
 
     Raises:
         DataError: too few different poses, or of another robot.
@@ -114,7 +120,7 @@ def diagnose(
     if calibration is not None:
         model = calibration.chain.mechanism.name
     with one_thread():  # the search has threads of its own (`search.py`)
-        start = calibrated(survey, robot, model)
+        start = calibrated(survey, robot, model, population=population)
         if calibration is not None:
             name = f"calibration of {Path(calibration.source).name} + frame"
             against = name, partial(_in_force, calibration, start)
@@ -180,7 +186,11 @@ def diagnose_observations(
 
 @one_thread()
 def calibrated(
-    survey: Survey, robot: Robot, model: str | None = None, fewest: int = FEWEST
+    survey: Survey,
+    robot: Robot,
+    model: str | None = None,
+    fewest: int = FEWEST,
+    population: Population | None = None,
 ) -> Model:
     """The machine with its geometry identified and nothing else in the chain.
 
@@ -189,14 +199,23 @@ def calibrated(
         robot: drawing, tolerances, tracker.
         model: name of a mechanism; the robot file's own where not given.
         fewest: different places that the session has to have.
+        population: of the machines of this type, in the place of the tolerances.
 
     Raises:
         DataError: too few different poses, or of another robot.
     """
     require_poses(survey.poses, fewest)
-    _, noise, problem = prepare(survey.poses, robot, chain_of(robot, model))
+    chain = chain_of(robot, model)
+    _, noise, problem = prepare(survey.poses, robot, chain)
     require_this_robot(problem, survey.poses, robot)
-    return solved(survey, robot, noise, problem)
+    cell, near = Cell(robot, noise, np.ones(len(survey.poses)), population), None
+    if population is not None:
+        population = population.shown_by(survey.poses.conditions)
+        whole = prepare(survey.poses, robot, chain.with_effects(population.effects))[2]
+        plain = solve(whole)
+        problem = carried_by(plain, population).bare.applied(problem)
+        near = problem.unknowns(plain.theta[chain.layout.base])
+    return solved(survey, cell, problem, near)
 
 
 def _in_force(calibration: Calibration, start: Model, held: HeldOutModels) -> HeldOut:

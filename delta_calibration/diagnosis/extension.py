@@ -19,7 +19,9 @@ from delta_calibration.estimation import (
     observe,
     parts_of,
     residuals_of,
+    scales,
     strong_correlations,
+    told_by,
 )
 from delta_calibration.region import Region
 from delta_calibration.theta import entries
@@ -51,7 +53,7 @@ def extended(model: Model, seed: int) -> Identification:
         covariance=covariance,
         noise=model.cell.noise,
         observability=observe(
-            problem.whiten @ jacobian, np.diag(model.problem.basis), base.parameters.names
+            problem.whiten @ jacobian, np.diag(scales(base)[0]), base.parameters.names
         ),
         correlations=strong_correlations(
             covariance[base.layout.base, base.layout.base], base.parameters.names
@@ -64,7 +66,7 @@ def extended(model: Model, seed: int) -> Identification:
         region=Region.of(base.mechanism.position(nominal)),
         region_joints=(poses.joint.min(axis=0), poses.joint.max(axis=0)),
         seed=seed,
-        effort=Effort(DIAGNOSIS),
+        effort=Effort(DIAGNOSIS, settings=told_by(population=model.population)),
         missed_before=missed_before,
         missed=missed,
         model_error=model_error_of(chain, model.theta, _left_out(beside, model)),

@@ -21,7 +21,7 @@ from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
-from delta_calibration.estimation import Problem, placing, registered
+from delta_calibration.estimation import Population, Problem, placing, registered
 from delta_calibration.theta import Layout, entries
 
 Array = NDArray[np.float64]
@@ -67,6 +67,11 @@ class Fitted(ABC):
             has_prior=np.concatenate([self.problem.has_prior, new]),
             free=np.concatenate([self.problem.free, new]),
         )
+
+    @property
+    def population(self) -> Population | None:
+        """Of the machines of its type, where it is known."""
+        return None
 
     @property
     @abstractmethod
@@ -119,11 +124,13 @@ class Fitted(ABC):
         Args:
             known: geometry that is known in the drawing's place, (p,).
         """
-        problem = self.problem
-        if known is not None:
-            theta, sure = problem.theta0.copy(), problem.has_prior.copy()
-            theta[problem.layout.geometry], sure[problem.layout.geometry] = known, True
-            problem = replace(problem, theta0=theta, has_prior=sure)
+        problem, geometry = self.problem, self.problem.layout.geometry
+        theta, sure = problem.theta0.copy(), problem.has_prior.copy()
+        if known is None:
+            theta[geometry] = self.bare.mechanism.parameters.nominal
+        else:
+            theta[geometry], sure[geometry] = known, True
+        problem = replace(problem, theta0=theta, has_prior=sure)
         placed: Fitted = replace(cast(Any, self), problem=problem, terms=())
         somewhere = placing(problem).any()  # not where encoders alone were read
         return placed.at(registered(problem).theta if somewhere else problem.theta0)
@@ -184,9 +191,9 @@ class Fitted(ABC):
     def scaled(self, term: Candidate) -> Array:
         """A term's values in units of the priors, (k,)."""
         if term.effect is None:
-            items = self.bare.mechanism.parameters.items
-            deviation = self.values(term) - np.array([items[r].nominal for r in term.rows])
-            return np.asarray(deviation / np.array([items[r].prior for r in term.rows]))
+            rows = list(term.rows)
+            off = self.values(term) - self.problem.theta0[rows]
+            return np.asarray(off / np.diag(self.problem.basis)[rows])
         prior = term.effect.parameters.prior[list(term.rows)]
         return np.asarray(self.values(term) / prior)
 

@@ -35,6 +35,7 @@ from delta_calibration.estimation import (
     Linear,
     Noise,
     PointMeasured,
+    Population,
     Problem,
     whitening,
 )
@@ -56,6 +57,7 @@ class Cell:
     robot: Robot
     noise: Noise
     weight: Array  # (poses,) of each pose, 0 where it is set aside
+    population: Population | None = None  # of the machines of its type, where it is known
 
     @property
     def noise_degrees(self) -> float:

@@ -14,9 +14,14 @@ from delta_calibration.diagnosis.constants import FAIR, LACKING, QUIETER, STRAYE
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.verdict import SessionFacts
+<<<<<<< HEAD
 from delta_calibration.estimation import Noise, Problem, prepare, robust_weights, solve
 from delta_calibration.robot import Robot
 from delta_calibration.theta import entries
+=======
+from delta_calibration.estimation import Population, Problem, prepare, robust_weights, solve
+from delta_calibration.theta import entries, length
+>>>>>>> f35f3d6df40f9701361d901824d47e459cec3cef
 from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
@@ -44,6 +49,11 @@ class Model(Fitted):
     def evidence(self) -> LinearizedModel:
         """What is left to explain, as if the terms were not in the model."""
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)
+
+    @property
+    def population(self) -> Population | None:
+        """Of the machines of its type, where it is known."""
+        return self.cell.population
 
     @property
     def noise_degrees(self) -> float:
@@ -82,16 +92,39 @@ class Model(Fitted):
         Where the platform hardly tilts, an offset far off is a cheap way to follow a cause that
         is not in the model; about it nothing is linear that would name the cause.
         """
+        return (self._as_filed(),) if self.strayed and self.misfit >= LACKING else ()
+
+    @property
+    def strayed(self) -> bool:
+        """Whether the reflector is far from where the file has it."""
         offset, problem = _offset(self), self.problem
         off = (self.theta - problem.theta0)[offset] / np.diag(problem.basis)[offset]
-        if self.misfit < LACKING or np.abs(off).max() < STRAYED:
-            return ()
+        return bool(np.abs(off).max() >= STRAYED)
+
+    def _as_filed(self) -> Model:
+        """The machine fitted anew to the poses with its reflector where the file has it."""
         free = np.ones(len(self.theta), dtype=bool)
-        free[offset] = False
-        held = problem.only(free)
+        free[_offset(self)] = False
+        held = self.problem.only(free)
         solution = solve(held, held.unknowns(self.theta))
         cell = replace(self.cell, weight=solution.weight)
-        return (replace(self, theta=solution.theta, cell=cell, near=None),)
+        return replace(self, theta=solution.theta, cell=cell, near=None)
+
+    def on_its_floor(self) -> Model:
+        """The machine without terms, its reflector where poses and paths together have it.
+
+        Where the platform hardly tilts, an offset has a second floor of nearly the same error on
+        the poses. The readings in motion tell which is the right one; about the wrong one
+        they would show structure that is none.
+        """
+        if not (len(self.survey.paths) and self.strayed and self.misfit < LACKING):
+            return self
+        return min((self, self._as_filed()), key=lambda model: model.cost_ahead)
+
+    @property
+    def cost_ahead(self) -> float:
+        """Chi square of readings and priors that a step from here promises."""
+        return self.beside.cost(self.beside.best())
 
     def quieter(self, found: Fitted) -> Model:
         """Itself with the noise that repeats have without what the causes found do to them.
@@ -107,7 +140,8 @@ class Model(Fitted):
         _, noise, problem = prepare(poses, robot, self.problem.chain, moved)
         if noise.floor > QUIETER * self.floor:
             return self
-        return solved(self.survey, robot, noise, problem)
+        problem = replace(self.problem, measured=problem.measured)
+        return solved(self.survey, replace(self.cell, noise=noise), problem)
 
     def everything(self) -> Model:
         """The same fit, with poses that it set aside as gross errors to be looked at again."""
@@ -132,10 +166,18 @@ class Model(Fitted):
         return rested(self)
 
 
-def solved(survey: Survey, robot: Robot, noise: Noise, problem: Problem) -> Model:
-    """The geometry identified by the poses, with nothing else in the chain."""
-    solution = solve(problem)
-    return Model(survey, problem, Cell(robot, noise, solution.weight), solution.theta)
+def solved(survey: Survey, cell: Cell, problem: Problem, near: Array | None = None) -> Model:
+    """The geometry identified by the poses, with nothing else in the chain.
+
+    Args:
+        survey: poses and paths.
+        cell: what is known beside them; the weights of the poses are found anew.
+        problem: of fitting the poses.
+        near: unknowns to start from, (F,); the problem's own theta where not given.
+    """
+    solution = solve(problem, near, everywhere=True)
+    model = Model(survey, problem, replace(cell, weight=solution.weight), solution.theta)
+    return model.on_its_floor()
 
 
 @one_thread()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from delta_calibration.diagnosis.candidates import Candidate, dimensions, maps, 
 from delta_calibration.diagnosis.constants import ALPHA, PLAIN
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.diagnosis.scores import Score, Weighed
+from delta_calibration.diagnosis.scores import Score, Weighed, Weights
 from delta_calibration.effects import Effect
 
 THREADS = min(4, os.cpu_count() or 1)
@@ -70,9 +70,19 @@ def scan(
     noise_degrees: float,
     rng: np.random.Generator,
     used: Sequence[Candidate] = (),
+    weights: Weights = (),
 ) -> Scan:
-    """Score every explanation that is not used already."""
-    weighed = Weighed.of(evidence, noise_degrees, _DRAWS, rng)
+    """Score every explanation that is not used already.
+
+    Args:
+        evidence: what is to be explained.
+        effects: what is tried, beside dimensions and maps.
+        noise_degrees: of freedom of the stated noise.
+        rng: of the bootstrap.
+        used: explanations that are in the evidence.
+        weights: by how much some causes are likelier than the average; others are as likely.
+    """
+    weighed = replace(Weighed.of(evidence, noise_degrees, _DRAWS, rng), weights=weights)
     questions = list(_questions(evidence, effects, used))
     questions.sort(key=len, reverse=True)  # the long searches first, so that no thread waits
     with ThreadPoolExecutor(THREADS) as pool:
@@ -83,7 +93,10 @@ def scan(
 
 def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
     """What is left beside the terms of a model."""
-    return scan(model.beside, effects, model.noise_degrees, rng, model.terms)
+    weights: Weights = ()
+    if model.population is not None:
+        weights = model.population.weights([effect.cause for effect in effects])
+    return scan(model.beside, effects, model.noise_degrees, rng, model.terms, weights)
 
 
 def _questions(

@@ -15,7 +15,8 @@ alike much costs one size, and not three values out of all that each could be.
 
 A candidate whose shape was searched pays for the search as well: the parametric bootstrap of the
 largest D over all shapes says how many independent tries it was worth, and both answers are
-charged with that number.
+charged with that number. A cause that is so many times likelier than causes are on average, as
+machines of the same type have it, is charged with so many tries less.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ Array = NDArray[np.float64]
 
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
 _AT_A_TIME = 8  # shapes
+
+Weights = tuple[tuple[str, float], ...]  # causes, and how much likelier each is than the average
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
 
 
@@ -106,6 +109,7 @@ class Weighed:
     evidence: LinearizedModel
     weighed: Array  # (d n, 1 + draws): V^-1 of the residuals, then of each draw
     noise_degrees: float  # of freedom of the stated noise
+    weights: Weights = ()
 
     @classmethod
     def of(
@@ -158,6 +162,8 @@ class Weighed:
 
     def _charged(self, best: _Best) -> Score:
         tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0
+        if best.candidate.effect is not None:
+            tries /= dict(self.weights).get(best.candidate.cause, 1.0)
         return self.score(best.candidate, best.value, best.information, best.b, tries)
 
     def score(

@@ -17,6 +17,7 @@ from delta_calibration.estimation.fit import (
     prepare,
     require_this_robot,
     residuals_of,
+    told_by,
 )
 from delta_calibration.estimation.image import PointInImage
 from delta_calibration.estimation.measurements import (
@@ -44,6 +45,7 @@ from delta_calibration.estimation.population import (
     Likelihood,
     Population,
     believe,
+    carried_by,
     likelihood_of,
 )
 from delta_calibration.estimation.problem import (
@@ -51,6 +53,7 @@ from delta_calibration.estimation.problem import (
     Solution,
     build_problem,
     robust_weights,
+    scales,
     solution_at,
     solve,
     spread_of,
@@ -93,6 +96,7 @@ __all__ = [
     "Solution",
     "believe",
     "build_problem",
+    "carried_by",
     "carried_rows",
     "chain_of",
     "doubt",
@@ -110,9 +114,11 @@ __all__ = [
     "require_this_robot",
     "residuals_of",
     "robust_weights",
+    "scales",
     "solution_at",
     "solve",
     "spread_of",
     "strong_correlations",
+    "told_by",
     "whitening",
 ]

@@ -21,7 +21,7 @@ from delta_calibration.estimation.observability import (
     observe,
     strong_correlations,
 )
-from delta_calibration.estimation.population import Population, with_population
+from delta_calibration.estimation.population import Population, carried_by
 from delta_calibration.estimation.problem import Problem, Solution, build_problem, solve
 from delta_calibration.estimation.registration import registered
 from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
@@ -160,7 +160,8 @@ def identify(
         watch: is told of a slow method's evaluations while they are made.
         carried: what earlier sessions say of the machine, in the place of its tolerances; its
             effects are fitted, too.
-        population: of the machines of this type, in the place of the tolerances.
+        population: of the machines of this type, in the place of the tolerances; the effects that
+            most of them have are fitted, too.
 
     Raises:
         DataError: too few different poses, poses out of the nominal robot's reach or at a
@@ -169,6 +170,9 @@ def identify(
     """
     require_poses(poses, _fewest(carried, population))
     chain = chain_of(robot, model)
+    if population is not None:
+        population = population.shown_by(poses.conditions)
+        chain = chain.with_effects(population.effects)
     if carried is not None:
         chain = chain.with_effects(carried.effects)
     _, noise, drawn = prepare(poses, robot, chain)
@@ -179,9 +183,9 @@ def identify(
     problem, near = drawn if carried is None else carried.applied(drawn), None
     if population is not None:
         plain = solve(problem)
-        problem = with_population(plain, population)
+        problem = carried_by(plain, population).applied(drawn)
         near = problem.unknowns(plain.theta)  # where what is left tells the noise, not the prior
-    prior = _told_by(carried, population)
+    prior = told_by(carried, population)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch, near)
     full = fit.solution
@@ -233,7 +237,9 @@ def identify(
     )
 
 
-def _told_by(carried: Carried | None, population: Population | None) -> dict[str, int | str]:
+def told_by(
+    carried: Carried | None = None, population: Population | None = None
+) -> dict[str, int | str]:
     """What a fit was told beforehand: it is no evidence beside that, or about a population."""
     if carried is not None:
         return {"prior": PRIOR_HISTORY}

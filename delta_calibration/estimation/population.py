@@ -1,12 +1,13 @@
 """What machines of a type have in common, as the prior of the next one.
 
-Each dimension d_k, in tolerances t_k off the drawing, is of the crowd or odd,
+Each number d_k of a machine, a dimension in tolerances off the drawing or a parameter of an effect
+in the spread that it may have anywhere, is of the crowd or odd,
 
-    p(d_k) = (1 - o) N(d_k; m_k, s_k^2) + o N(d_k; 0, 1)
+    p(d_k) = (1 - o_k) N(d_k; m_k, s_k^2) + o_k N(d_k; 0, 1)
 
-with mean m and spread s of the crowd, and o the share of odd dimensions, which are only as the
-drawing's tolerances have them. Such a prior draws a dimension to the crowd as long as the data
-leave it there; one that they put elsewhere is left where it is.
+with mean m and spread s of the crowd, and o the share of odd ones, which are only as the drawing's
+tolerances or what is usual of the effect have them. Such a prior draws a number to the crowd as
+long as the data leave it there; one that they put elsewhere is left where it is.
 
 About a fit the data's likelihood is normal, exp(-d^T L d / 2 + d^T l), and the posterior is found
 by expectation propagation (Minka 2001): each prior is replaced by the normal one that gives the
@@ -16,12 +17,16 @@ form. What it ends with is a normal prior of this machine, with which it is fitt
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.estimation.problem import Problem, Solution, spread_of
+from delta_calibration.data import Conditions
+from delta_calibration.effects import Effect
+from delta_calibration.estimation.carried import Carried, carried_rows
+from delta_calibration.estimation.problem import Solution, spread_of
 
 Array = NDArray[np.float64]
 
@@ -33,21 +38,54 @@ _NARROWEST = 1e-3  # [tolerances] of a prior that was found
 
 @dataclass(frozen=True)
 class Population:
-    """Dimensions over the machines of a type, in tolerances off the drawing."""
+    """Dimensions and effects over the machines of a type, in units of the chain's priors."""
 
-    mean: Array  # (p,)
-    spread: Array  # (p,)
-    odd: float  # share of dimensions that are not of the crowd
+    mean: Array  # (p + k,) dimensions off the drawing, then the effects' parameters
+    spread: Array  # (p + k,)
+    odd: Array  # (p + k,) share of the machines in which a number is not of the crowd
+    effects: tuple[Effect, ...] = ()  # that most machines have
+    found: tuple[tuple[str, float], ...] = ()  # causes, and the share of machines that have them
 
     @classmethod
     def as_drawn(cls, size: int) -> Population:
         """What the drawing alone says of p dimensions."""
-        return cls(np.zeros(size), np.ones(size), 0.05)
+        return cls(np.zeros(size), np.ones(size), np.full(size, 0.05))
+
+    def shown_by(self, at: Conditions) -> Population:
+        """The same without effects that cannot be evaluated under these conditions."""
+        able = [not effect.missing(at) for effect in self.effects]
+        if all(able):
+            return self
+        sizes = [len(effect.parameters) for effect in self.effects]
+        dimensions = np.ones(len(self.mean) - sum(sizes), dtype=bool)
+        here = np.concatenate([dimensions, np.repeat(able, sizes)])
+        return replace(
+            self,
+            mean=self.mean[here],
+            spread=self.spread[here],
+            odd=self.odd[here],
+            effects=tuple(e for e, can in zip(self.effects, able, strict=True) if can),
+        )
+
+    def weights(self, causes: Collection[str]) -> tuple[tuple[str, float], ...]:
+        """By how much each cause is likelier than causes are on average.
+
+        p values may be divided by weights whose mean is one: chance raises as few alarms as
+        without (Genovese, Roeder and Wasserman 2006, Biometrika 93, 509-524).
+
+        Args:
+            causes: that are looked for.
+        """
+        share = {cause: each for cause, each in self.found if cause in causes}
+        if not share or len(share) < len(causes):
+            return ()
+        mean = sum(share.values()) / len(share)
+        return tuple((cause, each / mean) for cause, each in share.items())
 
 
 @dataclass(frozen=True)
 class Likelihood:
-    """What data say of dimensions, in tolerances: exp(-d^T L d / 2 + d^T l); of N machines."""
+    """What data say of d, dimensions and effects: exp(-d^T L d / 2 + d^T l); of N machines."""
 
     information: Array  # (..., p, p) L
     along: Array  # (..., p) l
@@ -105,7 +143,7 @@ def believe(data: Likelihood, population: Population, before: Belief | None = No
 
 
 def likelihood_of(solution: Solution) -> Likelihood:
-    """What the data of a fit say of the geometry, everything else integrated out.
+    """What the data of a fit say of dimensions and effects, everything else integrated out.
 
     Where the residuals are wider than the noise, the data say so much less.
     """
@@ -114,7 +152,7 @@ def likelihood_of(solution: Solution) -> Likelihood:
     slope = (root[..., None] * solution.at.slope).reshape(-1, solution.at.slope.shape[-1])
     residual = (root * solution.residual).reshape(-1) + slope @ solution.z
     information, along = slope.T @ slope, slope.T @ residual
-    here = problem.layout.mask(problem.layout.geometry)[problem.free]
+    here = problem.layout.mask(problem.layout.geometry, problem.layout.effects)[problem.free]
     rest = information[~here][:, ~here] + np.diag(problem.expected[~here])
     carried = np.linalg.solve(rest, information[~here][:, here]).T
     return Likelihood(
@@ -123,20 +161,23 @@ def likelihood_of(solution: Solution) -> Likelihood:
     )
 
 
-def with_population(solution: Solution, population: Population) -> Problem:
-    """The problem of a fit with the prior that a population gives this machine.
+def carried_by(solution: Solution, population: Population) -> Carried:
+    """The normal prior that a population gives this machine.
 
     Args:
-        solution: of the same problem by the drawing's tolerances, all of its geometry free.
-        population: of its dimensions, all with a tolerance.
+        solution: of a fit by the drawing's tolerances, with the population's effects in its chain
+            and all of its geometry free.
+        population: of its dimensions, all with a tolerance, and effects.
     """
-    problem, geometry = solution.problem, solution.problem.layout.geometry
-    tolerance = np.diag(problem.basis)[geometry]
+    problem, rows = solution.problem, carried_rows(solution.problem.layout)
+    unit = np.diag(problem.basis)[rows]
     belief = believe(likelihood_of(solution), population)
-    start, basis = problem.theta0.copy(), problem.basis.copy()
-    start[geometry] += tolerance * belief.prior_mean
-    basis[geometry, geometry] = np.diag(tolerance / np.sqrt(belief.prior_precision))
-    return replace(problem, theta0=start, basis=basis)
+    return Carried(
+        population.effects,
+        problem.theta0[rows] + unit * belief.prior_mean,
+        np.diag(unit**2 / belief.prior_precision),
+        np.zeros((0, problem.at.joint.shape[1])),
+    )
 
 
 def _mixed(at: Array, variance: Array, population: Population) -> tuple[Array, Array, Array]:

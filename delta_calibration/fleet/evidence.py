@@ -1,20 +1,23 @@
-"""What the fits of a machine say of its dimensions, apart from what they were told before.
+"""What the fits of a machine say of it, apart from what they were told before.
 
-A calibration is the posterior N(d, C) of dimensions under the tolerances of the drawing. Divided
-by that prior the likelihood of its data is left, in tolerances about the drawing
+A calibration is the posterior N(d, C) of dimensions and effects under the tolerances of the
+drawing and the usual spread of effects. Divided by that prior the likelihood of its data is left,
+in units of the prior
 
     L = C^-1 - 1,    l = C^-1 d
 
-Combinations of which a fit is no surer than the tolerances say nothing. What belongs to a session
-or to an effect, the reflector's place and the values of the effect, is integrated out first; the
-tracker's frame is by C itself. The sessions of a machine add up.
+Combinations of which a fit is no surer than the prior say nothing. What belongs to a session, the
+reflector's place and effects on readings or by the session's clock, is integrated out, and so are
+effects that most machines do not have; the tracker's frame is by C itself. The sessions of a
+machine add up.
 """
 
 from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,10 +27,15 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.estimation import Likelihood
+from delta_calibration.chain import Chain
+from delta_calibration.effects import Effect
+from delta_calibration.estimation import DIAGNOSIS, Likelihood
 from delta_calibration.robot import Robot
+from delta_calibration.theta import entries
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Index = NDArray[np.int64]
 
 _NOTHING = 1e-9  # [tolerances^2] variance of what was held in a fit
 _SAID = 0.999  # [tolerances^2] variance up to which a combination is known from data
@@ -39,11 +47,36 @@ class Fitted:
 
     machine: str
     calibrations: tuple[Calibration, ...]
+    diagnosed: Calibration | None = None  # the last of them in which effects were looked for
 
     @property
-    def likelihood(self) -> Likelihood:
-        """What all of them say of the dimensions."""
-        each = [likelihood_of_calibration(one) for one in self.calibrations]
+    def found(self) -> tuple[Effect, ...]:
+        """Effects of the machine that its last diagnosis found."""
+        return () if self.diagnosed is None else tuple(e for e, _ in self.diagnosed.live)
+
+    @property
+    def all_found(self) -> tuple[Effect, ...]:
+        """The same with effects on readings, and those of the session's clock."""
+        return () if self.diagnosed is None else self.diagnosed.chain.effects
+
+    def has(self, effects: Sequence[Effect]) -> Bools:
+        """Which parameters of some effects its last diagnosis found, (k,)."""
+        have = {alike(effect) for effect in self.found}
+        return np.concatenate(
+            [
+                np.zeros(0, dtype=bool),
+                *(
+                    _free(self.diagnosed, e)
+                    if self.diagnosed is not None and alike(e) in have
+                    else np.zeros(len(e.parameters), dtype=bool)
+                    for e in effects
+                ),
+            ]
+        )
+
+    def likelihood(self, effects: Sequence[Effect] = ()) -> Likelihood:
+        """What all of them say of the dimensions and of some effects."""
+        each = [likelihood_of_calibration(one, effects) for one in self.calibrations]
         return Likelihood(
             np.sum([one.information for one in each], axis=0),
             np.sum([one.along for one in each], axis=0),
@@ -56,7 +89,7 @@ def fitted(machine: str, documents: Iterable[Any], robot: Robot) -> Fitted:
     Raises:
         ConfigError: one was made for another robot.
     """
-    calibrations = []
+    calibrations, diagnosed = [], None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "calibration.json"
         for document in documents:
@@ -64,26 +97,61 @@ def fitted(machine: str, documents: Iterable[Any], robot: Robot) -> Fitted:
                 continue
             file.write_text(json.dumps(document), encoding="utf-8")
             calibrations.append(load_calibration(file, robot))
-    return Fitted(machine, tuple(calibrations))
+            if document["provenance"]["method"] == DIAGNOSIS:
+                diagnosed = calibrations[-1]
+    return Fitted(machine, tuple(calibrations), diagnosed)
 
 
-def together(machines: Sequence[Fitted]) -> Likelihood:
-    """What each of several machines says, (N, p, p) and (N, p)."""
-    each = [machine.likelihood for machine in machines]
+def common_effects(machines: Sequence[Fitted]) -> tuple[Effect, ...]:
+    """Effects that most of the machines with a diagnosis have, each in the shape most have."""
+    asked = sum(machine.diagnosed is not None for machine in machines)
+    having: dict[Hashable, list[Effect]] = defaultdict(list)
+    for machine in machines:
+        for effect in machine.found:
+            having[alike(effect)].append(effect)
+    return tuple(some[0] for some in having.values() if len(some) > asked / 2)
+
+
+def alike(effect: Effect) -> Hashable:
+    """What effects of the same cause in the same shape share: fields of a search to two figures.
+
+    Fields that go with values, as the width of a play, are none of the shape.
+    """
+    shape = {name: effect.settings[name] for name in effect.told}
+    return effect.cause, tuple(
+        (name, float(f"{value:.2g}")) for name, value in shape.items() if isinstance(value, float)
+    )
+
+
+def together(machines: Sequence[Fitted], effects: Sequence[Effect] = ()) -> Likelihood:
+    """What each of several machines says of p dimensions and k parameters of effects.
+
+    (N, p + k, p + k) and (N, p + k).
+    """
+    each = [machine.likelihood(effects) for machine in machines]
     return Likelihood(
         np.stack([one.information for one in each]), np.stack([one.along for one in each])
     )
 
 
-def likelihood_of_calibration(calibration: Calibration) -> Likelihood:
-    """What the data of a calibration say of the dimensions, in tolerances off the drawing."""
-    chain, size = calibration.chain, calibration.chain.layout.geometry_size
-    parameters = chain.parameters
+def likelihood_of_calibration(
+    calibration: Calibration, effects: Sequence[Effect] = ()
+) -> Likelihood:
+    """What the data of a calibration say, in units of the chain's priors off the drawing.
+
+    Args:
+        calibration: of a machine.
+        effects: of which is told beside the dimensions; nothing is said of those it does not have.
+    """
+    chain = calibration.chain
+    rows = _rows(chain, effects)
+    whole, sums = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
     if calibration.uncertainty is None:  # of a file from before it was told
-        return Likelihood(np.zeros((size, size)), np.zeros(size))
+        return Likelihood(whole, sums)
+    parameters, prior = chain.parameters, chain.parameters.prior
     variance = np.diag(calibration.uncertainty.covariance)
-    known = np.isfinite(parameters.prior) & (variance > 0)
-    prior = parameters.prior[known]
+    known = np.isfinite(prior) & (variance > 0)
+    prior = prior[known]
     off = (calibration.theta - parameters.nominal)[known] / prior
     covariance = calibration.uncertainty.covariance[np.ix_(known, known)] / np.outer(prior, prior)
     value, way = np.linalg.eigh(covariance)
@@ -92,18 +160,39 @@ def likelihood_of_calibration(calibration: Calibration) -> Likelihood:
     sure = np.where(said, 1 / value, 1.0)
     information = (way * (sure - 1)) @ way.T
     along = way @ (np.where(said, sure, 0.0) * (way.T @ off))
-    return _of_geometry(information, along, np.flatnonzero(known), size)
+    numbers = np.flatnonzero(known)
+    here = np.isin(numbers, rows)
+    information, along = _integrated(information, along, here)
+    where = {int(entry): row for row, entry in enumerate(rows)}
+    place = np.array([where[int(entry)] for entry in numbers[here]], dtype=np.int64)
+    whole[np.ix_(place, place)], sums[place] = information, along
+    return Likelihood(whole, sums)
 
 
-def _of_geometry(
-    information: Array, along: Array, rows: NDArray[np.intp], size: int
-) -> Likelihood:
-    """Integrate out all that is not geometry, by its prior of one tolerance."""
-    here = rows < size
+def _rows(chain: Chain, effects: Sequence[Effect]) -> Index:
+    """Entries of theta of the dimensions and of these effects; -1 of what it does not have."""
+    have = {alike(e): own for e, own in zip(chain.effects, chain.layout.each, strict=True)}
+    parts = [entries(chain.layout.geometry)]
+    for effect in effects:
+        own = have.get(alike(effect))
+        missing = np.full(len(effect.parameters), -1)
+        parts.append(missing if own is None else entries(own))
+    return np.concatenate(parts)
+
+
+def _integrated(information: Array, along: Array, here: Bools) -> tuple[Array, Array]:
+    """Integrate out all that is not `here`, by its prior."""
     rest = information[~here][:, ~here] + np.eye(int(np.count_nonzero(~here)))
     carried = np.linalg.solve(rest, information[~here][:, here]).T
-    own = information[here][:, here] - carried @ information[~here][:, here]
-    whole, sums = np.zeros((size, size)), np.zeros(size)
-    whole[np.ix_(rows[here], rows[here])] = own
-    sums[rows[here]] = along[here] - carried @ along[~here]
-    return Likelihood(whole, sums)
+    return (
+        information[here][:, here] - carried @ information[~here][:, here],
+        along[here] - carried @ along[~here],
+    )
+
+
+def _free(calibration: Calibration, effect: Effect) -> Bools:
+    """Which parameters of an effect were fitted, (k,); the others are nothing for certain."""
+    for own, part in zip(calibration.chain.effects, calibration.chain.layout.each, strict=True):
+        if alike(own) == alike(effect) and calibration.uncertainty is not None:
+            return np.asarray(np.diag(calibration.uncertainty.covariance)[part] > 0)
+    return np.zeros(len(effect.parameters), dtype=bool)

@@ -1,15 +1,18 @@
 """The file of priors: what a fleet says of the next machine of its type.
 
-Dimensions are absolute and in SI units. `mean` and `spread` are those of the crowd, `mean_std` how
+All values are absolute and in SI units. `mean` and `spread` are those of the crowd, `mean_std` how
 well the mean is known, `machines_worth` how many machines tell of the spread: near zero where no
-session shows the dimension, which keeps the tolerance of the drawing. Of effects that diagnoses
-found it says in how many machines, and their values.
+session shows the dimension, which keeps the tolerance of the drawing. `causes` says in how many of
+the machines that were diagnosed each cause of the catalogue was found; `effects` has those that
+most have, in the shape they have there, and of each parameter in which share of machines it is
+not of the crowd.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.documents import load_schema, read_document, write_document
-from delta_calibration.errors import ConfigError, DataError
+from delta_calibration.effects import SPREAD, Effect, catalogue, effect_named
+from delta_calibration.errors import ConfigError, DataError, InputError
 from delta_calibration.estimation import Population
-from delta_calibration.fleet.evidence import Fitted, together
-from delta_calibration.fleet.population import FEWEST, Estimated, estimate, expected, kinds_of
+from delta_calibration.fleet.evidence import Fitted, common_effects, together
+from delta_calibration.fleet.population import (
+    FEWEST,
+    Estimated,
+    Looked,
+    estimate,
+    expected,
+    kinds_of,
+)
+from delta_calibration.mechanisms import Mechanism
 from delta_calibration.parameters import Parameter
 from delta_calibration.robot import Robot
 
@@ -35,27 +47,48 @@ def write_priors(path: Path, machines: Sequence[Fitted], robot: Robot) -> dict[s
 
     Args:
         path: the file.
-        machines: of one type, with calibrations.
+        machines: of one type; those without a calibration of their own, as of updates only, say
+            nothing.
         robot: the type.
 
     Raises:
         DataError: too few machines, or a type whose dimensions have no tolerances.
         ConfigError: the file cannot be written.
     """
+    machines = [machine for machine in machines if machine.calibrations]
     if len(machines) < FEWEST:
         raise DataError(
-            f"{len(machines)} machines of robot {robot.name}; priors need {FEWEST} or more"
+            f"{len(machines)} machines of robot {robot.name} with a fit of their own; priors need "
+            f"{FEWEST} or more"
         )
-    parameters = machines[0].calibrations[0].chain.mechanism.parameters.items
-    _require_tolerances(parameters, robot)
-    kinds = kinds_of([p.name for p in parameters])
-    document = _document(machines, robot, parameters, estimate(together(machines), kinds))
+    mechanism = machines[0].calibrations[0].chain.mechanism
+    _require_tolerances(mechanism.parameters.items, robot)
+    effects, found = population_of(machines)
+    document = _document(machines, robot, mechanism, effects, found)
     write_document(path, document)
     return document
 
 
+def population_of(machines: Sequence[Fitted]) -> tuple[tuple[Effect, ...], Estimated]:
+    """Effects that most machines have, and the population of dimensions and of these.
+
+    Raises:
+        DataError: too few machines.
+    """
+    mechanism, effects = machines[0].calibrations[0].chain.mechanism, common_effects(machines)
+    kinds = (
+        *kinds_of(mechanism.parameters.names),
+        *(f"{e.cause} {kind}" for e in effects for kind in kinds_of(e.parameters.names)),
+    )
+    looked = Looked(
+        np.array([machine.diagnosed is not None for machine in machines]),
+        np.stack([machine.has(effects) for machine in machines]),
+    )
+    return effects, estimate(together(machines, effects), kinds, looked)
+
+
 def read_priors(path: Path, robot: Robot, model: str | None = None) -> Population:
-    """What a file of priors says of this type, in tolerances off the drawing.
+    """What a file of priors says of this type.
 
     Args:
         path: the file.
@@ -78,92 +111,132 @@ def read_priors(path: Path, robot: Robot, model: str | None = None) -> Populatio
             f"{path}: model: priors of the dimensions of a {data['model']}; {mechanism.name} is "
             "fitted"
         )
-    entries = data["parameters"]
+    rows = list(data["parameters"])
+    odd = [float(data["odd_share"])] * len(rows)
+    for entry in data.get("effects", []):
+        rows += entry["parameters"]
+        odd += [float(each["odd_share"]) for each in entry["parameters"]]
     value, nominal, tolerance, spread, told = (
-        np.array([float(each[key]) for each in entries])
+        np.array([float(each[key]) for each in rows])
         for key in ("mean", "nominal", "tolerance", "spread", "machines_worth")
     )
-    mean, odd = (value - nominal) / tolerance, float(data["odd_share"])
-    return expected(Population(mean, spread / tolerance, odd), told)
+    crowd = Population(
+        (value - nominal) / tolerance,
+        spread / tolerance,
+        np.array(odd),
+        tuple(_effect(path, entry, robot, mechanism) for entry in data.get("effects", [])),
+        tuple((each["cause"], each["share"]) for each in data.get("causes", [])),
+    )
+    return expected(crowd, told)
+
+
+def _effect(path: Path, entry: Mapping[str, Any], robot: Robot, mechanism: Mechanism) -> Effect:
+    """An effect in the shape that the file says."""
+    try:
+        effect = effect_named(entry["cause"], robot, mechanism, entry["settings"])
+        names = effect.parameters.names
+    except InputError as error:
+        raise ConfigError(f"{path}: effects: {error}") from error
+    found = [each["name"] for each in entry["parameters"]]
+    if found != list(names):
+        raise ConfigError(
+            f"{path}: effects: {entry['cause']}: parameters {', '.join(found)}; it has "
+            f"{', '.join(names)}"
+        )
+    return effect
 
 
 def _document(
     machines: Sequence[Fitted],
     robot: Robot,
-    parameters: Sequence[Parameter],
+    mechanism: Mechanism,
+    effects: Sequence[Effect],
     found: Estimated,
 ) -> dict[str, Any]:
-    population, crowd = found.population, found.belief.crowd
-    entries = [
-        {
-            "name": p.name,
-            "unit": p.unit,
-            "nominal": p.nominal,
-            "tolerance": p.prior,
-            "mean": float(p.nominal + p.prior * population.mean[k]),
-            "mean_std": float(p.prior * found.mean_std[k]),
-            "spread": float(p.prior * population.spread[k]),
-            "machines_worth": round(float(found.told[k]), 2),
-        }
-        for k, p in enumerate(parameters)
-    ]
-    odd = [
+    dimensions = mechanism.parameters.items
+    # an effect's typical size is no bound: a chain expects it within a wider spread
+    wide = [replace(p, prior=SPREAD * p.prior) for e in effects for p in e.parameters]
+    every = [*dimensions, *wide]
+    entries = [_entry(p, found, k) for k, p in enumerate(every)]
+    return {
+        "schema": SCHEMA,
+        "robot": {"name": robot.name, "sha256": robot.machine_hash},
+        "model": mechanism.name,
+        "machines": len(machines),
+        "sessions": sum(len(each.calibrations) for each in machines),
+        "odd_share": float(found.population.odd[0]),
+        "parameters": entries[: len(dimensions)],
+        "odd": _told_odd(machines, [p.name for p in dimensions], found),
+        "causes": _causes(machines, robot, mechanism),
+        "effects": _effects(effects, entries[len(dimensions) :], found),
+    }
+
+
+def _entry(parameter: Parameter, found: Estimated, row: int) -> dict[str, Any]:
+    p, population = parameter, found.population
+    return {
+        "name": p.name,
+        "unit": p.unit,
+        "nominal": p.nominal,
+        "tolerance": p.prior,
+        "mean": float(p.nominal + p.prior * population.mean[row]),
+        "mean_std": float(p.prior * found.mean_std[row]),
+        "spread": float(p.prior * population.spread[row]),
+        "machines_worth": round(float(found.told[row]), 2),
+    }
+
+
+def _told_odd(
+    machines: Sequence[Fitted], names: Sequence[str], found: Estimated
+) -> list[dict[str, Any]]:
+    """Dimensions that are not of the crowd."""
+    crowd = found.belief.crowd[:, : len(names)]
+    return [
         {
             "machine": machines[i].machine,
-            "parameter": parameters[k].name,
+            "parameter": names[k],
             "probability": round(float(1 - crowd[i, k]), 4),
         }
         for i, k in np.argwhere(crowd < 1 - _ODD).tolist()
     ]
-    return {
-        "schema": SCHEMA,
-        "robot": {"name": robot.name, "sha256": robot.machine_hash},
-        "model": machines[0].calibrations[0].chain.mechanism.name,
-        "machines": len(machines),
-        "sessions": sum(len(each.calibrations) for each in machines),
-        "odd_share": population.odd,
-        "parameters": entries,
-        "odd": odd,
-        "effects": _effects(machines),
-    }
 
 
-def _effects(machines: Sequence[Fitted]) -> list[dict[str, Any]]:
-    """Of every effect that the last calibration of a machine has: where, and how large."""
-    found: dict[tuple[str, str, str], list[tuple[float, float]]] = defaultdict(list)
-    for machine in machines:
-        for key, value in _values(machine):
-            found[key].append(value)
+def _causes(
+    machines: Sequence[Fitted], robot: Robot, mechanism: Mechanism
+) -> list[dict[str, Any]]:
+    """In how many of the machines that were diagnosed each cause of the machine was found."""
+    asked = [machine for machine in machines if machine.diagnosed is not None]
+    if not asked:
+        return []
+    causes = dict.fromkeys(effect.cause for effect in catalogue(robot, mechanism))
+    counted = Counter(cause for each in asked for cause in {e.cause for e in each.all_found})
     return [
         {
             "cause": cause,
-            "parameter": name,
-            "unit": unit,
-            "found_in": len(values),
-            "of": len(machines),
-            "mean": float(np.mean([value for value, _ in values])),
-            "spread": _between(values),
+            "found_in": counted[cause],
+            "of": len(asked),
+            "share": (counted[cause] + 1) / (len(asked) + 2),  # Laplace's rule
         }
-        for (cause, name, unit), values in sorted(found.items())
+        for cause in causes
     ]
 
 
-def _values(machine: Fitted) -> Iterable[tuple[tuple[str, str, str], tuple[float, float]]]:
-    last = machine.calibrations[-1]
-    if last.uncertainty is None:
-        return
-    std = np.sqrt(np.diag(last.uncertainty.covariance))
-    for effect, part in zip(last.chain.effects, last.chain.layout.each, strict=True):
-        for p, value, error in zip(effect.parameters, last.theta[part], std[part], strict=True):
-            yield (effect.cause, p.name, p.unit), (float(value), float(error))
-
-
-def _between(values: Sequence[tuple[float, float]]) -> float:
-    """Spread of values between machines, without what their own errors make of it."""
-    if len(values) < 2:
-        return 0.0
-    value, error = np.array(values).T
-    return float(np.sqrt(max(np.var(value, ddof=1) - np.mean(error**2), 0.0)))
+def _effects(
+    effects: Sequence[Effect], entries: Sequence[Mapping[str, Any]], found: Estimated
+) -> list[dict[str, Any]]:
+    """Effects that most machines have, in the shape that the crowd's values go with."""
+    every, row, odd = [], 0, found.population.odd[-len(entries) :]
+    for effect in effects:
+        own = slice(row, row + len(effect.parameters))
+        row = own.stop
+        each = [
+            {**entry, "odd_share": float(share)}
+            for entry, share in zip(entries[own], odd[own], strict=True)
+        ]
+        shape = effect.refined(np.array([entry["mean"] for entry in each]))
+        settings = {k: list(v) if isinstance(v, tuple) else v for k, v in shape.settings.items()}
+        every.append({"cause": effect.cause, "settings": settings, "parameters": each})
+    return every
 
 
 def _require_tolerances(parameters: Sequence[Parameter], robot: Robot) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 import numpy as np
@@ -22,6 +22,7 @@ from delta_calibration.wording import mm, spoken, sure
 
 Array = NDArray[np.float64]
 
+_ROOM = 1.25  # beyond the least and the largest value
 _TOO_SMALL = 1.0  # chi square that a logarithmic axis begins with
 
 
@@ -51,7 +52,7 @@ def page_of_history(
         ),
         key_figures=(),
         sections=(
-            Section("changes", "What changed, and when", tables=(_log(found),)),
+            Section("changes", "What changed, and when", tables=(_log(found, errors),)),
             Section("sessions", "Sessions", tables=(_sessions(errors),), figures=(_fit(found),)),
         ),
         data={"machine": machine, "changes": [change.as_dict() for change in found.changes]},
@@ -62,21 +63,22 @@ def _upper(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]
 
 
-def _log(found: History) -> Table:
+def _log(found: History, errors: Sequence[tuple[str, datetime, float]]) -> Table:
+    day = {name: f"{when:%Y-%m-%d}" for name, when, _ in errors}
     return Table(
         "changes",
         "Change log",
         ("between", "what", "where", "from", "to", "change", "sure", "or"),
-        tuple(_row(change) for change in found.changes),
+        tuple(_row(change, day) for change in found.changes),
         "With standard errors. Sure: probability that cause, place and time are right; or: what "
         "else it may have been.",
         words=(0, 1, 2, 7),
     )
 
 
-def _row(change: Change) -> tuple[str, ...]:
+def _row(change: Change, day: Mapping[str, str]) -> tuple[str, ...]:
     return (
-        f"{change.after} and {change.before}",
+        f"{change.after} ({day[change.after]}) and {change.before} ({day[change.before]})",
         spoken(change.what),
         spoken(change.location or ""),
         *change.told(),
@@ -92,11 +94,17 @@ def _sessions(errors: Sequence[tuple[str, datetime, float]]) -> Table:
 
 
 def _fit(found: History) -> Figure:
+    every = np.concatenate([_shown(found.before), _shown(found.after)])
     place = np.arange(len(found.sessions), dtype=float)
     panel = Panel(
         "",
         Axis.side_by_side("session", found.sessions),
-        Axis("chi square above the session's own fit", log=True),
+        Axis(
+            "chi square above the session's own fit",
+            log=True,
+            low=float(every.min()) / _ROOM,
+            high=float(every.max()) * _ROOM,
+        ),
         (
             *course(
                 "one machine, unchanged", place, _shown(found.before), BEFORE, "dash", "diamond"

@@ -1,0 +1,34 @@
+"""`--priors`: what a fleet says of the next machine of its type."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:  # what goes without priors does not wait for a fleet's code
+    from delta_calibration.estimation import Population
+    from delta_calibration.robot import Robot
+
+priors_option = click.option(
+    "--priors",
+    "priors_file",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="Use what a fleet of this type has in common, instead of the tolerances (a file that "
+    "`delta-cal fleet priors` wrote).",
+)
+
+
+def population_in(file: Path | None, robot: Robot, model: str | None) -> Population | None:
+    """The population of a file of priors; None without a file.
+
+    Raises:
+        ConfigError: no file of priors, or one of another robot or model.
+    """
+    if file is None:
+        return None
+    from delta_calibration.fleet.priors import read_priors
+
+    return read_priors(file, robot, model)
