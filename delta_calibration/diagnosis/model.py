@@ -14,14 +14,8 @@ from delta_calibration.diagnosis.constants import FAIR, LACKING, QUIETER, STRAYE
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.verdict import SessionFacts
-<<<<<<< HEAD
-from delta_calibration.estimation import Noise, Problem, prepare, robust_weights, solve
-from delta_calibration.robot import Robot
-from delta_calibration.theta import entries
-=======
 from delta_calibration.estimation import Population, Problem, prepare, robust_weights, solve
-from delta_calibration.theta import entries, length
->>>>>>> f35f3d6df40f9701361d901824d47e459cec3cef
+from delta_calibration.theta import entries
 from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
