@@ -262,3 +262,23 @@ def test_a_cell_fits_nothing_over_a_mistake_and_says_so(tmp_path: Path) -> None:
     desk.take(*desk.prepare_fit()())
     assert desk.health(0.0, 1.0).level is Level.OK
     desk.save(str(tmp_path / "calibration.yaml"))
+
+
+def test_the_mistake_that_somebody_knows_is_the_one_that_is_mended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two swapped joints of a Delta look like a left-handed frame; points do not tell."""
+    case = case_of("srbd")
+    made = joints(case.session, BOTH, lambda q: q[:, [1, 0, 2]])
+    write_session(tmp_path / "swapped", made)
+    arguments = ["check", str(tmp_path / "swapped"), "--robot", "srbd"]
+    mended = ["--fix", str(tmp_path / "mended"), "--prefer", "joints_swapped"]
+    assert run([*arguments, *mended]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith("joints_swapped in joint_command (joint_1, joint_2)")
+    assert "corrected there: joints_swapped in joint_command; joints_swapped in joint_st" in said
+    now = read_session(tmp_path / "mended")
+    np.testing.assert_array_equal(now.command.position, case.session.command.position)
+    np.testing.assert_array_equal(now.tracker.position, case.session.tracker.position)
+    assert run([*arguments, "--prefer", "joint_offset"]) == 2
+    assert "not found in the session; found: frame_mirrored" in capsys.readouterr().err

@@ -39,12 +39,20 @@ from delta_calibration.robot import Robot, robot_document
     metavar="OUT",
     help="Folder to write the corrected session to; a corrected robot file is written beside it.",
 )
+@click.option(
+    "--prefer",
+    metavar="MISTAKE",
+    default="",
+    help="Mistake to correct, such as joints_swapped, if the session does not distinguish it from "
+    "others.  [default: the first that is found]",
+)
 @topics_option
 def command(
     session: Path,
     robot_file: str,
     json_file: Path | None,
     fix: Path | None,
+    prefer: str,
     topics: tuple[str, ...],
 ) -> None:
     """Check SESSION for recording mistakes before anything is fitted.
@@ -59,7 +67,10 @@ def command(
         if path is not None:
             require_folder(path, folder=path is fix)
     recorded = read_session(session, Topics.from_options(topics))
-    checked = examine(recorded, robot_file)
+    checked = examine(recorded, robot_file, prefer)
+    if prefer and not any(m.mistake == prefer for m in checked.found):
+        names = ", ".join(dict.fromkeys(m.mistake for m in checked.found)) or "none"
+        raise InputError(f"--prefer {prefer}: not found in the session; found: {names}")
     for note in (*recorded.notes, *checked.notes):
         click.echo(f"note: {note}")
     for mistake in checked.found:
@@ -91,14 +102,15 @@ def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
         raise InputError(f"{out}: not written: there is nothing to correct")
     if not checked.resolved:
         raise DataError(f"{out}: not written: the mistake is not known well enough to correct it")
-    mended = "; ".join(f"{m.mistake} in {m.stream}" for m in checked.found)
+    undone = [m for m in checked.found if not m.is_alternative]
+    mended = "; ".join(f"{m.mistake} in {m.stream}" for m in undone)
     provenance = {"mended_by": f"delta-cal check {__version__}", "mended": mended}
     write_session(out, checked.session, {**provenance, "mended_from": recorded.source})
     click.echo(f"written: {out}")
     if any(mistake.is_alternative for mistake in checked.found):
         click.echo(
-            "if this session does not distinguish several mistakes, the first one was "
-            "corrected there"
+            f"corrected there: {mended}. This session does not distinguish it from the others: if "
+            "one of them is true, name it with --prefer"
         )
     if checked.document is not None:
         beside = out.with_name(f"{out.name}_robot.yaml")

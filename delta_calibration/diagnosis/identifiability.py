@@ -121,7 +121,12 @@ def _blind(
     shape = next(effect.shapes(evidence.at), effect)
     lacking = shape.missing(evidence.at)
     if lacking:
-        return (), lacking, shape.remedied(lacking)
+        following = f"record it: {' and '.join(shape.needs)}"
+        return (
+            (),
+            lacking,
+            following if "known" in lacking else ("measure under conditions in which they differ"),
+        )
     bare, left = visibility(whole, shape)
     if left >= HIDDEN:
         return None

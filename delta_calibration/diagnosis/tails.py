@@ -6,7 +6,7 @@ and by its saddle point K'(s) = 0 (Lugannani and Rice 1980, Advances in Applied 
 
     P(Q > 0) = 1 - Phi(w) + phi(w) (1 / u - 1 / w),   w = sign(s) sqrt(-2 K),   u = s sqrt(K'')
 
-good to a few per cent of itself, however far out.
+within a tenth of itself, however far out.
 """
 
 from __future__ import annotations

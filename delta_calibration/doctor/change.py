@@ -88,6 +88,14 @@ class Answer:
     evidence: str
     others: tuple[Change, ...] = ()
 
+    def by(self, mistake: str) -> Answer:
+        """The same with a mistake first that explains the session as well, if it is among them."""
+        named = [other for other in self.others if other.mistake == mistake]
+        if len(self.changes) > 1 or not named:
+            return self
+        rest = tuple(other for other in self.others if other is not named[0])
+        return Answer((named[0],), self.evidence, (*self.changes, *rest))
+
 
 def as_it_is(session: Session) -> Session:
     """Leave a session unchanged."""

@@ -40,7 +40,11 @@ _ROUNDS = 4
 
 
 def check(
-    session: Session, robot: Robot, document: Document | None = None, source: str = ""
+    session: Session,
+    robot: Robot,
+    document: Document | None = None,
+    source: str = "",
+    prefer: str = "",
 ) -> Checked:
     """Examine a session for mistakes in units, wiring, clocks, frames and files.
 
@@ -49,11 +53,12 @@ def check(
         robot: whose file is held against it.
         document: that file as it is written, so that its units are looked into as well.
         source: its name.
+        prefer: mistake to undo where the session does not distinguish it from others.
     """
     named = _named(session, robot)
     if named is not None:
         return named
-    checked = _in_time(Checked((), in_order(session, robot.joints.names), robot))
+    checked = _in_time(Checked((), in_order(session, robot.joints.names), robot, prefer=prefer))
     stops = stops_of(checked.session)
     if stops is None:
         few = f"fewer than {LEAST} stops with joints and readings: only clocks were checked"
@@ -78,7 +83,7 @@ def require_sound(session: Session, robot: Robot) -> None:
         raise MistakeError("; ".join(mistake.sentence() for mistake in found))
 
 
-def examine(session: Session, robot_file: str | Path) -> Checked:
+def examine(session: Session, robot_file: str | Path, prefer: str = "") -> Checked:
     """The same by the name of a robot file, which may not even load for its units.
 
     Raises:
@@ -87,7 +92,7 @@ def examine(session: Session, robot_file: str | Path) -> Checked:
     """
     path, document = robot_document(robot_file)
     try:
-        return check(session, robot_from(document, str(path)), document, str(path))
+        return check(session, robot_from(document, str(path)), document, str(path), prefer)
     except ConfigError as error:
         refused = error
     fitting = []
@@ -107,7 +112,7 @@ def examine(session: Session, robot_file: str | Path) -> Checked:
         f"the file as written is refused ({_reason(refused, str(path))}); changed like this, "
         f"nominal robot and tracker agree within {1e3 * left:.3g} mm (median)"
     )
-    checked = check(session, robot)
+    checked = check(session, robot, prefer=prefer)
     return replace(checked, found=(*found, *checked.found), document=change.document)
 
 

@@ -25,6 +25,7 @@ class Checked:
     resolved: bool = True
     notes: tuple[str, ...] = ()
     document: Document | None = None
+    prefer: str = ""  # mistake to undo, of several that explain a session as well
 
     def with_(self, change: Change, evidence: str) -> Checked:
         """With a mistake more, undone."""
@@ -38,7 +39,7 @@ class Checked:
 
     def answered(self, answer: Answer) -> Checked:
         """With mistakes that explain it, undone, and named others that explain it as well."""
-        checked = self
+        checked, answer = self, answer.by(self.prefer)
         for change in answer.changes:
             checked = checked.with_(change, answer.evidence)
         same = answer.changes[0]

@@ -140,10 +140,9 @@ class Mechanism(ABC):
         """Sizes of the robot's own masses [kg]; one at the platform's centre by default."""
         return np.array([0.0 if masses is None else masses.on_platform])
 
-    @property
-    def levers(self) -> Array:
-        """How far each mass is from the place that `masses` states, (masses, 3) [m], always."""
-        return np.zeros((len(self.weights(None)), 3))
+    def moving(self, masses: Any) -> Array:
+        """Share of each mass that counts where it is accelerated; all of it by default."""
+        return np.ones(len(self.weights(masses)))
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
@@ -440,7 +439,7 @@ class Mechanism(ABC):
         acceleration: Array,
         payload: Array,
         centre: Array,
-    ) -> tuple[Array, Array, Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array, Array]:
         """Forces that the machine carries, see model/loads.py; zeros where not asked for.
 
         Args:
@@ -456,7 +455,7 @@ class Mechanism(ABC):
 
         Returns:
             Torques of weight and of inertia on the joints, (n, m) each, dU/dg (n, p), pulls of
-            the limbs and their pulls at home, (n, R) each, force and moment on the base, (n, 6).
+            the limbs and their pulls at home, (n, R) each.
         """
         c, bearing = self._compiled, self.bearing(masses)
         n, m = len(q), self.joints
@@ -471,8 +470,8 @@ class Mechanism(ABC):
             _rows(payload[:, None], 1, n)[:, 0],
             _rows(centre, 3, n),
         )
-        weight, inertia, load, pull, home, reaction = found
-        return weight, inertia, load, pull, home, reaction
+        weight, inertia, load, pull, home = found
+        return weight, inertia, load, pull, home
 
     def tensions(self, x: Array, g: Array, load: Array) -> Array:
         """Pull of each limb that bears a load, (n, R) [N]: the nearest to the pretension.
@@ -536,7 +535,7 @@ class Mechanism(ABC):
             np.array([*of_mass, mass.compiled.size]),
             np.array(dims, dtype=np.int64),
             np.array(self.weights(masses), dtype=float),
-            np.array(self.levers, dtype=float),
+            np.array(self.moving(masses), dtype=float),
             np.array(self.home_pose, dtype=float),
             float(self.pretension),
             np.array([c for limb in every for c in limb.constants], dtype=float),

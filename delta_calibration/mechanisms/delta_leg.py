@@ -163,27 +163,24 @@ class DeltaModel(Mechanism):
         )
 
     def weights(self, masses: DeltaMasses | None) -> Array:
-        """Platform, elbows, middles of the pairs of rods and middles of the arms [kg].
+        """Platform, elbows and middles of the pairs of rods [kg].
 
         A rod is a sixth of its mass at either end and the rest in the middle: Simpson's rule has
         the weight, the centre and the inertia of a uniform one. An arm's mass is shared out
-        between hinge, middle and elbow, so that its centre and its inertia stay; what is at the
-        hinge does not move.
+        between hinge and elbow, so that its centre stays.
         """
         if masses is None:
-            return np.zeros(1 + 3 * LEGS)
-        centre, turning = masses.arm_centre, masses.turning
-        elbow = masses.arm * (2 * turning - centre) + masses.rod / 3
-        middle, pair = 4 * masses.arm * (centre - turning), 4 / 3 * masses.rod
-        each = (LEGS * (of_leg,) for of_leg in (elbow, pair, middle))
-        return np.array([masses.platform + masses.rod, *chain.from_iterable(each)])
+            return np.zeros(1 + 2 * LEGS)
+        at_elbow = masses.arm * masses.arm_centre + masses.rod / 3
+        pair = 4 / 3 * masses.rod
+        return np.array([masses.platform + masses.rod, *LEGS * (at_elbow,), *LEGS * (pair,)])
 
-    @property
-    def levers(self) -> Array:
-        """`masses` has the legs moved in by the platform's radius: as far out, (10, 3) [m]."""
-        stands, out = np.array(self.dimensions.stands), self.dimensions.platform_radius
-        legs = out * np.stack([np.cos(stands), np.sin(stands), 0 * stands], axis=1)
-        return np.concatenate([np.zeros((1, 3)), legs, legs, legs])
+    def moving(self, masses: DeltaMasses | None) -> Array:
+        """All of it, but of an arm what its inertia comes to."""
+        share = np.ones(1 + 2 * LEGS)
+        if masses is not None and (at_elbow := self.weights(masses)[1]):
+            share[1 : 1 + LEGS] = (masses.arm * masses.turning + masses.rod / 3) / at_elbow
+        return share
 
     @abstractmethod
     def _leg_parameters(self, leg: int) -> list[Parameter]:

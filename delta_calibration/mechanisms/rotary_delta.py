@@ -74,12 +74,9 @@ class RotaryDelta(DeltaModel):
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Platform, elbows, middles of the pairs of rods and middles of the arms."""
+        """Platform, elbows, and middles of the pairs of rods."""
         elbows = [_elbow(q[leg], g[leg], c[leg]) for leg in range(LEGS)]
-        hinges = [leg_frame(c[leg]) @ g[leg][RADIAL : HEIGHT + 1] for leg in range(LEGS)]
-        pairs = ((elbow + x[0:3]) / 2 for elbow in elbows)
-        arms = ((hinge + elbow) / 2 for hinge, elbow in zip(hinges, elbows, strict=True))
-        return column(x[0:3], *elbows, *pairs, *arms)
+        return column(x[0:3], *elbows, *((elbow + x[0:3]) / 2 for elbow in elbows))
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:

@@ -73,7 +73,7 @@ class SixRodDelta(DeltaModel):
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Platform, elbows, middles of the pairs of rods and middles of the arms."""
+        """Platform, elbows, and middles of the pairs of rods."""
         return RotaryDelta.masses(x, q, [_sphere(leg) for leg in g], c)
 
     @staticmethod

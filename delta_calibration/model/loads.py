@@ -7,10 +7,6 @@ them), the joints carry dU/dq and a dimension g of the machine carries dU/dg,
 
 Cables can only pull, and more of them than freedoms hold each other taut: of all pulls that bear
 the load the nearest to the pretension is taken, t = t_p + (f_x^T)^+ (-u_x - f_x^T t_p).
-
-What all of it presses on the base is the sum over the masses (d'Alembert), with z up,
-
-    F = -sum m (p'' + G z)        M = -sum p x m (p'' + G z)
 """
 
 from __future__ import annotations
@@ -26,7 +22,6 @@ from delta_calibration.model.chain_constants import (
     OF_DIMENSIONS,
     OF_INERTIA,
     OF_PULLS,
-    OF_REACTION,
     OF_WEIGHT,
 )
 from delta_calibration.model.jit import call, compiled, record
@@ -66,7 +61,7 @@ class Bearing(NamedTuple):
                                 and its size
     mass (4,), mass_at (7,)     law of the masses' places; places of x, q, g, f, f_x, f_q, size
     dims (d,)                   dimensions that it takes, or fixed numbers behind them
-    kg (k,), levers (k, 3)      each mass, and how far [m] it is from the place that its law states
+    kg (k,), moves (k,)         each mass, and the share of it that counts where it is accelerated
     home (k,)                   pose at which counters are zero
     pretension                  [N] of every cable
     constants (c,)              of the limbs, for the law of the masses
@@ -79,7 +74,7 @@ class Bearing(NamedTuple):
     mass_at: Index
     dims: Index
     kg: Array
-    levers: Array
+    moves: Array
     home: Array
     pretension: float
     constants: Array
@@ -101,7 +96,7 @@ class Beside(NamedTuple):
 
 @record
 class Carried(NamedTuple):
-    """Scratch, and what is found: torques of weight and inertia, dU/dg, reaction, pulls.
+    """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home.
 
     Of the work U there is a row for `WEIGHT` and one for `INERTIA`. dU/dg is that of the weight,
     and of the inertia where that is asked for as well.
@@ -118,7 +113,6 @@ class Carried(NamedTuple):
     gravity: Array  # (m,)
     inertia: Array  # (m,)
     load: Array  # (p,)
-    reaction: Array  # (6,) [N, N m] force and moment on the base, about its origin
     pull: Array  # (R,)
     pull_home: Array  # (R,)
     still: Array  # (m,) readings of counters at home
@@ -155,7 +149,6 @@ def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
         np.zeros(m),
         np.zeros(m),
         np.zeros(p),
-        np.zeros(6),
         np.zeros(r),
         np.zeros(r),
         np.zeros(m),
@@ -251,6 +244,8 @@ def _work(limbs: Limbs, bearing: Bearing, payload: float, row: int, found: Carri
             a[axis] = 0.0 if axis < 2 else FREE_FALL
             if row == INERTIA:
                 a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
+        if row == INERTIA and point >= 0:
+            kg *= bearing.moves[point]
         _add(limbs, bearing, found, row, point, kg, a)
 
 
@@ -353,36 +348,6 @@ def _accelerate(
 
 
 @compiled(borrows=True)
-def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> None:
-    """Force and moment on the base; the laws are evaluated, and the accelerations if `moving`."""
-    a, count, total = found.a, len(bearing.kg), found.reaction
-    for i in range(6):
-        total[i] = 0.0
-    for point in range(-1, count):
-        row = count if point < 0 else point
-        kg = payload if point < 0 else bearing.kg[point]
-        for axis in range(3):
-            a[axis] = 0.0 if axis < 2 else FREE_FALL
-            if moving:
-                a[axis] += found.accelerated[3 * row + axis]
-        x, y = _coordinate(bearing, found, point, 0), _coordinate(bearing, found, point, 1)
-        z = _coordinate(bearing, found, point, 2)
-        for axis in range(3):
-            total[axis] -= kg * a[axis]
-        total[3] -= kg * (y * a[2] - z * a[1])
-        total[4] -= kg * (z * a[0] - x * a[2])
-        total[5] -= kg * (x * a[1] - y * a[0])
-
-
-@compiled(borrows=True)
-def _coordinate(bearing: Bearing, found: Carried, point: int, axis: int) -> float:
-    """Where a mass is along an axis of the base [m]; the payload's number is -1."""
-    if point < 0:
-        return float(found.point[bearing.point_at[2] + axis])
-    return float(found.mass[bearing.mass_at[3] + 3 * point + axis] + bearing.levers[point, axis])
-
-
-@compiled(borrows=True)
 def _pulls(limbs: Limbs, bearing: Bearing, room: Room, u_x: Array, pull: Array) -> None:
     """Pulls of the cables that bear u_x (k,), nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
@@ -435,16 +400,14 @@ def bear(
     point_at(bearing, x, centre, found.point)
     masses_at(limbs, bearing, q, x, found.mass)
     _work(limbs, bearing, payload, WEIGHT, found)
-    moving = asked & (OF_INERTIA | OF_REACTION) > 0 and _moves(rate, acceleration)
+    moving = asked & OF_INERTIA > 0 and _moves(rate, acceleration)
     if moving:
         _curved(limbs, bearing, q, x, rate, centre, room, found)
         _accelerate(limbs, bearing, acceleration, room, found)
         _work(limbs, bearing, payload, INERTIA, found)
-    if asked & OF_REACTION:
-        _react(bearing, payload, moving, found)
     if asked & OF_PULLS:
         _pulls(limbs, bearing, room, found.u_x[WEIGHT], found.pull)
-    if asked & (OF_WEIGHT | OF_INERTIA):
+    if asked & OF_WEIGHT or moving:
         rows = 2 if moving else 1
         by_g = found.by_g if asked & OF_DIMENSIONS else found.none
         moved(limbs, found.u_x[:rows], room, found.by_q[:rows], by_g[:rows])
@@ -472,11 +435,11 @@ def every(
     acceleration: Array,
     payload: Array,
     centre: Array,
-) -> tuple[Array, Array, Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array, Array]:
     """All loads that are asked for, of every sample; see `Mechanism.loads`."""
     n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
-    pull, home, reaction = np.zeros((n, r)), np.zeros((n, r)), np.zeros((n, 6))
+    pull, home = np.zeros((n, r)), np.zeros((n, r))
     own, found, last = room(limbs, size), carried(limbs, bearing, size), len(g) - 1
     for row in range(n):
         if row == 0 or last > 0:
@@ -496,8 +459,8 @@ def every(
             found,
         )
         weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
-        pull[row], home[row], reaction[row] = found.pull, found.pull_home, found.reaction
-    return weight, inertia, load, pull, home, reaction
+        pull[row], home[row] = found.pull, found.pull_home
+    return weight, inertia, load, pull, home
 
 
 @compiled()
