@@ -1,6 +1,7 @@
 """How many true errors of corrected positions lie within what is certified of them.
 
-    python benchmarks/ certified_coverage.py --help
+    python benchmarks/certified_coverage.py [--robots srbd,scara] [--machines 10] [--seed 0]
+                                            [--diagnosed]
 
 Machines that are not built as drawn, with a hidden cause and without, are measured once each. At
 places that were not measured, all over the region, each joint coming from either side, the true
