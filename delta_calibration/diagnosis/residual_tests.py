@@ -42,6 +42,7 @@ Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n,
 _DRAWS = 200
 _DOUBT = 0.02  # p of draws from which on down their number is too small for its size
 _AT_A_TIME = 256  # columns of a covariance
+_EXACT = 1000  # residuals up to which eigenvalues take a fraction of a second; beyond, draws do
 _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
@@ -82,7 +83,7 @@ def audit(
     p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
         p[f"moran_{name}"] = _alike(left, chance, near, SLIGHT)
-        if p[f"moran_{name}"] < _DOUBT:
+        if p[f"moran_{name}"] < _DOUBT and left.size <= _EXACT:
             p[f"moran_{name}"] = _in_the_tail(evidence, rows, left, near)
     moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
     along = _along(evidence.rest.path[moving])
