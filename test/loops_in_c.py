@@ -28,6 +28,9 @@ def everything(rows: Array, out: Array, settings: Array) -> float:
         if i == 1 and not settings[1] > 0.0:
             continue
         total += i
+    while total > 2 | 4:
+        total -= 1
+    total += len(rows[1:m]) + int(rows[1:m][0, 0] < rows[1, 0])
     gap, count = _ends(rows[0], 1)
     out[:] = gap / scale
     out[0], out[1] = out[1] + total, out[0] - count
@@ -39,10 +42,9 @@ def everything(rows: Array, out: Array, settings: Array) -> float:
 
 
 @compiled(borrows=True)
-def waiting(values: Array) -> None:
-    """A loop of no known end."""
-    while values[0] > 0.0:
-        values[0] -= 1.0
+def remaining(values: Array) -> None:
+    """A remainder, which has another sign in C."""
+    values[0] = len(values) % 3
 
 
 @compiled(borrows=True)

@@ -290,7 +290,7 @@ def test_loops_do_in_c_what_they_do_here(positive, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "function", [loops_in_c.waiting, loops_in_c.undecided, loops_in_c.listing]
+    "function", [loops_in_c.remaining, loops_in_c.undecided, loops_in_c.listing]
 )
 def test_a_loop_that_has_no_c_is_refused_by_name(function):
     name = function.py_func.__name__
