@@ -11,11 +11,6 @@ of m = 0.05 times the noise, 0.15 in motion. With E c what chance makes of chi s
 c by m^2 E c, and I by m^2 (E c / c)^2: where residuals are far below the noise that repeats show,
 that is gross errors, and a fit that believes it leaves structure of its own.
 
-A few hundred draws say nothing of a tail that one in thousands reaches. There I > c is taken for
-what it is, sum_k l_k z_k^2 > 0 of normal z with l the eigenvalues of (W - c) S, S the residuals'
-covariance (Tiefelsdorf and Boots 1995, Environment and Planning A 27, 985-999), and its chance is
-that of the saddle point (`tails.py`).
-
 Poses that were set aside as gross errors have nothing to do with one another if they are: each
 misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
 """
@@ -33,16 +28,12 @@ from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.constants import SLIGHT, SLIGHT_MOVING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
-from delta_calibration.diagnosis.tails import chance_above
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
 
 _DRAWS = 200
-_DOUBT = 0.02  # p of draws from which on down their number is too small for its size
-_AT_A_TIME = 256  # columns of a covariance
-_EXACT = 1000  # residuals up to which eigenvalues take a fraction of a second; beyond, draws do
 _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
@@ -83,8 +74,6 @@ def audit(
     p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
     for name, near in _neighbourhoods(evidence, rows).items():
         p[f"moran_{name}"] = _alike(left, chance, near, SLIGHT)
-        if p[f"moran_{name}"] < _DOUBT and left.size <= _EXACT:
-            p[f"moran_{name}"] = _in_the_tail(evidence, rows, left, near)
     moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
     along = _along(evidence.rest.path[moving])
     if along[1].any():
@@ -130,36 +119,6 @@ def _alike(left: Array, chance: Array, near: Near, slight: float) -> float:
     usual = float(np.mean(np.sum(chance**2, axis=(0, 1))))
     over = usual / max(float(np.sum(left**2)), 1e-300)
     return _beyond(left[:, :, None], chance, near, (slight * over) ** 2)
-
-
-def _in_the_tail(evidence: LinearizedModel, rows: Index, left: Array, near: Near) -> float:
-    """p of neighbours' likeness among residuals of poses (n, d), where draws are too few."""
-    count, size = left.shape
-    covariance = _covariance(evidence, rows)
-    over = float(np.trace(covariance)) / max(float(np.sum(left**2)), 1e-300)
-    own = float(_moran(left[:, :, None], near)[0]) - (SLIGHT * over) ** 2
-    others, weight = near
-    alike = np.zeros((count, count))
-    np.add.at(alike, (np.arange(count)[:, None], others), weight)
-    alike = (alike + alike.T) / 2 * count / max(float(weight.sum()), 1e-300)
-    form = np.kron(alike, np.eye(size)) - own * np.eye(count * size)
-    values, axes = np.linalg.eigh(covariance)
-    root = axes * np.sqrt(np.clip(values, 0.0, None))
-    return chance_above(np.linalg.eigvalsh(root.T @ form @ root))
-
-
-def _covariance(evidence: LinearizedModel, rows: Index) -> Array:
-    """What chance makes of the residuals of some samples, (n d, n d): a part of V^-1."""
-    d = evidence.coordinates
-    own = (d * rows[:, None] + np.arange(d)).ravel()
-    parts = []
-    for begin in range(0, len(own), _AT_A_TIME):
-        some = own[begin : begin + _AT_A_TIME]
-        unit = np.zeros((evidence.size, len(some)))
-        unit[some, np.arange(len(some))] = 1.0
-        parts.append(evidence.weigh(unit)[own])
-    whole = np.concatenate(parts, axis=1)
-    return np.asarray((whole + whole.T) / 2)
 
 
 def _beyond(left: Array, chance: Array, near: Near, allowed: float) -> float:
