@@ -28,7 +28,7 @@ def everything(rows: Array, out: Array, settings: Array) -> float:
         if i == 1 and not settings[1] > 0.0:
             continue
         total += i
-    while total > 2 | 4:
+    while total > 2:
         total -= 1
     total += len(rows[1:m]) + int(rows[1:m][0, 0] < rows[1, 0])
     gap, count = _ends(rows[0], 1)

@@ -7,13 +7,13 @@ is the command q + dq with
 
 Where every joint moves the tool by itself, Newton's method on the commands finds it: the slope of
 the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where effects
-take loads, steps and rounds of the effects take turns: a step with what effects do as it is, then
-that anew at the pose it has led to, so that loads are found three times and not at every pose
-that is tried. Where this does not settle, or effects have steps, the whole chain stands at every
-pose. Where all of
-the pose is aimed at and turns with it, or more joints pull than there are freedoms, the pose is
-found first and the joints that come to it with no joint working against another; then what the
-drives are to be told for these.
+take the pose or loads, steps and rounds of the effects take turns: a step with what effects do as
+it is, then that anew at the pose it has led to, so that loads are found two or three times and not
+at every pose that is tried. Where this does not settle, the whole chain stands at every pose.
+
+Where all of the pose is aimed at and turns with it, or more joints pull than there are freedoms,
+the pose is found first and the joints that come to it with no joint working against another; then
+what the drives are to be told for these.
 
 The pose of the drawing's machine at a command is a start for the machine as identified, which is
 millimetres off: it stands in the same assembly mode.
@@ -263,7 +263,10 @@ def verified(
         opening = opened(machine.body, state.joint, state.before, machine.stray, state)
         for i in range(len(room.x)):
             opening = opening and abs(state.before[i] - room.x[i]) <= SAME_POSE
-        return distance(room, target) if opening else np.inf
+        if not opening:
+            return np.inf
+        place_of(machine, state.before, room)
+        return distance(room, target)
     if len(machine.body.opening.law):
         begin(room)
     return reached(machine, q, signals, target, room)
@@ -385,8 +388,8 @@ def taking_turns(
 
     A step leads on to the pose that it foretells: the round of the effects after it assembles.
     What a step and a round leave is known by those before; the last step, which leaves nothing
-    that counts, has no round after it. Ends `settled`, with `swing` what one more round would
-    have moved, or with an infinite distance and `best` as it was.
+    that counts, has no round after it. Ends with `swing` what one more round would have moved, or
+    with an infinite distance and `best` as it was.
     """
     body, stages, state = machine.body, machine.stages, room.state
     m, at, dq, step = len(q), stages.at[JOINT], room.dq, room.step
@@ -434,7 +437,6 @@ def taking_turns(
         return np.inf, 2 * ROUNDS + 1
     place_of(machine, room.x, room)
     copy_into(best, dq)
-    room.settled[0] = 1.0
     return distance(room, target), 2 * turn
 
 
@@ -613,10 +615,10 @@ def correct(
     else:
         if machine.stages.stands:
             error, count = taking_turns(machine, search, q, signals, target, best, room)
-        if not machine.stages.gentle and error <= search.tolerance:
-            for i in range(len(q)):
-                room.there[i] = q[i] + best[i]
-            error, count = found_anew(machine, room.there, signals, target, room), count + 1
+            if not machine.stages.gentle and error <= search.tolerance:
+                for i in range(len(q)):
+                    room.there[i] = q[i] + best[i]
+                error, count = found_anew(machine, room.there, signals, target, room), count + 1
             room.settled[0] = 1.0 if error <= search.tolerance else 0.0
         if not error <= search.tolerance:
             error, more = newton(machine, search, q, signals, target, best, room)

@@ -23,7 +23,6 @@ SIGNS: dict[type[ast.AST], str] = {  # of C
     ast.Mult: "*",
     ast.Div: "/",
     ast.BitAnd: "&",
-    ast.BitOr: "|",
     ast.Lt: "<",
     ast.LtE: "<=",
     ast.Gt: ">",
