@@ -59,6 +59,7 @@ from delta_calibration.estimation.problem import (
     spread_of,
 )
 from delta_calibration.estimation.registration import placing, registered
+from delta_calibration.estimation.turns import never_turned, with_turns
 from delta_calibration.estimation.warnings import DIAGNOSIS, doubt, doubts
 
 __all__ = [
@@ -106,6 +107,7 @@ __all__ = [
     "left_out",
     "likelihood_of",
     "most_evaluations",
+    "never_turned",
     "observe",
     "parts_of",
     "placing",
@@ -121,4 +123,5 @@ __all__ = [
     "strong_correlations",
     "told_by",
     "whitening",
+    "with_turns",
 ]
