@@ -39,7 +39,7 @@ def extended(model: Model, seed: int) -> Identification:
         seed: of the diagnosis, and of the parts that the error left is told by.
     """
     problem, poses, before = model.extended, model.survey.poses, model.registered()
-    chain, base, at = problem.chain, model.problem.chain, poses.conditions
+    chain, base = problem.chain, model.problem.chain
     geometry, frame = base.mechanism.parameters.nominal, chain.split(model.chain_theta)[2]
     own = model.layout.chain
     covariance = covariance_of(model)[np.ix_(own, own)]

@@ -70,7 +70,7 @@ class LinearizedModel:
 
     The unit of every whitened coordinate is a standard deviation of its noise. A sample has d of
     them: 3 of a tracker's reading, 6 of a probe's, whose turn stands behind its place, as many as
-    there are numbers of any other kind. Readings in motion have no turn: nothing is believed of it.
+    there are numbers of any other kind. Nothing is believed of the turns of readings in motion.
     """
 
     chain: Chain
@@ -215,7 +215,8 @@ class LinearizedModel:
     @cached_property
     def _believed(self) -> Array:
         """1 for coordinates that count, 0 for those set aside or not measured, (d n, 1)."""
-        return (np.abs(self.whiten).sum(axis=2) > 0).reshape(-1, 1).astype(float)
+        counts = np.abs(self.whiten).sum(axis=2) > 0
+        return np.asarray(counts.reshape(-1, 1), dtype=float)
 
     @cached_property
     def degrees(self) -> float:
@@ -270,7 +271,8 @@ class LinearizedModel:
     @property
     def counted(self) -> Index:
         """How many coordinates of each sample count, (n,)."""
-        return self._believed.reshape(self.residual.shape).sum(axis=1).astype(np.int64)
+        counts = self._believed.reshape(self.residual.shape).sum(axis=1)
+        return np.asarray(counts, dtype=np.int64)
 
     def covariance(self) -> Array:
         """Of the nuisance z given the residuals and its priors, (A, A)."""

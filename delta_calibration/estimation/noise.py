@@ -195,9 +195,7 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
     return deviation, int((size[size > 0] - 1).sum())
 
 
-def turn_noise(
-    turned: Array, repeat: Index, count: Index, resting: Array, stated: float
-) -> float:
+def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, stated: float) -> float:
     """Standard deviation of one reading of a turn about each axis [rad].
 
     Most likely by how repeats differ, beside where the joints come to rest; as the robot's file

@@ -86,8 +86,14 @@ class Problem:
     def names(self) -> tuple[str, ...]:
         """Of theta, (P,)."""
         names = self.chain.parameters.names
-        return names if not self.layout.has_mount else (
-            *names[: self.layout.mount.start], *MOUNT_NAMES, *names[self.layout.mount.start :]
+        return (
+            names
+            if not self.layout.has_mount
+            else (
+                *names[: self.layout.mount.start],
+                *MOUNT_NAMES,
+                *names[self.layout.mount.start :],
+            )
         )
 
     @cached_property

@@ -112,10 +112,7 @@ def _seen(judged: Judged, robot: Robot, term: Candidate, rows: Index) -> _Seen:
         chosen = _joints(term, joints)
         evidence = judged.evidence
         slope, root = evidence.by_joints[rows, :3], evidence.whiten[rows, :3, :3]
-        angles = [
-            UM * solve(slope, root @ moved[..., None])[..., 0]
-            for moved in (whole, part)
-        ]
+        angles = [UM * solve(slope, root @ moved[..., None])[..., 0] for moved in (whole, part)]
         return _Seen(
             angles[0][:, chosen],
             angles[1][:, chosen],
