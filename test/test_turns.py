@@ -239,14 +239,15 @@ def test_a_circle_test_tells_the_same_with_a_probe():
 def test_a_history_takes_turns_as_well():
     """What a session says of the rods is more by its turns, and of nothing much less.
 
-    Either is linear about a fit of its own, which differ by a few hundredths.
+    Either is linear about a fit of its own: without turns the reflector's offset lies anywhere in
+    its valley, and what joints and rods do goes by it.
     """
     plan = make_plan("identify", PROBED, count=20, seed=44)
     session = simulate_session(draw_machine(PROBED, 44), plan, 44, rate=20.0)
     day = [Dated("day_1", datetime(2026, 1, 5), survey(session, PROBED.joints.names))]
     probed, plain = (np.diag(pool(day, robot).said[0].information) for robot in (PROBED, SRBD))
-    assert (probed >= 0.9 * plain).all()
-    assert probed.max() > 10 * plain[np.argmax(probed)]
+    assert (probed >= 0.5 * plain).all()
+    assert probed.max() > 100 * plain[np.argmax(probed)]
 
 
 def test_when_turns_take_no_part(cell):
