@@ -213,7 +213,7 @@ def calibrated(
     cell, near = Cell(robot, noise, np.ones(len(survey.poses)), population), None
     if population is not None:
         population = population.shown_by(survey.poses.conditions)
-        _, noise, whole = prepare(survey.poses, robot, chain.with_effects(population.effects))
+        whole = prepare(survey.poses, robot, chain.with_effects(population.effects))[2]
         plain = solve(with_turns(whole, survey.poses, robot, noise))
         problem = carried_by(plain, population).bare.applied(problem)
         near = problem.unknowns(plain.theta[problem.layout.base])
