@@ -40,7 +40,6 @@ from delta_calibration.model.chain_constants import (
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
     BESIDE,
-    FULL,
     NEAR,
     K,
     M,
@@ -51,7 +50,7 @@ from delta_calibration.model.kernels import (
     moved,
     normal_equations,
     place,
-    solve,
+    solve_definite,
     spread_joints,
 )
 from delta_calibration.model.loads import other_point, point_at
@@ -295,7 +294,7 @@ def found_anew(
 def _slope(machine: MachineRecord, room: Place) -> None:
     """d(place)/dq of the mechanism where it stands, into by_q."""
     state = room.state
-    place(machine.body.limbs, state.joint, room.x, FULL, state.room)
+    place(machine.body.limbs, state.joint, room.x, BESIDE, state.room)
     moved(machine.body.limbs, room.slope, state.room, room.by_q, room.by_g)
 
 
@@ -310,7 +309,7 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
         gap[i] -= target[i]
     if rows > count:
         normal_equations(slope, gap, system)
-        good = solve(system, count, 1)
+        good = solve_definite(system, count, 1)
         for i in range(count if good else 0):
             step[i] = system[i, count]
     else:
