@@ -33,9 +33,11 @@ from delta_calibration.model.chain_constants import (
     AIMED,
     JOINED,
     JOINT,
+    LEFT,
     ROUNDS,
     SAME_POSE,
     SETTLED_POSE,
+    SMALL_STEP,
 )
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
@@ -441,8 +443,11 @@ def taking_turns(
 
 @compiled(borrows=True)
 def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
-    """Bring the pose x to the target, whatever the joints say."""
-    step = room.step
+    """Bring the pose x to the target, whatever the joints say.
+
+    Steps are Newton's: what one leaves is known by the one before.
+    """
+    step, before = room.step, 0.0
     for _ in range(ROUNDS):
         place_of(machine, room.x, room)
         if not _least_squares(room.slope, room.place, target, room.normal, step):
@@ -453,8 +458,10 @@ def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
             room.x[i] -= step[i]
         if not most < np.inf:
             return False
-        if most <= SETTLED_POSE:
+        share = most / before if most < min(before, SMALL_STEP) else 1.0
+        if most <= SETTLED_POSE or share * share * most <= LEFT:
             break
+        before = most
     return True
 
 
