@@ -33,14 +33,15 @@ from delta_calibration.model.chain_constants import (
     AIMED,
     JOINED,
     JOINT,
+    LEFT,
     ROUNDS,
     SAME_POSE,
     SETTLED_POSE,
+    SMALL_STEP,
 )
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
     BESIDE,
-    FULL,
     NEAR,
     K,
     M,
@@ -51,7 +52,7 @@ from delta_calibration.model.kernels import (
     moved,
     normal_equations,
     place,
-    solve,
+    solve_definite,
     spread_joints,
 )
 from delta_calibration.model.loads import other_point, point_at
@@ -295,7 +296,7 @@ def found_anew(
 def _slope(machine: MachineRecord, room: Place) -> None:
     """d(place)/dq of the mechanism where it stands, into by_q."""
     state = room.state
-    place(machine.body.limbs, state.joint, room.x, FULL, state.room)
+    place(machine.body.limbs, state.joint, room.x, BESIDE, state.room)
     moved(machine.body.limbs, room.slope, state.room, room.by_q, room.by_g)
 
 
@@ -310,7 +311,7 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
         gap[i] -= target[i]
     if rows > count:
         normal_equations(slope, gap, system)
-        good = solve(system, count, 1)
+        good = solve_definite(system, count, 1)
         for i in range(count if good else 0):
             step[i] = system[i, count]
     else:
@@ -442,8 +443,11 @@ def taking_turns(
 
 @compiled(borrows=True)
 def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
-    """Bring the pose x to the target, whatever the joints say."""
-    step = room.step
+    """Bring the pose x to the target, whatever the joints say.
+
+    Steps are Newton's: what one leaves is known by the one before.
+    """
+    step, before = room.step, 0.0
     for _ in range(ROUNDS):
         place_of(machine, room.x, room)
         if not _least_squares(room.slope, room.place, target, room.normal, step):
@@ -454,8 +458,10 @@ def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
             room.x[i] -= step[i]
         if not most < np.inf:
             return False
-        if most <= SETTLED_POSE:
+        share = most / before if most < min(before, SMALL_STEP) else 1.0
+        if most <= SETTLED_POSE or share * share * most <= LEFT:
             break
+        before = most
     return True
 
 

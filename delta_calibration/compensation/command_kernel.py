@@ -24,7 +24,7 @@ from delta_calibration.compensation.backward_kernel import (
     verified,
 )
 from delta_calibration.model.jit import compiled, record
-from delta_calibration.model.kernels import FULL, K, M, T, copy_into, moved, place
+from delta_calibration.model.kernels import BESIDE, K, M, T, copy_into, moved, place
 from delta_calibration.model.loads import bear, point_at
 
 Array = NDArray[np.float64]
@@ -238,7 +238,7 @@ def _alike(guards: Guards, most: float, least: float) -> bool:
 def _regular(drawn: MachineRecord, guards: Guards, room: CommandRoom) -> bool:
     """Whether the drawing's machine, as it stands, is far enough from a singularity."""
     own = room.drawn
-    place(drawn.body.limbs, own.state.joint, own.x, FULL, own.state.room)
+    place(drawn.body.limbs, own.state.joint, own.x, BESIDE, own.state.room)
     moved(drawn.body.limbs, room.task, own.state.room, room.by_q, room.by_g)
     for row in range(room.by_q.shape[0]):
         if not _finite(room.by_q[row]):

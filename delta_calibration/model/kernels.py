@@ -141,15 +141,39 @@ def solve(system: Array, size: int, sides: int) -> bool:
             if factor != 0.0:
                 for j in range(k + 1, width):
                     row[j] -= factor * own[j]
+    solve_upper(system, size, sides)
+    return True
+
+
+@compiled(borrows=True)
+def solve_definite(system: Array, size: int, sides: int) -> bool:
+    """The same of a symmetric, positive definite system, of which the upper half is read."""
+    width = size + sides
+    for k in range(size):
+        own = system[k]
+        if not own[k] > 0.0:  # zero, below it by rounding, or NaN
+            return False
+        inverse = 1.0 / own[k]
+        for i in range(k + 1, size):
+            row = system[i]
+            factor = own[i] * inverse
+            for j in range(i, width):
+                row[j] -= factor * own[j]
+    solve_upper(system, size, sides)
+    return True
+
+
+@compiled(borrows=True)
+def solve_upper(system: Array, size: int, sides: int) -> None:
+    """Solve an upper triangular system for the right sides behind it, in place."""
     for k in range(size - 1, -1, -1):
         own = system[k]
         inverse = 1.0 / own[k]
-        for side in range(size, width):
+        for side in range(size, size + sides):
             total = own[side]
             for j in range(k + 1, size):
                 total -= own[j] * system[j, side]
             own[side] = total * inverse
-    return True
 
 
 @compiled(borrows=True)
@@ -226,33 +250,26 @@ def spread_geometry(limbs: Limbs, room: Room) -> None:
 
 @compiled(borrows=True)
 def squares(slope: Array, system: Array) -> None:
-    """slope^T slope of slope (r, k), into the first columns of `system`."""
-    k = slope.shape[1]
+    """Upper half of slope^T slope of slope (r, k), into the first columns of `system`."""
+    r, k = slope.shape
     for i in range(k):
         for j in range(i, k):
-            system[i, j] = 0.0
-    for row in range(slope.shape[0]):
-        line = slope[row]
-        for i in range(k):
-            own, value = system[i], line[i]
-            for j in range(i, k):
-                own[j] += value * line[j]
-    for i in range(k):
-        for j in range(i):
-            system[i, j] = system[j, i]
+            total = 0.0
+            for row in range(r):
+                total += slope[row, i] * slope[row, j]
+            system[i, j] = total
 
 
 @compiled(borrows=True)
 def normal_equations(slope: Array, f: Array, system: Array) -> None:
     """The same, and slope^T f of f (r,) behind it."""
-    k = slope.shape[1]
+    r, k = slope.shape
     squares(slope, system)
     for i in range(k):
-        system[i, k] = 0.0
-    for row in range(slope.shape[0]):
-        line, value = slope[row], f[row]
-        for i in range(k):
-            system[i, k] += line[i] * value
+        total = 0.0
+        for row in range(r):
+            total += slope[row, i] * f[row]
+        system[i, k] = total
 
 
 @compiled(borrows=True)
@@ -264,9 +281,11 @@ def towards(room: Room, r: int, k: int) -> bool:
             for j in range(k):
                 system[i, j] = by_x[i, j]
             system[i, k] = f[i]
+        good = solve(system, k, 1)
     else:
         normal_equations(by_x, f, system)
-    if not solve(system, k, 1):
+        good = solve_definite(system, k, 1)
+    if not good:
         return False
     for i in range(k):
         step[i] = system[i, k]
@@ -295,11 +314,8 @@ def along(limbs: Limbs, joints: Array, room: Room) -> bool:
 def closed(limbs: Limbs, room: Room, share: float, stray: float) -> bool:
     """Whether the pose is one: no step in it would close more, nothing is torn.
 
-    Asked after `towards` near the pose, of which a step leaves a share. Of a pose on the way
-    anything is allowed: `stray` is infinite.
+    Asked after `towards` near the pose, of which a step leaves a share.
     """
-    if stray == np.inf:
-        return True
     r, k = limbs.sizes[R], limbs.sizes[K]
     for row in range(r):
         missed = 0.0
@@ -320,20 +336,12 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
     Each step leaves a share of itself, known from the step before: its square where steps are
     Newton's, and so converge quadratically, itself where they are Gauss's. A step that leaves
     nothing that counts is the last one.
-
-    Nearly, where it is only on the way: where `stray` is infinite, see `closed`.
     """
     r, k = limbs.sizes[R], limbs.sizes[K]
-    good, enough, before = False, ON_THE_WAY if stray == np.inf else SETTLED_STEP, 0.0
+    good, before = False, 0.0
     for _ in range(STEPS):
-        place(limbs, q, x, NEAR, room)
         good = False
-        if not towards(room, r, k):
-            break
-        most = 0.0
-        for i in range(k):
-            most += abs(room.step[i])  # not a number if one is not
-            x[i] -= room.step[i]
+        most = nearer(limbs, q, x, room)
         if not most < np.inf:
             break
         share = 1.0
@@ -341,12 +349,41 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
             share = most / before
             share *= share if r == k else 1.0
         good, before = closed(limbs, room, share, stray), most
-        if most <= enough or share * most <= LEFT:
+        if most <= SETTLED_STEP or share * most <= LEFT:
             break
     if good:
         return True
     for i in range(k):
         x[i] = np.nan
+    return False
+
+
+@compiled(borrows=True)
+def nearer(limbs: Limbs, q: Array, x: Array, room: Room) -> float:
+    """One step of Newton's of the pose x (k,) towards joints q (m,); its size, or NaN."""
+    place(limbs, q, x, NEAR, room)
+    if not towards(room, limbs.sizes[R], limbs.sizes[K]):
+        return np.nan
+    most = 0.0
+    for i in range(len(x)):
+        most += abs(room.step[i])  # not a number if one is not
+        x[i] -= room.step[i]
+    return most
+
+
+@compiled(borrows=True)
+def lead(limbs: Limbs, q: Array, x: Array, way: float, room: Room) -> bool:
+    """Bring the pose x (k,) to joints q (m,) nearly: it only leads on to the next.
+
+    Until a step is small beside the way, that of the stage before or its own first.
+    """
+    for _ in range(STEPS):
+        most = nearer(limbs, q, x, room)
+        if not most < np.inf:
+            return False
+        way = max(way, most)
+        if most <= max(ON_THE_WAY * way, SETTLED_STEP):  # where it stands already, no way is left
+            return True
     return False
 
 
@@ -364,13 +401,19 @@ def follow(
         last = stage == stages
         for i in range(m):
             way[i] = q[i] if last else home[i] + (q[i] - home[i]) * stage / stages
+        length = 0.0
         for i in range(len(x)):
             moved_by = x[i] - past[i]
             past[i] = x[i]
             x[i] += moved_by
-        if not assemble(limbs, way, x, stray if last else np.inf, room):
-            return False
-    return True
+            length += abs(moved_by)
+        if last:
+            return assemble(limbs, way, x, stray, room)
+        if not lead(limbs, way, x, length, room):
+            break
+    for i in range(len(x)):
+        x[i] = np.nan
+    return False
 
 
 @compiled(borrows=True)
@@ -389,6 +432,8 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
                 system[i, j] = by_x[j, i]
         for side in range(count):
             system[i, k + side] = by_pose[side, i]
+    if r != k:
+        return solve_definite(system, k, count)
     return solve(system, k, count)
 
 
@@ -396,8 +441,8 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
 def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) -> None:
     """Derivatives by joints (c, m) and dimensions (c, p) of what has `by_pose` (c, k).
 
-    By the implicit function theorem, where the limbs were placed with `FULL`. Columns of `by_g`
-    behind those of the dimensions become zero; without columns nothing is derived by these.
+    By the implicit function theorem, where the limbs were placed with `FULL`, or with `BESIDE` if
+    `by_g` has no columns. Those behind the columns of the dimensions become zero.
     """
     r, k, p, count = limbs.sizes[R], limbs.sizes[K], limbs.sizes[P], len(by_pose)
     found = back(limbs, by_pose, room)
@@ -601,7 +646,7 @@ def least_step(slope: Array, f: Array, damping: float, system: Array, step: Arra
             system[i, j] = total
         system[i, i] += damping + 2.3e-16
         system[i, r] = f[i]
-    if not solve(system, r, 1):
+    if not solve(system, r, 1):  # by pivots: of no full rank where closures outnumber unknowns
         return False
     for j in range(count):
         total = 0.0

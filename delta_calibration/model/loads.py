@@ -26,6 +26,7 @@ from delta_calibration.model.chain_constants import (
 )
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
+    BESIDE,
     FULL,
     NEAR,
     SETUP,
@@ -43,7 +44,7 @@ from delta_calibration.model.kernels import (
     place_in,
     room,
     set_geometry,
-    solve,
+    solve_definite,
     squares,
 )
 
@@ -358,7 +359,7 @@ def _pulls(limbs: Limbs, bearing: Bearing, room: Room, u_x: Array, pull: Array) 
         for row in range(r):
             right -= room.by_x[row, i] * bearing.pretension
         system[i, k] = right
-    good = solve(system, k, 1)
+    good = solve_definite(system, k, 1)
     for row in range(r):
         pull[row] = bearing.pretension if good else np.nan
         for i in range(k):
@@ -371,7 +372,7 @@ def _pulls_at_home(limbs: Limbs, bearing: Bearing, room: Room, found: Carried) -
     if found.known[0] > 0.0:
         return
     copy_into(found.still, limbs.zero)
-    place(limbs, found.still, bearing.home, FULL, room)
+    place(limbs, found.still, bearing.home, BESIDE, room)
     point_at(bearing, bearing.home, found.origin, found.point)
     masses_at(limbs, bearing, found.still, bearing.home, found.mass)
     _work(limbs, bearing, 0.0, WEIGHT, found)
@@ -396,7 +397,7 @@ def bear(
     """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g."""
     if asked & OF_PULLS:
         _pulls_at_home(limbs, bearing, room, found)
-    place(limbs, q, x, FULL, room)
+    place(limbs, q, x, FULL if asked & OF_DIMENSIONS else BESIDE, room)
     point_at(bearing, x, centre, found.point)
     masses_at(limbs, bearing, q, x, found.mass)
     _work(limbs, bearing, payload, WEIGHT, found)
@@ -472,6 +473,6 @@ def pulls(limbs: Limbs, size: int, bearing: Bearing, x: Array, g: Array, load: A
     for row in range(n):
         if row == 0 or last > 0:
             set_geometry(limbs, g[min(row, last)], own)
-        place(limbs, found.still, x[row], FULL, own)
+        place(limbs, found.still, x[row], BESIDE, own)
         _pulls(limbs, bearing, own, load[row], every_pull[row])
     return every_pull
