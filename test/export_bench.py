@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +27,7 @@ from delta_calibration.robot import Robot
 COMPILER = shutil.which("cc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc) here")
 STRICT = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+QUICK = [*STRICT, "-O0"]  # compiles in a quarter of the time
 VERDICTS = (
     CommandStatus.CORRECTED,
     CommandStatus.NOT_FINITE,
@@ -84,7 +86,13 @@ def moving(q: np.ndarray, parts: tuple[str, ...] = (), size: float = 1.0) -> Con
 class Compiled:
     """A machine as C, compiled without a warning."""
 
-    def __init__(self, calibration: Calibration, folder: Path, prefix: str = "") -> None:
+    def __init__(
+        self,
+        calibration: Calibration,
+        folder: Path,
+        prefix: str = "",
+        options: Sequence[str] = STRICT,
+    ) -> None:
         files = c_files(calibration, "machine", prefix)
         self.prefix, self.parts = prefix, files.parts
         self.joints = len(calibration.robot.joints.names)
@@ -94,7 +102,7 @@ class Compiled:
         (folder / "machine.h").write_text(files.header, encoding="utf-8")
         (folder / "machine.c").write_text(files.source, encoding="utf-8")
         made = ["-shared", "-fPIC", "machine.c", "-o", "machine.so", "-lm"]
-        subprocess.run([COMPILER, *STRICT, *made], cwd=folder, check=True)
+        subprocess.run([COMPILER, *options, *made], cwd=folder, check=True)
         self.library = ctypes.CDLL(str(folder / "machine.so"))
 
     @cached_property

@@ -6,6 +6,7 @@ import ctypes
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from export_bench import (
     COMPILER,
+    QUICK,
     STRICT,
     Compiled,
     commands,
@@ -71,13 +73,24 @@ def with_effects(robot, model, causes=None, scale=0.5):
     return machine(robot, model, effects, values)
 
 
-def held_against(calibration, folder, n, far=0, least=0.8):
-    """Compile, correct commands both ways, and compare; what became of each command.
+@pytest.fixture(scope="module", name="with_all")
+def with_all_fixture(tmp_path_factory):
+    """Machines with all effects, and their C; each is compiled once."""
+
+    @cache
+    def made(name, model):
+        calibration = with_effects(load_robot(name), model)
+        return calibration, Compiled(calibration, tmp_path_factory.mktemp("all"))
+
+    return made
+
+
+def held_against(calibration, made, n, far=0, least=0.8):
+    """Correct commands both ways, and compare; what became of each command.
 
     Far from any pose the steps of Newton's method go anywhere, and rounding decides whether they
     meet one: a few of the far commands may be told otherwise.
     """
-    made = Compiled(calibration, folder)
     q = commands(calibration.robot, calibration.chain.mechanism, n, far)
     at = moving(q, made.parts, calibration.chain.mechanism.joint_size)
     expected = JointCompensator(calibration).compensate(q, at)
@@ -88,7 +101,7 @@ def held_against(calibration, folder, n, far=0, least=0.8):
     np.testing.assert_allclose(out[same], expected.joint[same], rtol=0, atol=SAME)
     corrected = [verdict is CommandStatus.CORRECTED for verdict in verdicts]
     assert np.mean(corrected) > least
-    return made, verdicts
+    return verdicts
 
 
 @pytest.mark.parametrize(("name", "model"), MACHINES)
@@ -98,26 +111,29 @@ def test_c_answers_as_the_compensator_does(name, model, tmp_path):
     at_drawing = robot.commanded.forward(plan, robot.commanded.parameters.nominal)
     region = Region.of(robot.commanded.position(at_drawing))
     calibration = machine(robot, model, region=region)
-    _, verdicts = held_against(calibration, tmp_path, 3000, 600, least=0.2)
+    made = Compiled(calibration, tmp_path)
+    verdicts = held_against(calibration, made, 3000, 600, least=0.2)
     assert {CommandStatus.CORRECTED, CommandStatus.OUTSIDE_REGION} < set(verdicts)
     assert len(set(verdicts)) >= 3
 
 
 @pytest.mark.parametrize(("name", "model"), MACHINES)
-def test_effects_take_part(name, model, tmp_path):
-    calibration = with_effects(load_robot(name), model)
+def test_effects_take_part(name, model, with_all):
+    calibration, made = with_all(name, model)
     assert len(calibration.live) >= 5
-    held_against(calibration, tmp_path, 1000, 50)
+    held_against(calibration, made, 1000, 50)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "model"), MACHINES)
 def test_each_effect_by_itself(name, model, tmp_path):
+    """Not optimised, as where all take part it is: these are a hundred programs."""
     robot = load_robot(name)
     for effect in catalogue(robot, chain_of(robot, model).mechanism):
         calibration = with_effects(robot, model, [effect.cause], 1.0)
         if calibration.live:
-            held_against(calibration, tmp_path / effect.cause, 300, 10)
+            made = Compiled(calibration, tmp_path / effect.cause, options=QUICK)
+            held_against(calibration, made, 300, 10)
 
 
 @pytest.mark.parametrize("family", MAPS)
@@ -127,7 +143,9 @@ def test_smooth_maps_take_part(family, tmp_path):
     shape = {"family": family, "joint_size": 1.0, **MAPS[family]}
     effect = effect_named("unexplained", robot, mechanism, shape)
     value = 1e-4 * np.random.default_rng(3).standard_normal(len(effect.parameters))
-    made, _ = held_against(machine(robot, "rotary_delta", [effect], [value]), tmp_path, 500)
+    calibration = machine(robot, "rotary_delta", [effect], [value])
+    made = Compiled(calibration, tmp_path)
+    held_against(calibration, made, 500)
     assert made.parts == (("first",) if family == "temperature" else ())
 
 
@@ -177,9 +195,8 @@ def test_a_command_that_is_no_command_comes_back_as_it_is(value, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "model"), MACHINES)
-def test_answers_depend_on_no_other_and_stay_in_their_room(name, model, tmp_path):
-    calibration = with_effects(load_robot(name), model)
-    made = Compiled(calibration, tmp_path)
+def test_answers_depend_on_no_other_and_stay_in_their_room(name, model, with_all):
+    calibration, made = with_all(name, model)
     q = commands(calibration.robot, calibration.chain.mechanism, 60, 20)
     at = moving(q, made.parts)
     expected, _ = made.correct(q, at)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -37,7 +37,8 @@ _FUNCTIONS = {"abs": "fabs", "min": "smaller", "max": "larger"}
 _NAMES = {"inf": "INFINITY", "nan": "NAN"}
 
 
-def law_in_c(law: Law, asked: Collection[str]) -> tuple[dict[int, str], str]:
+@lru_cache(maxsize=64)
+def law_in_c(law: Law, asked: tuple[str, ...]) -> tuple[Mapping[int, str], str]:
     """A law's stages as C functions; stage `near` without derivatives but those by the pose.
 
     Args:
@@ -77,7 +78,6 @@ def _unused(law: Law, asked: Collection[str]) -> set[int]:
     }
 
 
-@lru_cache(maxsize=4)
 def _functions(file: str) -> dict[str, list[ast.Assign]]:
     tree = ast.parse(Path(file).read_text(encoding="utf-8"))
     return {

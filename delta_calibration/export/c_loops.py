@@ -17,6 +17,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -156,13 +157,18 @@ def _pair(kind: Kind) -> str:
     return f"typedef struct {{ {parts} }} {kind.name};"
 
 
+@cache
+def _parsed(plain: Any) -> Any:
+    """A function's own syntax tree."""
+    return ast.parse(textwrap.dedent(inspect.getsource(plain))).body[0]
+
+
 class _Function:
     """One function: kinds of its names first, then its lines."""
 
     def __init__(self, program: Program, name: str, plain: Any, kinds: tuple[Kind, ...]) -> None:
         self.program, self.name, self.plain = program, name, plain
-        source = textwrap.dedent(inspect.getsource(plain))
-        node: Any = ast.parse(source).body[0]
+        node = _parsed(plain)
         self.body: list[ast.stmt] = node.body
         self.names = vars(sys.modules[plain.__module__])
         self.parameters = [argument.arg for argument in node.args.args]
