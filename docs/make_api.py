@@ -1,8 +1,9 @@
 """API reference of the whole package, from its docstrings: `python docs/make_api.py FOLDER`.
 
-A page a module, with search; it opens offline. Generated code has none. What pdoc warns of (an
-annotation that cannot be resolved, a module that cannot be imported) is an error here. Where rclpy
-is missing the nodes are left out, and this is said.
+A page a module, with search and sources; it opens offline. Generated code has none. What pdoc
+warns of (an annotation that cannot be resolved, a module that cannot be imported) is an error.
+Where
+rclpy is missing the nodes are left out, and this is said. `FOLDER MODULE ...`: only of some.
 """
 
 from __future__ import annotations
@@ -62,16 +63,16 @@ def resolve_fields(names: list[str]) -> None:
             texts.update({field: types[field] for field in texts if field in types})
 
 
-def main(folder: Path) -> None:
-    """Write the pages."""
+def main(folder: Path, names: list[str], sources: bool = True) -> None:
+    """Write the pages of some modules; to colour the sources takes half of the time."""
     with warnings.catch_warnings():
         # of pdoc only: what other libraries deprecate among themselves is not ours
         warnings.filterwarnings("error", category=UserWarning)
-        pdoc.render.configure(docformat="google", footer_text=f"{delta_calibration.__version__}")
-        names = modules()
+        footer = f"{delta_calibration.__version__}"
+        pdoc.render.configure(docformat="google", footer_text=footer, show_source=sources)
         resolve_fields([*walk_specs(names)])
         pdoc.pdoc(*names, output_directory=folder)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/docs"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/docs"), sys.argv[2:] or modules())
