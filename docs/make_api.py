@@ -2,8 +2,7 @@
 
 A page a module, with search and sources; it opens offline. Generated code has none. What pdoc
 warns of (an annotation that cannot be resolved, a module that cannot be imported) is an error.
-Where
-rclpy is missing the nodes are left out, and this is said. `FOLDER MODULE ...`: only of some.
+Where rclpy is missing the nodes are left out, and this is said. `FOLDER MODULE ...`: only of some.
 """
 
 from __future__ import annotations
