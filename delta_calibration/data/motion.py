@@ -116,16 +116,20 @@ def _strokes(angle: Array, least: float) -> tuple[Array, Array]:
     A turn shows only when the joint has come back far enough; all since then belongs to it.
     """
     changed = np.flatnonzero(np.diff(angle, prepend=np.nan) != 0)
-    direction, travel = np.zeros(len(changed)), np.full(len(changed), np.inf)
-    went = angle[changed].tolist()
-    stroke, turned = Stroke(went[0], least=least), 0  # row after the farthest point
-    for row, value in enumerate(went):
+    went = angle[changed]
+    stroke, turned = Stroke(float(went[0]), least=least), 0  # row after the farthest point
+    begins, strokes = [0], [stroke]
+    for row, value in enumerate(went.tolist()):
         before, stroke = stroke, stroke.moved(value)
-        begin = turned if stroke.direction * before.direction < 0 else row
-        direction[begin : row + 1] = stroke.direction
-        travel[begin : row + 1] = [stroke.travel(at) for at in went[begin : row + 1]]
+        if stroke.direction != before.direction:
+            begins.append(turned if before.direction else row)
+            strokes.append(stroke)
         if stroke.farthest == value:
             turned = row + 1
+    rows = np.diff([*begins, len(went)])
+    direction = np.repeat([own.direction for own in strokes], rows)
+    turn = np.repeat([own.turn for own in strokes], rows)
+    travel = np.where(np.isfinite(turn), np.abs(went - turn), np.inf)
     held = np.diff(np.append(changed, len(angle)))
     return np.repeat(direction, held), np.repeat(travel, held)
 

@@ -16,7 +16,7 @@ A law is charged as a cause of the catalogue is (`scores.py`): its values share 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -74,6 +74,10 @@ class Screen:
     signals: Signals
     _factors: dict[Moved, _Factor] = field(default_factory=dict)
     _functions: dict[Taken, Array] = field(default_factory=dict)
+    _nuisance: dict[Column, Array] = field(default_factory=dict)  # A^T C^-1 x
+    _shared: dict[Column, Array] = field(
+        default_factory=dict
+    )  # what of x looks like shared errors
 
     def __post_init__(self) -> None:
         """What all laws share."""
@@ -86,8 +90,7 @@ class Screen:
     def cases(self, laws: Sequence[FoundLaw]) -> list[Case]:
         """Each law's case by itself."""
         pairs = [tuple(self.pairs(law)) for law in laws]
-        self._evaluate([taken for own in pairs for _, taken in own])
-        along = self._along_all({pair for own in pairs for pair in own})
+        self._evaluate([pair for own in pairs for pair in own])
         alike: dict[int, list[int]] = {}
         for i, own in enumerate(pairs):
             alike.setdefault(len(own), []).append(i)
@@ -95,14 +98,14 @@ class Screen:
         for rows in alike.values():
             for begin in range(0, len(rows), _AT_A_TIME):
                 some = rows[begin : begin + _AT_A_TIME]
-                found.update(zip(some, self._cases([pairs[i] for i in some], *along), strict=True))
+                found.update(zip(some, self._cases([pairs[i] for i in some]), strict=True))
         return [found[i] for i in range(len(laws))]
 
     def case(self, laws: Sequence[FoundLaw]) -> Case:
         """That of some laws together."""
         pairs = tuple(pair for law in laws for pair in self.pairs(law))
-        self._evaluate([taken for _, taken in pairs])
-        return self._cases([pairs], *self._along_all(set(pairs)))[0]
+        self._evaluate(pairs)
+        return self._cases([pairs])[0]
 
     def signal(self, laws: Sequence[FoundLaw], case: Case) -> Array:
         """What they make of the whitened readings at their most likely values, (d n,)."""
@@ -120,12 +123,7 @@ class Screen:
                 taken = law.factor(self.signals.places, target, kind)
                 yield (law.stage, target.rows), taken
 
-    def _cases(
-        self,
-        laws: Sequence[Sequence[Column]],
-        nuisance: Mapping[Column, Array],
-        shared: Mapping[Column, Array],
-    ) -> list[Case]:
+    def _cases(self, laws: Sequence[Sequence[Column]]) -> list[Case]:
         """Of laws with as many columns each, (L,) of k."""
         count, k = len(laws), len(laws[0])
         f = np.array([[self._functions[taken] for _, taken in own] for own in laws])
@@ -134,8 +132,8 @@ class Screen:
         flat *= f[..., None]
         flat = flat.reshape(count, k, -1)
         direct = flat @ flat.swapaxes(1, 2)
-        along = np.array([[nuisance[pair] for pair in own] for own in laws])
-        common = np.array([[shared[pair] for pair in own] for own in laws])
+        along = np.array([[self._nuisance[pair] for pair in own] for own in laws])
+        common = np.array([[self._shared[pair] for pair in own] for own in laws])
         solved = self.evidence.solved(along.reshape(count * k, -1).T).T.reshape(along.shape)
         information = direct - common @ common.swapaxes(1, 2) - along @ solved.swapaxes(1, 2)
         left = np.array([[factor.left for factor in own] for own in factors])
@@ -150,23 +148,7 @@ class Screen:
         )
         return list(map(Case, worth, gain.tolist(), value, size, information))
 
-    def _along_all(
-        self, pairs: set[Column]
-    ) -> tuple[Mapping[Column, Array], Mapping[Column, Array]]:
-        """A^T C^-1 x and what of x looks like shared errors, of each column."""
-        groups: dict[Moved, list[Taken]] = {}
-        for moved, taken in pairs:
-            groups.setdefault(moved, []).append(taken)
-        nuisance, shared = {}, {}
-        for moved, some in groups.items():
-            factor = self._factor(moved)
-            f = np.stack([self._functions[taken] for taken in some])
-            along, common = f @ factor.nuisance, self._shared(factor, f)
-            for i, taken in enumerate(some):
-                nuisance[moved, taken], shared[moved, taken] = along[i], common[i]
-        return nuisance, shared
-
-    def _shared(self, factor: _Factor, f: Array) -> Array:
+    def _shared_by(self, factor: _Factor, f: Array) -> Array:
         """(k, r) of functions (k, n)."""
         blocks = zip(self.evidence.rest.samples, factor.shared, strict=True)
         parts = [f[:, rows] @ own for rows, own in blocks]
@@ -185,7 +167,21 @@ class Screen:
             )
         return self._factors[moved]
 
-    def _evaluate(self, taken: Sequence[Taken]) -> None:
+    def _evaluate(self, pairs: Sequence[Column]) -> None:
+        """What is not known yet of some columns: their functions, and these with the nuisance."""
+        groups: dict[Moved, list[Taken]] = {}
+        for moved, taken in dict.fromkeys(pairs):
+            if (moved, taken) not in self._nuisance:
+                groups.setdefault(moved, []).append(taken)
+        self._find([taken for some in groups.values() for taken in some])
+        for moved, some in groups.items():
+            factor = self._factor(moved)
+            f = np.stack([self._functions[taken] for taken in some])
+            keys = [(moved, taken) for taken in some]
+            self._nuisance.update(zip(keys, f @ factor.nuisance, strict=True))
+            self._shared.update(zip(keys, self._shared_by(factor, f), strict=True))
+
+    def _find(self, taken: Sequence[Taken]) -> None:
         """Functions at all samples, (n,) each, of what is not known yet."""
         new = [key for key in dict.fromkeys(taken) if key not in self._functions]
         if not new:
