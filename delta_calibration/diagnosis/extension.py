@@ -14,18 +14,20 @@ from delta_calibration.estimation import (
     DIAGNOSIS,
     Effort,
     Identification,
+    Missed,
     Residuals,
-    left_out,
+    Rest,
     observe,
     parts_of,
     residuals_of,
     scales,
     strong_correlations,
+    studentized,
     told_by,
+    uncertainty_of,
 )
 from delta_calibration.region import Region
 from delta_calibration.theta import entries
-from delta_calibration.uncertainty import HeldOut, model_error_of
 
 Array = NDArray[np.float64]
 
@@ -69,7 +71,13 @@ def extended(model: Model, seed: int) -> Identification:
         effort=Effort(DIAGNOSIS, settings=told_by(population=model.population)),
         missed_before=missed_before,
         missed=missed,
-        model_error=model_error_of(chain, model.theta, _left_out(beside, model)),
+        uncertainty=uncertainty_of(
+            chain,
+            model.theta,
+            covariance,
+            Rest(model.cell.noise.repeatability, model.cell.noise.freedom),
+            _missed(beside, model),
+        ),
         unseen_motion=poses.unseen_motion,
     )
 
@@ -112,18 +120,17 @@ def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:
     return missed
 
 
-def _left_out(evidence: LinearizedModel, model: Model) -> HeldOut:
-    """Every pose by the data without its place."""
+def _missed(evidence: LinearizedModel, model: Model) -> Missed:
+    """What every pose was missed by, as if the fit had taken up nothing of it."""
     poses, rows = model.survey.poses, _counted(evidence)
     root = np.sqrt(max(1.0, evidence.misfit))
     slope, residual = evidence.nuisance[rows] / root, evidence.residual[rows] / root
-    found = left_out(evidence.known(root**2), slope, residual, poses.place[rows], 1.0)
+    found = studentized(evidence.known(root**2), slope, residual, poses.place[rows])
     colour = root * np.linalg.inv(evidence.whiten[rows])
-    return HeldOut(
+    return Missed(
         poses.conditions.take(rows),
-        (colour @ found.missed[..., None])[..., 0],
+        (colour @ found[..., None])[..., 0],
         model.problem.whiten[rows, :3, :3],
-        colour @ found.covariance @ np.swapaxes(colour, 1, 2),
         poses.place[rows],
     )
 
