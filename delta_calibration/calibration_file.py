@@ -203,7 +203,7 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
     Numbers of a row in one text: a document of so many entries would be slow to read.
     """
     model, rest = found.uncertainty.model, found.uncertainty.repeatability
-    value, way = np.linalg.eigh(found.covariance)
+    value, way = np.linalg.eigh(found.uncertainty.covariance)
     root = (way * np.sqrt(np.maximum(value, 0.0))).T
     factor = np.asarray(np.linalg.qr(root, mode="r")).T
     known = found.uncertainty.freedom

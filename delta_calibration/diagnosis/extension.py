@@ -74,7 +74,7 @@ def extended(model: Model, seed: int) -> Identification:
         uncertainty=uncertainty_of(
             chain,
             model.theta,
-            covariance,
+            covariance_of(model, shapes=False),
             Rest(model.cell.noise.repeatability, model.cell.noise.freedom),
             _missed(beside, model),
         ),
@@ -82,14 +82,20 @@ def extended(model: Model, seed: int) -> Identification:
     )
 
 
-def covariance_of(model: Model) -> Array:
+def covariance_of(model: Model, shapes: bool = True) -> Array:
     """Covariance of theta given data and priors, (P, P); of what is not free it is zero.
 
-    Fields of the effects that were searched are as uncertain as the data leave them.
+    Args:
+        model: the machine with its terms.
+        shapes: whether fields of the effects that were searched (a frequency, a time constant) are
+            as uncertain as the data leave them, which is what a parameter's interval contains. Of
+            a position they are no part: an amplitude follows its frequency, and where was measured
+            both together are wrong by less than either.
     """
     evidence, problem = model.beside, model.extended
-    shapes = [shape_columns(m, model.evidence, model.scaled(m)) for m in model.terms]
-    opened = np.concatenate([np.zeros((evidence.size, 0)), *shapes], axis=1)
+    searched = model.terms if shapes else ()
+    columns = [shape_columns(m, model.evidence, model.scaled(m)) for m in searched]
+    opened = np.concatenate([np.zeros((evidence.size, 0)), *columns], axis=1)
     known, size = evidence.beside(opened, np.ones(opened.shape[1])), len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
