@@ -29,6 +29,8 @@ from delta_calibration.report import (
     page_of_certificate,
 )
 from delta_calibration.report.budget import budget_of, certified, standard
+from delta_calibration.report.certificate_figures import histogram_figure
+from delta_calibration.report.drawing import Rule
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
 from delta_calibration.uncertainty import Uncertainty, _divided, radius95
@@ -321,3 +323,18 @@ def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
     )
     points = next(table for table in page.tables() if table.name == "points")
     assert [row[-1] for row in points.rows].count("set aside") == 1
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "said", "drawn"),
+    [(50.0, "to the right of what is shown", 0), (0.01, "", 1), (None, "", 0)],
+)
+def test_a_tolerance_off_the_scale_is_said_not_drawn(
+    tolerance: float | None, said: str, drawn: int
+) -> None:
+    """Its name far out left the axes of the PDF no room."""
+    source = Provenance("session", "0" * 64, 0, "srbd", "srbd.yaml", "0" * 64, 0)
+    about = About({} if tolerance is None else {"tolerance_mm": tolerance})
+    figure = histogram_figure(Certificate(examined(), about, source))
+    assert said in figure.caption
+    assert sum(isinstance(mark, Rule) for mark in figure.panels[0].marks) == drawn

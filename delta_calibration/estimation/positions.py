@@ -149,8 +149,8 @@ def _split(error: Array, known: Array, moving: Array, rest: Rest, place: Index) 
     told = share + moved  # by how much the sum of both goes by the errors, not by repeats
     left = ((1 - told) * unsure) ** 2 + (told**2 - share**2) * own**2
     freedom = min(2 * (factor * still) ** 2 / left, MANY) if left > 0.0 else np.inf
-    found = Rest(rest.repeatability * np.sqrt(factor), freedom)
-    return _Split(covariance, share * own, beyond, found)
+    found = Rest(float(rest.repeatability * np.sqrt(factor)), float(freedom))
+    return _Split(covariance, float(share * own), beyond, found)
 
 
 def _grown(places: Array, split: _Split, play: Array, place: Index) -> ModelError:
