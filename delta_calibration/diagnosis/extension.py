@@ -94,8 +94,8 @@ def covariance_of(model: Model, shapes: bool = True) -> Array:
     """
     evidence, problem = model.beside, model.extended
     searched = model.terms if shapes else ()
-    columns = [shape_columns(m, model.evidence, model.scaled(m)) for m in searched]
-    opened = np.concatenate([np.zeros((evidence.size, 0)), *columns], axis=1)
+    signals = [shape_columns(m, model.evidence, model.scaled(m)) for m in searched]
+    opened = np.concatenate([np.zeros((evidence.size, 0)), *signals], axis=1)
     known, size = evidence.beside(opened, np.ones(opened.shape[1])), len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
