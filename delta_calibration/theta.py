@@ -1,13 +1,13 @@
 """Layout of the parameter vector theta: which of its entries belong to which part.
 
-    theta = (g, o, w, t, v_1 ... v_e, m)
+    theta = (g, o, w, t, m, v_1 ... v_e)
 
     g    geometry of the mechanism                               (p,)    [m, rad]
     o    place of the reflector in the platform: the offset      (3,)    [m]
     w    turn of the measuring device's frame, a rotation vector (3,)    [rad]
     t    place of that frame's origin                            (3,)    [m]
-    v_i  parameters of effect i of the chain                     (k_i,)  each in its own unit
     m    turn of the probe on the platform, a rotation vector    (3,)    [rad]
+    v_i  parameters of effect i of the chain                     (k_i,)  each in its own unit
 
 The parts always come in this order, in theta, in its covariance and in the columns of a Jacobian.
 A part that a model does not have is empty: a fit of observations knows no offset, and only a fit
@@ -85,13 +85,13 @@ class Layout:
     def each(self) -> tuple[slice, ...]:
         """Parameters of each effect, in the order of the chain."""
         sizes = (size for _, size in self.effect_sizes)
-        ends = accumulate(sizes, initial=self.place.stop)
+        ends = accumulate(sizes, initial=self.mount.stop)
         return tuple(slice(*span) for span in pairwise(ends))
 
     @cached_property
     def mount(self) -> slice:
         """Turn of the probe on the platform."""
-        return _behind(self.effects, _VECTOR * self.has_mount)
+        return _behind(self.place, _VECTOR * self.has_mount)
 
     @cached_property
     def dimensions(self) -> slice:
@@ -105,23 +105,23 @@ class Layout:
 
     @cached_property
     def base(self) -> slice:
-        """Geometry, offset and frame: everything before the effects."""
-        return slice(0, self.place.stop)
+        """Geometry, offset, frame and mount: everything before the effects."""
+        return slice(0, self.mount.stop)
 
     @cached_property
     def effects(self) -> slice:
         """Parameters of all effects."""
-        return slice(self.place.stop, (self.place, *self.each)[-1].stop)
+        return slice(self.mount.stop, (self.mount, *self.each)[-1].stop)
 
     @cached_property
-    def chain(self) -> slice:
-        """Everything that the chain knows of: all but the probe's mount."""
-        return slice(0, self.effects.stop)
+    def chain(self) -> Index:
+        """Entries that the chain knows of: all but the probe's mount."""
+        return np.delete(np.arange(self.size, dtype=np.int64), entries(self.mount))
 
     @cached_property
     def size(self) -> int:
         """P, number of entries."""
-        return int(self.mount.stop)
+        return int(self.effects.stop)
 
     def effect(self, number: int) -> slice:
         """Parameters of one effect, by its position in the chain."""
@@ -145,7 +145,7 @@ class Layout:
 
     @cached_property
     def mounted(self) -> Layout:
-        """The same layout with the turn of the probe at its end."""
+        """The same layout with the turn of the probe in it."""
         return replace(self, has_mount=True)
 
     def mask(self, *parts: slice) -> Mask:
@@ -171,9 +171,9 @@ class Layout:
         Raises:
             InputError: a part of another size than this layout has.
         """
-        every = (parts.geometry, parts.offset, parts.frame, *parts.effects, parts.mount)
-        names = ("geometry", "offset", "frame", *(name for name, _ in self.effect_sizes), "mount")
-        slices = (self.geometry, self.offset, self.frame, *self.each, self.mount)
+        every = (parts.geometry, parts.offset, parts.frame, parts.mount, *parts.effects)
+        names = ("geometry", "offset", "frame", "mount", *(name for name, _ in self.effect_sizes))
+        slices = (self.geometry, self.offset, self.frame, self.mount, *self.each)
         if len(every) != len(slices):
             raise InputError(f"theta: {len(parts.effects)} effects; it has {len(self.each)}")
         for name, values, part in zip(names, every, slices, strict=True):
@@ -187,16 +187,16 @@ class Layout:
         offset: Array | None = None,
         turn: Array | None = None,
         place: Array | None = None,
-        effects: Sequence[Array] | None = None,
         mount: Array | None = None,
+        effects: Sequence[Array] | None = None,
     ) -> Array:
         """Derivatives by the parts, each (n, d, size of the part), side by side, (n, d, P).
 
         What is not given does not matter and gets columns of zeros.
         """
         by_effect = [None] * len(self.each) if effects is None else effects
-        blocks = (geometry, offset, turn, place, *by_effect, mount)
-        parts = (self.geometry, self.offset, self.turn, self.place, *self.each, self.mount)
+        blocks = (geometry, offset, turn, place, mount, *by_effect)
+        parts = (self.geometry, self.offset, self.turn, self.place, self.mount, *self.each)
         every = [
             np.zeros((*geometry.shape[:-1], length(part))) if block is None else block
             for block, part in zip(blocks, parts, strict=True)

@@ -43,8 +43,8 @@ def atoms(layout: Layout) -> tuple[slice, ...]:
         layout.offset,
         layout.turn,
         layout.place,
-        *layout.each,
         layout.mount,
+        *layout.each,
     )
 
 
@@ -57,21 +57,22 @@ def test_parts_lie_side_by_side_and_cover_theta(layout):
 
 
 def test_places_by_hand():
-    """Written out once, apart from the code: five of geometry, then 3 + 3 + 3, 2 + 0 + 1, 3."""
+    """Written out once, apart from the code: five of geometry, then 3 + 3 + 3, 3, 2 + 0 + 1."""
     assert [(p.start, p.stop) for p in atoms(FULL)] == [
         (0, 5),
         (5, 8),
         (8, 11),
         (11, 14),
-        (14, 16),
-        (16, 16),
-        (16, 17),
-        (17, 20),
+        (14, 17),
+        (17, 19),
+        (19, 19),
+        (19, 20),
     ]
-    assert (FULL.dimensions, FULL.frame, FULL.base) == (slice(0, 8), slice(8, 14), slice(0, 14))
-    assert (FULL.effects, FULL.chain, FULL.size) == (slice(14, 17), slice(0, 17), 20)
+    assert (FULL.dimensions, FULL.frame, FULL.base) == (slice(0, 8), slice(8, 14), slice(0, 17))
+    assert (FULL.effects, FULL.size) == (slice(17, 20), 20)
+    assert FULL.chain.tolist() == [*range(14), 17, 18, 19]
     assert (FULL["play"], FULL["map"], FULL["scale"]) == FULL.each
-    assert FULL.effect(2) == slice(16, 17)
+    assert FULL.effect(2) == slice(19, 20)
     device = LAYOUTS["observations"]
     assert (length(device.offset), device.frame, device.size) == (0, slice(5, 11), 11)
 
@@ -109,8 +110,8 @@ def test_columns_stand_in_the_places_of_their_parts(layout):
     blocks = [
         np.full((4, 3, length(part)), number + 1.0) for number, part in enumerate(atoms(layout))
     ]
-    geometry, offset, turn, place, *effects, mount = blocks
-    whole = layout.columns(geometry, offset, turn, place, effects, mount)
+    geometry, offset, turn, place, mount, *effects = blocks
+    whole = layout.columns(geometry, offset, turn, place, mount, effects)
     assert whole.shape == (4, 3, layout.size)
     for number, part in enumerate(atoms(layout)):
         assert (whole[..., part] == number + 1).all()
@@ -158,10 +159,14 @@ def test_a_chain_reads_each_part_where_its_layout_says():
     np.testing.assert_array_equal(theta[layout.geometry], made.mechanism.parameters.nominal)
 
 
-def test_mounted_unknowns_stand_behind_the_chains():
+def test_how_a_probe_is_mounted_stands_with_how_all_is_placed():
+    """Behind the frame and before the effects, which are a diagnosis's to change."""
     layout = chain(*CAUSES).layout
-    assert layout.mounted.mount == slice(layout.size, layout.size + len(MOUNT_NAMES))
-    assert layout.mounted.chain == layout.chain == slice(0, layout.size)
+    mounted, size = layout.mounted, len(MOUNT_NAMES)
+    assert mounted.mount == slice(layout.place.stop, layout.place.stop + size)
+    assert [part.start for part in mounted.each] == [part.start + size for part in layout.each]
+    theta = np.arange(mounted.size)
+    assert not np.isin(theta[mounted.mount], theta[mounted.chain]).any()
     assert length(layout.mount) == 0
 
 
@@ -182,7 +187,7 @@ def test_terms_find_their_effects_in_theta():
     made = chain("backlash", "tracker_scale")
     terms = [Candidate(e.cause, e.kind, None, e, (0,)) for e in made.effects]
     terms.insert(1, Candidate("arm_length", "geometry", None, None, (2,)))
-    layout = theta_layout(chain(), terms)
+    layout = theta_layout(chain().layout, terms)
     assert layout.size == made.layout.size
     assert (layout.effect(0), layout.effect(2)) == made.layout.each
     assert length(layout.effect(1)) == 0

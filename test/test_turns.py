@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.chain import Chain
+from delta_calibration.circle_test import circle_test
 from delta_calibration.data import at_rest, collect, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.errors import DataError
@@ -18,6 +20,8 @@ from delta_calibration.estimation.measurements import Measured, PoseMeasured
 from delta_calibration.estimation.problem import MOUNT_NAMES
 from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
 from delta_calibration.geometry import rotations
+from delta_calibration.history.few import pool
+from delta_calibration.history.pooled import Dated
 from delta_calibration.mechanisms.base import solve
 from delta_calibration.papers import method_named
 from delta_calibration.plans import make_plan
@@ -169,12 +173,81 @@ def test_a_session_keeps_its_turns(cell, tmp_path):
     np.testing.assert_allclose(back.tracker.quaternion, session.tracker.quaternion, atol=1e-15)
 
 
-def test_a_diagnosis_says_that_it_leaves_the_turns_aside(cell):
-    """Named in no other case: a reflector has none."""
-    session = survey(cell[1], PROBED.joints.names)
-    probed, plain = (diagnose(session, robot).doubts for robot in (PROBED, SRBD))
-    assert any("rotations" in text for text in probed)
-    assert not any("rotations" in text for text in plain)
+def test_a_diagnosis_is_about_the_same_machine(cell, found):
+    """Nothing hidden: the fit, which is another way to the same least squares."""
+    diagnosis = diagnose(survey(cell[1], PROBED.joints.names), PROBED)
+    assert not diagnosis.verdict.findings
+    assert not diagnosis.verdict.unknown_structure.found
+    told = diagnosis.identification
+    assert len(told.theta) == len(found.theta)
+    assert np.abs((told.theta - found.theta) / found.std).max() < 0.1
+    np.testing.assert_allclose(np.sqrt(np.diag(told.covariance)), found.std, rtol=0.1)
+    assert told.observability.rank == found.observability.rank
+    assert not diagnosis.doubts
+
+
+def test_turns_name_what_positions_do_not_show():
+    """Rods that hardly stretch tilt the platform, as those of a pair do not carry alike."""
+    give = (("forearm_compliance", {"strength": "0.1"}),)
+    machine = draw_machine(PROBED, 41, hidden=give)
+    session = simulate_session(machine, make_plan("rich", PROBED, count=60, seed=41), 41)
+    seen = survey(session, PROBED.joints.names)
+    probed, plain = (diagnose(seen, robot).verdict for robot in (PROBED, SRBD))
+    assert [finding.cause for finding in probed.findings] == ["forearm_compliance"]
+    assert not plain.findings
+
+
+def test_a_probe_that_is_less_sure_than_stated_raises_no_alarm():
+    """How repeats differ says how sure it is: three times the stated noise."""
+    loose = replace(PROBED, tracker=replace(PROBED.tracker, turn=3 * TURN))
+    plan = make_plan("rich", loose, count=60, seed=42)
+    session = simulate_session(draw_machine(loose, 42), plan, 42)
+    diagnosis = diagnose(survey(session, PROBED.joints.names), PROBED)
+    (measured,) = diagnosis.model.problem.measured
+    assert measured.observation.turn_noise == pytest.approx(3 * TURN, rel=0.15)
+    assert not diagnosis.verdict.findings
+    assert not diagnosis.verdict.unknown_structure.found
+
+
+def test_a_turn_that_never_changes_was_not_measured(cell):
+    """Software without a probe fills something in; what was measured is the position."""
+    stream = cell[1].tracker
+    one = np.tile([0.0, 0.0, 0.0, 1.0], (len(stream.quaternion), 1))
+    filled = replace(cell[1], tracker=replace(stream, quaternion=one))
+    session = survey(filled, PROBED.joints.names)
+    assert turns_of(session.poses, PROBED, chain_of(PROBED)) is None
+    probed, plain = (diagnose(session, robot) for robot in (PROBED, SRBD))
+    assert any("rotation never changes" in text for text in probed.doubts)
+    assert not plain.doubts
+    np.testing.assert_array_equal(probed.model.theta, plain.model.theta)
+
+
+def test_a_circle_test_tells_the_same_with_a_probe():
+    """Its radii are of positions; the parts add up, and the play is its own."""
+    play = (("backlash", {"strength": "1"}),)
+    machine = draw_machine(PROBED, 43, hidden=play)
+    session = simulate_session(machine, make_plan("circles", PROBED, seed=43), 43)
+    seen = survey(session, PROBED.joints.names)
+    probed, plain = (
+        circle_test(session, robot, diagnose(seen, robot)) for robot in (PROBED, SRBD)
+    )
+    sizes = [{s.cause: s.size for s in test.shares} for test in (probed, plain)]
+    assert sum(sizes[0].values()) == pytest.approx(probed.deviation, rel=0.1)
+    assert sizes[0]["backlash"] == pytest.approx(sizes[1]["backlash"], rel=0.05)
+
+
+def test_a_history_takes_turns_as_well():
+    """What a session says of the rods is more by its turns, and of nothing much less.
+
+    Either is linear about a fit of its own: without turns the reflector's offset lies anywhere in
+    its valley, and what joints and rods do goes by it.
+    """
+    plan = make_plan("identify", PROBED, count=20, seed=44)
+    session = simulate_session(draw_machine(PROBED, 44), plan, 44, rate=20.0)
+    day = [Dated("day_1", datetime(2026, 1, 5), survey(session, PROBED.joints.names))]
+    probed, plain = (np.diag(pool(day, robot).said[0].information) for robot in (PROBED, SRBD))
+    assert (probed >= 0.5 * plain).all()
+    assert probed.max() > 100 * plain[np.argmax(probed)]
 
 
 def test_when_turns_take_no_part(cell):

@@ -34,6 +34,7 @@ from delta_calibration.data import Conditions, Session
 from delta_calibration.diagnosis import Diagnosis, Finding, Judgement, Model, Verdict
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.errors import DataError
+from delta_calibration.geometry import Frame
 from delta_calibration.plans import tool_points
 from delta_calibration.robot import Robot
 from delta_calibration.theta import entries
@@ -210,10 +211,14 @@ class _Parts(ABC):
     ) -> None:
         """Of samples at joints as read, and as commanded; `offset` (3,) where theta has none."""
         self.model, self.at = model, at
-        self.chain, self.theta = model.extended.chain, model.theta.copy()
+        self.chain, self.layout, self.theta = (
+            model.extended.chain,
+            model.layout,
+            model.theta.copy(),
+        )
         if offset is not None:
-            self.theta[self.chain.layout.offset] = offset
-        self.frame = self.chain.split(self.theta)[2]
+            self.theta[self.layout.offset] = offset
+        self.frame = Frame.from_vector(self.theta[self.layout.frame])
         self.rows = _rows_of(model, findings)
         self.drawn = self._seen(frozenset())
         commanded = self._seen(frozenset(), replace(at, joint=command))
@@ -256,7 +261,7 @@ class _Parts(ABC):
         circle = circle.take(self._believed[circle.rows])
         root = self.frame.rotation.T @ self.root(circle.rows)
         reading = np.sum(_outward(circle, root) ** 2, axis=1)
-        by_joints = self.model.evidence.by_joints[circle.rows + self.begin]
+        by_joints = self.model.evidence.by_joints[circle.rows + self.begin, :3]
         slope = root @ by_joints * self.repeatability
         resting = _outward(circle, slope)
         turn = circle.angle
@@ -266,15 +271,14 @@ class _Parts(ABC):
 
     def _seen(self, keys: frozenset[Key], at: Conditions | None = None) -> Array:
         """What the tracker reads of a machine with these causes only, (n, 3) [m]."""
-        theta = self.theta.copy()
-        nominal = self.chain.parameters.nominal
-        gone = np.ones(len(theta), dtype=bool)
-        gone[entries(self.chain.layout.offset)] = False
-        gone[entries(self.chain.layout.frame)] = False
+        theta, layout = self.theta.copy(), self.layout
+        nominal = np.zeros(len(theta))
+        nominal[layout.chain] = self.chain.parameters.nominal
+        gone = ~layout.mask(layout.offset, layout.frame)
         for key, rows in self.rows.items():
             gone[rows] = key not in keys
         theta[gone] = nominal[gone]
-        return self.chain.predict(self.at if at is None else at, theta)
+        return self.chain.predict(self.at if at is None else at, theta[layout.chain])
 
     def _in_base(self, way: Array) -> Array:
         return np.asarray(way @ self.frame.rotation)
@@ -300,7 +304,7 @@ class _Readings(_Parts):
 
     def root(self, rows: Index) -> Array:
         """Of points, (k, 3, 3)."""
-        return np.asarray(np.linalg.inv(self.model.evidence.whiten[rows + self.begin]))
+        return np.asarray(np.linalg.inv(self.model.evidence.whiten[rows + self.begin, :3, :3]))
 
 
 class _Lengths(_Parts):

@@ -36,11 +36,12 @@ from delta_calibration.estimation import (
     carried_by,
     chain_of,
     doubts,
+    never_turned,
     prepare,
     require_this_robot,
     solve,
+    with_turns,
 )
-from delta_calibration.estimation.turns import turns_of
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.robot import Robot
@@ -51,7 +52,7 @@ FEWEST = 12  # different places
 _REFUSED = (
     "{} is not in the extended calibration, because held-out poses are predicted worse with it"
 )
-_POSITIONS_ONLY = "the probe's rotations are only used in a fit; the diagnosis uses its positions"
+_NEVER_TURNED = "the probe's rotation never changes, so it is filled in: only positions are used"
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Diagnosis:
     def doubts(self) -> tuple[str, ...]:
         """What to know before it is relied on, a sentence each; none where all is well."""
         poses, robot = self.model.survey.poses, self.model.cell.robot
-        turns = turns_of(poses, robot, self.model.bare) is not None
+        unturned = never_turned(poses, robot, self.model.bare)
         refused = listed(spoken(term.label) for term in self.refused)
         return tuple(
             filter(
@@ -81,7 +82,7 @@ class Diagnosis:
                 (
                     *doubts(self.identification),
                     _REFUSED.format(refused) if refused else "",
-                    turns * _POSITIONS_ONLY,
+                    unturned * _NEVER_TURNED,
                 ),
             )
         )
@@ -207,14 +208,15 @@ def calibrated(
     require_poses(survey.poses, fewest)
     chain = chain_of(robot, model)
     _, noise, problem = prepare(survey.poses, robot, chain)
+    problem = with_turns(problem, survey.poses, robot, noise)
     require_this_robot(problem, survey.poses, robot)
     cell, near = Cell(robot, noise, np.ones(len(survey.poses)), population), None
     if population is not None:
         population = population.shown_by(survey.poses.conditions)
         whole = prepare(survey.poses, robot, chain.with_effects(population.effects))[2]
-        plain = solve(whole)
+        plain = solve(with_turns(whole, survey.poses, robot, noise))
         problem = carried_by(plain, population).bare.applied(problem)
-        near = problem.unknowns(plain.theta[chain.layout.base])
+        near = problem.unknowns(plain.theta[problem.layout.base])
     return solved(survey, cell, problem, near)
 
 

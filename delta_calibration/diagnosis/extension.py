@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +22,6 @@ from delta_calibration.estimation import (
     observe,
     parts_of,
     residuals_of,
-    scales,
     strong_correlations,
     studentized,
     told_by,
@@ -40,29 +41,31 @@ def extended(model: Model, seed: int) -> Identification:
         seed: of the diagnosis, and of the parts that the error left is told by.
     """
     problem, poses, before = model.extended, model.survey.poses, model.registered()
-    chain, base, at = problem.chain, model.problem.chain, poses.conditions
-    covariance = covariance_of(model)
-    geometry, frame = base.mechanism.parameters.nominal, chain.split(model.theta)[2]
-    drawing = base.join(geometry, base.offset, frame)
-    jacobian = base.jacobian(at, drawing)
+    chain, base = problem.chain, model.problem.chain
+    geometry, frame = base.mechanism.parameters.nominal, chain.split(model.chain_theta)[2]
+    own = model.layout.chain
+    covariance = covariance_of(model)[np.ix_(own, own)]
+    drawing = model.theta[model.layout.base].copy()
+    drawing[model.problem.layout.chain] = base.join(geometry, base.offset, frame)
+    unscaled = replace(model.problem, basis=np.eye(len(drawing)))
     nominal = base.mechanism.forward(poses.joint, geometry)
     # by the poses alone, as a fit places the drawing: one error before either
     drawn, beside = as_known(before).take(np.arange(len(poses))), model.beside
     missed_before, missed = (_held_out(e, model, seed) for e in (drawn, beside))
     return Identification(
         chain=chain,
-        theta=model.theta,
+        theta=model.chain_theta,
         covariance=covariance,
         noise=model.cell.noise,
         observability=observe(
-            problem.whiten @ jacobian, np.diag(scales(base)[0]), base.parameters.names
+            unscaled.linearized(drawing).slope, np.diag(model.problem.basis), model.problem.names
         ),
         correlations=strong_correlations(
             covariance[base.layout.base, base.layout.base], base.parameters.names
         ),
         frame_only=_residuals(drawn, missed_before, model),
         full=_residuals(beside, missed, model),
-        frame_only_theta=without_effects(before.theta, model.layout),
+        frame_only_theta=without_effects(before.theta, model.layout)[own],
         weight=model.cell.weight,
         chi_square=model.misfit,
         region=Region.of(base.mechanism.position(nominal)),
@@ -73,8 +76,8 @@ def extended(model: Model, seed: int) -> Identification:
         missed=missed,
         uncertainty=uncertainty_of(
             chain,
-            model.theta,
-            covariance_of(model, shapes=False),
+            model.chain_theta,
+            covariance_of(model, shapes=False)[np.ix_(own, own)],
             Rest(model.cell.noise.repeatability, model.cell.noise.freedom),
             _missed(beside, model),
         ),
@@ -132,10 +135,10 @@ def _missed(evidence: LinearizedModel, model: Model) -> Missed:
     root = np.sqrt(max(1.0, evidence.misfit))
     slope, residual = evidence.nuisance[rows] / root, evidence.residual[rows] / root
     found = studentized(evidence.known(root**2), slope, residual, poses.place[rows])
-    colour = root * np.linalg.inv(evidence.whiten[rows])
+    colour = root * np.linalg.inv(evidence.whiten[rows, :3, :3])
     return Missed(
         poses.conditions.take(rows),
-        (colour @ found[..., None])[..., 0],
+        (colour @ found[:, :3, None])[..., 0],
         model.problem.whiten[rows, :3, :3],
         poses.place[rows],
     )

@@ -53,8 +53,8 @@ class Fitted(ABC):
         """The problem with the terms' effects in its chain."""
         effects = tuple(m.effect for m in self.terms if m.effect is not None)
         chain = self.problem.chain.with_effects(effects)
-        layout, prior = chain.layout, chain.parameters.prior
-        base, own = layout.base, prior[layout.effects]
+        layout = self.problem.layout.with_effects(chain.layout.effect_sizes)
+        base, own = layout.base, chain.parameters.prior[chain.layout.effects]
         basis = np.zeros((layout.size, layout.size))
         basis[base, base] = self.problem.basis
         basis[layout.effects, layout.effects] = np.diag(own)
@@ -164,7 +164,12 @@ class Fitted(ABC):
     @property
     def layout(self) -> Layout:
         """Which entries of theta are which; each term is an effect, empty if a dimension."""
-        return theta_layout(self.bare, self.terms)
+        return theta_layout(self.problem.layout, self.terms)
+
+    @property
+    def chain_theta(self) -> Array:
+        """Theta of the chain: without how a probe is mounted."""
+        return self.theta[self.layout.chain]
 
     @property
     def column_layout(self) -> Layout:
@@ -173,13 +178,13 @@ class Fitted(ABC):
         Those of a dimension are columns of its own, beside the geometry's.
         """
         sizes = [(m.cause, len(m.rows)) for m in self.terms]
-        return self.bare.layout.with_effects(sizes)
+        return self.problem.layout.with_effects(sizes)
 
     @property
     def effect_values(self) -> tuple[Array, ...]:
         """Of each term that is an effect all parameters, (k,), in their own units."""
         effects = tuple(m.effect for m in self.terms if m.effect is not None)
-        return self.bare.with_effects(effects).effect_values(self.theta)
+        return self.bare.with_effects(effects).effect_values(self.chain_theta)
 
     def values(self, term: Candidate) -> Array:
         """A term's free parameters, (k,), in their own units."""
@@ -234,19 +239,19 @@ class Fitted(ABC):
         return terms
 
 
-def theta_layout(bare: Chain, terms: Sequence[Candidate]) -> Layout:
+def theta_layout(bare: Layout, terms: Sequence[Candidate]) -> Layout:
     """Layout of theta with these terms: each is an effect, empty if it is a dimension.
 
     Args:
-        bare: the chain without effects.
+        bare: that of the problem without effects.
         terms: in the order of their effects in the chain.
     """
     sizes = [(m.cause, 0 if m.effect is None else len(m.effect.parameters)) for m in terms]
-    return bare.layout.with_effects(sizes)
+    return bare.with_effects(sizes)
 
 
 def without_effects(theta: Array, layout: Layout) -> Array:
-    """Geometry, offset and frame of theta in a vector of this layout, every effect at nothing."""
+    """Geometry and how all is placed, in a vector of this layout, every effect at nothing."""
     base = np.zeros(layout.size)
     base[layout.base] = theta[layout.base]
     return base

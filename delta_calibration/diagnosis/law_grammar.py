@@ -404,10 +404,10 @@ class Grammar:
         names_of = self.evidence.chain.mechanism.parameters.names
         ours = [i for i, n in enumerate(names_of) if n.startswith(("base", "hinge", "joint_zero"))]
         prior = self.evidence.chain.mechanism.parameters.prior
-        slopes = self.evidence.by_geometry[rows]
+        slopes = self.evidence.by_geometry[rows, :3]
         targets = []
         for way, name in zip(ways, names, strict=True):
-            wanted = np.einsum("nij,nj->ni", self.evidence.whiten[rows], way).ravel()
+            wanted = np.einsum("nij,nj->ni", self.evidence.whiten[rows, :3, :3], way).ravel()
             found = None
             for chosen in (ours, list(range(len(names_of)))):
                 if not chosen:

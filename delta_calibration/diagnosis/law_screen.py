@@ -80,7 +80,7 @@ class Screen:
         evidence, good = self.evidence, self.evidence.believed
         self._weighed = evidence.weigh(evidence.column)[:, 0].reshape(evidence.residual.shape)
         self._projected = evidence.projected
-        self._noise = float(np.sqrt(np.nanmean(evidence.variance[good]) / evidence.coordinates))
+        self._noise = float(np.sqrt(np.nanmean(evidence.variance[good]) / evidence.axes))
         self._count = int(good.sum())
 
     def cases(self, laws: Sequence[FoundLaw]) -> list[Case]:

@@ -102,7 +102,7 @@ def likely_laws(
         effect: any on it.
         rng: of draws of chance.
     """
-    if evidence.coordinates != _COORDINATES:
+    if evidence.axes != _COORDINATES:
         return ()
     signals = signals_of(evidence, robot)
     screen = Screen(evidence, signals)
@@ -134,7 +134,7 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
         named: the causes.
         robot: the machine.
     """
-    if evidence.coordinates != _COORDINATES:
+    if evidence.axes != _COORDINATES:
         return 0.0
     signals = signals_of(evidence, robot)
     laws = list(Grammar(robot, evidence, signals).laws())

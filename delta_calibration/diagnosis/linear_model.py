@@ -25,7 +25,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
-from delta_calibration.data import Conditions, Paths, Survey
+from delta_calibration.data import Conditions, Paths, Survey, joined
 from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
@@ -69,11 +69,12 @@ class LinearizedModel:
     """Residuals of n samples, poses first and then the readings of the paths.
 
     The unit of every whitened coordinate is a standard deviation of its noise. A sample has d of
-    them: 3 of a tracker's reading, as many as there are numbers of any other kind.
+    them: 3 of a tracker's reading, 6 of a probe's, whose turn stands behind its place, as many as
+    there are numbers of any other kind. Nothing is believed of the turns of readings in motion.
     """
 
     chain: Chain
-    theta: Array  # (P,) about which all is linear
+    theta: Array  # (P,) of the chain, about which all is linear
     at: Conditions  # (n)
     pose: Array  # (n, k) of the platform
     whiten: Array  # (n, d, d) [1/m], with the root of the robust weight in it
@@ -101,6 +102,21 @@ class LinearizedModel:
     def coordinates(self) -> int:
         """d, of one sample."""
         return int(self.residual.shape[1])
+
+    @property
+    def axes(self) -> int:
+        """Coordinates of a sample that are its place, not a turn: 3, or fewer where d is less."""
+        return min(3, self.coordinates)
+
+    def metres(self, whitened: Array, rows: NDArray[np.intp]) -> Array:
+        """Places of whitened samples, (k, d) or (all k, d) -> (k, axes) [m]: what a turn is not.
+
+        Args:
+            whitened: of the samples that are asked for.
+            rows: which these are, none of them set aside.
+        """
+        root = self.whiten[rows, : self.axes, : self.axes]  # lower triangular: of the place alone
+        return np.asarray(np.linalg.solve(root, whitened[:, : self.axes, None])[..., 0])
 
     @cached_property
     def _flat(self) -> Array:
@@ -198,9 +214,9 @@ class LinearizedModel:
 
     @cached_property
     def _believed(self) -> Array:
-        """1 for coordinates of samples that count, 0 for those set aside, (d n, 1)."""
-        counts = np.abs(self.whiten).sum(axis=(1, 2)) > 0
-        return np.repeat(counts, self.coordinates)[:, None].astype(float)
+        """1 for coordinates that count, 0 for those set aside or not measured, (d n, 1)."""
+        counts = np.abs(self.whiten).sum(axis=2) > 0
+        return np.asarray(counts.reshape(-1, 1), dtype=float)
 
     @cached_property
     def degrees(self) -> float:
@@ -221,7 +237,7 @@ class LinearizedModel:
         return {
             Stage.DRIVE: self.by_joints,
             Stage.STRUCTURE: self.by_geometry,
-            Stage.MEASUREMENT: self.whiten,
+            Stage.MEASUREMENT: self.whiten[..., : self.axes],
         }[stage]
 
     def _signals(self, effect: Effect) -> Signals:
@@ -250,7 +266,13 @@ class LinearizedModel:
     @property
     def believed(self) -> NDArray[np.bool_]:
         """Samples that are not set aside, (n,)."""
-        return np.asarray(self._believed[:: self.coordinates, 0] > 0)
+        return self.counted > 0
+
+    @property
+    def counted(self) -> Index:
+        """How many coordinates of each sample count, (n,)."""
+        counts = self._believed.reshape(self.residual.shape).sum(axis=1)
+        return np.asarray(counts, dtype=np.int64)
 
     def covariance(self) -> Array:
         """Of the nuisance z given the residuals and its priors, (A, A)."""
@@ -293,18 +315,17 @@ class LinearizedModel:
         return float(np.sum(self.left() ** 2) / self.degrees)
 
     def missed(self, z: Array) -> Array:
-        """Measured less predicted with the nuisance z, (n, d) [m]; NaN for what was set aside."""
-        off = self._left(z)
-        good = self.believed
-        missed = np.full_like(off, np.nan)
-        missed[good] = np.linalg.solve(self.whiten[good], off[good, :, None])[..., 0]
+        """Measured less predicted with z, (n, axes) [m]; NaN for what was set aside."""
+        off, good = self._left(z), np.flatnonzero(self.believed)
+        missed = np.full((len(off), self.axes), np.nan)
+        missed[good] = self.metres(off[good], good)
         return missed
 
     @property
     def variance(self) -> Array:
         """Of the distance of a reading from the truth, (n,) [m^2]; NaN for the set aside."""
         variance = np.full(len(self), np.nan)
-        root = np.linalg.inv(self.whiten[self.believed])
+        root = np.linalg.inv(self.whiten[self.believed, : self.axes, : self.axes])
         variance[self.believed] = np.sum(root**2, axis=(1, 2))
         return variance
 
@@ -326,26 +347,51 @@ def gather(
     Args:
         survey: what was measured.
         problem: that of fitting the poses.
-        theta: of the problem's chain; all is linear about it.
+        theta: of the problem, (P,); all is linear about it.
         cell: noise, robot and what is believed.
         guess: the platform's poses, nearly, (n, k).
     """
     chain, poses, paths, at = problem.chain, survey.poses, survey.paths, survey.conditions
-    tracker = PointMeasured(at.joint, at.reading, None, 1.0)
-    about = tracker.linearized(chain.predictor(at), theta, guess)
-    moving = slice(len(poses), len(at))
-    slope = about.by_joints[moving]
-    whiten_paths = _whiten_paths(paths, slope, cell)
-    size = chain.mechanism.joint_size
-    left = about.missed[moving]
-    believed = _believed(whiten_paths, left, paths, _TURNING * size)
+    whiten_paths, count = np.zeros((0, 3, 3)), len(poses)
+    (about,) = problem.about(theta, None if guess is None else guess[:count])
+    if len(paths):
+        moving = _in_motion(paths, chain, theta, None if guess is None else guess[count:])
+        whiten_paths = _whiten_paths(paths, moving.by_joints, cell)
+        turning = _TURNING * chain.mechanism.joint_size
+        whiten_paths = _believed(whiten_paths, moving.missed, paths, turning) * whiten_paths
+        about = _one_after_the_other(about, moving)
+    size, d = chain.mechanism.joint_size, about.missed.shape[1]
     apart = ~on_the_way(survey)
     root = np.sqrt(cell.weight * apart)[:, None, None]
-    whiten = np.concatenate([root * problem.whiten, believed * whiten_paths])
+    unseen = [(0, 0), (0, d - 3), (0, d - 3)]
+    whiten = np.concatenate([root * problem.whiten, np.pad(whiten_paths, unseen)])
     path = np.concatenate([np.full(len(poses), AT_REST), paths.path])
     rest = SharedPathError.of(path, at, whiten @ about.by_joints * cell.noise.repeatability, size)
     evidence = linearized_about(problem, theta, at, about, whiten, rest)
     return replace(evidence, poses=len(poses), robot=cell.robot)
+
+
+def _in_motion(paths: Paths, chain: Chain, theta: Array, guess: Array | None) -> Linear:
+    """Readings in motion about a model: of them only places are used."""
+    at = paths.conditions
+    tracker = PointMeasured(at.joint, at.reading, None, 1.0)
+    return tracker.linearized(chain.predictor(at), theta, guess)
+
+
+def _one_after_the_other(first: Linear, second: Linear) -> Linear:
+    """Both in one; a kind of fewer numbers has zeros in the place of what it does not measure."""
+    d = first.missed.shape[1]
+
+    def filled(each: Array) -> Array:
+        return np.pad(each, [(0, 0), (0, d - each.shape[1])] + [(0, 0)] * (each.ndim - 2))
+
+    return Linear(
+        np.concatenate([first.pose, second.pose]),
+        np.concatenate([first.missed, filled(second.missed)]),
+        np.concatenate([first.by_theta, filled(second.by_theta)]),
+        np.concatenate([first.by_joints, filled(second.by_joints)]),
+        joined(first.at, second.at),
+    )
 
 
 def linearized_about(
@@ -360,13 +406,13 @@ def linearized_about(
 
     Args:
         problem: the model's scales and priors; what is not free in it is held.
-        theta: of the problem's chain; all is linear about it.
+        theta: of the problem, (P,); all is linear about it.
         at: conditions of the n samples.
         about: what is missed there.
         whiten: (n, d, d), with the root of the robust weight in it.
         rest: errors that samples share.
     """
-    layout = problem.chain.layout
+    layout = problem.layout
     base, own = layout.base, layout.effects
     free = problem.free[base]
     columns = whiten @ about.by_theta[..., base] @ (problem.basis[base, base] * free)
@@ -374,7 +420,7 @@ def linearized_about(
     off = about.missed + about.by_theta[..., own] @ theta[own]
     return LinearizedModel(
         chain=problem.chain,
-        theta=theta,
+        theta=theta[layout.chain],
         at=at,
         pose=about.pose,
         whiten=whiten,

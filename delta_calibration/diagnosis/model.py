@@ -14,7 +14,14 @@ from delta_calibration.diagnosis.constants import FAIR, LACKING, QUIETER, STRAYE
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.verdict import SessionFacts
-from delta_calibration.estimation import Population, Problem, prepare, robust_weights, solve
+from delta_calibration.estimation import (
+    Population,
+    Problem,
+    prepare,
+    robust_weights,
+    solve,
+    with_turns,
+)
 from delta_calibration.theta import entries, length
 from delta_calibration.threads import one_thread
 
@@ -132,6 +139,7 @@ class Model(Fitted):
             return self
         poses, robot = self.survey.poses, self.cell.robot
         _, noise, problem = prepare(poses, robot, self.problem.chain, moved)
+        problem = with_turns(problem, poses, robot, noise)
         if noise.floor > QUIETER * self.floor:
             return self
         problem = replace(self.problem, measured=problem.measured)
@@ -148,12 +156,12 @@ class Model(Fitted):
 
     def moved_by_causes(self) -> Array:
         """How far the named effects move each pose's reading, (n, 3) [m]."""
-        chain, without = self.extended.chain, self.theta.copy()
-        for term, own in zip(self.terms, self.layout.each, strict=True):
+        chain, layout, without = self.extended.chain, self.layout, self.theta.copy()
+        for term, own in zip(self.terms, layout.each, strict=True):
             if not term.unexplained:
                 without[own] = 0.0
-        at = self.extended.at
-        return np.asarray(chain.predict(at, self.theta) - chain.predict(at, without))
+        at, without = self.extended.at, without[layout.chain]
+        return np.asarray(chain.predict(at, self.chain_theta) - chain.predict(at, without))
 
     def rested(self) -> Model:
         """The model at rest on poses and paths together."""
@@ -180,7 +188,7 @@ def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
 
     Shapes that go with values (the width of a play) are set to them on the way.
     """
-    theta = without_effects(model.theta, theta_layout(model.bare, terms))
+    theta = without_effects(model.theta, theta_layout(model.problem.layout, terms))
     near = model.evidence.pose
     now = _stepped(_sharpened(replace(model, terms=terms, theta=theta, near=near)))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
@@ -294,6 +302,6 @@ def _sharpened(model: Model) -> Model:
 
 
 def _residual(model: Model) -> Array:
-    """Whitened residuals of the poses, none set aside, (n, 3)."""
+    """Whitened residuals of the poses, none set aside, (n, d)."""
     problem = model.extended
     return problem.linearized(model.theta).residual

@@ -38,12 +38,13 @@ def untrusted(model: Fitted) -> tuple[Candidate, ...]:
 def unexplained(model: Fitted) -> float:
     """Chi square beyond what noise accounts for, at rest and in motion; 0 where not sure."""
     evidence = model.beside
-    left, good = evidence.left(), evidence.believed
+    left, counted = evidence.left(), evidence.counted
     resting = np.arange(len(evidence)) < evidence.poses
-    share = evidence.degrees / (evidence.coordinates * good.sum())
+    share = evidence.degrees / counted.sum()
     total = 0.0
-    for rows, known in ((resting & good, model.noise_degrees), (~resting & good, np.inf)):
-        degrees = evidence.coordinates * share * rows.sum()
+    for rows, known in ((resting, model.noise_degrees), (~resting, np.inf)):
+        rows = rows & (counted > 0)
+        degrees = share * float(counted[rows].sum())
         excess = float(np.sum(left[rows] ** 2)) - degrees
         spread = np.sqrt(2 * degrees + 2 * degrees**2 / known)
         total += excess if excess > CLEAR * spread else 0.0

@@ -129,7 +129,7 @@ class Observed(Fitted):
         Raises:
             DataError: no rest.
         """
-        theta = without_effects(self.theta, theta_layout(self.bare, terms))
+        theta = without_effects(self.theta, theta_layout(self.problem.layout, terms))
         now = replace(self, terms=terms, theta=theta)
         now = replace(now, terms=now.sharpened())
         for _ in range(_ROUNDS):

@@ -125,7 +125,7 @@ class _Noise:
                 like = good
             like = like[:: max(1, len(like) // _COMPARED)]
             distance = cdist(samples.at.joint[new], self.evidence.at.joint[like])
-            whiten[new] = self.evidence.whiten[like[distance.argmin(axis=1)]]
+            whiten[new] = self.evidence.whiten[like[distance.argmin(axis=1)], :3, :3]
         return whiten
 
 
@@ -134,7 +134,8 @@ def _scale(evidence: LinearizedModel) -> Array:
     chain, layout = evidence.chain, evidence.chain.layout
     row = [int(np.flatnonzero(evidence.believed)[0])]
     slope = chain.jacobian(evidence.at.take(np.array(row)), evidence.theta, evidence.pose[row])[0]
-    scaled = np.linalg.solve(evidence.whiten[row[0]], evidence.nuisance[row[0], :, layout.base])
+    own = evidence.nuisance[row[0], :3, layout.base]
+    scaled = np.linalg.solve(evidence.whiten[row[0], :3, :3], own)
     offset, place = layout.offset, layout.place
     prior = chain.parameters.prior[layout.base]
     step = float(scaled[:, place].trace() / 3)  # a shift of the frame shifts the reading

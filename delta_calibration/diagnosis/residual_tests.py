@@ -79,13 +79,13 @@ def audit(
     if along[1].any():
         p[MOTION] = _alike(every[moving], drawn[moving], along, SLIGHT_MOVING)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
-    whole = np.linalg.solve(evidence.whiten[rows], left[..., None])[..., 0]
+    whole = evidence.metres(left, rows)
     around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
     alike = whole[around].mean(axis=1)
     beyond = max(0.0, 1 - squares.mean() / square)
     return ResidualTests(
         p=p,
-        excess=float(np.sqrt(beyond * np.mean(whole**2) * evidence.coordinates)),
+        excess=float(np.sqrt(beyond * np.mean(np.sum(whole**2, axis=1)))),
         in_motion=_going_along(evidence, every, drawn, moving, along),
         worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],
     )
@@ -112,7 +112,7 @@ def _directions(missed: Array) -> Array:
 
 
 def _alike(left: Array, chance: Array, near: Near, slight: float) -> float:
-    """p of neighbours' likeness among residuals (n, 3), beside draws of chance (n, 3, draws).
+    """p of neighbours' likeness among residuals (n, d), beside draws of chance (n, d, draws).
 
     `slight` is the share of the noise that structure may be of.
     """
@@ -143,7 +143,7 @@ def _going_along(
     if not along[1].any():
         return 0.0
     common = _moran(left[rows][:, :, None], along)[0] - _moran(drawn[rows], along).mean()
-    whole = np.linalg.solve(evidence.whiten[rows], left[rows][..., None])[..., 0]
+    whole = evidence.metres(left[rows], rows)
     return float(np.sqrt(max(0.0, common) * np.mean(np.sum(whole**2, axis=1))))
 
 
@@ -181,7 +181,7 @@ def _next(time: Array) -> Near:
 
 
 def _moran(residual: Array, near: Near) -> Array:
-    """I of residuals (n, 3, draws), (draws,): the mean likeness of neighbours."""
+    """I of residuals (n, d, draws), (draws,): the mean likeness of neighbours."""
     others, weight = near
     alike = np.zeros(residual.shape[2])
     for column in range(others.shape[1]):

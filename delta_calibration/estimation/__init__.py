@@ -60,6 +60,7 @@ from delta_calibration.estimation.problem import (
     spread_of,
 )
 from delta_calibration.estimation.registration import placing, registered
+from delta_calibration.estimation.turns import never_turned, with_turns
 from delta_calibration.estimation.warnings import DIAGNOSIS, doubt, doubts
 
 __all__ = [
@@ -108,6 +109,7 @@ __all__ = [
     "identify",
     "likelihood_of",
     "most_evaluations",
+    "never_turned",
     "observe",
     "parts_of",
     "placing",
@@ -125,4 +127,5 @@ __all__ = [
     "told_by",
     "uncertainty_of",
     "whitening",
+    "with_turns",
 ]

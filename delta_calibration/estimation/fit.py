@@ -13,7 +13,7 @@ from delta_calibration.data import Poses, require_poses
 from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.estimation.carried import Carried
 from delta_calibration.estimation.cross_validation import Known, studentized
-from delta_calibration.estimation.measurements import Measured, PointMeasured, PoseMeasured
+from delta_calibration.estimation.measurements import Measured, PointMeasured
 from delta_calibration.estimation.method import LeastSquares, Method, Watch
 from delta_calibration.estimation.noise import Noise, estimate_noise, whitening
 from delta_calibration.estimation.observability import (
@@ -25,7 +25,7 @@ from delta_calibration.estimation.population import Population, carried_by
 from delta_calibration.estimation.positions import Missed, Rest, uncertainty_of
 from delta_calibration.estimation.problem import Problem, Solution, build_problem, solve
 from delta_calibration.estimation.registration import registered
-from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
+from delta_calibration.estimation.turns import with_turns
 from delta_calibration.geometry import Frame, align
 from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
@@ -171,7 +171,7 @@ def identify(
     if carried is not None:
         chain = chain.with_effects(carried.effects)
     _, noise, drawn = prepare(poses, robot, chain)
-    drawn = _with_turns(drawn, poses, robot, noise)
+    drawn = with_turns(drawn, poses, robot, noise)
     layout = drawn.layout
     before = registered(drawn)
     require_this_robot(drawn, poses, robot)
@@ -254,18 +254,6 @@ def _fewest(carried: Carried | None, population: Population | None) -> int:
     return _FEWEST if population is None else _FEWEST_OF_MANY
 
 
-def _with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:
-    """The problem, with turns where they take part."""
-    chain, start = problem.chain, problem.theta0
-    turned, sure = turns_of(poses, robot, chain), robot.tracker.turn
-    if turned is None or sure is None:
-        return problem
-    seen = PoseMeasured(poses.joint, poses.point, None, noise.floor, turned, sure)
-    whiten = whitening(pose_covariance(seen, poses, robot, chain, noise, start))
-    mount = mount_of(turned, chain, chain.pose(problem.at, start), start)
-    return problem.mounted(Measured(seen, problem.at, given=whiten), mount)
-
-
 def _turn_missed(full: Solution) -> float | None:
     problem = full.problem
     if not problem.layout.has_mount:
@@ -312,7 +300,8 @@ def prepare(
 def distances(solution: Solution) -> Array:
     """3-D distance between measured and predicted, (n,) [m]."""
     chain, problem = solution.problem.chain, solution.problem
-    missed = problem.y - chain.predict(problem.at, solution.theta, solution.pose)
+    theta = solution.theta[problem.layout.chain]
+    missed = problem.y - chain.predict(problem.at, theta, solution.pose)
     return np.asarray(np.linalg.norm(missed, axis=1))
 
 
@@ -360,7 +349,7 @@ def _held_out(
         held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
         fitted = method.fit(problem.take(seen), rng, watch, solution.z).solution
         at = problem.at.take(held)
-        machine = problem.chain.see(at, fitted.theta, asked="nothing")
+        machine = problem.chain.see(at, fitted.theta[problem.layout.chain], asked="nothing")
         problem.chain.mechanism.require_reach(machine.x, at.joint, "held-out command")
         missed[held] = problem.y[held] - machine.reading
     return missed
@@ -453,7 +442,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     geometry = layout.geometry
     solution = solve(problem.only(~layout.mask(geometry, layout.effects)), robust=False)
     # about the drawing: a reflector that was sent far off would magnify what parts can do
-    slope = problem.chain.jacobian(problem.at, problem.theta0)[..., geometry]
+    slope = problem.chain.jacobian(problem.at, problem.theta0[layout.chain])[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
     typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))

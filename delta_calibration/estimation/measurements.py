@@ -100,7 +100,7 @@ class Observation(ABC):
 
         Args:
             at: the chain under the conditions of the n measurements.
-            theta: (P,) of the chain; behind it a probe's mount where the fit has one.
+            theta: (P,) of the chain, with a probe's mount where the fit has one.
             guess: the platform's poses, nearly, (n, k).
         """
 
@@ -195,7 +195,7 @@ class PointMeasured(Observation):
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
         """(n, 3) [m]."""
         seen = point_seen(at, theta, self.offset, None, guess, read=True)
-        by_theta = _mounted(seen.jacobian, theta)
+        by_theta = _mounted(seen.jacobian, _layout(at.chain, theta))
         read = read_at(at.at, seen)
         return Linear(seen.x, self.point - seen.reading, by_theta, seen.by_joints, read)
 
@@ -207,7 +207,7 @@ class PoseMeasured(PointMeasured):
         R_measured = exp([e]x) R_T R(x) R(m)
 
     R_T: the tracker's frame; R(x): the platform's turn; m: how the probe is mounted on the
-    platform, three more unknowns behind those of the chain, or none, where theta ends with these.
+    platform, three more unknowns, or none, where theta is of the chain alone.
     e is what is missed, in axes of the tracker.
     """
 
@@ -235,7 +235,7 @@ class PoseMeasured(PointMeasured):
         frame = rotations.exp(theta[layout.turn])
         platform = frame @ chain.mechanism.rotation(x)
         by_pose = frame @ chain.mechanism.turn_by_pose(x)
-        slope = _mounted(by_pose @ turned.jacobian, theta)
+        slope = _mounted(by_pose @ turned.jacobian, layout)
         slope[..., layout.turn] = rotations.left_jacobian(theta[layout.turn])
         predicted = platform
         if layout.has_mount:
@@ -277,7 +277,7 @@ class HeightAtContact(Observation):
         """(n, 1) [m]."""
         seen = centre_seen(at, theta, guess)
         missed = np.asarray(self.height - seen.reading[:, 2])[:, None]
-        slope = _mounted(seen.jacobian[:, 2:], theta)
+        slope = _mounted(seen.jacobian[:, 2:], _layout(at.chain, theta))
         return Linear(seen.x, missed, slope, seen.by_joints[:, 2:], at.at)
 
 
@@ -321,8 +321,9 @@ class RadiusMeasured(Observation):
         seen = point_seen(at, theta, self.offset, None, guess)
         length = np.linalg.norm(seen.reading, axis=1)
         along = (seen.reading / length[:, None])[:, None, :]
-        slope = _mounted(along @ seen.jacobian, theta)
-        slope[..., _layout(at.chain, theta).turn] = 0.0
+        layout = _layout(at.chain, theta)
+        slope = _mounted(along @ seen.jacobian, layout)
+        slope[..., layout.turn] = 0.0
         missed = np.asarray(self.radius - length)[:, None]
         return Linear(seen.x, missed, slope, along @ seen.by_joints, at.at)
 
@@ -355,7 +356,7 @@ class DistanceBetween(Observation):
         between = there.reading - seen.reading
         apart = np.linalg.norm(between, axis=1)
         along = (between / apart[:, None])[:, None, :]
-        slope = _mounted(along @ (there.jacobian - seen.jacobian), theta)
+        slope = _mounted(along @ (there.jacobian - seen.jacobian), _layout(at.chain, theta))
         missed = np.asarray(self.distance - apart)[:, None]
         return Linear(seen.x, missed, slope, -along @ seen.by_joints, at.at)
 
@@ -386,7 +387,7 @@ def point_seen(
 
     Args:
         at: the chain under the conditions of n samples.
-        theta: (P,) of the chain, a probe's mount behind it or not.
+        theta: (P,) of the chain, a probe's mount in it or not.
         offset: (3,) [m] of the point in the platform; theta's where not given.
         place: `T_device_base`; theta's where not given.
         guess: the platform's poses, nearly, (n, k).
@@ -396,7 +397,7 @@ def point_seen(
         Derivatives by what was given are zero.
     """
     layout = at.chain.layout
-    machine = theta[layout.chain]
+    machine = theta[_layout(at.chain, theta).chain]
     given: list[tuple[slice, Array | float]] = []
     given += [] if read else [(part, 0.0) for part in _of_readings(at.chain)]
     if offset is not None:
@@ -404,7 +405,6 @@ def point_seen(
     if place is not None:
         given.append((layout.frame, place.vector()))
     if given:
-        machine = machine.copy()
         for part, values in given:
             machine[part] = values
     seen = at.see(machine, guess)
@@ -415,7 +415,7 @@ def point_seen(
 
 def standing(at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Seen, Array]:
     """How the machine stands under the conditions, and its dimensions there, (p,) or (n, p)."""
-    seen = at.see(theta[at.chain.layout.chain], guess, "nothing")
+    seen = at.see(theta[_layout(at.chain, theta).chain], guess, "nothing")
     shared = len(seen.geometry) == 1 != len(seen.x)
     return seen, seen.geometry[0] if shared else seen.geometry
 
@@ -429,7 +429,7 @@ def through_closures(at: Predictor, theta: Array, by_joints: Array, by_geometry:
         by_joints: (n, d, m) by the joints behind the drives.
         by_geometry: (n, d, p) by the dimensions under the samples' conditions.
     """
-    layout, chain = at.chain.layout, at.chain
+    layout, chain = _layout(at.chain, theta), at.chain
     slope = np.zeros((*by_geometry.shape[:-1], len(theta)))
     slope[..., layout.geometry] = by_geometry
     by_stage = {Stage.DRIVE: by_joints, Stage.STRUCTURE: by_geometry}
@@ -467,9 +467,10 @@ def _layout(chain: Chain, theta: Array) -> Layout:
     return chain.layout if len(theta) == chain.layout.size else chain.layout.mounted
 
 
-def _mounted(by_chain: Array, theta: Array) -> Array:
-    """With columns of zeros for what theta has behind the chain's entries."""
-    more = len(theta) - by_chain.shape[-1]
-    if not more:
+def _mounted(by_chain: Array, layout: Layout) -> Array:
+    """With columns of zeros for the probe's mount, where theta has one."""
+    if not layout.has_mount:
         return by_chain
-    return np.concatenate([by_chain, np.zeros((*by_chain.shape[:-1], more))], axis=-1)
+    every = np.zeros((*by_chain.shape[:-1], layout.size))
+    every[..., layout.chain] = by_chain
+    return every

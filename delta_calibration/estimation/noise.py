@@ -89,7 +89,8 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
         return replace(filed, floor=floor)
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
     moving = slope @ np.swapaxes(slope, 1, 2)
-    repeatability, freedom = _repeatability(visits, reading, moving, robot.commanded.joint_size)
+    bounds = _LEAST * robot.commanded.joint_size, _MOST * robot.commanded.joint_size
+    repeatability, freedom = _likeliest(visits, reading, moving, bounds)
     return Noise(radial, transverse, repeatability, visits.floor, degrees, True, freedom)
 
 
@@ -194,20 +195,40 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
     return deviation, int((size[size > 0] - 1).sum())
 
 
-def _repeatability(
-    visits: _Visits, reading: Array, moving: Array, joint_size: float
+def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, stated: float) -> float:
+    """Standard deviation of one reading of a turn about each axis [rad].
+
+    Most likely by how repeats differ, beside where the joints come to rest; as the robot's file
+    states it where they are too few.
+
+    Args:
+        turned: rotation vectors from one of its repeat's to each pose's, (n, 3) [rad], small.
+        repeat: which poses repeat each other, (n,).
+        count: readings of each pose, (n,).
+        resting: covariance of the turns that joints make at rest beside their command, (n, 3, 3).
+        stated: by the robot's file [rad].
+    """
+    visits = _visits(turned, repeat, np.zeros((turned.size, 0)))
+    if 3 * visits.degrees < _ENOUGH:
+        return stated
+    reading = np.eye(3) / count[:, None, None]
+    return _likeliest(visits, resting, reading, (_LEAST, _MOST))[0]
+
+
+def _likeliest(
+    visits: _Visits, fixed: Array, growing: Array, bounds: tuple[float, float]
 ) -> tuple[float, float]:
-    """Most likely s_q, with its degrees of freedom by how sharp the most likely value is.
+    """Most likely s of the covariance F + s^2 G, and its degrees of freedom by how sharp it is.
 
     Gaussian, one draw a move, by the restricted likelihood: places and conditions are fitted
-    beside it by the covariance that s_q gives, and what they take is not counted as small
+    beside it by the covariance that s gives, and what they take is not counted as small
     (Patterson and Thompson 1971, Biometrika 58, 545-554).
 
     Args:
         visits: deviations within places.
-        reading: covariance of the tracker's noise in each pose, (n, 3, 3) [m^2].
-        moving: J J^T, (n, 3, 3) [m^2 / rad^2].
-        joint_size: [rad or m] that one radian of a Delta is in this robot.
+        fixed: F of each pose, (n, 3, 3).
+        growing: G of each pose, (n, 3, 3).
+        bounds: between which s is searched.
     """
     several = np.bincount(visits.place)[visits.place] > 1
     _, place = np.unique(visits.place[several], return_inverse=True)
@@ -215,10 +236,10 @@ def _repeatability(
     first = np.flatnonzero(np.diff(place[order], prepend=-1))
     course = visits.course.reshape(len(several), 3, -1)
     columns = np.concatenate([course, visits.deviation[..., None]], axis=2)[several][order]
-    fixed, moving = reading[several][order], moving[several][order]
+    fixed, growing = fixed[several][order], growing[several][order]
 
     def unlikeliness(log_sigma: float) -> float:
-        covariance = fixed + np.exp(2 * log_sigma) * moving
+        covariance = fixed + np.exp(2 * log_sigma) * growing
         weight = np.linalg.inv(covariance)
         weighed = weight @ columns
         places, along = np.add.reduceat(weight, first), np.add.reduceat(weighed, first)
@@ -230,9 +251,10 @@ def _repeatability(
         spread = sum(np.linalg.slogdet(each)[1].sum() for each in (covariance, places, known))
         return float(spread + whole[-1, -1] - beside @ np.linalg.solve(known, beside))
 
-    bounds = np.log(_LEAST * joint_size), np.log(_MOST * joint_size)
-    best = minimize_scalar(unlikeliness, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    best = minimize_scalar(
+        unlikeliness, bounds=np.log(bounds), method="bounded", options={"xatol": 1e-3}
+    )
     around = [unlikeliness(best.x + step) for step in (-_STEP, 0.0, _STEP)]
     bend = around[0] - 2 * around[1] + around[2]
-    # -2 log L bends four times as much by log s_q as by log s_q^2
+    # -2 log L bends four times as much by log s as by log s^2
     return float(np.exp(best.x)), max(bend / _STEP**2 / 4, _FEWEST_DEGREES)

@@ -12,7 +12,7 @@ s is 1 where the noise explains the residuals, and the residuals' own (robust) s
 are larger: what a model leaves out must not bend its parameters beyond what parts can be.
 
 What is measured may be of several kinds (`measurements.py`), of as many numbers d each as it has:
-3 of a position, 6 of a pose, for which a probe's mount is three more unknowns behind the chain's.
+3 of a position, 6 of a pose, for which a probe's mount is three more unknowns beside the chain's.
 """
 
 from __future__ import annotations
@@ -85,7 +85,16 @@ class Problem:
     @property
     def names(self) -> tuple[str, ...]:
         """Of theta, (P,)."""
-        return self.chain.parameters.names + (MOUNT_NAMES if self.layout.has_mount else ())
+        names = self.chain.parameters.names
+        return (
+            names
+            if not self.layout.has_mount
+            else (
+                *names[: self.layout.mount.start],
+                *MOUNT_NAMES,
+                *names[self.layout.mount.start :],
+            )
+        )
 
     @cached_property
     def at(self) -> Conditions:
@@ -111,19 +120,14 @@ class Problem:
             measured: poses.
             mount: where to start from, (3,) [rad].
         """
-        start = np.append(self.theta0, mount)
-        basis = np.diag(np.full(len(start), _FRAME_STEP))
-        own = self.chain.layout.chain
-        basis[own, own] = self.basis
-        unknown = np.zeros(len(mount), dtype=bool)
-        return Problem(
-            self.chain,
-            (measured,),
-            start,
-            basis,
-            np.append(self.has_prior, unknown),
-            np.append(self.free, ~unknown),
-        )
+        layout = self.chain.layout.mounted
+        own = layout.chain
+        start, basis = np.zeros(layout.size), np.diag(np.full(layout.size, _FRAME_STEP))
+        start[layout.mount], start[own] = mount, self.theta0
+        basis[np.ix_(own, own)] = self.basis
+        has_prior, free = np.zeros(layout.size, dtype=bool), np.ones(layout.size, dtype=bool)
+        has_prior[own], free[own] = self.has_prior, self.free
+        return Problem(self.chain, (measured,), start, basis, has_prior, free)
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """The same problem on some of the samples."""

@@ -5,6 +5,8 @@ The law is `PoseMeasured` in `measurements.py`.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -12,29 +14,27 @@ from scipy.spatial.transform import Rotation
 from delta_calibration.chain import Chain
 from delta_calibration.data import Poses
 from delta_calibration.errors import DataError
-from delta_calibration.estimation.measurements import PoseMeasured
-from delta_calibration.estimation.noise import Noise
+from delta_calibration.estimation.measurements import Measured, PoseMeasured
+from delta_calibration.estimation.noise import Noise, turn_noise, whitening
+from delta_calibration.estimation.problem import Problem
 from delta_calibration.geometry import rotations
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
+
+_SAME = 1e-9  # [rad] by which turns differ that are one and the same number
 
 
 def turns_of(poses: Poses, robot: Robot, chain: Chain) -> Array | None:
     """Measured rotations of a session's probe, (n, 3, 3), where they take part.
 
     They do where the session has them, the robot's file says how sure they are
-    (`tracker.turn_urad`), and the platform of the model turns.
+    (`tracker.turn_urad`), the platform of the model turns, and they are measured: see `held`.
 
     Raises:
         DataError: a quaternion of no length.
     """
-    told = robot.tracker.measures == "pose" and robot.tracker.turn is not None
-    if poses.quaternion is None or not told:
-        return None
-    mechanism = chain.mechanism
-    home = mechanism.forward(mechanism.home[None], mechanism.parameters.nominal)
-    if not mechanism.turn_by_pose(home).any():
+    if poses.quaternion is None or not _asked(robot, chain) or held(poses.quaternion):
         return None
     size = np.linalg.norm(poses.quaternion, axis=1)
     if not (size > 0).all():
@@ -42,6 +42,55 @@ def turns_of(poses: Poses, robot: Robot, chain: Chain) -> Array | None:
         value = poses.quaternion[bad]
         raise DataError(f"{poses.source}: pose {bad + 1}: quaternion {value} is no rotation")
     return rotations.from_quaternion(poses.quaternion)
+
+
+def never_turned(poses: Poses, robot: Robot, chain: Chain) -> bool:
+    """Whether turns would take part, but the session only has one that never changes."""
+    asked = poses.quaternion is not None and _asked(robot, chain)
+    return asked and held(poses.quaternion)
+
+
+def held(quaternion: Array | None) -> bool:
+    """Whether quaternions (n, 4) are one for all: filled in, and not measured."""
+    return quaternion is not None and bool((np.ptp(quaternion, axis=0) < _SAME).all())
+
+
+def _asked(robot: Robot, chain: Chain) -> bool:
+    """Whether the robot's file says how sure turns are, and the platform turns."""
+    if robot.tracker.measures != "pose" or robot.tracker.turn is None:
+        return False
+    mechanism = chain.mechanism
+    home = mechanism.forward(mechanism.home[None], mechanism.parameters.nominal)
+    return bool(mechanism.turn_by_pose(home).any())
+
+
+def with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:
+    """A problem of positions, with turns where they take part.
+
+    How sure a turn is shows in how repeats differ; else the robot's file says it.
+
+    Args:
+        problem: what `prepare` gives.
+        poses: what was measured.
+        robot: says how sure a reading is.
+        noise: of the positions.
+
+    Raises:
+        DataError: a quaternion of no length.
+    """
+    chain, start = problem.chain, problem.theta0
+    turned, stated = turns_of(poses, robot, chain), robot.tracker.turn
+    if turned is None or stated is None:
+        return problem
+    seen = PoseMeasured(poses.joint, poses.point, None, noise.floor, turned, stated)
+    by_joints = seen.linearized(chain.predictor(poses.conditions), start).by_joints[:, 3:]
+    resting = noise.repeatability**2 * by_joints @ np.swapaxes(by_joints, 1, 2)
+    _, first, repeat = np.unique(poses.repeat, return_index=True, return_inverse=True)
+    away = rotations.log(turned @ np.swapaxes(turned[first[repeat]], 1, 2))
+    seen = replace(seen, turn_noise=turn_noise(away, repeat, poses.count, resting, stated))
+    whiten = whitening(pose_covariance(seen, poses, robot, chain, noise, start))
+    mount = mount_of(turned, chain, chain.pose(problem.at, start), start)
+    return problem.mounted(Measured(seen, problem.at, given=whiten), mount)
 
 
 def mount_of(rotation: Array, chain: Chain, x: Array, theta: Array) -> Array:

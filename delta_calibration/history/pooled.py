@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Survey
 from delta_calibration.diagnosis.diagnose import calibrated
+from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.effects import Effect, Stage, catalogue
@@ -156,13 +157,7 @@ def _alone(
     columns = np.concatenate(
         [evidence.geometry, *(evidence.columns(effect) for effect in machine)], axis=1
     )
-    layout = evidence.chain.layout
-    own = slice(layout.offset.start, layout.place.stop)
-    alone = replace(
-        evidence,
-        nuisance=np.ascontiguousarray(evidence.nuisance[..., own]),
-        precision=evidence.precision[own],
-    )
+    alone = without_geometry(evidence)
     for effect in visit:
         extra = evidence.columns(effect)
         alone = alone.beside(extra, np.full(extra.shape[1], SPREAD**-2.0))

@@ -111,10 +111,8 @@ def _seen(judged: Judged, robot: Robot, term: Candidate, rows: Index) -> _Seen:
     if term.effect is not None and term.effect.stage is Stage.DRIVE and joints == 3:
         chosen = _joints(term, joints)
         evidence = judged.evidence
-        angles = [
-            UM * solve(evidence.by_joints[rows], evidence.whiten[rows] @ moved[..., None])[..., 0]
-            for moved in (whole, part)
-        ]
+        slope, root = evidence.by_joints[rows, :3], evidence.whiten[rows, :3, :3]
+        angles = [UM * solve(slope, root @ moved[..., None])[..., 0] for moved in (whole, part)]
         return _Seen(
             angles[0][:, chosen],
             angles[1][:, chosen],

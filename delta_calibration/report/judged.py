@@ -78,8 +78,8 @@ class Judged:
         """What a term moves readings by, (n, 3) [m] in the tracker's frame."""
         evidence = self.evidence
         best = self.diagnosis.model.values(term) / _priors(term, self.diagnosis)
-        whitened = (columns_of(term, evidence) @ best).reshape(-1, 3)[rows]
-        return np.asarray(np.linalg.solve(evidence.whiten[rows], whitened[..., None])[..., 0])
+        whitened = (columns_of(term, evidence) @ best).reshape(evidence.residual.shape)
+        return evidence.metres(whitened[rows], rows)
 
     def left(self) -> Array:
         """Measured less predicted by the extended model, (all, 3) [m]; NaN for the set aside."""
