@@ -182,7 +182,7 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
         )
     return Uncertainty(
         factor @ factor.T,
-        float(data["noise"]["repeatability_urad"]) * 1e-6,
+        1e-6 * float(told.get("repeatability_urad", data["noise"]["repeatability_urad"])),
         ModelError(
             1e-12 * np.array(model["covariance_um2"], dtype=float),
             np.array(model["middle_m"], dtype=float),
@@ -202,11 +202,11 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
 
     Numbers of a row in one text: a document of so many entries would be slow to read.
     """
-    model = found.model_error
-    value, way = np.linalg.eigh(found.covariance)
+    model, rest = found.uncertainty.model, found.uncertainty.repeatability
+    value, way = np.linalg.eigh(found.uncertainty.covariance)
     root = (way * np.sqrt(np.maximum(value, 0.0))).T
     factor = np.asarray(np.linalg.qr(root, mode="r")).T
-    known = found.noise.freedom
+    known = found.uncertainty.freedom
     return {
         "factor_lower": [
             " ".join(f"{entry:.8g}" for entry in row[: k + 1])
@@ -222,6 +222,7 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
             "doubt_um2": 1e12 * model.doubt,
             **({"kurtosis": model.kurtosis} if model.kurtosis else {}),
         },
+        **({"repeatability_urad": 1e6 * rest} if rest != found.noise.repeatability else {}),
         **({"repeatability_degrees_of_freedom": known} if np.isfinite(known) else {}),
     }
 

@@ -26,4 +26,5 @@ def with_effects(found: Identification, robot: Robot, effects: Effects) -> Ident
     covariance = np.diag(1e-10 * np.arange(1.0, len(theta) + 1))
     covariance[: len(found.theta), : len(found.theta)] = found.covariance
     chain = found.chain.with_effects(tuple(made))
-    return replace(found, chain=chain, theta=theta, covariance=covariance)
+    told = replace(found.uncertainty, covariance=covariance)
+    return replace(found, chain=chain, theta=theta, covariance=covariance, uncertainty=told)

@@ -380,8 +380,9 @@ def extended(fitted):
     covariance[: len(found.theta), : len(found.theta)] = found.covariance
     covariance[np.diag_indices_from(covariance)] += 1e-10 * np.arange(len(covariance))
     theta = np.concatenate([found.theta, 1e-5 * np.arange(1, more + 1)])
-    effort = Effort("diagnosis")
-    return replace(found, chain=chain, theta=theta, covariance=covariance, effort=effort), poses
+    more = {"covariance": covariance, "effort": Effort("diagnosis")}
+    told = replace(found.uncertainty, covariance=covariance)
+    return replace(found, chain=chain, theta=theta, uncertainty=told, **more), poses
 
 
 @pytest.fixture

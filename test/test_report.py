@@ -281,6 +281,25 @@ def test_a_rule_on_a_logarithmic_axis_has_its_name_at_its_value() -> None:
     assert layout["annotations"][0]["x"] == 2.0
 
 
+def test_names_of_rules_beside_each_other_stand_apart() -> None:
+    rules = (
+        Rule("40", 40.0, upright=True, side="left"),
+        Rule("80", 80.0, upright=True, side="right"),
+    )
+    shown = plot_of(Panel("", Axis("x [1]", log=True), Axis("y [1]"), rules))["layout"]
+    assert [each["xanchor"] for each in shown["annotations"]] == ["right", "left"]
+
+
+def test_a_square_panel_of_a_narrow_page_has_few_names() -> None:
+    """Its height is its width; thirty names were one line over the other at 400 px."""
+    for equal, most in ((True, 16), (False, 30)):
+        names = tuple(f"p {k}" for k in range(30))
+        panel = Panel("", Axis("x [1]"), Axis("", names=names), (), equal=equal)
+        shown = plot_of(panel)["layout"]["yaxis"]
+        assert most / 2 < len(shown["ticktext"]) <= most
+        assert [names[k] for k in shown["tickvals"]] == shown["ticktext"]
+
+
 def test_without_the_standards_cycles_it_says_why() -> None:
     page = build_page(found(), ROBOT, PROVENANCE, "P1 was reached 0 times")
     assert "does not contain the cycles of the standard: P1 was reached 0 times" in page

@@ -420,6 +420,33 @@ def test_there_and_back(name: str, tmp_path: Path) -> None:
     assert parallel == [link.parallel for link in load_robot(name).dimensions.links]
 
 
+def with_fingers() -> list[dict[str, str]]:
+    """The arm with a hand of two fingers that slide."""
+    finger = {"kind": "prismatic", "parent": "tool", "xyz": "0 0 0.1", "rpy": "0 0 0"}
+    sides = [("left", "0 1 0"), ("right", "0 -1 0")]
+    return [*crooked(), *({**finger, "name": s, "child": s, "axis": a} for s, a in sides)]
+
+
+def test_a_hand_with_sliding_fingers_is_no_part_of_the_arm(tmp_path: Path) -> None:
+    file = urdf(tmp_path / "arm.urdf", with_fingers())
+    with pytest.raises(InputError, match="give --tip: left, right \\(or a link before them"):
+        robot_from_urdf(file)
+    plain = robot_from_urdf(urdf(tmp_path / "plain.urdf", crooked()))
+    assert robot_from_urdf(file, tip="tool")["geometry"] == plain["geometry"]
+    with pytest.raises(InputError, match="joint 'left': type 'prismatic'"):
+        robot_from_urdf(file, tip="left")
+
+
+def test_a_delta_drawn_as_a_tree_is_no_arm(tmp_path: Path) -> None:
+    from delta_calibration.description import describe
+    from delta_calibration.description import urdf as written
+
+    file = tmp_path / "delta.urdf"
+    file.write_text(written(describe(load_robot("srbd")).tree), encoding="utf-8")
+    with pytest.raises(InputError, match=r"6 arms hang on link 'base_link'.*closed chains"):
+        robot_from_urdf(file)
+
+
 def changed(row: int, **values: str) -> list[dict[str, str]]:
     joints = crooked()
     joints[row] = {**joints[row], **values}

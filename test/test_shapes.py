@@ -52,6 +52,20 @@ def test_what_a_frequency_leaves_open_is_in_the_intervals(fitted, machine):
     assert np.abs(error / std).max() < 3.5
 
 
+def test_positions_go_by_amplitude_and_frequency_together(fitted, machine):
+    """By true errors at the poses; amplitudes, told at zero of the scale, are less sure."""
+    chain, theta, at = fitted.extended.chain, fitted.theta, fitted.survey.poses.conditions
+    missed = machine.reflector_points(at) - chain.predict(at, theta)
+    true = np.mean(np.sum(missed**2, axis=1))
+    jacobian = chain.jacobian(at, theta)
+    near, wide = (
+        np.einsum("nij,jk,nik->n", jacobian, covariance_of(fitted, shapes), jacobian).mean()
+        for shapes in (False, True)
+    )
+    assert 0.4 < true / near < 2.0
+    assert wide > 1.4 * near
+
+
 def test_columns_of_a_field_are_differences_of_the_signal(fitted):
     """Against a coarser difference, in units of a uniform distribution's spread."""
     (term,) = fitted.terms

@@ -262,6 +262,50 @@ def test_times_that_would_be_too_far_apart_are_in_doubt(
     assert "in doubt: Time: is this a time in seconds" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("stamps", "said"),
+    [
+        (lambda k: str(10.0 * (k if k != 5 else 3.5)), "Time: goes back at row 6 of the table"),
+        (lambda k: f"2020-07-14 16:{59 - k % 50:02d}:04", "Time: goes back at row 2 of the table"),
+        (lambda _: "2.02011E+13", "Time: is the same in all rows"),
+    ],
+)
+def test_times_that_tell_no_order_of_the_rows_are_left_out(
+    stamps: Callable[[int], str],
+    said: str,
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """They were proposed, and refused when the table was read."""
+    q, y = measured["srbd"]
+    rows = [f"{stamps(k)}," + numbers(deg_mm(q[k], y[k])) + "\n" for k in range(len(q))]
+    file = tmp_path / "table.csv"
+    file.write_text("Time,q1,q2,q3,x,y,z\n" + "".join(rows), encoding="utf-8")
+    assert guess(file, "srbd", "--out", str(tmp_path / "session")) == 0
+    assert f"{said}; it is left out" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("place", "doubted"), [("x_t,y_t,z_t", True), ("meas_x,meas_y,meas_z", False)]
+)
+def test_a_target_beside_its_differences_is_in_doubt(
+    place: str,
+    doubted: bool,
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A drawing lies on targets better than on what was measured."""
+    q, y = measured["srbd"]
+    rows = [numbers(np.r_[deg_mm(q[k], y[k]), 0.3, -0.2, 0.1]) + "\n" for k in range(len(q))]
+    file = tmp_path / "table.csv"
+    file.write_text(f"q1,q2,q3,{place},x_dif,y_dif,z_dif\n" + "".join(rows), encoding="utf-8")
+    assert guess(file, "srbd", "--out", str(tmp_path / "session")) == int(doubted)
+    said = "Then x_dif, y_dif, z_dif have to be added to them"
+    assert (said in capsys.readouterr().out) is doubted
+
+
 def test_rows_with_gaps_and_lines_below_the_table_are_left_out(
     tmp_path: Path,
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
@@ -417,6 +461,8 @@ def test_two_files_that_do_not_go_together_are_refused(
     assert "rows do not go together by name, row or time" in capsys.readouterr().err
     assert guess(log, "srbd") == 2
     assert "--join FILE" in capsys.readouterr().err
+    assert guess(log, "srbd", "--join", str(points), "--by", "row") == 2
+    assert "if the first 9 rows of both belong together" in capsys.readouterr().err
 
 
 def test_times_that_are_too_far_apart_are_told_with_what_would_join_them(

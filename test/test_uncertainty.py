@@ -16,7 +16,8 @@ import GTC
 
 from certified_coverage import coverage
 from delta_calibration.data import collect
-from delta_calibration.estimation import Known, identify, left_out
+from delta_calibration.estimation import Rest, identify
+from delta_calibration.estimation.positions import _kurtosis, _split
 from delta_calibration.plans import make_plan
 from delta_calibration.report import (
     About,
@@ -28,9 +29,11 @@ from delta_calibration.report import (
     page_of_certificate,
 )
 from delta_calibration.report.budget import budget_of, certified, standard
+from delta_calibration.report.certificate_figures import histogram_figure
+from delta_calibration.report.drawing import Rule
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
-from delta_calibration.uncertainty import Uncertainty, _divided, _kurtosis, radius95
+from delta_calibration.uncertainty import Uncertainty, _divided, radius95
 
 ALPHA, KELVIN = 11.5e-6, 0.5
 ABOUT = About(
@@ -204,24 +207,44 @@ def test_radius_of_a_variance_from_few_repeats_by_monte_carlo() -> None:
     assert np.mean(r <= radius95(covariance)) < 0.925
 
 
-def test_places_left_out_are_those_of_fits_without_them() -> None:
-    """Against a fit of the other rows, and draws of data and unknowns."""
-    rng, n, size = np.random.default_rng(5), 12, 4
-    slope, prior = rng.standard_normal((n, 3, size)), np.array([0.0, 1.0, 1.0, 4.0])
-    place, flat = np.arange(n) // 2, slope.reshape(-1, size)
-    residual = rng.standard_normal((n, 3))
-    known = Known(flat.T @ flat, flat.T @ residual.reshape(-1), prior)
-    found = left_out(known, slope, residual, place, 2.0)
-    for own in (place == 0, place == 3):
-        rows, rest = slope[~own].reshape(-1, size), residual[~own].reshape(-1)
-        both = np.concatenate([rows, np.diag(np.sqrt(prior))])
-        solve = np.linalg.pinv(both)
-        z = solve @ np.concatenate([rest, np.zeros(size)])
-        np.testing.assert_allclose(found.missed[own], residual[own] - slope[own] @ z, atol=1e-10)
-        noise = np.concatenate([np.full(len(rows), 2.0), np.ones(size)])
-        spread = solve * noise @ solve.T
-        expected = slope[own] @ spread @ np.swapaxes(slope[own], 1, 2)
-        np.testing.assert_allclose(found.covariance[own], expected, atol=1e-10)
+def split_of(repeated: float, model: float, rng: np.random.Generator, freedom: float = 8.0):
+    """Errors of 40 places from two sides, where s_q is 1 and few repeats say `repeated`."""
+    n, moving = 80, np.tile(np.diag([1.0, 0.5, 0.2]), (80, 1, 1))
+    place = np.arange(n) // 2
+    error = rng.standard_normal((n, 3)) * np.sqrt([1.0, 0.5, 0.2])
+    error += np.sqrt(model) * rng.standard_normal((n // 2, 3))[place]
+    known = repeated**2 * moving
+    return _split(error, known, moving, Rest(repeated, freedom), place)
+
+
+def whole_of(found) -> tuple[float, float]:
+    """Trace of M and of the rest together, and its standard error."""
+    still = 1.7 * found.rest.repeatability**2
+    doubt = np.hypot(found.doubt, still * np.sqrt(2 / found.rest.freedom))
+    return np.trace(found.covariance) + still, doubt
+
+
+def test_residuals_tell_beside_few_repeats_where_joints_come_to_rest() -> None:
+    """Three times as sure as repeats; what is stated stays as it is."""
+    rng, few = np.random.default_rng(4), 8
+    repeated = rng.chisquare(few, 400) / few
+    whole = [whole_of(split_of(np.sqrt(each), 0.0, rng))[0] / 1.7 for each in repeated]
+    assert np.var(whole) < np.var(repeated) / 3
+    assert abs(np.mean(whole) - 1) < 0.05
+    sure = split_of(0.5, 0.0, rng, np.inf).rest
+    assert (sure.repeatability, sure.freedom) == (0.5, np.inf)
+
+
+@pytest.mark.parametrize("repeated", [0.6, 1.0, 1.5])
+def test_the_sum_of_model_and_rest_goes_by_the_residuals_where_a_model_errs(
+    repeated: float,
+) -> None:
+    """What one of both is told too small, the other is told too large."""
+    rng, true = np.random.default_rng(6), 1.7 + 3 * 4.0
+    found = [split_of(repeated, 4.0, rng) for _ in range(50)]
+    whole, doubt = zip(*map(whole_of, found), strict=True)
+    assert abs(np.mean(whole) / true - 1) < 0.06
+    assert 0.7 < np.std(whole) / np.mean(doubt) < 1.4
 
 
 def test_frame_and_dimensions_add_up_to_the_fit() -> None:
@@ -300,3 +323,18 @@ def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
     )
     points = next(table for table in page.tables() if table.name == "points")
     assert [row[-1] for row in points.rows].count("set aside") == 1
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "said", "drawn"),
+    [(50.0, "to the right of what is shown", 0), (0.01, "", 1), (None, "", 0)],
+)
+def test_a_tolerance_off_the_scale_is_said_not_drawn(
+    tolerance: float | None, said: str, drawn: int
+) -> None:
+    """Its name far out left the axes of the PDF no room."""
+    source = Provenance("session", "0" * 64, 0, "srbd", "srbd.yaml", "0" * 64, 0)
+    about = About({} if tolerance is None else {"tolerance_mm": tolerance})
+    figure = histogram_figure(Certificate(examined(), about, source))
+    assert said in figure.caption
+    assert sum(isinstance(mark, Rule) for mark in figure.panels[0].marks) == drawn

@@ -192,9 +192,18 @@ def list_(machine: str | None, url: str) -> None:
 @click.argument("name", metavar="ID")
 @_MACHINE
 @store_option
-@click.option("--verdict", "verdict_file", type=_FILE, default=None, help="Write its verdict.")
+@click.option(
+    "--verdict",
+    "verdict_file",
+    type=_FILE,
+    default=None,
+    help="JSON file to write its verdict to.",
+)
 def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
-    """Show one session: where it is, what was found, whether the bag is still the same."""
+    """Show one session: where it is, what was found, whether the bag is still the same.
+
+    ID is the session's name, as `history list --machine NAME` shows it.
+    """
     with opened(url) as store:
         entries = {entry.id: entry for entry in store.sessions(machine)}
     if name not in entries:

@@ -158,7 +158,9 @@ def new(
 @command.command("from-urdf", short_help="write a serial arm's robot file from its URDF")
 @click.argument("urdf", type=click.Path(path_type=Path))
 @OUT
-@click.option("--tip", default=None, help="Link of the tool.  [default: the last of the chain]")
+@click.option(
+    "--tip", default=None, help="Link of the tool.  [default: the end of the only chain]"
+)
 @click.option("--base", default=None, help="Link to start from.  [default: the root of the tree]")
 @click.option("--name", default=None, help="Name of the robot.  [default: the name in the URDF]")
 def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: str | None) -> None:

@@ -11,13 +11,15 @@ from delta_calibration.cli.options import write_or_print
 
 
 @click.command("sros2", short_help="write an SROS 2 policy with the permissions of the nodes")
-@click.option("--policy", "wanted", is_flag=True, help="Write the policy (XML, format 0.2.0).")
-@click.option("--namespace", default="/", show_default=True, help="Namespace of the nodes.")
+@click.option(
+    "--policy", "_", is_flag=True, help="Write the policy (XML, format 0.2.0); the only choice."
+)
+@click.option("--namespace", default="/", show_default=True, help="ROS namespace of the nodes.")
 @click.option(
     "--controller",
     "controllers",
     multiple=True,
-    help="Controller to which calibration_node sends; may be repeated.",
+    help="Controller of ros2_control to which calibration_node sends; may be repeated.",
 )
 @click.option(
     "--trajectory-input",
@@ -37,7 +39,7 @@ from delta_calibration.cli.options import write_or_print
     help="File to write; printed if not given.",
 )
 def command(
-    wanted: bool,
+    _: bool,
     namespace: str,
     controllers: tuple[str, ...],
     trajectory_input: str,
@@ -51,7 +53,5 @@ def command(
     calibration_node and set its parameters. docs/security.md explains how keys are made from the
     policy.
     """
-    if not wanted:
-        raise click.UsageError("nothing to write; give --policy")
     text = policy(rights(controllers, trajectory_input, operator), namespace)
     write_or_print(out, text)

@@ -16,17 +16,19 @@ from delta_calibration.estimation import (
     DIAGNOSIS,
     Effort,
     Identification,
+    Missed,
     Residuals,
-    left_out,
+    Rest,
     observe,
     parts_of,
     residuals_of,
     strong_correlations,
+    studentized,
     told_by,
+    uncertainty_of,
 )
 from delta_calibration.region import Region
 from delta_calibration.theta import entries
-from delta_calibration.uncertainty import HeldOut, model_error_of
 
 Array = NDArray[np.float64]
 
@@ -72,19 +74,31 @@ def extended(model: Model, seed: int) -> Identification:
         effort=Effort(DIAGNOSIS, settings=told_by(population=model.population)),
         missed_before=missed_before,
         missed=missed,
-        model_error=model_error_of(chain, model.chain_theta, _left_out(beside, model)),
+        uncertainty=uncertainty_of(
+            chain,
+            model.chain_theta,
+            covariance_of(model, shapes=False)[np.ix_(own, own)],
+            Rest(model.cell.noise.repeatability, model.cell.noise.freedom),
+            _missed(beside, model),
+        ),
         unseen_motion=poses.unseen_motion,
     )
 
 
-def covariance_of(model: Model) -> Array:
+def covariance_of(model: Model, shapes: bool = True) -> Array:
     """Covariance of theta given data and priors, (P, P); of what is not free it is zero.
 
-    Fields of the effects that were searched are as uncertain as the data leave them.
+    Args:
+        model: the machine with its terms.
+        shapes: whether fields of the effects that were searched (a frequency, a time constant) are
+            as uncertain as the data leave them, which is what a parameter's interval contains. Of
+            a position they are no part: an amplitude follows its frequency, and where was measured
+            both together are wrong by less than either.
     """
     evidence, problem = model.beside, model.extended
-    shapes = [shape_columns(m, model.evidence, model.scaled(m)) for m in model.terms]
-    opened = np.concatenate([np.zeros((evidence.size, 0)), *shapes], axis=1)
+    searched = model.terms if shapes else ()
+    signals = [shape_columns(m, model.evidence, model.scaled(m)) for m in searched]
+    opened = np.concatenate([np.zeros((evidence.size, 0)), *signals], axis=1)
     known, size = evidence.beside(opened, np.ones(opened.shape[1])), len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
@@ -115,18 +129,17 @@ def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:
     return missed
 
 
-def _left_out(evidence: LinearizedModel, model: Model) -> HeldOut:
-    """Every pose by the data without its place."""
+def _missed(evidence: LinearizedModel, model: Model) -> Missed:
+    """What every pose was missed by, as if the fit had taken up nothing of it."""
     poses, rows = model.survey.poses, _counted(evidence)
     root = np.sqrt(max(1.0, evidence.misfit))
     slope, residual = evidence.nuisance[rows] / root, evidence.residual[rows] / root
-    found = left_out(evidence.known(root**2), slope, residual, poses.place[rows], 1.0)
+    found = studentized(evidence.known(root**2), slope, residual, poses.place[rows])
     colour = root * np.linalg.inv(evidence.whiten[rows, :3, :3])
-    return HeldOut(
+    return Missed(
         poses.conditions.take(rows),
-        (colour @ found.missed[:, :3, None])[..., 0],
+        (colour @ found[:, :3, None])[..., 0],
         model.problem.whiten[rows, :3, :3],
-        colour @ found.covariance[:, :3, :3] @ np.swapaxes(colour, 1, 2),
         poses.place[rows],
     )
 

@@ -10,7 +10,7 @@ leads from one to the next. What was found is compared with the URDF's own forwa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -126,7 +126,12 @@ def _chain(path: Path, base: str | None, tip: str | None) -> Chain:
         if at not in children or len(way) > len(joints):
             raise InputError(f"{path}: link {end!r} does not hang on {begin!r}")
         way.append(children[at])
-        at = children[at].parent
+        if way[-1].kind not in ("fixed", "revolute", "continuous"):
+            raise InputError(
+                f"{path}: joint {way[-1].name!r}: type {way[-1].kind!r}; an arm of turning joints "
+                "is needed (--base and --tip choose a part of it)"
+            )
+        at = way[-1].parent
     return Chain(str(root.get("name") or path.stem), tuple(reversed(way)), links, joints)
 
 
@@ -139,30 +144,40 @@ def _link(name: str | None, option: str, links: dict[str, float], path: Path) ->
 
 
 def _end(joints: Sequence[UrdfJoint], begin: str, path: Path) -> str:
-    """The link at the end of the longest chain of turning joints; it has to be the only one."""
-    ends: dict[str, int] = {}
-    open_at = [(begin, 0)]
+    """The link at the end of the only chain of joints that move."""
+    ends: dict[str, tuple[UrdfJoint, ...]] = {}
+    open_at: list[tuple[str, tuple[UrdfJoint, ...]]] = [(begin, ())]
     while open_at:
-        link, turns = open_at.pop()
+        link, way = open_at.pop()
         below = [joint for joint in joints if joint.parent == link]
-        open_at += [(j.child, turns + (j.kind != "fixed")) for j in below]
+        open_at += [(j.child, (*way, j)) for j in below]
         if not below:
-            ends[link] = turns
-    most = max(ends.values(), default=0)
-    last = sorted(link for link, turns in ends.items() if turns == most)
-    if most == 0:
+            ends[link] = tuple(joint for joint in way if joint.kind != "fixed")
+    last = sorted(end for end, way in ends.items() if not _goes_on(way, ends.values()))
+    if not any(ends.values()):
         raise InputError(f"{path}: no joint that turns behind link {begin!r}")
-    if len(last) > 1:
-        raise InputError(f"{path}: several ends of the arm; give --tip: {', '.join(last)}")
-    return last[0]
+    if len(last) == 1:
+        return last[0]
+    shared = {id(joint) for joint in ends[last[0]]}.intersection(
+        *({id(joint) for joint in ends[end]} for end in last)
+    )
+    if not shared:
+        raise InputError(
+            f"{path}: {len(last)} arms hang on link {begin!r}; give --tip for one of them: "
+            f"{', '.join(last)} (a machine with closed chains is no serial arm)"
+        )
+    raise InputError(
+        f"{path}: several ends of the arm; give --tip: {', '.join(last)} (or a link before them)"
+    )
+
+
+def _goes_on(way: Sequence[UrdfJoint], ways: Iterable[Sequence[UrdfJoint]]) -> bool:
+    """Whether the joints that move up to an end are the first ones of a longer chain."""
+    return any(len(other) > len(way) and other[: len(way)] == way for other in ways)
 
 
 def _joint(element: Element, path: Path) -> UrdfJoint:
     name, kind = str(element.get("name")), str(element.get("type"))
-    if kind not in ("fixed", "revolute", "continuous"):
-        raise InputError(
-            f"{path}: joint {name!r}: type {kind!r}; an arm of turning joints is needed"
-        )
     where = f"joint {name!r}"
     axis = _numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0), where, path)
     length = float(np.linalg.norm(axis))

@@ -1,7 +1,7 @@
 """From measured poses to what the machine really is."""
 
 from delta_calibration.estimation.carried import Carried, carried_rows
-from delta_calibration.estimation.cross_validation import Known, left_out
+from delta_calibration.estimation.cross_validation import Known, studentized
 from delta_calibration.estimation.encoder_closures import EncoderClosure
 from delta_calibration.estimation.fit import (
     FEWEST_CARRIED,
@@ -48,6 +48,7 @@ from delta_calibration.estimation.population import (
     carried_by,
     likelihood_of,
 )
+from delta_calibration.estimation.positions import Missed, Rest, uncertainty_of
 from delta_calibration.estimation.problem import (
     Problem,
     Solution,
@@ -81,6 +82,7 @@ __all__ = [
     "Linear",
     "Measured",
     "Method",
+    "Missed",
     "MixedFit",
     "Noise",
     "Observability",
@@ -94,6 +96,7 @@ __all__ = [
     "RadiusMeasured",
     "Redundancy",
     "Residuals",
+    "Rest",
     "Solution",
     "believe",
     "build_problem",
@@ -104,7 +107,6 @@ __all__ = [
     "doubts",
     "fit_observations",
     "identify",
-    "left_out",
     "likelihood_of",
     "most_evaluations",
     "never_turned",
@@ -121,7 +123,9 @@ __all__ = [
     "solve",
     "spread_of",
     "strong_correlations",
+    "studentized",
     "told_by",
+    "uncertainty_of",
     "whitening",
     "with_turns",
 ]

@@ -1,16 +1,16 @@
-"""What every place is missed by when it is left out of a fit, to first order.
+"""Residuals of a fit as they would be had it taken up nothing of them, to first order.
 
 About a fit everything is linear in the unknowns z, r = S z + noise, with a prior of precision P.
-Without a place p the data know I' = I - S_p^T S_p; then z' = A'^-1 (b - S_p^T r_p) with
-A' = I' + P, the place is missed by r_p - S_p z', and the covariance of what was predicted of it is
-S_p A'^-1 (s I' + P) A'^-1 S_p^T, with s by how much the noise is larger than was assumed.
-(Allen 1974, Technometrics 16, 125-127: the residuals of PRESS, here of a place with all its
-visits.)
+A fit takes up a part of what it cannot explain: with A = S^T S + P and the leverage
+H = S_p A^-1 S_p^T of a place p, errors of variance 1 at all places leave residuals e of covariance
+1 - H there. Studentized,
 
-No place is fitted anew (Woodbury). With the leverage H = S_p A^-1 S_p^T and F = (1 - H)^-1 it is
-missed by F e, e by the fit to all, and the covariance is
+    u = (1 - H)^(-1/2) e
 
-    F H + (s - 1) F (S_p A^-1 I A^-1 S_p^T - H H) F
+has a covariance of 1 again, whatever the place (Cook and Weisberg 1982, Residuals and Influence
+in Regression, 2.2; here of a place with all its visits). It lies between e and what the place is
+missed by when it is left out, (1 - H)^-1 e: where errors go smoothly over the places the one is
+too small, and the other is how far a fit reaches outwards, more than it misses between places.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+_LEAST_FREE = 1e-9  # of 1 - H, below which a fit goes through whatever was measured
 
 
 @dataclass(frozen=True)
@@ -48,37 +50,22 @@ class Known:
         return np.asarray(inverse @ known @ inverse)
 
 
-@dataclass(frozen=True)
-class LeftOut:
-    """Of n poses, each by the data without its place; whitened."""
-
-    missed: Array  # (n, d)
-    covariance: Array  # (n, d, d) of what was predicted
-
-
-def left_out(known: Known, slope: Array, residual: Array, place: Index, spread: float) -> LeftOut:
-    """What n poses are missed by without their own place.
+def studentized(known: Known, slope: Array, residual: Array, place: Index) -> Array:
+    """Residuals (n, d) of n poses, as large as what the fit did not know.
 
     Args:
         known: by all data.
         slope: of these poses, as they are in `known`, (n, d, P), whitened.
         residual: at z = 0, (n, d), whitened.
-        place: (n,) of each pose.
-        spread: by how much the noise is larger than was assumed.
+        place: (n,) of each pose; poses of one place are taken together.
     """
     inverse = np.linalg.inv(known.whole)
-    wider = max(1.0, spread) - 1.0
-    carried, error = slope @ inverse, residual - slope @ (inverse @ known.along)
-    missed = np.empty_like(residual)
-    covariance = np.empty((*residual.shape, residual.shape[1]))
+    error = residual - slope @ (inverse @ known.along)
+    found = np.empty_like(residual)
     for number in np.unique(place):
         own = np.flatnonzero(place == number)
-        flat, along = (each[own].reshape(-1, slope.shape[-1]) for each in (slope, carried))
-        lever = along @ flat.T
-        freed = np.linalg.inv(np.eye(len(flat)) - lever)
-        missed[own] = (freed @ error[own].reshape(-1)).reshape(error[own].shape)
-        known_of = along @ known.information @ along.T - lever @ lever
-        whole = freed @ (lever + wider * known_of @ freed.T)
-        shape = (len(own), residual.shape[1]) * 2
-        covariance[own] = np.einsum("iaib->iab", whole.reshape(shape))
-    return LeftOut(missed, covariance)
+        flat = slope[own].reshape(-1, slope.shape[-1])
+        free, way = np.linalg.eigh(np.eye(len(flat)) - flat @ inverse @ flat.T)
+        root = np.sqrt(np.maximum(free, _LEAST_FREE))
+        found[own] = (way / root @ (way.T @ error[own].reshape(-1))).reshape(error[own].shape)
+    return found

@@ -12,7 +12,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.data import Poses, require_poses
 from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.estimation.carried import Carried
-from delta_calibration.estimation.cross_validation import Known, left_out
+from delta_calibration.estimation.cross_validation import Known, studentized
 from delta_calibration.estimation.measurements import Measured, PointMeasured
 from delta_calibration.estimation.method import LeastSquares, Method, Watch
 from delta_calibration.estimation.noise import Noise, estimate_noise, whitening
@@ -22,6 +22,7 @@ from delta_calibration.estimation.observability import (
     strong_correlations,
 )
 from delta_calibration.estimation.population import Population, carried_by
+from delta_calibration.estimation.positions import Missed, Rest, uncertainty_of
 from delta_calibration.estimation.problem import Problem, Solution, build_problem, solve
 from delta_calibration.estimation.registration import registered
 from delta_calibration.estimation.turns import with_turns
@@ -30,7 +31,7 @@ from delta_calibration.parameters import ParameterSet
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
-from delta_calibration.uncertainty import HeldOut, ModelError, Uncertainty, model_error_of
+from delta_calibration.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -94,7 +95,7 @@ class Identification:
     # count
     missed_before: Array
     missed: Array
-    model_error: ModelError
+    uncertainty: Uncertainty  # what makes positions uncertain
     # RMS of the turn that is left [rad], about three axes; None: turns took no part
     turn_missed: float | None = None
     unseen_motion: float = 0.0  # [m] see Poses.unseen_motion
@@ -108,12 +109,6 @@ class Identification:
     def std(self) -> Array:
         """Standard errors, (P,)."""
         return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def uncertainty(self) -> Uncertainty:
-        """What makes positions uncertain."""
-        noise = self.noise
-        return Uncertainty(self.covariance, noise.repeatability, self.model_error, noise.freedom)
 
     @property
     def frame(self) -> Frame:
@@ -231,7 +226,13 @@ def identify(
         effort=Effort(method.name, fit.evaluations, {**method.settings, **prior}),
         missed_before=only(missed_before, counted),
         missed=only(missed, counted),
-        model_error=model_error_of(chain, theta, _left_out(full, known, poses.place, spread)),
+        uncertainty=uncertainty_of(
+            chain,
+            theta,
+            covariance,
+            Rest(noise.repeatability, noise.freedom),
+            _missed(full, known, poses.place),
+        ),
         turn_missed=_turn_missed(full),
         unseen_motion=poses.unseen_motion,
     )
@@ -412,16 +413,14 @@ def _chi_squares(solution: Solution, place: Index, used: float) -> tuple[float, 
     return float(found[0]), float(found[1])
 
 
-def _left_out(solution: Solution, known: Known, place: Index, spread: float) -> HeldOut:
-    """Every pose by the data without its place."""
+def _missed(solution: Solution, known: Known, place: Index) -> Missed:
+    """What every pose was missed by, as if the fit had taken up nothing of it."""
     problem, counted = solution.problem, solution.weight > 0
     slope, residual = _weighed(solution)
-    found = left_out(known, slope, residual, place, spread)
     root = np.sqrt(np.where(counted, solution.weight, 1.0))
     colour = np.linalg.inv(problem.whiten[:, :3, :3]) / root[:, None, None]
-    missed = (colour @ found.missed[:, :3, None])[..., 0]
-    predicted = colour @ found.covariance[:, :3, :3] @ np.swapaxes(colour, 1, 2)
-    return HeldOut(problem.at, only(missed, counted), problem.whiten[:, :3, :3], predicted, place)
+    missed = colour @ studentized(known, slope, residual, place)[:, :3, None]
+    return Missed(problem.at, only(missed[..., 0], counted), problem.whiten[:, :3, :3], place)
 
 
 def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:

@@ -15,7 +15,7 @@ from delta_calibration.history.pooled import Dated
 from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import DIMENSION, State, Step, Walk, days_between
 from delta_calibration.robot import Robot
-from delta_calibration.wording import measured, spoken, sure
+from delta_calibration.wording import figures, measured, spoken, sure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -109,7 +109,9 @@ class History:
         """What drifts beside the changes."""
         if not self.drift:
             return ()
-        each = ", ".join(f"{spoken(cause)} by {100 * speed:.2g} %" for cause, speed in self.drift)
+        each = ", ".join(
+            f"{spoken(cause)} by {figures(100 * speed, 2)} %" for cause, speed in self.drift
+        )
         return (f"slow drift, in parts of the tolerance, from one day to the next: {each}",)
 
 

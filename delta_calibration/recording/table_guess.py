@@ -64,6 +64,11 @@ _OTHERS = {
 _SIDE = re.compile(r"(direction|side|approach|seite|richtung)$")
 _WARM = re.compile(r"(?:temp(?:erature|eratur)?|t)[ _.-]+([a-z_]+)$")
 _COMMANDED = ("target", "cmd", "command", "soll")
+_READ = re.compile(r"meas|track|actual|attain|(?:^|[ _.-])ist(?:$|[ _.-])")  # what was measured
+_DIFFERENCE = re.compile(
+    r"(?:d|delta|diff?|difference|err|error|dev|deviation)[ _.-]*([xyz])$|"
+    r"([xyz])[ _.-]*(?:delta|diff?|difference|err|error|dev|deviation)$"
+)
 
 
 @dataclass(frozen=True)
@@ -411,6 +416,7 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
         "unit": units[0] if len(set(units)) == 1 else units,
     }
     mapping |= _others(table, found)
+    _doubt_of_differences(table, found)
     return mapping | _gaps(table, found, mapping)
 
 
@@ -471,6 +477,23 @@ def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
     return more
 
 
+def _doubt_of_differences(table: FoundTable, found: _Found) -> None:
+    """Columns of differences beside a point that may be where the tool was to go."""
+    if not table.named or any(_READ.search(_bare(name)[0]) for name in found.place):
+        return
+    found_of = {
+        match[1] or match[2]: name
+        for name in table.names
+        if name not in found.place and (match := _DIFFERENCE.match(_bare(name)[0]))
+    }
+    if set(found_of) == set("xyz"):
+        differences = ", ".join(found_of[axis] for axis in "xyz")
+        found.doubts.append(
+            f"{', '.join(found.place)}: were these measured, or is it where the tool was to go? "
+            f"Then {differences} have to be added to them (`plus: [{differences}]` in `position`)"
+        )
+
+
 def _columns_in(mapping: object) -> Iterator[str]:
     """Names of all columns in a part of a mapping."""
     if isinstance(mapping, list):
@@ -502,6 +525,8 @@ def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, A
 
     column = table.names.index(name)
     text = table.text[0][column].strip()
+    if _without_order(name, table.number[:, column], found):
+        return {}
     if not re.fullmatch(_DIGITS, text) and np.isfinite(table.number[:, column]).all():
         if unit in ("ns", "us", "ms", "s", "min", "h"):
             return {"time": {"column": name, "unit": unit}}
@@ -513,14 +538,28 @@ def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, A
                 f"{name}: is this a time in seconds? It would be {step:.3g} s from row to row"
             )
         return {"time": {"column": name, "unit": "s"}}
+    texts = [row[column].strip() for row in table.text if not is_gap(row[column])]
     for form in _FORMATS:
         try:
-            datetime.strptime(text, form)
+            times = [datetime.strptime(each, form) for each in texts]
         except ValueError:
             continue
+        since = np.array([(each - times[0]).total_seconds() for each in times])
+        if _without_order(name, since, found):
+            return {}
         return {"time": {"column": name, "unit": "format", "format": form}}
     found.doubts.append(f"{name}: {text!r} is not a time in a known format; it is left out")
     return {}
+
+
+def _without_order(name: str, time: Array, found: _Found) -> bool:
+    """Whether a column tells no order of the rows, which is said."""
+    back = np.flatnonzero(np.diff(time) < 0)
+    if back.size:
+        found.sure.append(f"{name}: goes back at row {back[0] + 2} of the table; it is left out")
+    elif np.ptp(time) == 0.0:
+        found.sure.append(f"{name}: is the same in all rows; it is left out")
+    return bool(back.size or np.ptp(time) == 0.0)
 
 
 def _rows(table: FoundTable, found: _Found) -> Iterator[dict[str, str]]:

@@ -51,7 +51,18 @@ def paired(
     raise InputError(
         f"{path} and {other.file}: rows do not go together by {other.by or 'name, row or time'}: "
         f"{len(left.text)} and {len(right.text)} rows; columns {columns}"
-        f"{_how_far(left, right, other)}"
+        f"{_how_far(left, right, other)}{_first_rows(left, right, other)}"
+    )
+
+
+def _first_rows(left: FoundTable, right: FoundTable, other: Other) -> str:
+    """What to do where one table goes on behind the end of the other."""
+    short = min(len(left.text), len(right.text))
+    if other.by not in ("", "row") or len(left.text) == len(right.text):
+        return ""
+    return (
+        f"; if the first {short} rows of both belong together, save those of the longer table as "
+        "a file of their own"
     )
 
 

@@ -33,7 +33,8 @@ _TICKS = (1.0, 2.0, 5.0)
 _NARROW = 100.0  # times its low end that an axis reaches, under which decades are too few ticks
 _PLAIN = 1e4  # beyond it an axis counts in powers of ten
 _LOW = 0.7  # a panel so low has room for few ticks
-_FEW = 16  # names that an axis has room for
+_FEW = 16  # names that an axis has room for on a narrow page
+_END_BESIDE = {"left": "right", "center": "center", "right": "left"}  # of a name, at its rule
 
 
 def plot_of(panel: Panel) -> dict[str, Any]:
@@ -64,6 +65,7 @@ def plot_of(panel: Panel) -> dict[str, Any]:
         layout["yaxis"]["autorange"] = "reversed"
         layout["yaxis"]["automargin"] = True
     if panel.equal:
+        layout["yaxis"] |= _few_names(panel.y)  # as high as it is wide
         layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
         layout["xaxis"]["constrain"] = "domain"
     return {"data": marks, "layout": layout}
@@ -90,16 +92,21 @@ def _axis(axis: Axis) -> dict[str, Any]:
         ends = [axis.low, axis.high]
         shown["range"] = np.log10(ends).tolist() if axis.log else ends
     if axis.names:
-        step = -(-len(axis.names) // _FEW) if len(axis.names) > 2 * _FEW else 1
-        shown |= {
-            "tickmode": "array",
-            "tickvals": list(range(0, len(axis.names), step)),
-            "ticktext": [escape(name) for name in axis.names[::step]],
-            "ticks": "",
-            "showgrid": False,
-        }
+        shown |= {"tickmode": "array", "ticks": "", "showgrid": False}
+        shown |= _few_names(axis, 2 * _FEW)
         shown.pop("nticks")
     return shown
+
+
+def _few_names(axis: Axis, most: int = _FEW) -> dict[str, Any]:
+    """Names of an axis, every so many of them where they are more than `most`."""
+    step = -(-len(axis.names) // _FEW) if len(axis.names) > most else 1
+    if not axis.names:
+        return {}
+    return {
+        "tickvals": list(range(0, len(axis.names), step)),
+        "ticktext": [escape(name) for name in axis.names[::step]],
+    }
 
 
 def _decade_ticks(axis: Axis) -> dict[str, Any]:
@@ -257,8 +264,9 @@ def _rule_name(mark: Rule, panel: Panel) -> dict[str, Any]:
     """A rule's name at its end; plotly wants places on logarithmic axes as logarithms here."""
     log = panel.x.log if mark.upright else panel.y.log
     value = float(np.log10(mark.value)) if log else mark.value
+    end = _END_BESIDE[mark.side]
     place = (
-        {"x": value, "yref": "paper", "y": mark.at, "xanchor": "center", "yanchor": "bottom"}
+        {"x": value, "yref": "paper", "y": mark.at, "xanchor": end, "yanchor": "bottom"}
         if mark.upright
         else {"xref": "paper", "x": mark.at, "y": value, "xanchor": "right", "yanchor": "bottom"}
     )

@@ -159,10 +159,10 @@ def _of_machine(examined: Examined, seen: Parts, own: Parts) -> tuple[Contributi
         Contribution(
             "repeatability of the joints", *repeats, own.repeatability, own.repeatability
         ),
-        Contribution("play, side unknown", "A", "poses held out", None, own.play),
+        Contribution("play, side unknown", "A", "residuals", None, own.play),
         Contribution("frame of the tracker", "A", "fit", seen.frame, own.frame),
         Contribution("dimensions as identified", "A", "fit", None, own.dimensions),
-        Contribution("error of the model", "A", "poses held out", None, own.model),
+        Contribution("error of the model", "A", "residuals", None, own.model),
     )
 
 

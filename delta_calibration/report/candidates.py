@@ -86,8 +86,8 @@ def evidence_figure(found: Diagnosis | Judgement) -> Figure:
                 Axis("", names=names),
                 (
                     *marks,
-                    Rule(f"{_DETECTED:g}", _DETECTED, dash="dot", upright=True),
-                    Rule(f"{_NAMED:g}", _NAMED, upright=True),
+                    Rule(f"{_DETECTED:g}", _DETECTED, dash="dot", upright=True, side="left"),
+                    Rule(f"{_NAMED:g}", _NAMED, upright=True, side="right"),
                 ),
                 tall=max(1.0, 0.22 * len(shown) / 3 + 0.35),
             ),
@@ -107,7 +107,7 @@ def evidence_table(found: Diagnosis) -> Table:
     findings = {f.cause: f for f in found.verdict.findings}
     return Table(
         "evidence_table",
-        "Evidence in figures",
+        "Evidence in numbers",
         ("candidate", "chi square", "parameters", "ln B", "p", "tries", "confidence"),
         tuple(_row(score, scan, findings) for score in best_of_each(scan)),
         "p: probability that chance gives as large a decrease, multiplied by the number of "

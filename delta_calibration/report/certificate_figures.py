@@ -49,14 +49,18 @@ def histogram_figure(certificate: Certificate) -> Figure:
             ("after", after, CALIBRATED, "solid"),
         )
     ]
-    tolerance = certificate.about.tolerance
-    if tolerance is not None:
+    tolerance, beyond = certificate.about.tolerance, ""
+    if tolerance is not None and MM * tolerance > ends[-1]:
+        beyond = f"The tolerance of {MM * tolerance:g} mm lies to the right of what is shown."
+    elif tolerance is not None and MM * tolerance < ends[0]:
+        beyond = f"The tolerance of {MM * tolerance:g} mm lies to the left of what is shown."
+    elif tolerance is not None:
         marks.append(Rule("tolerance", MM * tolerance, GREY, upright=True))
     axis = Axis("3-D error [mm]", log=log, low=float(ends[0]), high=float(ends[-1]))
     return Figure(
         "error_histogram",
         "Distribution of the errors",
-        "",
+        beyond,
         (Panel("", axis, Axis("points"), tuple(marks), tall=0.85),),
         columns=1,
     )

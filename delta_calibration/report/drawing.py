@@ -109,6 +109,7 @@ class Rule:
     dash: str = "dash"
     upright: bool = False  # a value of x
     at: float = 1.0  # where its name stands along it, 0 to 1
+    side: str = "center"  # of an upright one: where its name stands beside it (left, right)
 
 
 def course(

@@ -23,6 +23,7 @@ from delta_calibration.wording import mm, spoken, sure
 Array = NDArray[np.float64]
 
 _ROOM = 1.25  # beyond the least and the largest value
+_FEW = 3  # changes that are told in sentences
 _TOO_SMALL = 1.0  # chi square that a logarithmic axis begins with
 
 
@@ -42,7 +43,7 @@ def page_of_history(
         subtitle=f"{len(errors)} sessions, {began[0]:%Y-%m-%d} to {began[-1]:%Y-%m-%d}",
         sentence=f"{count or 'No'} change{'' if count == 1 else 's'} of the machine found.",
         statements=(
-            Statement("What changed", " ".join(f"{_upper(s)}." for s in found.sentences())),
+            Statement("What changed", " ".join(f"{_upper(s)}." for s in _told(found))),
             Statement(
                 "Method",
                 "All sessions are fitted together. The tracker's place and the reflector's "
@@ -57,6 +58,15 @@ def page_of_history(
         ),
         data={"machine": machine, "changes": [change.as_dict() for change in found.changes]},
     )
+
+
+def _told(found: History) -> tuple[str, ...]:
+    """The change log, of its changes the first few: all are in the table."""
+    count, every = len(found.changes), found.sentences()
+    if count <= _FEW:
+        return every
+    more = f"{count - _FEW} more changes are in the table below"
+    return (*every[:_FEW], more, *every[count:])
 
 
 def _upper(sentence: str) -> str:

@@ -101,7 +101,7 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
         # linear, as in the fit: offset and frame may lie far from the other's, but move nothing
         for row, missed in enumerate((seen.reading - base.predict(at, drawing), slope @ change)):
             square[row] += np.sum(missed**2, axis=1) / 2
-    spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.covariance, slope))
+    spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.uncertainty.covariance, slope))
     # the region is that of the platform's centre, wherever the tool sits on it
     meant = robot.commanded.forward(plan.joint, robot.commanded.parameters.nominal)
     inside = judged.region.outside(robot.commanded.position(meant)) <= 0

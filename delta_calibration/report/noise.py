@@ -72,7 +72,7 @@ def noise_table(noise: Noise, poses: Poses, robot: Robot) -> Table:
     )
     return Table(
         "noise_table",
-        "Noise in figures",
+        "Noise in numbers",
         ("one standard deviation", "specified", "found", "found / specified [1]"),
         tuple(measured),
         f"Distance from the tracker {distance.min():.2f} to {distance.max():.2f} m. Noise "

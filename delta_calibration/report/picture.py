@@ -185,7 +185,8 @@ def _rule(axes: Axes, mark: Rule) -> None:
     if mark.upright:
         axes.axvline(mark.value, **style)
         place = axes.get_xaxis_transform()
-        axes.text(mark.value, mark.at, mark.name, transform=place, ha="center", **words)
+        end = {"left": "right", "center": "center", "right": "left"}[mark.side]
+        axes.text(mark.value, mark.at, mark.name, transform=place, ha=end, **words)
     else:
         axes.axhline(mark.value, **style)
         place = axes.get_yaxis_transform()
