@@ -44,7 +44,6 @@ from scipy.special import bdtrc, chdtri, fdtri, gammainc  # scipy.stats takes lo
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions
-from delta_calibration.effects import Stage
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -139,7 +138,7 @@ class Identified:
         kept = [
             k
             for k, effect in enumerate(chain.effects)
-            if effect.stage is not Stage.MEASUREMENT and not effect.bound_to_session
+            if not effect.on_readings and not effect.bound_to_session
         ]
         rows = np.concatenate(
             [np.arange(layout.size)[layout.base]]

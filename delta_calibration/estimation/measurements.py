@@ -458,9 +458,9 @@ def require_shapes(observation: Observation, **shapes: tuple[int, ...]) -> None:
 
 
 def _of_readings(chain: Chain) -> list[slice]:
-    """Entries of the effects that act on a tracker's readings."""
+    """Entries of the effects that act between the pose in the base and a tracker's readings."""
     parts = zip(chain.effects, chain.layout.each, strict=True)
-    return [own for effect, own in parts if effect.stage is Stage.MEASUREMENT]
+    return [own for effect, own in parts if effect.on_readings]
 
 
 def _layout(chain: Chain, theta: Array) -> Layout:
