@@ -54,13 +54,21 @@ class Calibration:
         return tuple(
             (effect, value)
             for effect, value in zip(self.chain.effects, values, strict=True)
-            if effect.stage is not Stage.MEASUREMENT and not effect.bound_to_session
+            if not effect.on_readings and not effect.bound_to_session
         )
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Causes found that are not compensated: they went by the clock of a session."""
-        return tuple(e.cause for e in self.chain.effects if e.bound_to_session)
+        """Causes found that are not compensated, see `why_left_out`."""
+        effects = self.chain.effects
+        return tuple(e.cause for e in effects if e.bound_to_session or e.stage is Stage.BASE)
+
+    def why_left_out(self, cause: str) -> str:
+        """Why a cause that was found is not compensated: the end of a sentence."""
+        (effect,) = (e for e in self.chain.effects if e.cause == cause)
+        if effect.bound_to_session:
+            return "it depends on the time within its session"
+        return "it moves the base, not the joints"
 
     @property
     def frame(self) -> Frame:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
 from delta_calibration.effects import SPREAD, Effect, Stage
-from delta_calibration.effects.base import asked_of_stages, stages_of, table_of_stage
+from delta_calibration.effects.base import asked_of_stages, stages_of, table_of_stage, terms_of
 from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import Mechanism
@@ -147,6 +147,33 @@ class Chain:
         return standing(
             of.signals, robot, self.mechanism, seen.x, seen.geometry, asked, seen.joint
         )
+
+    def base_moved(self, at: Conditions, theta: Array, x: Array) -> Array:
+        """Shift [m] and turn [rad] of the base by its effects, in its own axes, (n, 6)."""
+        moved = np.zeros((len(at), 6))
+        parts = self.of_base
+        signals = self.signals(at, theta, x) if parts else None
+        for effect, own in parts:
+            assert signals is not None
+            moved += terms_of((effect,), signals.places).shifts(signals, theta[own])
+        return moved
+
+    @property
+    def of_base(self) -> tuple[tuple[Effect, slice], ...]:
+        """Effects of the base, and which entries of theta are theirs."""
+        every = zip(self.effects, self.layout.each, strict=True)
+        return tuple((effect, own) for effect, own in every if effect.stage is Stage.BASE)
+
+    def rotation(self, at: Conditions, theta: Array, x: Array) -> Array:
+        """How the platform is turned in the tracker's frame, (n, 3, 3).
+
+        Args:
+            at: the conditions.
+            theta: the machine.
+            x: its poses under them, (n, k).
+        """
+        base = rotations.exp(self.base_moved(at, theta, x)[:, 3:])
+        return np.asarray(self.split(theta)[2].rotation @ base @ self.mechanism.rotation(x))
 
     @cached_property
     def body(self) -> Any:

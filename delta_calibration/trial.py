@@ -114,12 +114,12 @@ def true_misses(
             before a calibration there is no other.
     """
     robot, chain = machine.robot, machine.chain
-    nominal, (_, _, frame) = robot.commanded, chain.split(machine.theta)
+    nominal = robot.commanded
     axes = list(TaskCoordinates.of(nominal, robot.tool_offset).axes)
     x = chain.pose(at, machine.theta)
     reached = calibration.tool_points(machine.reflector_points(at), at.joint)
     wanted = nominal.points(meant, robot.tool_offset)
-    turned = calibration.frame.inverse().rotation @ frame.rotation @ chain.mechanism.rotation(x)
+    turned = calibration.frame.inverse().rotation @ chain.rotation(at, machine.theta, x)
     if registered:
         best = align(reached, wanted)
         reached, turned = best.apply(reached), best.rotation @ turned

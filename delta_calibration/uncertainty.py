@@ -42,7 +42,6 @@ from scipy.special import chdtri, fdtri, gammainc  # scipy.stats takes long to i
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions
-from delta_calibration.effects import Stage
 
 Array = NDArray[np.float64]
 
@@ -132,7 +131,7 @@ class Identified:
         kept = [
             k
             for k, effect in enumerate(chain.effects)
-            if effect.stage is not Stage.MEASUREMENT and not effect.bound_to_session
+            if not effect.on_readings and not effect.bound_to_session
         ]
         rows = np.concatenate(
             [np.arange(layout.size)[layout.base]]

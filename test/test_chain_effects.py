@@ -24,7 +24,12 @@ OFFSET = np.array([0.06, -0.03, 0.02])
 FRAME = Frame.from_vector(np.array([0.3, -0.2, 1.9, -2.0, 1.0, 0.5]))
 CAUSES = [effect.cause for effect in catalogue(ROBOT, ROBOT.model())]
 ALL = [(model, cause) for model in MODELS for cause in (*CAUSES, "unexplained")]
-LOADED = {"joint_compliance", "forearm_compliance", "dynamic_deflection"}  # in proportion to loads
+LOADED = {  # in proportion to loads
+    "joint_compliance",
+    "forearm_compliance",
+    "dynamic_deflection",
+    "base_compliance",
+}
 each_effect = pytest.mark.parametrize(("model", "cause"), ALL)
 SETTINGS = {
     "tracker_drift": {"time_constant": 1800.0},
@@ -84,10 +89,13 @@ def with_loads_kept(chain: Chain, at: Conditions, theta: np.ndarray):
 
     def predict(changed: np.ndarray) -> np.ndarray:
         joint, g = at.joint.copy(), np.tile(changed[chain.layout.geometry], (n, 1))
+        given = np.zeros((n, 6))
         for one, values in zip(chain.effects, chain.effect_values(changed), strict=True):
             shift = one.columns_of(signals) @ values
             if one.stage is Stage.DRIVE:
                 joint += shift
+            elif one.stage is Stage.BASE:
+                given += shift
             else:
                 g += shift
         bare = changed[:begin]
@@ -95,9 +103,16 @@ def with_loads_kept(chain: Chain, at: Conditions, theta: np.ndarray):
             alone.predict(at_rest(q[None]), np.concatenate([own, bare[count:]]))
             for q, own in zip(joint, g, strict=True)
         ]
-        return np.concatenate(rows)
+        return with_base_moved(chain, changed, np.concatenate(rows), given)
 
     return predict
+
+
+def with_base_moved(chain: Chain, theta: np.ndarray, readings: np.ndarray, given: np.ndarray):
+    """Readings (n, 3) where the base is shifted and turned in its own axes, (n, 6)."""
+    frame = chain.split(theta)[2]
+    inside = frame.inverse().apply(readings)
+    return frame.apply(inside + given[:, :3] + np.cross(given[:, 3:], inside))
 
 
 def displaced(chain: Chain, at: Conditions, theta: np.ndarray) -> float:
@@ -174,17 +189,21 @@ def test_a_stage_shifts_in_proportion_and_not_at_all_at_zero(model: str, cause: 
 
     def stages(size: float) -> tuple[np.ndarray, ...]:
         seen = chain.see(at, np.concatenate([bare, size * theta[base:]]))
-        return seen.joint, seen.geometry + np.zeros((10, 1)), seen.reading - seen.before
+        _, offset, frame = chain.split(bare)
+        still = frame.apply(chain.point(seen.x, offset))
+        dimensions = seen.geometry + np.zeros((10, 1))
+        return seen.joint, dimensions, seen.before - still, seen.reading - seen.before
 
     zero, one, three = stages(0.0), stages(1.0), stages(3.0)
-    without = at.joint, np.tile(bare[chain.layout.geometry], (10, 1)), np.zeros((10, 3))
+    drawn = np.tile(bare[chain.layout.geometry], (10, 1))
+    without = at.joint, drawn, np.zeros((10, 3)), np.zeros((10, 3))
     moved = list(Stage).index(chain.effects[0].stage)
-    for stage in range(3):
+    for stage in range(4):
         np.testing.assert_allclose(zero[stage], without[stage], rtol=0, atol=1e-15)
         shift = one[stage] - zero[stage]
         assert (np.abs(shift).max() > 1e-6) == (stage == moved)
         # Loads are those of the machine as it then stands: three times as far off, others.
-        rounding = 1e-3 * np.abs(3 * shift).max() if cause in LOADED else 1e-14
+        rounding = 1e-14 + (cause in LOADED) * 1e-3 * np.abs(3 * shift).max()
         np.testing.assert_allclose(three[stage] - zero[stage], 3 * shift, atol=rounding)
 
 
@@ -203,6 +222,9 @@ def test_what_a_machine_does_is_seen_through_the_slopes_of_its_stage(model, caus
         return
     shift, h = one.columns_of(chain.signals(at, theta)) @ v, 1e-6  # by the loads that it bears
     total = np.zeros_like(seen)
+    if one.stage is Stage.BASE:
+        still = alone.predict(at, bare)
+        total, shift = with_base_moved(chain, bare, still, shift) - still, shift[:, :0]
     for k in range(shift.shape[1]):
         if one.stage is Stage.DRIVE:
             step = h * np.eye(3)[k]

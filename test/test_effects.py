@@ -37,6 +37,7 @@ KINDS = {
         "thermal_growth_forearm",
         "forearm_compliance",
         "dynamic_deflection",
+        "base_compliance",
         "ball_joint_clearance",
     },
     "geometry": {
@@ -48,7 +49,7 @@ KINDS = {
         "parallelogram_mismatch",
     },
 }
-UNITS = {"1", "m", "s", "rad", "1/K", "m/N", "rad/(N m)"}
+UNITS = {"1", "m", "s", "rad", "1/K", "m/N", "rad/N", "rad/(N m)"}
 ALL = [(model, e.cause) for model in MODELS for e in catalogue(ROBOT, ROBOT.model(model))]
 each_effect = pytest.mark.parametrize(("model", "cause"), ALL)
 
@@ -91,8 +92,7 @@ def every_shape(effect: Effect, at: Conditions = AT) -> list[Effect]:
 
 
 def size_of(effect: Effect) -> tuple[int, int, int]:
-    g = len(effect.mechanism.parameters)
-    return N, g if effect.stage is Stage.STRUCTURE else 3, len(effect.parameters)
+    return N, effect.stage_size, len(effect.parameters)
 
 
 def test_every_cause_of_a_delta_is_an_effect_or_a_dimension_of_its_kind() -> None:
@@ -232,6 +232,7 @@ SEARCHED = {
     "transmission_error": {"cycles"},
     "stick_slip": {"speed", "level"},
     "ball_joint_clearance": {"force"},
+    "base_compliance": {"depth", "radius"},
 }
 
 

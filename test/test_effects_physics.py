@@ -224,6 +224,98 @@ def test_rods_carry_the_inertia_of_what_they_hold(model: str) -> None:
     assert np.abs(more).max() > 3.0  # [N]
 
 
+def pressed(mass, push, where):
+    """Force and moment about the base's origin of bits of mass (n, b) on the base, (n, 6)."""
+    force = -mass[..., None] * (push + np.array([0.0, 0.0, GRAVITY]))
+    return np.concatenate([force.sum(axis=1), np.cross(where, force).sum(axis=1)], axis=1)
+
+
+def reaction(model: str, at) -> np.ndarray:
+    """The same by the package, (n, 6)."""
+    return effect("base_compliance", model).nominal(at).of("reaction")
+
+
+@both_models
+def test_the_base_bears_all_that_is_held_and_accelerated(model: str) -> None:
+    """Newton and Euler on every bit of mass, followed in time; but for what never changes."""
+    rng, t, at = np.random.default_rng(14), 1e-3, loaded(Q)
+    v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
+    mass, here = bits(Q, at)
+    there, back = (bits(Q + v * s + a * s**2 / 2, at)[1] for s in (t, -t))
+    still = pressed(mass, 0 * here, here)
+    moving = pressed(mass, (there - 2 * here + back) / t**2, here)
+    found, resting = reaction(model, replace(at, velocity=v, acceleration=a)), reaction(model, at)
+    fixed = still[0] - resting[0]  # an arm's mass at its hinge
+    np.testing.assert_allclose(fixed[[0, 1, 3, 4, 5]], 0.0, atol=1e-9)
+    assert fixed[2] < 0
+    np.testing.assert_allclose(resting, still - fixed, atol=1e-9)
+    assert np.abs(moving - still)[:, :3].max() > 20.0  # [N]
+    assert np.abs(moving - still)[:, 3:].max() > 10.0  # [N m]
+    np.testing.assert_allclose(found - resting, moving - still, rtol=1e-3, atol=5e-3)
+
+
+def test_the_moment_on_the_base_is_the_slope_of_its_energy() -> None:
+    """By complex step: the whole machine is turned by i e, its potential's imaginary part / e."""
+    at, e = loaded(Q), 1e-20
+    mass, where = bits(Q, at)
+    for axis in np.eye(3):
+        turned = where + 1j * e * np.cross(axis, where)
+        slope = np.sum(mass * GRAVITY * turned[..., 2], axis=1).imag / e
+        moment = reaction("six_rod_delta", at)[:, 3:] @ axis
+        np.testing.assert_allclose(moment, -slope, atol=1e-9)
+
+
+def test_a_base_on_four_springs() -> None:
+    """Equilibrium of a base on feet, each with its springs to all sides, worked out by hand."""
+    corners = [[x, y, -1.4] for x in (-0.4, 0.4) for y in (-0.4, 0.4)]
+    stiff = 1e6  # [N/m] of a foot
+    matrix = np.zeros((6, 6))
+    for foot in np.array(corners):  # what a foot does to the base that is moved by (d, b)
+        moves = np.hstack([np.eye(3), np.array([np.cross(axis, foot) for axis in np.eye(3)]).T])
+        matrix += stiff * moves.T @ moves
+    at = replace(loaded(Q), velocity=0 * Q + 1.0, acceleration=0 * Q + [9.0, -7.0, 4.0])
+    base = reaction("six_rod_delta", at) @ np.linalg.inv(matrix)
+    one = effect("base_compliance", depth=1.4, radius=0.4 * np.sqrt(2))
+    values = np.array([1 / (4 * stiff)])
+    np.testing.assert_allclose(one.columns(at) @ values, base, atol=1e-12)
+    chain = Chain(ROBOT.model(), np.array([0.0, 0.0, -0.1]), 0.05, (one,))
+    station = Frame.from_vector(np.array([0.3, -0.2, 2.0, 3.0, 0.5, 1.0]))
+    theta = chain.join(chain.mechanism.parameters.nominal, chain.offset, station)
+    plain = chain.predict(at, theta)
+    theta[chain.layout.effects] = values
+    inside = station.inverse().apply(plain)
+    expected = station.apply(inside + base[:, :3] + np.cross(base[:, 3:], inside))
+    np.testing.assert_allclose(chain.predict(at, theta), expected, atol=1e-12)
+    assert np.ptp(expected - plain, axis=0).max() > 2e-5
+
+
+def test_what_a_scara_of_uniform_links_presses_on_its_base() -> None:
+    """Two bars and a payload, cut into bits, by differences in time."""
+    robot, n, t = load_robot("scara"), 8, 1e-3
+    rng = np.random.default_rng(15)
+    q = rng.uniform(-2, 2, (n, 2))
+    v, a = rng.uniform(-2, 2, (n, 2)), rng.uniform(-9, 9, (n, 2))
+    at = replace(at_rest(q), velocity=v, acceleration=a, payload=rng.uniform(0, 3, n))
+    at = replace(at, payload_centre=np.zeros((n, 3)))
+    share, weight = np.polynomial.legendre.leggauss(3)
+    share, weight = (share + 1) / 2, weight / 2
+    kg = np.concatenate([8.0 * weight, 5.0 * weight])
+    mass = np.column_stack([np.tile(kg, (n, 1)), at.payload])
+
+    def where(q: np.ndarray) -> np.ndarray:
+        one, both = q[:, 0], q[:, 0] + q[:, 1]
+        elbow = 0.5 * np.stack([np.cos(one), np.sin(one), 0 * one], axis=1)
+        hand = elbow + 0.5 * np.stack([np.cos(both), np.sin(both), 0 * one], axis=1)
+        places = [s * elbow for s in share] + [elbow + s * (hand - elbow) for s in share] + [hand]
+        return np.stack(places, axis=1)
+
+    here = where(q)
+    push = (where(q + v * t + a * t**2 / 2) - 2 * here + where(q - v * t + a * t**2 / 2)) / t**2
+    found = effect_named("base_compliance", robot, robot.model(), {}).nominal(at).of("reaction")
+    np.testing.assert_allclose(found, pressed(mass, push, here), rtol=1e-4, atol=1e-3)
+    assert np.abs(found[:, 5]).max() > 1.0  # about the upright axis: by acceleration only
+
+
 @pytest.mark.parametrize("end", [-1.0, 1.0])
 def test_a_worn_ball_joint_changes_over_where_its_own_pin_does(end: float) -> None:
     """Half of the rod's weight along it is more at the elbow, and less at the platform."""

@@ -22,7 +22,7 @@ from delta_calibration.robot import load_robot
 
 pytest.importorskip("mujoco", reason="needs the extra [physics]")
 
-from physics.bodies import GRAVITY
+from physics.bodies import FOOT, GRAVITY
 from physics.machine import (
     ARM,
     ARM_CENTRE,
@@ -131,6 +131,7 @@ def test_bodies_give_way_as_equilibria_by_hand_have_it():
         assert fallen(clearance=20e-6, worn=end) == pytest.approx(20e-6 / lean, rel=2e-3)
     weight = GRAVITY * (PLATFORM_KG + 3 * (ARM_KG + 2 * ROD_KG) + 60.0)
     assert fallen(mount=2e6) == pytest.approx(weight / 2e6, rel=2e-3)
+    assert fallen(mount=2e6, feet=1.2) == pytest.approx(weight / 2e6, rel=2e-3)
 
 
 def said_of(faults: dict, seed: int, count: int = 16, reach: float = 0.4, moves=False) -> Verdict:
@@ -167,6 +168,19 @@ def test_a_rigid_machine_is_clean():
 def test_drive_springs_are_one_stiffness_at_rest_and_in_motion():
     """Weight and inertia of all that moves; as two causes they were, with weight alone."""
     holds(said_of({"drive": SPRING}, 32, moves=True), "joint_compliance", "compliance", 1 / SPRING)
+
+
+@pytest.mark.slow
+def test_a_base_on_soft_feet_is_named_by_what_it_gives():
+    """By its springs, as far under it and as far apart as they are."""
+    verdict = said_of({"mount": 2e6, "feet": 1.2}, 33, count=24, moves=True)
+    assert [f.cause for f in verdict.findings] == ["base_compliance"]
+    assert not verdict.unknown_structure.found
+    found = {**verdict.findings[0].parameters, **verdict.findings[0].shape}
+    true = {"give": 1 / 2e6, "depth_m": 1.2, "radius_m": np.sqrt(2) * FOOT}
+    for name, value in true.items():
+        assert abs(found[name].value - value) < 3 * found[name].std
+        assert found[name].std < 0.15 * value
 
 
 @pytest.mark.slow

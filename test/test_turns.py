@@ -13,13 +13,14 @@ from delta_calibration.chain import Chain
 from delta_calibration.circle_test import circle_test
 from delta_calibration.data import at_rest, collect, survey
 from delta_calibration.diagnosis import diagnose
+from delta_calibration.effects import effect_named
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import chain_of, identify, most_evaluations, prepare, whitening
 from delta_calibration.estimation import solve as solve_problem
 from delta_calibration.estimation.measurements import Measured, PoseMeasured
 from delta_calibration.estimation.problem import MOUNT_NAMES
 from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
-from delta_calibration.geometry import rotations
+from delta_calibration.geometry import Frame, rotations
 from delta_calibration.history.few import pool
 from delta_calibration.history.pooled import Dated
 from delta_calibration.mechanisms.base import solve
@@ -27,7 +28,7 @@ from delta_calibration.papers import method_named
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import draw_machine, simulate_session, standing
 from machines import MODELS, places
 
 SRBD = load_robot("srbd")
@@ -85,6 +86,48 @@ def test_slopes_by_differences(mechanism):
     missed, found = about.missed[:, 3:], about.by_theta[:, 3:]
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(missed, 0.0, atol=1e-12)
+
+
+def test_a_base_on_soft_feet_turns_the_probe():
+    """By what the reflector's place shows of it: two points of the platform turn alike.
+
+    And the slope by its one value is that by differences.
+    """
+    robot, rng = load_robot("srbd"), np.random.default_rng(7)
+    effect = effect_named("base_compliance", robot, robot.detailed, {})
+    chain = Chain(robot.detailed, np.zeros(3), 1e-3).with_effects((effect,))
+    nominal = robot.detailed.parameters.nominal
+    theta = chain.join(nominal, np.zeros(3), Frame(rotations.exp(np.array([0.4, -0.3, 1.2]))))
+    layout = chain.layout
+    at = standing(rng.uniform(-0.2, 0.4, (5, 3)), payload=2.0)
+
+    def points(value):
+        moved = theta.copy()
+        moved[layout.effects] = value
+        return np.stack([chain.predict(at, shifted(moved, i)) for i in range(4)], axis=-1)
+
+    def shifted(moved, i):
+        other = moved.copy()
+        if i:
+            other[layout.offset.start + i - 1] = 0.1
+        return other
+
+    give = 3 * effect.parameters.prior[0]
+    before, after = points(0.0), points(give)
+    arms = [10 * (each[..., 1:] - each[..., :1]) for each in (before, after)]
+    turn = rotations.log(arms[1] @ np.swapaxes(arms[0], 1, 2))
+    assert np.abs(turn).max() > 1e-6
+    theta[layout.effects] = give
+    x = chain.pose(at, theta)
+    still = theta.copy()
+    still[layout.effects] = 0.0
+    found = chain.rotation(at, theta, x) @ np.swapaxes(chain.rotation(at, still, x), 1, 2)
+    np.testing.assert_allclose(rotations.log(found), turn, atol=1e-3 * np.abs(turn).max())
+    seen = PoseMeasured(at.joint, np.zeros((5, 3)), None, 1e-5, chain.rotation(at, still, x), 1e-5)
+    about = seen.linearized(chain.predictor(at), theta, x)
+    np.testing.assert_allclose(about.missed[:, 3:], -turn, atol=1e-3 * np.abs(turn).max())
+    slope = about.by_theta[:, 3:, layout.effects][..., 0]
+    np.testing.assert_allclose(give * slope, turn, atol=1e-3 * np.abs(turn).max())
 
 
 def test_turns_set_three_more_combinations(found, without):

@@ -32,7 +32,7 @@ from physics.machine import ELBOW_END, PLATFORM_END, from_the_workshop
 from physics.plan import HEAVY, circles, stops
 from physics.session import measured
 
-_SPRING, _ROD = 2.5e4, 1e6  # [N m/rad], [N/m]
+_SPRING, _ROD, _MOUNT = 2.5e4, 1e6, 2e6  # [N m/rad], [N/m], [N/m]
 _GAP, _CLEARANCE = 0.3e-3, 20e-6  # [rad], [m]
 _HELD = "backlash held by weight"
 
@@ -64,6 +64,7 @@ class Case:
 
 _GIVE = {"compliance": 1 / _SPRING}
 _STRETCH = {"rod_compliance": 1 / _ROD}
+_SINKS = {"give": 1 / _MOUNT}
 CASES = (
     Case("nothing"),
     Case("nothing, measured in motion as well", moves=True),
@@ -117,6 +118,14 @@ CASES = (
         {"clearance": _CLEARANCE},
     ),
     Case("base on soft mounts", {"mount": 2e6}, nameless=True),
+    Case("base on soft feet", {"mount": _MOUNT, "feet": 1.2}, ("base_compliance",), _SINKS),
+    Case(
+        "base on soft feet, in motion as well",
+        {"mount": _MOUNT, "feet": 1.2},
+        ("base_compliance",),
+        _SINKS,
+        moves=True,
+    ),
 )
 
 

@@ -230,10 +230,12 @@ class CalibrationSession:
         """What the calibration holds and nothing is done about, as a sentence, or nothing."""
         if self.calibration is None or not self.calibration.left_out:
             return ""
-        causes = ", ".join(self.calibration.left_out)
-        return (
-            f"{causes}: found in the session but not compensated, because it depends on the time "
-            "within that session"
+        causes: dict[str, list[str]] = {}
+        for cause in self.calibration.left_out:
+            causes.setdefault(self.calibration.why_left_out(cause), []).append(cause)
+        return "; ".join(
+            f"{', '.join(each)}: found in the session but not compensated, because {why}"
+            for why, each in causes.items()
         )
 
     @property

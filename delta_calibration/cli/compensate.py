@@ -178,7 +178,7 @@ def command(
     if found is not None:
         tell_of_blended(found, targets, out, reached)
     for cause in calibration.left_out:
-        click.echo(f"not compensated: {cause}: it depends on the time within its session")
+        click.echo(f"not compensated: {cause}: {calibration.why_left_out(cause)}")
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
     _tell_of_uncorrected(commands, targets, calibration.region)
 

@@ -115,7 +115,7 @@ def command(
     if form in ("c", "csv"):
         for cause in calibration.left_out:
             click.echo(
-                f"not compensated: {cause}: it depends on the time within its session",
+                f"not compensated: {cause}: {calibration.why_left_out(cause)}",
                 err=True,
             )
     click.echo(f"written: {out}" + (f" and {out.with_suffix('.h')}" if form == "c" else ""))

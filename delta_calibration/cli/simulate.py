@@ -52,7 +52,7 @@ Structure:
                         with time. The cell warms up
   thermal_growth_forearm
                         has no sensor: grows with time, time_constant=2400
-  forearm_compliance dynamic_deflection
+  forearm_compliance dynamic_deflection base_compliance
   ball_joint_clearance  force=N: load that takes it from end to end (0: any);
                         end=1: at the elbow, -1: at the platform, 0: at both
 By robot:
@@ -71,7 +71,7 @@ By robot:
                         link_offset tool_position tool_turn
                         encoder_eccentricity transmission_error joint_scale
                         thermal_growth_link joint_error_curve
-  scara                 also reducer_compliance
+  scara                 also reducer_compliance base_compliance
   ur10                  also gravity_sag
 An unknown cause or location is refused with a list of those the robot has.
 """

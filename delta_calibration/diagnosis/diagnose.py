@@ -28,7 +28,7 @@ from delta_calibration.diagnosis.observed import Observed
 from delta_calibration.diagnosis.residual_tests import ResidualTests
 from delta_calibration.diagnosis.search import SearchResult
 from delta_calibration.diagnosis.verdict import Verdict
-from delta_calibration.effects import Effect, Stage, catalogue
+from delta_calibration.effects import Effect, catalogue
 from delta_calibration.estimation import (
     Identification,
     Measured,
@@ -181,7 +181,7 @@ def diagnose_observations(
         start = Observed.of(mechanism, measured, frame, stated, further)
         if effects is None:
             every = catalogue(robot, mechanism)
-            effects = [e for e in every if start.reads or e.stage is not Stage.MEASUREMENT]
+            effects = [e for e in every if start.reads or not e.on_readings]
         return judged(start, effects, np.random.default_rng(seed), step=step)
 
 

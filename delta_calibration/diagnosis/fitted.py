@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, shape_columns
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -27,7 +27,7 @@ from delta_calibration.theta import Layout, entries
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_ZOOMS, _POINTS = 3, 9
+_ZOOMS, _POINTS, _STEPS = 3, 9, 8
 _NOTHING = np.zeros(0, dtype=np.int64)
 
 
@@ -271,7 +271,37 @@ def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
     weighed = evidence.weigh(evidence.column) if intervals else np.zeros(0)
     for interval in intervals * len(intervals):  # what one is best at depends on the others
         term = _zoomed(evidence, term, interval, weighed)
+    return _followed(evidence, term, weighed) if len(intervals) > 1 else term
+
+
+def _followed(evidence: LinearizedModel, term: Candidate, weighed: Array) -> Candidate:
+    """The best shape along the valley that several searched fields share, all stepping at once."""
+    gain = gain_of(evidence, term, weighed)
+    for _ in range(_STEPS):
+        tried = _ahead(evidence, term, weighed)
+        better = gain_of(evidence, tried, weighed)
+        if better <= gain:
+            break
+        term, gain = tried, better
     return term
+
+
+def _ahead(evidence: LinearizedModel, term: Candidate, weighed: Array) -> Candidate:
+    """One Gauss-Newton step of all searched fields, within their intervals."""
+    assert term.effect is not None
+    columns = columns_of(term, evidence)
+    value = np.linalg.lstsq(evidence.information(columns), columns.T @ weighed, rcond=None)[0]
+    shapes = shape_columns(term, evidence, np.asarray(value[:, 0], dtype=float))
+    both = np.concatenate([columns, shapes], axis=1)
+    step = np.linalg.lstsq(evidence.information(both), both.T @ weighed, rcond=None)[0]
+    fields: dict[str, Any] = {}
+    for (name, low, high), share in zip(
+        term.effect.intervals(), step[columns.shape[1] :, 0], strict=True
+    ):
+        to = getattr(term.effect, name) + share * (high - low) / np.sqrt(12)
+        fields[name] = float(np.clip(to, low, high))
+    effect: Effect = replace(cast(Any, term.effect), **fields)
+    return replace(term, effect=effect)
 
 
 def _zoomed(

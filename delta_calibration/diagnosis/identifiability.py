@@ -121,12 +121,7 @@ def _blind(
     shape = next(effect.shapes(evidence.at), effect)
     lacking = shape.missing(evidence.at)
     if lacking:
-        following = f"record it: {' and '.join(shape.needs)}"
-        return (
-            (),
-            lacking,
-            following if "known" in lacking else ("measure under conditions in which they differ"),
-        )
+        return (), lacking, shape.remedied(lacking)
     bare, left = visibility(whole, shape)
     if left >= HIDDEN:
         return None

@@ -39,6 +39,7 @@ from delta_calibration.estimation import (
     Problem,
     whitening,
 )
+from delta_calibration.geometry import rotations
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -85,6 +86,7 @@ class LinearizedModel:
     poses: int  # how many of the samples are poses
     by_joints: Array  # (n, d, m) whitened d(reading) by the joint angles behind the drives
     by_geometry: Array  # (n, d, p) the same by geometry
+    by_base: Array  # (n, d, 6) the same by shift [m] and turn [rad] of the base
     seen: Conditions  # with readings as the model has them before the measurement effects
     robot: Robot | None = None  # whose masses the machine carries; else each effect's own
     # what else could be measured, in words, and its evidence; None where that is to be foreseen
@@ -173,6 +175,7 @@ class LinearizedModel:
             poses=int(np.sum(rows < self.poses)),
             by_joints=self.by_joints[rows],
             by_geometry=self.by_geometry[rows],
+            by_base=self.by_base[rows],
             seen=self.seen.take(rows),
         )
 
@@ -237,6 +240,7 @@ class LinearizedModel:
         return {
             Stage.DRIVE: self.by_joints,
             Stage.STRUCTURE: self.by_geometry,
+            Stage.BASE: self.by_base,
             Stage.MEASUREMENT: self.whiten[..., : self.axes],
         }[stage]
 
@@ -431,8 +435,22 @@ def linearized_about(
         poses=len(at),
         by_joints=whiten @ about.by_joints,
         by_geometry=whiten @ about.by_theta[..., layout.geometry],
+        by_base=whiten @ by_base(problem.chain, theta, about.by_theta),
         seen=about.at,
     )
+
+
+def by_base(chain: Chain, theta: Array, by_theta: Array) -> Array:
+    """How what goes with theta goes with shift [m] and turn [rad] of the base, (n, d, 6).
+
+    The base stands in the tracker's frame by R(w), t; in its own axes b turns it, and d shifts it:
+
+        dw = J_r(w)^-1 b        dt = R d
+    """
+    layout, w = chain.layout, theta[chain.layout.turn]
+    shift = by_theta[..., layout.place] @ rotations.exp(w)
+    turn = by_theta[..., layout.turn] @ np.linalg.inv(rotations.left_jacobian(-w))
+    return np.concatenate([shift, turn], axis=-1)
 
 
 def on_the_way(survey: Survey) -> NDArray[np.bool_]:

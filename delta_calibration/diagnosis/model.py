@@ -22,7 +22,7 @@ from delta_calibration.estimation import (
     solve,
     with_turns,
 )
-from delta_calibration.theta import entries, length
+from delta_calibration.theta import entries
 from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
@@ -265,8 +265,8 @@ def _settled(model: Model, everywhere: bool) -> Model:
     for term, own in zip(model.terms, model.layout.each, strict=True):
         if term.effect is None:
             continue
-        shows = _shows_at_rest(model.evidence, term)
-        free[own] = [row in term.rows and shows for row in range(length(own))]
+        free[own] = False
+        free[entries(own)[list(term.rows)]] = _shows_at_rest(model.evidence, term)
     held = np.where(free, problem.theta0, model.theta)
     start = replace(problem, theta0=held).only(free)
     solution = solve(start, start.unknowns(model.theta), everywhere=everywhere)
@@ -274,12 +274,12 @@ def _settled(model: Model, everywhere: bool) -> Model:
     return replace(model, theta=solution.theta, cell=cell, near=None)
 
 
-def _shows_at_rest(evidence: LinearizedModel, term: Candidate) -> bool:
-    """Whether the poses hold a fair part of what is known of a term."""
+def _shows_at_rest(evidence: LinearizedModel, term: Candidate) -> NDArray[np.bool_]:
+    """Whether the poses hold a fair part of what is known of each parameter of a term, (k,)."""
     whole = np.diag(evidence.information(columns_of(term, evidence)))
     resting = evidence.take(np.arange(evidence.poses))
     alone = np.diag(resting.information(columns_of(term, resting)))
-    return bool((alone > FAIR * whole).all())
+    return np.asarray(alone > FAIR * whole)
 
 
 def _moved(model: Model, held: Index = _NOTHING) -> Model:

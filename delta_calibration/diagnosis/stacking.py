@@ -39,6 +39,7 @@ def stacked(parts: Sequence[LinearizedModel]) -> LinearizedModel:
         poses=len(at),
         by_joints=by_joints,
         by_geometry=every("by_geometry"),
+        by_base=every("by_base"),
         seen=reduce(joined, [part.seen for part in parts]),
     )
 
@@ -63,6 +64,7 @@ def apart(evidence: LinearizedModel) -> LinearizedModel:
         poses=n * d,
         by_joints=by_joints,
         by_geometry=each(evidence.by_geometry),
+        by_base=each(evidence.by_base),
         seen=at,
     )
 
@@ -79,4 +81,5 @@ def weighted(evidence: LinearizedModel, kept: Array) -> LinearizedModel:
         rest=evidence.rest.scaled(root),
         by_joints=by_joints,
         by_geometry=root * evidence.by_geometry,
+        by_base=root * evidence.by_base,
     )

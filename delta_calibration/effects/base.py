@@ -1,7 +1,8 @@
 """What an effect is: one stage of the chain of measurement that a geometric model leaves out.
 
 An effect adds to what a stage hands on: to the joint angles behind the encoders (DRIVE), to the
-mechanism's geometry (STRUCTURE) or to the tracker's reading (MEASUREMENT). How much is its `law`,
+mechanism's geometry (STRUCTURE), to the place of the base (BASE) or to the tracker's reading
+(MEASUREMENT). How much is its `law`,
 written once, in symbols, for one term (a joint, a dimension, the reading): a function of signals
 of the sample (angle, rate, torque, temperature, ...), of its parameters v and of constants.
 Simulator, fit, verdict and compensator evaluate what is generated from it, derivatives by v among
@@ -59,6 +60,7 @@ class Stage(Enum):
 
     DRIVE = "joint angle"  # (n, m, k)
     STRUCTURE = "geometry"  # (n, p, k)
+    BASE = "place of the base"  # (n, 6, k) shift [m] and turn [rad], in the base
     MEASUREMENT = "reading"  # (n, 3, k)
 
 
@@ -126,14 +128,15 @@ class Effect(ABC):
     def terms(self, places: Places) -> Iterator[Term]:
         """What the law is evaluated on: once for each joint, or once for the reading.
 
-        A joint's term takes the joint's own of each signal that joints have and the whole of any
-        other, its own parameters and those that all share, and moves that joint.
+        That of the base's place is one as well. A joint's term takes the joint's own of each
+        signal that joints have and the whole of any other, its own parameters and those that all
+        share, and moves that joint.
         """
         every = {n: range(places.begin(n), places.begin(n) + places.count(n)) for n in self.takes}
-        if self.stage is Stage.MEASUREMENT:
+        if self.on_readings:
             values = tuple(range(len(self.parameters)))
             signals = tuple(chain.from_iterable(every.values()))
-            yield Term(signals, values, (0, 1, 2), self.constants(0))
+            yield Term(signals, values, tuple(range(self.stage_size)), self.constants(0))
             return
         where = [p.location for p in self.parameters]
         for j in range(self.mechanism.joints):
@@ -141,6 +144,11 @@ class Effect(ABC):
             parts = (r[j : j + 1] if n in places.of_joints else r for n, r in every.items())
             values = tuple(i for i, place in enumerate(where) if place in own)
             yield Term(tuple(chain.from_iterable(parts)), values, (j,), self.constants(j))
+
+    @property
+    def on_readings(self) -> bool:
+        """Whether it lies between the platform's pose in the base and the reading."""
+        return self.stage in (Stage.BASE, Stage.MEASUREMENT)
 
     @property
     def about(self) -> Array:
@@ -153,6 +161,7 @@ class Effect(ABC):
         sizes = {
             Stage.DRIVE: self.mechanism.joints,
             Stage.STRUCTURE: len(self.mechanism.parameters),
+            Stage.BASE: 6,
             Stage.MEASUREMENT: 3,
         }
         return sizes[self.stage]
@@ -297,6 +306,12 @@ class Effect(ABC):
             return "the direction of the last motion is not known"
         return ""
 
+    def remedied(self, lacking: str) -> str:
+        """What to do about what is `missing`, so that it can be evaluated."""
+        if "known" in lacking:
+            return f"record it: {' and '.join(self.needs)}"
+        return "measure under conditions in which they differ"
+
     @property
     def bound_to_session(self) -> bool:
         """Whether it goes by the clock of the session it was found in, and ends with it."""
@@ -359,10 +374,9 @@ class StageTerms:
 
 
 def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) -> Any:
-    """Effects of drives and structure, whose values stand in theta, for the compiled chain."""
-    tables = [
-        table_of_stage(stage, effects, each, places) for stage in (Stage.DRIVE, Stage.STRUCTURE)
-    ]
+    """Effects of drives, structure and base, whose values stand in theta, as compiled."""
+    stages = (Stage.DRIVE, Stage.STRUCTURE, Stage.BASE)
+    tables = [table_of_stage(stage, effects, each, places) for stage in stages]
     at = np.array([places.begin(name) for name in chain_constants.NAMES])
     asked, stands = asked_of_stages(effects), standing_asked(_taken(effects))
     gentle = all(e.gentle for e in effects if standing_asked(e.takes))
@@ -370,12 +384,12 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
 
 
 def asked_of_stages(effects: Sequence[Effect]) -> int:
-    """Loads that the effects of drives and structure need."""
+    """Loads that the effects of drives, structure and base need."""
     return _asked(effects[0].mechanism, _taken(effects)) if effects else 0
 
 
 def _taken(effects: Sequence[Effect]) -> list[str]:
-    """Signals that the effects of drives and structure take."""
+    """Signals that the effects of drives, structure and base take."""
     return [n for e in effects if e.stage is not Stage.MEASUREMENT for n in e.takes]
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.ball_joint_clearance import BallJointClearance
 from delta_calibration.effects.base import Effect, Setting
+from delta_calibration.effects.base_compliance import BaseCompliance
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag
 from delta_calibration.effects.drum_build_up import DrumBuildUp
@@ -71,6 +72,7 @@ EFFECTS: Registry[Effect] = Registry(
         GravitySag,
         JointCurve,
         ThermalGrowthLink,
+        BaseCompliance,
     ),
 )
 

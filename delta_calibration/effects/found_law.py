@@ -62,7 +62,12 @@ FUNCTIONS: Mapping[str, tuple[int, ...]] = {
     "fading": (FADING,),
     "ramp": (RAMP,),
 }
-KINDS = {Stage.DRIVE: "drive", Stage.STRUCTURE: "structure", Stage.MEASUREMENT: "measurement"}
+KINDS = {
+    Stage.DRIVE: "drive",
+    Stage.STRUCTURE: "structure",
+    Stage.BASE: "structure",
+    Stage.MEASUREMENT: "measurement",
+}
 _QUANTITY = re.compile(r"(?P<name>[a-z]+)(?:\+(?P<ahead>\d{1,3}))?(?::(?P<part>\w+))?")
 POWERS = {LINE: 1, SQUARE: 2, CUBE: 3, BEYOND: 1, DRAG: 2}  # of the unit that it is taken of
 

@@ -2,8 +2,8 @@
 
 What was recorded (joint angles, rates, direction of the last motion, payload, temperatures, ...)
 and what the machine makes of it (pose, dimensions, torques of weight and inertia, pulls of
-cables). A law names the ones it takes; each has a place in one row of numbers, the same for all
-effects on a mechanism.
+cables, force and moment on the base). A law names the ones it takes; each has a place in one row
+of numbers, the same for all effects on a mechanism.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from delta_calibration.model.chain_constants import (
     OF_DIMENSIONS,
     OF_INERTIA,
     OF_PULLS,
+    OF_REACTION,
     OF_WEIGHT,
 )
 from delta_calibration.robot import Robot
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 JOINT, RATE, ACCELERATION = "joint", "rate", "acceleration"
 DIRECTION, TRAVEL = "direction", "travel"
 GRAVITY, INERTIA, PULL, PULL_HOME = "gravity", "inertia", "pull", "pull_home"
-POSE, GEOMETRY, LOAD = "pose", "geometry", "load"
+POSE, GEOMETRY, LOAD, REACTION = "pose", "geometry", "load", "reaction"
 TIME, PAYLOAD, CENTRE, TEMPERATURE = "time", "payload", "centre", "temperature"
 READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
 
@@ -39,6 +40,7 @@ _ASKED = {
     GRAVITY: OF_WEIGHT,
     LOAD: OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS,
     INERTIA: OF_INERTIA,
+    REACTION: OF_REACTION,
     PULL: OF_PULLS,
     PULL_HOME: OF_PULLS,
 }
@@ -99,7 +101,7 @@ class Places:
 def _places(m: int, k: int, p: int, parts: tuple[str, ...]) -> Places:
     of_sample = ((TIME, 1), (PAYLOAD, 1), (CENTRE, 3), (TEMPERATURE, len(parts)))
     of_tracker = ((READING, 3), (READING_RATE, 3), (NOTHING, 1))
-    of_machine = ((POSE, k), (GEOMETRY, p), (LOAD, p))
+    of_machine = ((POSE, k), (GEOMETRY, p), (LOAD, p), (REACTION, 6))
     return Places(
         (*((name, m) for name in OF_JOINTS), *of_machine, *of_sample, *of_tracker), parts
     )
@@ -116,7 +118,7 @@ def asked_of(names: Any) -> int:
 def all_asked(mechanism: Mechanism) -> int:
     """Flags of every load that a mechanism has."""
     pulls = OF_PULLS if mechanism.pulls else 0
-    return OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS | pulls
+    return OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS | OF_REACTION | pulls
 
 
 def standing_asked(names: Any) -> bool:
@@ -192,7 +194,7 @@ def standing(
     found = signals.with_(**{POSE: x, GEOMETRY: g})
     if asked:
         q = found.of(JOINT) if joint is None else joint
-        weight, inertia, load, pull, home = mechanism.loads(
+        weight, inertia, load, pull, home, reaction = mechanism.loads(
             robot.masses,
             asked,
             q,
@@ -203,7 +205,7 @@ def standing(
             found.of(PAYLOAD)[:, 0],
             found.of(CENTRE),
         )
-        loads = {GRAVITY: weight, INERTIA: inertia, LOAD: load}
+        loads = {GRAVITY: weight, INERTIA: inertia, LOAD: load, REACTION: reaction}
         if mechanism.pulls:
             loads |= {PULL: pull, PULL_HOME: home}
         for name, values in loads.items():

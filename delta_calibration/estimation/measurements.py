@@ -233,10 +233,11 @@ class PoseMeasured(PointMeasured):
         chain, layout, x = at.chain, _layout(at.chain, theta), point.pose
         turned = at.see(theta[layout.chain], x, "poses")
         frame = rotations.exp(theta[layout.turn])
-        platform = frame @ chain.mechanism.rotation(x)
+        platform = chain.rotation(at.at, theta[layout.chain], x)
         by_pose = frame @ chain.mechanism.turn_by_pose(x)
         slope = _mounted(by_pose @ turned.jacobian, layout)
         slope[..., layout.turn] = rotations.left_jacobian(theta[layout.turn])
+        _add_turns_of_base(slope, at, theta, layout, x)
         predicted = platform
         if layout.has_mount:
             predicted = platform @ rotations.exp(theta[layout.mount])
@@ -458,9 +459,23 @@ def require_shapes(observation: Observation, **shapes: tuple[int, ...]) -> None:
 
 
 def _of_readings(chain: Chain) -> list[slice]:
-    """Entries of the effects that act on a tracker's readings."""
+    """Entries of the effects that act between the pose in the base and a tracker's readings."""
     parts = zip(chain.effects, chain.layout.each, strict=True)
-    return [own for effect, own in parts if effect.stage is Stage.MEASUREMENT]
+    return [own for effect, own in parts if effect.on_readings]
+
+
+def _add_turns_of_base(
+    slope: Array, at: Predictor, theta: Array, layout: Layout, x: Array
+) -> None:
+    """Add to d(turn)/d(theta), (n, 3, P), how the base turns with the values of its effects."""
+    chain, machine = at.chain, theta[layout.chain]
+    if not chain.of_base:
+        return
+    signals = chain.signals(at.at, machine, x)
+    by_base = np.concatenate([np.zeros((3, 3)), rotations.exp(theta[layout.turn])], axis=1)[None]
+    for effect, own in zip(chain.effects, layout.each, strict=True):
+        if effect.stage is Stage.BASE:
+            slope[..., own] += effect.columns_of(signals, theta[own], by_base)
 
 
 def _layout(chain: Chain, theta: Array) -> Layout:

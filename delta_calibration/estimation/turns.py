@@ -102,7 +102,7 @@ def mount_of(rotation: Array, chain: Chain, x: Array, theta: Array) -> Array:
         x: poses of the platform, (n, k).
         theta: of the chain.
     """
-    platform = chain.split(theta)[2].rotation @ chain.mechanism.rotation(x)
+    platform = chain.split(theta)[2].rotation @ chain.mechanism.rotation(x)  # effects are small
     seen = Rotation.from_matrix(np.swapaxes(platform, 1, 2) @ rotation)
     return np.asarray(seen.mean().as_rotvec())
 

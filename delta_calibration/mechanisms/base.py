@@ -145,6 +145,16 @@ class Mechanism(ABC):
         return np.ones(len(self.weights(masses)))
 
     @property
+    def levers(self) -> Array:
+        """How far each mass is from the place that `masses` states, (masses, 3) [m], always."""
+        return np.zeros((len(self.weights(None)), 3))
+
+    @property
+    def pivots(self) -> Array:
+        """Places about which turns what is not `moving` of each mass, (masses, 3) [m]."""
+        return np.zeros((len(self.weights(None)), 3))
+
+    @property
     def limbs(self) -> tuple[Limb, ...]:
         """The limbs; one that has everything where a mechanism does not say."""
         every = tuple(range(len(self.parameters) + len(self.fixed)))
@@ -439,7 +449,7 @@ class Mechanism(ABC):
         acceleration: Array,
         payload: Array,
         centre: Array,
-    ) -> tuple[Array, Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array, Array, Array]:
         """Forces that the machine carries, see model/loads.py; zeros where not asked for.
 
         Args:
@@ -455,7 +465,7 @@ class Mechanism(ABC):
 
         Returns:
             Torques of weight and of inertia on the joints, (n, m) each, dU/dg (n, p), pulls of
-            the limbs and their pulls at home, (n, R) each.
+            the limbs and their pulls at home, (n, R) each, force and moment on the base, (n, 6).
         """
         c, bearing = self._compiled, self.bearing(masses)
         n, m = len(q), self.joints
@@ -470,8 +480,8 @@ class Mechanism(ABC):
             _rows(payload[:, None], 1, n)[:, 0],
             _rows(centre, 3, n),
         )
-        weight, inertia, load, pull, home = found
-        return weight, inertia, load, pull, home
+        weight, inertia, load, pull, home, reaction = found
+        return weight, inertia, load, pull, home, reaction
 
     def tensions(self, x: Array, g: Array, load: Array) -> Array:
         """Pull of each limb that bears a load, (n, R) [N]: the nearest to the pretension.
@@ -536,6 +546,8 @@ class Mechanism(ABC):
             np.array(dims, dtype=np.int64),
             np.array(self.weights(masses), dtype=float),
             np.array(self.moving(masses), dtype=float),
+            np.array(self.levers, dtype=float),
+            np.array(self.pivots, dtype=float),
             np.array(self.home_pose, dtype=float),
             float(self.pretension),
             np.array([c for limb in every for c in limb.constants], dtype=float),

@@ -182,6 +182,24 @@ class DeltaModel(Mechanism):
             share[1 : 1 + LEGS] = (masses.arm * masses.turning + masses.rod / 3) / at_elbow
         return share
 
+    @property
+    def levers(self) -> Array:
+        """`masses` has the legs moved in by the platform's radius: as far out, (7, 3) [m]."""
+        legs = self.dimensions.platform_radius * self._outwards
+        return np.concatenate([np.zeros((1, 3)), legs, legs])
+
+    @property
+    def pivots(self) -> Array:
+        """Arms turn about the motors, (7, 3) [m]."""
+        motors = self.dimensions.base_radius * self._outwards
+        return np.concatenate([np.zeros((1, 3)), motors, np.zeros((LEGS, 3))])
+
+    @property
+    def _outwards(self) -> Array:
+        """Directions in which the legs stand, (3, 3)."""
+        stands = np.array(self.dimensions.stands)
+        return np.stack([np.cos(stands), np.sin(stands), 0 * stands], axis=1)
+
     @abstractmethod
     def _leg_parameters(self, leg: int) -> list[Parameter]:
         """Parameters of leg 1, 2 or 3, in the order of the model's vector."""

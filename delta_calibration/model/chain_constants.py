@@ -18,6 +18,7 @@ NAMES = (
     "pose",
     "geometry",
     "load",
+    "reaction",
     "payload",
     "centre",
     "reading",
@@ -34,6 +35,7 @@ NAMES = (
     POSE,
     GEOMETRY,
     LOAD,
+    REACTION,
     PAYLOAD,
     CENTRE,
     READING,
@@ -41,7 +43,7 @@ NAMES = (
 ) = range(len(NAMES))
 
 # Loads are asked for by a sum of these.
-OF_WEIGHT, OF_INERTIA, OF_PULLS, OF_DIMENSIONS = 1, 2, 4, 8
+OF_WEIGHT, OF_INERTIA, OF_PULLS, OF_DIMENSIONS, OF_REACTION = 1, 2, 4, 8, 16
 
 # Of what derivatives are asked for.
 NOTHING, READINGS, POSES = range(3)

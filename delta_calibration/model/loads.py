@@ -7,6 +7,10 @@ them), the joints carry dU/dq and a dimension g of the machine carries dU/dg,
 
 Cables can only pull, and more of them than freedoms hold each other taut: of all pulls that bear
 the load the nearest to the pretension is taken, t = t_p + (f_x^T)^+ (-u_x - f_x^T t_p).
+
+What all of it presses on the base is the sum over the masses (d'Alembert), with z up,
+
+    F = -sum m (p'' + G z)        M = -sum p x m (p'' + G z)
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from delta_calibration.model.chain_constants import (
     OF_DIMENSIONS,
     OF_INERTIA,
     OF_PULLS,
+    OF_REACTION,
     OF_WEIGHT,
 )
 from delta_calibration.model.jit import call, compiled, record
@@ -63,6 +68,8 @@ class Bearing(NamedTuple):
     mass (4,), mass_at (7,)     law of the masses' places; places of x, q, g, f, f_x, f_q, size
     dims (d,)                   dimensions that it takes, or fixed numbers behind them
     kg (k,), moves (k,)         each mass, and the share of it that counts where it is accelerated
+    levers (k, 3)               how far [m] each is from the place that its law states
+    pivots (k, 3)               places [m] about which turns what does not count there
     home (k,)                   pose at which counters are zero
     pretension                  [N] of every cable
     constants (c,)              of the limbs, for the law of the masses
@@ -76,6 +83,8 @@ class Bearing(NamedTuple):
     dims: Index
     kg: Array
     moves: Array
+    levers: Array
+    pivots: Array
     home: Array
     pretension: float
     constants: Array
@@ -97,7 +106,7 @@ class Beside(NamedTuple):
 
 @record
 class Carried(NamedTuple):
-    """Scratch, and what is found: torques of weight and inertia, dU/dg, pulls, pulls at home.
+    """Scratch, and what is found: torques of weight and inertia, dU/dg, reaction, pulls.
 
     Of the work U there is a row for `WEIGHT` and one for `INERTIA`. dU/dg is that of the weight,
     and of the inertia where that is asked for as well.
@@ -114,6 +123,7 @@ class Carried(NamedTuple):
     gravity: Array  # (m,)
     inertia: Array  # (m,)
     load: Array  # (p,)
+    reaction: Array  # (6,) [N, N m] force and moment on the base, about its origin
     pull: Array  # (R,)
     pull_home: Array  # (R,)
     still: Array  # (m,) readings of counters at home
@@ -150,6 +160,7 @@ def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
         np.zeros(m),
         np.zeros(m),
         np.zeros(p),
+        np.zeros(6),
         np.zeros(r),
         np.zeros(r),
         np.zeros(m),
@@ -349,6 +360,51 @@ def _accelerate(
 
 
 @compiled(borrows=True)
+def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> None:
+    """Force and moment on the base; the laws are evaluated, and the accelerations if `moving`.
+
+    Of a mass that counts in part where it is accelerated, the rest has its momentum about the
+    place that it turns about.
+    """
+    a, count, total = found.a, len(bearing.kg), found.reaction
+    for i in range(6):
+        total[i] = 0.0
+    for point in range(-1, count):
+        kg = payload if point < 0 else bearing.kg[point]
+        for axis in range(3):
+            a[axis] = 0.0 if axis < 2 else FREE_FALL
+        _press(bearing, found, point, kg, 1.0)
+        if moving:
+            row = count if point < 0 else point
+            for axis in range(3):
+                a[axis] = found.accelerated[3 * row + axis]
+            _press(bearing, found, point, kg, 1.0 if point < 0 else bearing.moves[point])
+
+
+@compiled(borrows=True)
+def _press(bearing: Bearing, found: Carried, point: int, kg: float, share: float) -> None:
+    """Add what a mass of acceleration `a` presses on the base; the payload's number is -1."""
+    a, total = found.a, found.reaction
+    x = _coordinate(bearing, found, point, 0, share)
+    y = _coordinate(bearing, found, point, 1, share)
+    z = _coordinate(bearing, found, point, 2, share)
+    for axis in range(3):
+        total[axis] -= kg * a[axis]
+    total[3] -= kg * (y * a[2] - z * a[1])
+    total[4] -= kg * (z * a[0] - x * a[2])
+    total[5] -= kg * (x * a[1] - y * a[0])
+
+
+@compiled(borrows=True)
+def _coordinate(bearing: Bearing, found: Carried, point: int, axis: int, share: float) -> float:
+    """Where a mass is along an axis of the base [m], with a share of it at its own place."""
+    if point < 0:
+        return float(found.point[bearing.point_at[2] + axis])
+    own = found.mass[bearing.mass_at[3] + 3 * point + axis] + bearing.levers[point, axis]
+    return float(share * own + (1.0 - share) * bearing.pivots[point, axis])
+
+
+@compiled(borrows=True)
 def _pulls(limbs: Limbs, bearing: Bearing, room: Room, u_x: Array, pull: Array) -> None:
     """Pulls of the cables that bear u_x (k,), nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
@@ -401,21 +457,24 @@ def bear(
     point_at(bearing, x, centre, found.point)
     masses_at(limbs, bearing, q, x, found.mass)
     _work(limbs, bearing, payload, WEIGHT, found)
-    moving = asked & OF_INERTIA > 0 and _moves(rate, acceleration)
+    inertia, reaction = asked & OF_INERTIA > 0, asked & OF_REACTION > 0
+    moving = (inertia or reaction) and _moves(rate, acceleration)
     if moving:
         _curved(limbs, bearing, q, x, rate, centre, room, found)
         _accelerate(limbs, bearing, acceleration, room, found)
         _work(limbs, bearing, payload, INERTIA, found)
+    if reaction:
+        _react(bearing, payload, moving, found)
     if asked & OF_PULLS:
         _pulls(limbs, bearing, room, found.u_x[WEIGHT], found.pull)
-    if asked & OF_WEIGHT or moving:
+    if asked & OF_WEIGHT or (moving and inertia):
         rows = 2 if moving else 1
         by_g = found.by_g if asked & OF_DIMENSIONS else found.none
         moved(limbs, found.u_x[:rows], room, found.by_q[:rows], by_g[:rows])
     if asked & OF_WEIGHT:
         for i in range(len(q)):
             found.gravity[i] = found.u_q[WEIGHT, i] + found.by_q[WEIGHT, i]
-    if asked & OF_INERTIA:
+    if inertia:
         for i in range(len(q)):
             found.inertia[i] = found.u_q[INERTIA, i] + found.by_q[INERTIA, i] if moving else 0.0
     if asked & OF_DIMENSIONS:
@@ -436,11 +495,11 @@ def every(
     acceleration: Array,
     payload: Array,
     centre: Array,
-) -> tuple[Array, Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array, Array, Array]:
     """All loads that are asked for, of every sample; see `Mechanism.loads`."""
     n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
-    pull, home = np.zeros((n, r)), np.zeros((n, r))
+    pull, home, reaction = np.zeros((n, r)), np.zeros((n, r)), np.zeros((n, 6))
     own, found, last = room(limbs, size), carried(limbs, bearing, size), len(g) - 1
     for row in range(n):
         if row == 0 or last > 0:
@@ -460,8 +519,8 @@ def every(
             found,
         )
         weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
-        pull[row], home[row] = found.pull, found.pull_home
-    return weight, inertia, load, pull, home
+        pull[row], home[row], reaction[row] = found.pull, found.pull_home, found.reaction
+    return weight, inertia, load, pull, home, reaction
 
 
 @compiled()

@@ -29,12 +29,14 @@ from delta_calibration.model.chain_constants import (
     LOAD,
     OF_INERTIA,
     OF_PULLS,
+    OF_REACTION,
     OF_WEIGHT,
     PAYLOAD,
     POSE,
     PULL,
     PULL_HOME,
     RATE,
+    REACTION,
     ROUNDS,
     SETTLED_POSE,
 )
@@ -90,10 +92,11 @@ class Body(NamedTuple):
 
 @record
 class Stages(NamedTuple):
-    """Effects of drives and structure, and what they need."""
+    """Effects of drives, structure and base, and what they need."""
 
     drive: Table
     structure: Table
+    base: Table
     asked: int  # loads
     stands: bool  # whether they need the pose
     gentle: bool  # whether all that do change little with it, so that any rounds settle
@@ -109,6 +112,7 @@ class State(NamedTuple):
     opening: Array
     drive: Array  # workspaces of the terms
     structure: Array
+    base: Array
     joint: Array  # (m,) behind the drives
     geometry: Array  # (p,) under these conditions
     before: Array  # (k,)
@@ -130,6 +134,7 @@ def state_of(body: Body, stages: Stages) -> State:
         own,
         stages.drive.work.copy(),
         stages.structure.work.copy(),
+        stages.base.work.copy(),
         np.zeros(limbs.sizes[M]),
         np.zeros(limbs.sizes[P]),
         np.zeros(limbs.sizes[K]),
@@ -205,6 +210,8 @@ def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: Sta
         copy_into(signals[at[LOAD] : at[LOAD] + len(found.load)], found.load)
     if stages.asked & OF_INERTIA:
         copy_into(signals[at[INERTIA] : at[INERTIA] + len(found.inertia)], found.inertia)
+    if stages.asked & OF_REACTION:
+        copy_into(signals[at[REACTION] : at[REACTION] + 6], found.reaction)
     if stages.asked & OF_PULLS:
         copy_into(signals[at[PULL] : at[PULL] + len(found.pull)], found.pull)
         copy_into(signals[at[PULL_HOME] : at[PULL_HOME] + len(found.pull_home)], found.pull_home)

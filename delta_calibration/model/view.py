@@ -2,9 +2,10 @@
 
 For one sample, with p(x, o) the reflector's place on a platform at pose x and R, t the frame,
 
-    before = R p(x, o) + t        reading = before + M(c, before, v)
+    before = R (p + d + b x p) + t      (d, b) = B(c, v)      reading = before + M(c, before, v)
 
-M being the effects of the measurement. Derivatives by all of theta follow from the closure (the
+d, b being how far the base gives way and turns [m, rad] by the effects of what it stands on, and
+M the effects of the measurement. Derivatives by all of theta follow from the closure (the
 implicit function theorem) at the machine as it stands under the sample's conditions, and from the
 derivatives of the effects' laws. Loads are taken to stay as they are: they change by a thousandth
 where the pose does.
@@ -68,13 +69,54 @@ class Room(NamedTuple):
     last: Array  # workspaces of the terms of the measurement
     slope: Array  # (d, k) of what is derived, by the pose
     unit: Array  # (3, 3)
+    turned: Array  # (3, 3) of the base, as it stands, in the device's frame
+    moved: Array  # (3,) [m] the reflector, in the base as it was without loads
+    shift: Array  # (6,) [m, rad] of the base
+    by_base: Array  # (3, 6) d(before) by it
 
 
 @compiled(borrows=True)
-def _place_reflector(body: Body, device: Device, x: Array, state: State, before: Array) -> None:
+def _move_base(
+    stages: Stages, device: Device, sample: Array, theta: Array, first: int, room: Room
+) -> None:
+    """Let the base give way: the reflector's place, which was evaluated, and the rotation."""
+    state, shift, turned, by_base = room.state, room.shift, room.turned, room.by_base
+    place = state.carried.point
+    for i in range(6):
+        shift[i] = 0.0
+    add_shift(stages.base, sample, theta, state.base, shift)
+    for i in range(3):
+        for j in range(3):
+            a, b = (j + 1) % 3, (j + 2) % 3
+            at_a, at_b = device.rotation[i, a], device.rotation[i, b]
+            turned[i, j] = device.rotation[i, j] + at_a * shift[3 + b] - at_b * shift[3 + a]
+            by_base[i, j] = device.rotation[i, j]
+            by_base[i, 3 + j] = at_b * place[first + a] - at_a * place[first + b]
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        moved_by = shift[3 + a] * place[first + b] - shift[3 + b] * place[first + a]
+        room.moved[i] = place[first + i] + shift[i] + moved_by
+    for i in range(3):
+        place[first + i] = room.moved[i]
+
+
+@compiled(borrows=True)
+def _place_reflector(
+    body: Body,
+    stages: Stages,
+    device: Device,
+    sample: Array,
+    theta: Array,
+    x: Array,
+    room: Room,
+    before: Array,
+) -> None:
     """Evaluate the law of the reflector's place and put that into the device's frame."""
+    state = room.state
     work, first = state.carried.point, body.bearing.point_at[2]
     point_at(body.bearing, x, device.offset, work)
+    if len(stages.base.law):
+        _move_base(stages, device, sample, theta, first, room)
     for i in range(3):
         before[i] = device.place[i]
         for j in range(3):
@@ -82,7 +124,7 @@ def _place_reflector(body: Body, device: Device, x: Array, state: State, before:
 
 
 @compiled(borrows=True)
-def _by_pose(body: Body, device: Device, asked: int, state: State, slope: Array) -> None:
+def _by_pose(body: Body, turned: Array, asked: int, state: State, slope: Array) -> None:
     """d(before)/dx, or the unit matrix where the pose itself is asked for, into `slope` (d, k)."""
     work, first, k = state.carried.point, body.bearing.point_at[3], slope.shape[1]
     for i in range(len(slope)):
@@ -92,11 +134,11 @@ def _by_pose(body: Body, device: Device, asked: int, state: State, slope: Array)
                 continue
             slope[i, c] = 0.0
             for j in range(3):
-                slope[i, c] += device.rotation[i, j] * work[first + j * k + c]
+                slope[i, c] += turned[i, j] * work[first + j * k + c]
 
 
 @compiled(borrows=True)
-def _by_device(body: Body, device: Device, state: State, jacobian: Array) -> None:
+def _by_device(body: Body, device: Device, turned: Array, state: State, jacobian: Array) -> None:
     """Columns of offset, turn and place of a reading, into `jacobian` (3, P)."""
     work, first, by_offset = (
         state.carried.point,
@@ -106,12 +148,12 @@ def _by_device(body: Body, device: Device, state: State, jacobian: Array) -> Non
     offset, turn, origin = device.at[0], device.at[1], device.at[2]
     for i in range(3):
         for c in range(3):
-            along, turned = 0.0, 0.0
+            along, across = 0.0, 0.0
             for j in range(3):
-                along += device.rotation[i, j] * work[by_offset + 3 * j + c]
-                turned += device.turning[i, j, c] * work[first + j]
+                along += turned[i, j] * work[by_offset + 3 * j + c]
+                across += device.turning[i, j, c] * work[first + j]
             jacobian[i, offset + c] = along
-            jacobian[i, turn + c] = turned
+            jacobian[i, turn + c] = across
             jacobian[i, origin + c] = 1.0 if i == c else 0.0
 
 
@@ -119,24 +161,25 @@ def _by_device(body: Body, device: Device, state: State, jacobian: Array) -> Non
 def _derive(
     body: Body,
     stages: Stages,
-    device: Device,
     asked: int,
     sample: Array,
     x: Array,
-    own: State,
-    slope: Array,
+    room: Room,
     by_joints: Array,
     jacobian: Array,
 ) -> None:
     """Derivatives by joints and, into the first of `jacobian`'s columns, by dimensions.
 
-    And from them those by the values of the effects of drives and structure.
+    And from them those by the values of the effects of drives, structure and base.
     """
-    _by_pose(body, device, asked, own, slope)
+    own, slope = room.state, room.slope
+    _by_pose(body, room.turned, asked, own, slope)
     place(body.limbs, own.joint, x, FULL, own.room)
     moved(body.limbs, slope, own.room, by_joints, jacobian)
     slopes_into(stages.drive, sample, own.drive, by_joints, jacobian)
     slopes_into(stages.structure, sample, own.structure, jacobian, jacobian)
+    if asked != POSES:  # a pose is one in the base
+        slopes_into(stages.base, sample, own.base, room.by_base, jacobian)
 
 
 @compiled(borrows=True)
@@ -176,15 +219,14 @@ def _see_each(
                 fill(found.by_joints[row], np.nan)
                 fill(found.jacobian[row], np.nan)
             continue
-        _place_reflector(body, device, x, own, before)
+        _place_reflector(body, stages, device, sample, theta, x, room, before)
         moving = False
         for i in range(m):
             moving = moving or (wanted and sample[rates + i] != 0.0)
         some = row if asked != NOTHING else 0
         if asked != NOTHING or moving:
             by_joints, jacobian = found.by_joints[some], found.jacobian[some]
-            slope = room.slope
-            _derive(body, stages, device, asked, sample, x, own, slope, by_joints, jacobian)
+            _derive(body, stages, asked, sample, x, room, by_joints, jacobian)
             for i in range(3):
                 if moving and asked != POSES:
                     for j in range(m):
@@ -194,7 +236,7 @@ def _see_each(
             sample[stages.at[READING_RATE] + i] = found.rate[row, i]
         add_shift(last, sample, theta, room.last, reading)
         if asked == READINGS:
-            _by_device(body, device, own, found.jacobian[row])
+            _by_device(body, device, room.turned, own, found.jacobian[row])
             slopes_into(last, sample, room.last, room.unit, found.jacobian[row])
 
 
@@ -216,7 +258,7 @@ def see(
 
     Args:
         body: the mechanism.
-        stages: effects of drives and structure.
+        stages: effects of drives, structure and base.
         last: those of the measurement.
         device: reflector and frame, the fields of `Device`.
         signals: (n, S) as recorded.
@@ -243,7 +285,9 @@ def see(
     )
     slope, unit = np.empty((sides, k)), np.eye(3)
     sample = np.empty(signals.shape[1])
-    room = Room(state_of(body, stages), sample, last.work.copy(), slope, unit)
+    turned, moved_to, by_base = device[1].copy(), np.zeros(3), np.zeros((3, 6))
+    state, work = state_of(body, stages), last.work.copy()
+    room = Room(state, sample, work, slope, unit, turned, moved_to, np.zeros(6), by_base)
     own = Device(device[0], device[1], device[2], device[3], device[4])
     _see_each(body, stages, last, own, signals, g, theta, near, stray, asked, found, room)
     return found

@@ -151,10 +151,8 @@ class SimulatedMachine:
         if self._machine.robot.tracker.measures == "position":
             return UPRIGHT
         chain, theta = self._machine.chain, self._machine.theta
-        x = chain.pose(self._conditions(joint, now), theta)
-        frame = chain.split(theta)[2]
-        orientation = frame.rotation @ chain.mechanism.rotation(x)[0]
-        return rotations.to_quaternion(orientation)
+        at = self._conditions(joint, now)
+        return rotations.to_quaternion(chain.rotation(at, theta, chain.pose(at, theta))[0])
 
 
 def without_noise(robot: Robot) -> Robot:

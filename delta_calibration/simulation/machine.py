@@ -77,9 +77,9 @@ class TrueMachine:
         tracker = self.robot.tracker
         if tracker.measures != "pose" or tracker.turn is None:
             return None
-        x, (_, _, frame) = self.chain.pose(at, self.theta), self.chain.split(self.theta)
+        x = self.chain.pose(at, self.theta)
         beside = rotations.exp(tracker.turn * rng.standard_normal((len(at), 3)))
-        turned = beside @ frame.rotation @ self.chain.mechanism.rotation(x)
+        turned = beside @ self.chain.rotation(at, self.theta, x)
         return rotations.to_quaternion(turned)
 
     def rest_error(self, rng: np.random.Generator) -> Array:

@@ -42,7 +42,7 @@ _HARD = "0.9999 0.9999 0.001 0.5 2"  # of a constraint: what the engine allows a
 _THIN = 2e-6  # [kg m^2] of a rod about itself
 _ARM_INERTIA = 0.283 - ARM_CENTRE**2  # of kg m^2: a bar that tapers so that its centre is there
 _BASE_KG, _BASE_INERTIA = 60.0, 2.0  # [kg], [kg m^2]
-_ARM_LEVER = 0.25  # [m] between the feet of the base and its middle
+FOOT = 0.25  # [m] of each foot of the base from its middle, along and across
 _RATIO = 0.1  # of critical damping
 _SLIPPERY = 1e-4  # [N m s/rad] of a ball joint
 _SLUGGISH = 0.5  # [kg] for what stretches to follow at this step; without weight
@@ -82,12 +82,13 @@ def _base(world: Xml.Element, machine: Machine) -> Xml.Element:
     base = _add(world, "body", name="base")
     if np.isfinite(machine.mount):
         _add(base, "inertial", pos=(0, 0, 0), mass=_BASE_KG, diaginertia=3 * (_BASE_INERTIA,))
-        turning = machine.mount * _ARM_LEVER**2
-        stiff = {"slide": (machine.mount, _BASE_KG), "hinge": (turning, _BASE_INERTIA)}
+        turning = machine.mount * FOOT**2
+        swinging = _BASE_INERTIA + _BASE_KG * machine.feet**2
+        stiff = {"slide": (machine.mount, _BASE_KG), "hinge": (turning, swinging)}
         for kind, (k, inertia) in stiff.items():
             for axis in np.eye(3):
-                damping = 2 * _RATIO * np.sqrt(k * inertia)
-                _add(base, "joint", type=kind, axis=axis, stiffness=k, damping=damping)
+                spring = {"stiffness": k, "damping": 2 * _RATIO * np.sqrt(k * inertia)}
+                _add(base, "joint", type=kind, axis=axis, pos=(0, 0, -machine.feet), **spring)
     return base
 
 

@@ -39,6 +39,7 @@ class Machine:
         clearance: by which a ball may be off the middle of its socket [m].
         worn: end of the rods where it is, `PLATFORM_END` or `ELBOW_END`.
         mount: stiffness of what the base stands on, to each side [N/m]; infinite: rigid.
+        feet: how far under the base that stands on it [m].
     """
 
     hinge: Array
@@ -53,6 +54,7 @@ class Machine:
     clearance: float = 0.0
     worn: str = PLATFORM_END
     mount: float = np.inf
+    feet: float = 0.0
 
     def with_(self, **faults: Array | float | str) -> Machine:
         """The same machine with faults; what is of each drive may be one number for all."""

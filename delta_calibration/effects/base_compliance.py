@@ -1,0 +1,151 @@
+"""A base on soft feet: it sinks and tilts by what the machine presses on it.
+
+d = (F_x + k b_y, F_y - k b_x, F_z) / K with k = K h
+b = (2 (M_x - h F_y), 2 (M_y + h F_x), M_z) / (K r^2)
+
+F and M are force and moment on the base about its origin, by weight and inertia of all that moves
+(model/loads.py); d shifts the base and b turns it. Three or more equal feet stand evenly on a
+circle of radius r, h under the origin, K together and as stiff to the side as upright. What is
+constant is a place of the base like any other, and the tracker's frame has it: only what changes
+with pose, payload and motion shows. Valid where motions are slow against the swinging of the base.
+
+Feet stand below all that moves. That is what tells them from drives and rods that give: the base's
+tilt leads a load outwards, and what gives above it lets it sink inwards. A base that hangs from
+mounts above its platform moves it as rods and drives do, and nothing here tells it from them.
+
+Source: stiffness matrix of a body on equal springs, e.g. E. Rivin, Passive Vibration Isolation,
+ASME Press 2003.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import ClassVar
+
+import numpy as np
+
+from delta_calibration.data import Conditions
+from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
+from delta_calibration.effects.regressor import Groups, Regressor, by_payload
+from delta_calibration.effects.remedy import REPAIR, Remedy
+from delta_calibration.effects.signals import REACTION
+from delta_calibration.mechanisms import SerialArm
+from delta_calibration.model.symbols import Symbol, column
+from delta_calibration.parameters import ParameterSet
+
+# 110 kg of machine and frame on feet of this give swing at 30 Hz, the least that a maker asks of
+# what an arm stands on (ABB, IRB 4400 product manual 3HAC022032-001, loads on foundation).
+_GIVE = 2.5e-7  # [m/N]
+_SOFTEST = 2e-5  # [m/N] 50 kg at 5 Hz: an isolator's figure (Rivin 2003)
+# [m] from base or platform down to the feet: on a plate beneath, on a table, on the floor
+_BELOW = (0.15, 0.5, 1.5)
+_RADII = (0.25, 0.5, 1.0)  # [m] a pedestal's, a table's, a portal's about the workspace
+_UNWEIGHED = "the robot file states no masses"
+
+
+@dataclass(frozen=True)
+class BaseCompliance(Effect):
+    """Elastic give of the feet that the base, or its frame, stands on."""
+
+    cause: ClassVar[str] = "base_compliance"
+    remedy: ClassVar[Remedy] = Remedy(
+        REPAIR,
+        "feet of the base",
+        "tighten, level or stiffen what the base stands on, and calibrate again",
+        "hold a dial gauge from the floor to the base and drive the platform from side to side",
+    )
+    kind: ClassVar[str] = "structure"
+    stage: ClassVar[Stage] = Stage.BASE
+    gentle: ClassVar[bool] = True
+    needs: ClassVar[tuple[str, ...]] = ("payload",)
+    called: ClassVar[str] = "base on soft feet"
+    takes: ClassVar[tuple[str, ...]] = (REACTION,)
+    limits: ClassVar[Limits] = {"depth": (0.0, 5.0), "radius": (0.05, 5.0)}
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "depth": ("depth_m", "m"),
+        "radius": ("radius_m", "m"),
+    }
+
+    depth: float = 1.2  # [m] of the feet under the base's origin
+    radius: float = 0.5  # [m] of the circle that they stand on
+
+    @property
+    def suits(self) -> bool:
+        """Whether its file can say what it weighs, and it has one base: cables have posts."""
+        weighed = self.mechanism.Masses is not None or isinstance(self.mechanism, SerialArm)
+        return weighed and not self.mechanism.pulls
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """1 / K [m/N]."""
+        return self.shared("give", "m/N", _GIVE, 0.0, _SOFTEST)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """Shift (3) [m] and turn (3) [rad] of the base."""
+        force, moment, h, turning = s[0:3], s[3:6], c[0], v[0] / (c[1] * c[1])
+        about_x = 2 * turning * (moment[0] - h * force[1])
+        about_y = 2 * turning * (moment[1] + h * force[0])
+        return column(
+            v[0] * force[0] + h * about_y,
+            v[0] * force[1] - h * about_x,
+            v[0] * force[2],
+            about_x,
+            about_y,
+            turning * moment[2],
+        )
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """Depth and radius of the feet."""
+        del joint
+        return self.depth, self.radius
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """Feet near and far below all that moves, near to each other and far apart."""
+        del at
+        for below, radius in product(_BELOW, _RADII):
+            yield replace(self, depth=self._reach + below, radius=radius)
+
+    def intervals(self) -> tuple[Interval, ...]:
+        """Between the neighbours of the search; below all that moves."""
+        reach, r = self._reach, self.radius
+        below = max(self.depth - reach, _BELOW[0])
+        return ("depth", reach + below / 2, reach + 2 * below), ("radius", r / 2, 2 * r)
+
+    @property
+    def _reach(self) -> float:
+        """How far under the base the platform is in the middle of its workspace, or 0 [m]."""
+        model = self.mechanism
+        x = model.forward(model.home[None], model.parameters.nominal)
+        return float(max(0.0, -x[0, 2]))
+
+    def missing(self, at: Conditions) -> str:
+        """Also where nobody has stated what the links of an arm weigh (`mass_kg`)."""
+        if not self.mechanism.weights(self.robot.masses).any():
+            return _UNWEIGHED
+        return super().missing(at)
+
+    def remedied(self, lacking: str) -> str:
+        """State the masses, where these are what is missing."""
+        if lacking == _UNWEIGHED:
+            return "state mass_kg of the links in the robot file"
+        return super().remedied(lacking)
+
+    def regressor(self, at: Conditions) -> Regressor:
+        """Moment that tilts the base, of the nominal machine."""
+        del at
+        return Regressor("moment that tilts the base [N m]", self._moment)
+
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """By payload."""
+        del joint
+        return by_payload(at)
+
+    def _moment(self, at: Conditions, joint: int) -> Array:
+        """About x, about y or the length of both, by the joint's number, (n,) [N m]."""
+        moment = self.nominal(at).of(REACTION)[:, 3:5]
+        if joint < 2:
+            return np.asarray(moment[:, joint])
+        return np.asarray(np.hypot(*moment.T))
