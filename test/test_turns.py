@@ -97,7 +97,8 @@ def test_a_base_on_soft_feet_turns_the_probe():
     effect = effect_named("base_compliance", robot, robot.detailed, {})
     chain = Chain(robot.detailed, np.zeros(3), 1e-3).with_effects((effect,))
     nominal = robot.detailed.parameters.nominal
-    theta = chain.join(nominal, np.zeros(3), Frame(rotations.exp(np.array([0.4, -0.3, 1.2]))))
+    frame = Frame(rotations.exp(np.array([0.4, -0.3, 1.2])), np.zeros(3))
+    theta = chain.join(nominal, np.zeros(3), frame)
     layout = chain.layout
     at = standing(rng.uniform(-0.2, 0.4, (5, 3)), payload=2.0)
 
