@@ -111,6 +111,7 @@ AT_REST = {
     "thermal_growth_base": 4,
     "thermal_growth_forearm": 60,
     "forearm_compliance": 4,
+    "base_compliance": 17,  # 7 kg on feet of 0.25 um/N, most of it the same everywhere
     "ball_joint_clearance": 40,  # twice its own size: a pair that is pulled and pushed turns
 }
 # On a circle at 0.5 m/s, 1.3 m/s^2.

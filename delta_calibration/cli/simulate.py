@@ -72,7 +72,7 @@ By robot:
                         encoder_eccentricity transmission_error joint_scale
                         thermal_growth_link joint_error_curve
   scara                 also reducer_compliance base_compliance
-  ur10                  also gravity_sag
+  ur10                  also gravity_sag base_compliance
 An unknown cause or location is refused with a list of those the robot has.
 """
 

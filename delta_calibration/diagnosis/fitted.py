@@ -271,7 +271,8 @@ def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
     weighed = evidence.weigh(evidence.column) if intervals else np.zeros(0)
     for interval in intervals * len(intervals):  # what one is best at depends on the others
         term = _zoomed(evidence, term, interval, weighed)
-    return _followed(evidence, term, weighed) if len(intervals) > 1 else term
+    valley = term.effect is not None and term.effect.valley
+    return _followed(evidence, term, weighed) if valley else term
 
 
 def _followed(evidence: LinearizedModel, term: Candidate, weighed: Array) -> Candidate:

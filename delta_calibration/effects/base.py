@@ -78,6 +78,7 @@ class Effect(ABC):
     asks_pose: ClassVar[bool] = False  # whether what is `missing` depends on the pose as well
     # whether it changes by hundredths of what it moves the tool by: no steps, no steep slopes
     gentle: ClassVar[bool] = False
+    valley: ClassVar[bool] = False  # whether searched fields are set by one combination of them
     limits: ClassVar[Limits] = {}  # of settings that are numbers
     # those of them in the joints' unit: limits are a Delta's, and wider where its joints need it
     of_joints: ClassVar[tuple[str, ...]] = ()
