@@ -46,7 +46,8 @@ def with_effects(
     covariance = np.diag(np.full(len(theta), 1e-12))
     covariance[:n, :n] = found.covariance
     chain = found.chain.with_effects(tuple(made))
-    return replace(found, chain=chain, theta=theta, covariance=covariance)
+    told = replace(found.uncertainty, covariance=covariance)
+    return replace(found, chain=chain, theta=theta, covariance=covariance, uncertainty=told)
 
 
 class Processes:
