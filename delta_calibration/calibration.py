@@ -59,7 +59,7 @@ class Calibration:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Causes found that are not compensated, see `why_left_out`."""
+        """Causes that were found and cannot be compensated; `why_left_out` gives the reason."""
         effects = self.chain.effects
         return tuple(e.cause for e in effects if e.bound_to_session or e.stage is Stage.BASE)
 

@@ -74,10 +74,9 @@ class Screen:
     signals: Signals
     _factors: dict[Moved, _Factor] = field(default_factory=dict)
     _functions: dict[Taken, Array] = field(default_factory=dict)
-    _nuisance: dict[Column, Array] = field(default_factory=dict)  # A^T C^-1 x
-    _shared: dict[Column, Array] = field(
-        default_factory=dict
-    )  # what of x looks like shared errors
+    # of each column x: A^T C^-1 x, and what of it looks like errors that samples share
+    _nuisance: dict[Column, Array] = field(default_factory=dict)
+    _shared: dict[Column, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """What all laws share."""

@@ -38,6 +38,7 @@ from delta_calibration.estimation import (
     Population,
     Problem,
     whitening,
+    widened,
 )
 from delta_calibration.geometry import rotations
 from delta_calibration.robot import Robot
@@ -111,11 +112,11 @@ class LinearizedModel:
         return min(3, self.coordinates)
 
     def metres(self, whitened: Array, rows: NDArray[np.intp]) -> Array:
-        """Places of whitened samples, (k, d) or (all k, d) -> (k, axes) [m]: what a turn is not.
+        """Undo the whitening of what samples have of a place, (k, axes) [m]; turns are left out.
 
         Args:
-            whitened: of the samples that are asked for.
-            rows: which these are, none of them set aside.
+            whitened: of these samples, (k, d).
+            rows: which samples these are, (k,), none of them set aside.
         """
         root = self.whiten[rows, : self.axes, : self.axes]  # lower triangular: of the place alone
         return np.asarray(np.linalg.solve(root, whitened[:, : self.axes, None])[..., 0])
@@ -383,17 +384,13 @@ def _in_motion(paths: Paths, chain: Chain, theta: Array, guess: Array | None) ->
 
 
 def _one_after_the_other(first: Linear, second: Linear) -> Linear:
-    """Both in one; a kind of fewer numbers has zeros in the place of what it does not measure."""
+    """Both in one; the second has as many numbers as the first, or fewer."""
     d = first.missed.shape[1]
-
-    def filled(each: Array) -> Array:
-        return np.pad(each, [(0, 0), (0, d - each.shape[1])] + [(0, 0)] * (each.ndim - 2))
-
     return Linear(
         np.concatenate([first.pose, second.pose]),
-        np.concatenate([first.missed, filled(second.missed)]),
-        np.concatenate([first.by_theta, filled(second.by_theta)]),
-        np.concatenate([first.by_joints, filled(second.by_joints)]),
+        np.concatenate([first.missed, widened(second.missed, d)]),
+        np.concatenate([first.by_theta, widened(second.by_theta, d)]),
+        np.concatenate([first.by_joints, widened(second.by_joints, d)]),
         joined(first.at, second.at),
     )
 

@@ -80,7 +80,7 @@ class BaseCompliance(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """1 / K [m/N]."""
+        """How far the base sinks for each newton on it, 1 / K [m/N]."""
         return self.shared("give", "m/N", _GIVE, 0.0, _SOFTEST)
 
     @staticmethod

@@ -58,6 +58,7 @@ from delta_calibration.estimation.problem import (
     solution_at,
     solve,
     spread_of,
+    widened,
 )
 from delta_calibration.estimation.registration import placing, registered
 from delta_calibration.estimation.turns import never_turned, with_turns
@@ -127,5 +128,6 @@ __all__ = [
     "told_by",
     "uncertainty_of",
     "whitening",
+    "widened",
     "with_turns",
 ]

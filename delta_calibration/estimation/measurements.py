@@ -467,7 +467,7 @@ def _of_readings(chain: Chain) -> list[slice]:
 def _add_turns_of_base(
     slope: Array, at: Predictor, theta: Array, layout: Layout, x: Array
 ) -> None:
-    """Add to d(turn)/d(theta), (n, 3, P), how the base turns with the values of its effects."""
+    """Add the base's turn by its effects' values to d(turn)/d(theta), (n, 3, P)."""
     chain, machine = at.chain, theta[layout.chain]
     if not chain.of_base:
         return

@@ -197,7 +197,7 @@ def _kurtosis(error: Array, whole: Array, model: Array, place: Index) -> float:
 
 
 def _reached(ratio: Array) -> float:
-    """By how much the 95 % of ratios (n,) reach beyond 1, where more do than do by chance."""
+    """Factor on the radius: the 95 % of ratios (n,), where more exceed 1 than do by chance."""
     above = int(np.sum(ratio > 1.0))
     if len(ratio) < _FEWEST or bdtrc(above - 1, len(ratio), 1 - COVERED) > _CHANCE:
         return 1.0

@@ -235,18 +235,19 @@ def scales(chain: Chain) -> tuple[Array, Mask]:
     return np.diag(np.where(finite, prior, _FRAME_STEP)), finite
 
 
+def widened(each: Array, width: int) -> Array:
+    """Samples (n, d, ...) with zeros for the numbers that their kind does not measure."""
+    missing = width - each.shape[1]
+    return np.pad(each, [(0, 0), (0, missing)] + [(0, 0)] * (each.ndim - 2))
+
+
 def _stacked(parts: list[Linearized]) -> Linearized:
     """All kinds in one, the d of the largest."""
     width = max(part.residual.shape[1] for part in parts)
-
-    def filled(each: Array) -> Array:
-        missing = width - each.shape[1]
-        return np.pad(each, [(0, 0), (0, missing)] + [(0, 0)] * (each.ndim - 2))
-
-    rows = np.concatenate([filled(part.slope) for part in parts])
+    rows = np.concatenate([widened(part.slope, width) for part in parts])
     return Linearized(
         np.concatenate([part.pose for part in parts]),
-        np.concatenate([filled(part.residual) for part in parts]),
+        np.concatenate([widened(part.residual, width) for part in parts]),
         rows.reshape(-1, rows.shape[-1]),
         np.concatenate([part.numbers for part in parts]),
     )
