@@ -119,7 +119,7 @@ def _run(todo: list[str], out: Path, scheduler: str | None, workers: int | None)
         return
     count = workers or os.cpu_count() or 1
     with (
-        LocalCluster(count, threads_per_worker=1, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster,
         Client(cluster) as client,
     ):
         _keep(client, todo, out)

@@ -61,7 +61,7 @@ class JointFit:
         rows = self.rows(terms)
         if not rows.size:
             return np.zeros(0), 0.0, 0.0
-        information, b = self.information[np.ix_(rows, rows)], self.b[rows]
+        information, b = self.information[rows[:, None], rows], self.b[rows]
         value = most_likely(information, b, self.lower[rows], self.upper[rows])
         price = float(np.log(self.tries[list(terms)]).sum())
         log_b = log_bayes(information, b, value, sizes([self.candidates[i] for i in terms]))

@@ -29,6 +29,7 @@ from math import log, pi
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv, dpotrf
+from scipy.special import chdtrc, fdtrc  # of one number scipy.stats asks much first
 from scipy.stats import chi2, f
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
@@ -132,7 +133,7 @@ class Weighed:
             for i, candidate in enumerate(group):
                 rows = np.searchsorted(group[0].rows, candidate.rows)
                 ratio = (typical_of(candidate) / unit[rows])[:, None]
-                own = ratio * information[np.ix_(rows, rows)] * ratio.T
+                own = ratio * information[rows[:, None], rows] * ratio.T
                 here = self._shape(candidate, own, ratio * b[rows], len(shapes) > 1)
                 if len(best) <= i:
                     best.append(here)
@@ -188,12 +189,8 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
     """v of the largest posterior within its bounds, (k,): the binding ones held one by one."""
     normal = information + PRECISION * np.eye(len(b))
     held = np.zeros(len(b), dtype=bool)
-    value = np.zeros(len(b))
-    for _ in range(len(b) + 1):
-        free = ~held
-        if free.any():
-            right = b[free] - normal[np.ix_(free, held)] @ value[held]
-            value[free] = _solved(normal[np.ix_(free, free)], right)
+    value = _solved(normal, b)
+    for _ in range(len(b)):
         beyond = np.maximum(lower - value, value - upper)
         beyond[held] = 0.0
         if not (beyond > 0).any():
@@ -201,6 +198,10 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
         worst = int(np.argmax(beyond))
         held[worst] = True
         value[worst] = np.clip(value[worst], lower[worst], upper[worst])
+        free = ~held
+        if free.any():
+            right = b[free] - normal[free][:, held] @ value[held]
+            value[free] = _solved(normal[free][:, free], right)
     return value
 
 
@@ -211,8 +212,10 @@ def log_p_of(gain: float, k: float, noise_degrees: float) -> float:
     where it is known.
     """
     if not np.isfinite(noise_degrees):
-        return float(chi2.logsf(gain, k))
-    return float(f.logsf(gain / k, k, noise_degrees))
+        p = chdtrc(k, gain)
+        return float(np.log(p)) if p > 0 else float(chi2.logsf(gain, k))
+    p = fdtrc(k, noise_degrees, gain / k)
+    return float(np.log(p)) if p > 0 else float(f.logsf(gain / k, k, noise_degrees))
 
 
 def decrease(information: Array, b: Array, value: Array) -> float:

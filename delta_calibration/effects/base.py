@@ -328,8 +328,18 @@ class Effect(ABC):
         unit, size = self._of_joints(unit)
         sizes = (size * prior, size * lower, size * upper)
         return _one_a_joint(
-            self.cause, name, unit, sizes, self.mechanism.limb, self.mechanism.joints
+            self.cause, (name,), unit, sizes, self.mechanism.limb, self.mechanism.joints
         )
+
+    def wave(self, prior: float, bound: float) -> ParameterSet:
+        """Amplitudes of a wave of each joint: of the sines, then of the cosines.
+
+        In radians of a joint that turns; of another as much as does the same.
+        """
+        unit, size = self._of_joints("rad")
+        sizes = (size * prior, -size * bound, size * bound)
+        names, own = ("sine", "cosine"), self.mechanism
+        return _one_a_joint(self.cause, names, unit, sizes, own.limb, own.joints)
 
     def _take_usual(self, **usual: float) -> None:
         """Give settings that are None their usual value on a Delta, times the joint size."""
@@ -443,13 +453,19 @@ def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:
 
 @cache  # a search asks for those of each effect thousands of times
 def _one_a_joint(
-    cause: str, name: str, unit: str, sizes: tuple[float, float, float], limb: str, joints: int
+    cause: str,
+    names: tuple[str, ...],
+    unit: str,
+    sizes: tuple[float, float, float],
+    limb: str,
+    joints: int,
 ) -> ParameterSet:
-    """`name` with the number of each joint; prior, lower and upper bound of each."""
+    """Each name with the number of each joint; prior, lower and upper bound of each."""
     prior, *bounds = sizes
     return ParameterSet(
         tuple(
             Parameter(f"{name}_{j}", unit, 0.0, prior, cause, f"{limb}_{j}", *bounds)
+            for name in names
             for j in range(1, joints + 1)
         )
     )

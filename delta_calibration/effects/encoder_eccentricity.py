@@ -40,8 +40,7 @@ class EncoderEccentricity(Effect):
     @property
     def parameters(self) -> ParameterSet:
         """a and b of each joint [rad]."""
-        sine = self.each_joint("sine", "rad", 0.2e-3, -0.02, 0.02)
-        return sine + self.each_joint("cosine", "rad", 0.2e-3, -0.02, 0.02)
+        return self.wave(0.2e-3, 0.02)
 
     takes: ClassVar[tuple[str, ...]] = (JOINT,)
 

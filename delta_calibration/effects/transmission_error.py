@@ -52,8 +52,7 @@ class TransmissionError(Effect):
     @property
     def parameters(self) -> ParameterSet:
         """a and b of each joint [rad]: harmonic drives 0.5 to 2 arc minutes."""
-        sine = self.each_joint("sine", "rad", 0.15e-3, -0.01, 0.01)
-        return sine + self.each_joint("cosine", "rad", 0.15e-3, -0.01, 0.01)
+        return self.wave(0.15e-3, 0.01)
 
     def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
         """Once a turn of the motor: the gear of the robot's file."""
