@@ -26,6 +26,7 @@ pytestmark = pytest.mark.slow
 
 SESSIONS = Path(__file__).resolve().parents[2] / "shared" / "sessions"
 CONFIDENT = 0.8
+STRONG = 4000.0  # lambda of which a sixteenth is seen as well
 CAUSES = (
     "backlash",
     "joint_compliance",
@@ -71,6 +72,26 @@ def test_what_no_catalogue_has_is_recognised_and_not_named():
     said = published("unknown")
     assert not said.findings
     assert said.unknown_structure.found
+
+
+@pytest.mark.parametrize("seed", [9401, 9402])
+def test_both_orders_of_a_gear_are_one_cause(seed: int):
+    """The foreign gear errs once and twice a turn of its motor, the weaker by a quarter."""
+    task = Task("test", seed, (("transmission_error", STRONG),))
+    hidden, _ = scaled(task)
+    said = diagnose(survey(hidden.session, ROBOT.joints.names), ROBOT).verdict
+    (finding,) = said.findings
+    assert finding.cause == "transmission_error"
+    assert not said.unknown_structure.found
+    gear = hidden.hidden.values["transmission_error"]
+    assert finding.shape["order"].value == pytest.approx(gear["cycles"], rel=2e-3)
+    main, other = (1, 2) if gear["share_1"] == 1 else (2, 1)
+    assert finding.shape["second_order"] == f"{other / main:g} times the order"
+    for joint in (1, 2, 3):
+        for wave, order in (("", main), ("second_", other)):
+            a, b = (finding.parameters[f"{wave}{part}_{joint}"] for part in ("sine", "cosine"))
+            size = gear[f"size_{joint}"] * gear[f"share_{order}"]
+            assert np.hypot(a.value, b.value) == pytest.approx(size, abs=4 * max(a.std, b.std))
 
 
 @pytest.mark.parametrize("cause", CAUSES)

@@ -54,7 +54,7 @@ SHAPES = {
     "pulley_radius": [{"radius": 0.03}],
     "stick_slip": [{"level": 0.3}],
     "tracker_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}],
-    "transmission_error": [{"cycles": 7.5}],
+    "transmission_error": [{"cycles": 7.5}, {"cycles": 7.5, "second": 2.0}],
     **{
         f"thermal_growth_{part}": [{"sensor": "arm"}, {"time_constant": 900.0}]
         for part in ("arm", "base", "forearm", "link")

@@ -415,6 +415,21 @@ def test_a_harmonic_goes_on_beyond_a_turn() -> None:
     assert np.abs(np.delete(spectrum, line, axis=0)).max() < 1e-12
 
 
+def test_a_second_order_of_a_train_is_a_line_of_its_own() -> None:
+    """33 and 66 cycles a turn, of another size and phase each: two lines, and nothing else."""
+    n, turns = 4096, 2
+    q = np.tile((2 * np.pi * turns * np.arange(n) / n)[:, None], 3)
+    e = effect("transmission_error", cycles=33.0, second=2.0)
+    waves = ((1.3e-4, 0.7), (0.4e-4, -1.1))  # [rad] size and phase
+    v = np.concatenate([s * np.repeat([np.cos(p), np.sin(p)], 3) for s, p in waves])
+    spectrum = np.fft.rfft(e.columns(at_rest(q)) @ v, axis=0) / n
+    for order, (size, phase) in zip((33, 66), waves, strict=True):
+        line = spectrum[order * turns]
+        np.testing.assert_allclose(2 * np.abs(line), size, rtol=1e-9)
+        np.testing.assert_allclose(np.angle(line), phase - np.pi / 2, atol=1e-9)
+    assert np.abs(np.delete(spectrum, [33 * turns, 66 * turns], axis=0)).max() < 1e-12
+
+
 def test_an_eccentric_disc_read_by_one_head() -> None:
     """A disc of 40 mm, 10 um off its axis: 103 seconds of arc, and where they are."""
     radius, off, place = 0.02, 10e-6, 0.8

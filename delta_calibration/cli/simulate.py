@@ -37,7 +37,7 @@ Measurement (default strength 1, as for all below):
 Drive:
   encoder_eccentricity  value: amplitude
   transmission_error    value: amplitude; cycles=N per turn (default: gear
-                        ratio)
+                        ratio); second=2: that of twice the order as well
   joint_scale joint_compliance joint_lag
   backlash              on a Delta, held_by=N m: loads above it hold the gear
                         on one flank (0: none does)

@@ -57,6 +57,7 @@ TEMPER = 3.0  # ln p of laws is divided by this: calibrates their stated probabi
 LAW_SURE = 0.6  # probability from which a law is told
 LAW_ALIKE = 0.98  # share of a signal that another law makes as well, for the two to be one
 LAW_BESIDE = 0.1  # share of a law's ln B that a map may have beside it
+MODELLED = 0.05  # share by which a law's ln B must exceed that of causes, to put them in doubt
 LAW_SHOWS = 10.0  # ln B under which no law is looked for further
 QUIETER = 0.8  # of the noise before, from which a smaller one is worth another search
 LACKING = 1.1  # misfit from which a model may lack a strong cause

@@ -31,6 +31,7 @@ from delta_calibration.diagnosis.constants import (
     LAW_FORETOLD,
     LAW_SHOWS,
     LAW_SURE,
+    MODELLED,
     PLAIN_WORDS,
     TEMPER,
     USUAL,
@@ -127,7 +128,8 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
     """Probability that a single law is behind the readings, and not causes that were named.
 
     Several causes together can follow what is one law of another form; the law then explains as
-    much and costs less.
+    much and costs less. What it explains a little better is no doubt: effects of the catalogue
+    are models, and machines differ from them by some hundredths.
 
     Args:
         evidence: of what is left without the causes.
@@ -139,7 +141,8 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
     signals = signals_of(evidence, robot)
     laws = list(Grammar(robot, evidence, signals).laws())
     guesses = _finer(Screen(evidence, signals), laws)
-    return float(expit((guesses[0].log_p - worth(evidence, named)) / TEMPER))
+    least = (1 + MODELLED) * worth(evidence, named)
+    return float(expit((guesses[0].log_p - least) / TEMPER))
 
 
 def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:

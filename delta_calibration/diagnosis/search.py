@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
 from delta_calibration.diagnosis.constants import LOOKED_AT, MOST, NEARLY, PLAIN, RIVAL, SWAPS
 from delta_calibration.diagnosis.fitted import Fitted, beside, gain_of
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, sizes
@@ -173,9 +173,11 @@ def _reshaped(model: Fitted, i: int) -> list[tuple[Candidate, ...]]:
         return []
     at, evidence = model.evidence.at, beside(model.evidence, (*terms[:i], *terms[i + 1 :]))
     others = [
-        replace(term, effect=other)
+        candidate
         for other in term.effect.refinements(at)
         if not other.missing(at) and not _reached(term.effect, other)
+        for candidate in subsets(other)
+        if candidate.location == term.location
     ]
     if not others:
         return []

@@ -331,15 +331,15 @@ class Effect(ABC):
             self.cause, (name,), unit, sizes, self.mechanism.limb, self.mechanism.joints
         )
 
-    def wave(self, prior: float, bound: float) -> ParameterSet:
-        """Amplitudes of a wave of each joint: of the sines, then of the cosines.
+    def waves(self, prior: float, bound: float, count: int = 1) -> ParameterSet:
+        """Amplitudes of one or two waves of each joint: the sines of all, then the cosines.
 
         In radians of a joint that turns; of another as much as does the same.
         """
         unit, size = self._of_joints("rad")
         sizes = (size * prior, -size * bound, size * bound)
-        names, own = ("sine", "cosine"), self.mechanism
-        return _one_a_joint(self.cause, names, unit, sizes, own.limb, own.joints)
+        names, own = ("sine", "cosine", "second_sine", "second_cosine"), self.mechanism
+        return _one_a_joint(self.cause, names[: 2 * count], unit, sizes, own.limb, own.joints)
 
     def _take_usual(self, **usual: float) -> None:
         """Give settings that are None their usual value on a Delta, times the joint size."""

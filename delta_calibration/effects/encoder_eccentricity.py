@@ -40,7 +40,7 @@ class EncoderEccentricity(Effect):
     @property
     def parameters(self) -> ParameterSet:
         """a and b of each joint [rad]."""
-        return self.wave(0.2e-3, 0.02)
+        return self.waves(0.2e-3, 0.02)
 
     takes: ClassVar[tuple[str, ...]] = (JOINT,)
 

@@ -1,6 +1,9 @@
 """Teeth and wave generators: an error that repeats many times a turn.
 
 dq = a sin(n q) + b cos(n q)        q unwrapped; n of the gear: 1x and 2x of a motor turn
+
+A train that errs once a turn of the motor mostly does so twice as well: beside the order that is
+found first, another of the same train may be.
 """
 
 from __future__ import annotations
@@ -20,14 +23,15 @@ from delta_calibration.effects.base import (
     Stage,
 )
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
-from delta_calibration.effects.signals import JOINT
+from delta_calibration.effects.signals import JOINT, Places
 from delta_calibration.model.symbols import Symbol, cos, sin
+from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
 class TransmissionError(Effect):
-    """A harmonic of `cycles` a turn of the joint, the same for all joints."""
+    """A harmonic of `cycles` a turn of the joint, the same for all joints, and one beside it."""
 
     cause: ClassVar[str] = "transmission_error"
     remedy: ClassVar[Remedy] = Remedy(
@@ -39,10 +43,11 @@ class TransmissionError(Effect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"cycles": ("order", "1")}
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
-    limits: ClassVar[Limits] = {"cycles": (0.1, 1e5)}
+    limits: ClassVar[Limits] = {"cycles": (0.1, 1e5), "second": (0.0, 16.0)}
     live_strength: ClassVar[float] = 0.8
 
     cycles: float = 33.0
+    second: float = 0.0  # order beside it, in multiples of `cycles`; 0 where there is none
 
     @property
     def suits(self) -> bool:
@@ -51,8 +56,13 @@ class TransmissionError(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """a and b of each joint [rad]: harmonic drives 0.5 to 2 arc minutes."""
-        return self.wave(0.15e-3, 0.01)
+        """a and b of each joint and order [rad]: harmonic drives 0.5 to 2 arc minutes."""
+        return self.waves(0.15e-3, 0.01, len(self.orders))
+
+    @property
+    def orders(self) -> tuple[float, ...]:
+        """Cycles a turn of the joint of each harmonic."""
+        return (self.cycles, self.second * self.cycles) if self.second else (self.cycles,)
 
     def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
         """Once a turn of the motor: the gear of the robot's file."""
@@ -67,10 +77,15 @@ class TransmissionError(Effect):
         phase = c[0] * s[0]
         return v[0] * sin(phase) + v[1] * cos(phase)
 
-    def constants(self, joint: int) -> tuple[float, ...]:
-        """n."""
-        del joint
-        return (self.cycles,)
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each order and joint."""
+        count = self.mechanism.joints
+        for wave, cycles in enumerate(self.orders):
+            for joint in range(count):
+                sine = 2 * wave * count + joint
+                yield Term(
+                    (places.begin(JOINT) + joint,), (sine, sine + count), (joint,), (cycles,)
+                )
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """The file's gear once and twice; then all that the joints' range can part.
@@ -90,6 +105,17 @@ class TransmissionError(Effect):
         for cycles in np.arange(least, _MOST_CYCLES / size, step).tolist():
             yield replace(self, cycles=cycles)
 
+    def refinements(self, at: Conditions) -> Iterator[Effect]:
+        """Each shape of the search, and this one with another order of its train beside it."""
+        yield from self.shapes(at)
+        for second in _OF_A_TRAIN:
+            yield replace(self, second=second)
+
+    @property
+    def chosen(self) -> dict[str, str]:
+        """The order beside the first, where one was found."""
+        return {"second_order": f"{self.second:g} times the order"} if self.second else {}
+
     def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search."""
         size = self.mechanism.joint_size
@@ -99,3 +125,4 @@ class TransmissionError(Effect):
 
 _LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # a turn of a Delta's joint
 _BETWEEN = 1.5
+_OF_A_TRAIN = (2.0, 0.5, 4.0, 0.25)

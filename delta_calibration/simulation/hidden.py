@@ -165,8 +165,8 @@ def _values(effect: Effect, options: Options, rng: np.random.Generator) -> Array
 def _vector(parameter: Parameter) -> str:
     """Of which vector a parameter is a part: a harmonic, a shift; its own name if of none."""
     stem, _, end = parameter.name.rpartition("_")
-    if stem in ("sine", "cosine"):
-        return f"harmonic_{end}"
+    if stem.endswith("sine"):
+        return f"{stem.removesuffix('cosine').removesuffix('sine')}harmonic_{end}"
     return stem if end in ("x", "y", "z") else parameter.name
 
 
