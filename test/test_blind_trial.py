@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 SESSIONS = Path(__file__).resolve().parents[2] / "shared" / "sessions"
 CONFIDENT = 0.8
-STRONG = 4000.0  # lambda of which a sixteenth is seen as well
+STRONG = 4000.0  # lambda, of which a sixteenth is seen as well
 CAUSES = (
     "backlash",
     "joint_compliance",
@@ -92,6 +92,14 @@ def test_both_orders_of_a_gear_are_one_cause(seed: int):
             a, b = (finding.parameters[f"{wave}{part}_{joint}"] for part in ("sine", "cosine"))
             size = gear[f"size_{joint}"] * gear[f"share_{order}"]
             assert np.hypot(a.value, b.value) == pytest.approx(size, abs=4 * max(a.std, b.std))
+
+
+def test_a_law_that_explains_a_little_more_is_no_doubt_of_a_name():
+    """Rods whose ends go by the joints' accelerations explain 0.3 % more than drives that give."""
+    said = trial(9100, ("dynamic_deflection", STRONG))
+    (finding,) = said["findings"]
+    assert finding["cause"] == "dynamic_deflection"
+    assert not said["unknown"]
 
 
 @pytest.mark.parametrize("cause", CAUSES)
