@@ -106,10 +106,16 @@ class TransmissionError(Effect):
             yield replace(self, cycles=cycles)
 
     def refinements(self, at: Conditions) -> Iterator[Effect]:
-        """Each shape of the search, and this one with another order of its train beside it."""
+        """Each shape of the search, and this one with another order of its train beside it.
+
+        Where the slower of both repeats a few times in the joints' range: less often, two orders
+        could draw any curve.
+        """
         yield from self.shapes(at)
+        turns = float(np.ptp(at.joint, axis=0).max()) / (2 * np.pi)
         for second in _OF_A_TRAIN:
-            yield replace(self, second=second)
+            if min(1.0, second) * self.cycles * turns >= _REPEATS:
+                yield replace(self, second=second)
 
     @property
     def chosen(self) -> dict[str, str]:
@@ -126,3 +132,4 @@ class TransmissionError(Effect):
 _LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # a turn of a Delta's joint
 _BETWEEN = 1.5
 _OF_A_TRAIN = (2.0, 0.5, 4.0, 0.25)
+_REPEATS = 4.0  # times in the joints' range
