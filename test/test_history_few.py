@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from delta_calibration.cli import kept
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
 from delta_calibration.errors import DataError
@@ -131,6 +130,7 @@ def test_few_places_are_added_by_the_verb(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip("sqlalchemy")
+    from delta_calibration.history import adding
     from delta_calibration.history.store import Entry, open_store
 
     store = ["--machine", "m", "--store", str(folder / "h.sqlite")]
@@ -146,8 +146,8 @@ def test_few_places_are_added_by_the_verb(
         read.append(entry.id)
         return reading(entry, robot)
 
-    reading = kept._dated
-    monkeypatch.setattr(kept, "_dated", read_again)
+    reading = adding.read_again
+    monkeypatch.setattr(adding, "read_again", read_again)
     assert run(add(folder, [2, 3])) == 0
     assert read == ["day_0", "day_1", "day_2"]  # each once
     said = capsys.readouterr().out

@@ -25,6 +25,7 @@ from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import State, Step, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
+from delta_calibration.wording import spoken
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,29 @@ class Prospect:
     def changed_now(self, session: str) -> tuple[Change, ...]:
         """Changes in the gap before a session."""
         return tuple(change for change in self.changes if change.before == session)
+
+    def sentences(self, session: str) -> tuple[str, ...]:
+        """What of the history a fit of a session begins with, and what changed before it."""
+        effects = ", ".join(spoken(effect.cause) for effect in self.carried.effects)
+        names, now = self.carried.sessions, self.changed_now(session)
+        told = [
+            f"carried over from {len(names)} session{'' if len(names) == 1 else 's'} "
+            f"({names[0]} to {names[-1]}): geometry{f' and {effects}' if effects else ''}",
+            *(f"changed: {change.sentence()}; what was known of it is dropped" for change in now),
+        ]
+        if not now:
+            told.append("nothing changed since that this session could show")
+        return tuple(told)
+
+    @property
+    def doubt(self) -> str:
+        """That a session and its history do not go together; empty where they do."""
+        if self.odd == 1:
+            return ""
+        return (
+            f"the session contradicts its history ({self.odd:.1f} times what drift and noise "
+            "explain); that is believed so much less: measure a whole plan"
+        )
 
 
 @one_thread()
