@@ -152,7 +152,7 @@ def test_few_places_are_added_by_the_verb(
     assert read == ["day_0", "day_1", "day_2"]  # each once
     said = capsys.readouterr().out
     assert "carried over from 2 sessions (day_0 to day_1)" in said
-    assert "changed: between day_1 and day_2 the arm length of joint 3" in said
+    assert "changed: between day_1 (2023-11-15) and day_2 (2023-11-16) the arm length" in said
     assert "carried over from 3 sessions (day_0 to day_2)" in said
     assert run(add(folder, [3])) == 2
     assert "is in the history of 'm' already" in capsys.readouterr().err
@@ -162,7 +162,7 @@ def test_few_places_are_added_by_the_verb(
     # a fleet's priors are made of fits that were told nothing
     assert len(fitted("m", (entry.calibration for entry in entries), robot).calibrations) == 2
     assert run(["history", "changes", *store]) == 0
-    assert "between day_1 and day_2 the arm length of joint 3" in capsys.readouterr().out
+    assert "and day_2 (2023-11-16) the arm length of joint 3" in capsys.readouterr().out
     assert run(["history", "list", *store]) == 0
     assert "update: fitted with what the history says" in capsys.readouterr().out
 

@@ -106,7 +106,8 @@ def prospect(
     days = days_between([each.began.timestamp() for each in every])
     steps = Steps(whole.kept, whole.parts, frozenset(causes), tuple(days.tolist()))
     found, walk = steps.search()
-    told = changes_of(steps, found, walk, causes, robot.named)
+    began = [each.began for each in every]
+    told = changes_of(steps, found, walk, causes, robot.named, began)
     causes |= {steps.key(step)[0] for step in walk.steps}
     small = whole.only(causes)
     state, odd = _next(_believed(small, found, steps, walk, len(old)), new)
