@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
+from delta_calibration.effects import catalogue
 from delta_calibration.errors import DataError
 from delta_calibration.fleet.evidence import fitted
 from delta_calibration.history import Dated, find_changes, prospect
@@ -26,14 +28,14 @@ LONGER = {"arm_length": {"location": "joint_3", "value": "1.5e-4"}}
 Causes = dict[str, dict[str, str]]
 
 
-def measured(robot: Robot, day: int, plan: Plan, causes: Causes) -> Session:
+def measured(robot: Robot, day: int, plan: Plan, causes: Causes, seed: int = SEED) -> Session:
     """A day of the same machine, tracker and reflector set up anew."""
-    machine = visited(draw_machine(robot, SEED, 1.0, causes), robot, SEED, day + 1)
+    machine = visited(draw_machine(robot, seed, 1.0, causes), robot, seed, day + 1)
     return days_later(simulate_session(machine, plan, 100 + day), day)
 
 
-def dated(robot: Robot, day: int, plan: Plan, causes: Causes) -> Dated:
-    recorded = measured(robot, day, plan, causes)
+def dated(robot: Robot, day: int, plan: Plan, causes: Causes, seed: int = SEED) -> Dated:
+    recorded = measured(robot, day, plan, causes, seed)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     return Dated(f"day_{day}", BEGAN + timedelta(days=day), seen)
 
@@ -96,6 +98,24 @@ def test_what_few_places_say_is_carried_on(robot: Robot, old: list[Dated], few: 
     assert abs(seen.mean[arm] - true) < 4 * spread < 4e-4
     assert abs(unseen.mean[arm] - true) > 1e-4
     assert seen.sessions == ("day_0", "day_1", "day_2", "day_3", "day_4", "day_5")
+
+
+@pytest.mark.parametrize("seed", [5, 7, 8])
+def test_few_places_of_an_unchanged_machine_do_not_contradict_its_history(
+    robot: Robot, seed: int
+) -> None:
+    """Also where play bends the fits of whole sessions: together they are sure."""
+    plan = make_plan("identify", robot, count=24, seed=1)
+    (effect,) = (e for e in catalogue(robot, robot.model()) if e.cause == "backlash")
+    plays = [{"backlash": {"location": "joint_2", "value": v}} for v in ("1.2e-4", "3.1e-4")]
+    days = [
+        replace(dated(robot, day, plan, plays[day > 4], seed), effects=(effect,))
+        for day in range(12)
+    ]
+    few = renewal_plan(robot, prospect(days, robot).carried, 6, seed=1).plan
+    expected = prospect(days, robot, dated(robot, 12, few, plays[1], seed))
+    assert [change.what for change in expected.changes] == ["backlash"]
+    assert expected.odd == 1.0
 
 
 def test_few_places_before_any_whole_session_count_as_well(

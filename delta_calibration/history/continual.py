@@ -19,7 +19,7 @@ from scipy.stats import chi2
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import Carried
 from delta_calibration.history.changes import Change, changes_of
-from delta_calibration.history.few import carried_of, pool, pool_with
+from delta_calibration.history.few import carried_of, pool, pool_near, pool_with
 from delta_calibration.history.pooled import Dated, Pool
 from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import State, Step, Walk, days_between
@@ -99,7 +99,7 @@ def prospect(
             else "no session in the history; an update needs 1 or more"
         )
     every = old if new is None else [*old, new]
-    whole = pool(old, robot, model)
+    whole = pool_near(pool(old, robot, model), old, robot, model)
     if new is not None:
         whole = pool_with(whole, old, new, robot, model)
     causes = {effect.cause for each in old for effect in each.effects}
