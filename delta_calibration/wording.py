@@ -44,15 +44,25 @@ def figures(value: float, digits: int = 3) -> str:
     return f"{mantissa} × 10{str(int(power)).translate(_RAISED)}".replace("-", MINUS)
 
 
+def reader_unit(unit: str, size: float) -> tuple[float, str]:
+    """What values of an SI unit are multiplied by for a reader, and their unit then.
+
+    Args:
+        unit: of SI.
+        size: of the values.
+    """
+    of, slash, per = unit.partition("/")
+    factor, shown = (_SMALL if abs(size) < _SMALL_FROM else _COMMON).get(of, (1.0, of))
+    return factor, f"{shown}{slash}{per}"
+
+
 def measured(value: float, std: float | None, unit: str, size: float | None = None) -> str:
     """A value of an SI unit with its standard error, in a reader's unit, to figures that hold.
 
     The unit is that of the value's size, or of a given `size`: that of what stands beside it.
     """
-    of, slash, per = unit.partition("/")
-    small = abs(value if size is None else size) < _SMALL_FROM
-    factor, shown = (_SMALL if small else _COMMON).get(of, (1.0, of))
-    behind = "" if unit == "1" else f" {shown}{slash}{per}"
+    factor, shown = reader_unit(unit, value if size is None else size)
+    behind = "" if unit == "1" else f" {shown}"
     value, std = factor * value, factor * (std or 0.0)
     if std < _COARSE:
         spread = f" ± {figures(std, 2)}" if std > 0 else ""

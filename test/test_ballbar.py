@@ -154,6 +154,7 @@ def test_the_command_takes_the_table(
     assert "backlash" in [f["cause"] for f in told["findings"]]
     assert len(told["circles"]) == 12
     assert "ballbar.csv" in page.read_text()
+    assert "(scara.yaml)" in page.read_text()  # not the folder that it is in
     assert run(["circle", str(table), "--robot", "scara", "--model", "serial_arm"]) == 2
     assert run(["circle", str(tmp_path), "--robot", "scara", "--noise-um", "1"]) == 2
 

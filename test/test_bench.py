@@ -417,6 +417,20 @@ def test_without_a_machine_nothing_is_kept(tmp_path: Path) -> None:
     assert "no machine was named" in last.said
 
 
+def test_few_places_are_fitted_with_the_history_of_their_machine(tmp_path: Path) -> None:
+    start = case(machine="m", waiting=first_steps(BAG, ""))
+    done, last = walk(start, tmp_path, {"fit": 1})
+    assert done == ["check", "fit", "update", "keep_update"]
+    assert (last.state, last.said) == (DONE, "")
+    done, last = walk(start, tmp_path, {"fit": 1, "update": 2})
+    assert (done[-1], last.state) == ("update", FAILED)
+    assert last.said == "why; with the history of m: why"
+    done, last = walk(replace(start, forced=True), tmp_path, {"fit": 1})
+    assert done == ["check", "fit", "update"]  # over a mistake: not kept
+    done, last = walk(case(waiting=first_steps(BAG, "")), tmp_path, {"fit": 1})
+    assert (done, last.state) == (["check", "fit"], FAILED)
+
+
 def test_a_mistake_is_asked_about_and_mended(tmp_path: Path) -> None:
     (tmp_path / "check-0.json").write_text("{}")
     done, asking = walk(case(waiting=first_steps(BAG, "")), tmp_path, {"check": 1})

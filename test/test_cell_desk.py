@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from delta_calibration.cell import archive
 from delta_calibration.cell.background import Background
 from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.health import Level
@@ -16,7 +18,7 @@ from delta_calibration.data import Session
 from delta_calibration.errors import CalibrationError, ConfigError, DataError, InputError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
 
 FAST = "rotary_delta"
 TIMEOUT_S = 2.0
@@ -287,6 +289,76 @@ def test_a_fit_is_added_to_the_history_of_its_machine(session: Session, tmp_path
     assert "not added to the history of m: " in said
     assert "already" in said
     assert desk.calibration is not None
+
+
+@pytest.fixture(scope="module")
+def kept_in(session: Session, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Settings of a history that has the session of a first day."""
+    pytest.importorskip("sqlalchemy")
+    folder = tmp_path_factory.mktemp("history")
+    asked = {"history": str(folder / "h.sqlite"), "machine": "m", "bags": str(folder / "bags")}
+    desk = CalibrationSession(Settings("srbd", model=FAST, **asked))
+    feed(desk, session)
+    desk.take(*desk.prepare_fit()())
+    return asked
+
+
+def next_day(count: int, day: int) -> Session:
+    """The machine of the first session, its tracker and reflector set up anew."""
+    robot = load_robot("srbd")
+    plan = make_plan("identify", robot, count=count, dwell=0.4)
+    machine = visited(draw_machine(robot, 3), robot, 3, day)
+    return days_later(simulate_session(machine, plan, 3 + day), day)
+
+
+def test_few_places_are_fitted_with_what_the_history_says(kept_in: dict[str, str]) -> None:
+    few = next_day(6, 1)
+    alone = CalibrationSession(Settings("srbd", model=FAST))
+    feed(alone, few)
+    with pytest.raises(DataError, match="6"):
+        alone.prepare_fit()()
+    desk = CalibrationSession(Settings("srbd", model=FAST, **kept_in))
+    feed(desk, few)
+    said = desk.take(*desk.prepare_fit()())
+    assert "carried over from 1 session (20231114_221320" in said
+    assert "nothing changed since" in said
+    assert "added to the history of m as 20231115" in said
+    fresh = CalibrationSession(Settings("srbd", model=FAST, **{**kept_in, "machine": "other"}))
+    feed(fresh, few)
+    with pytest.raises(InputError, match="no machine 'other'"):
+        fresh.prepare_fit()()
+
+
+def test_a_whole_session_is_fitted_with_the_history_where_told_to(
+    kept_in: dict[str, str], tmp_path: Path
+) -> None:
+    whole = next_day(20, 2)
+    for update in (False, True):
+        desk = CalibrationSession(Settings("srbd", model=FAST, update=update, **kept_in))
+        feed(desk, whole)
+        said = desk.take(*desk.prepare_fit()())
+        assert ("carried over from" in said) is update
+    first = {**kept_in, "history": str(tmp_path / "none.sqlite")}
+    desk = CalibrationSession(Settings("srbd", model=FAST, update=True, **first))
+    feed(desk, whole)
+    said = desk.take(*desk.prepare_fit()())
+    assert "fitted without the history of m: " in said
+    assert "added to the history of m as 20231116" in said
+    with pytest.raises(InputError, match="parameter history_update: wants a history"):
+        CalibrationSession(Settings("srbd", update=True))
+
+
+def test_a_session_that_contradicts_its_history_is_doubted(
+    kept_in: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = archive.prospect
+    monkeypatch.setattr(archive, "prospect", lambda *given: replace(expected(*given), odd=7.0))
+    desk = CalibrationSession(Settings("srbd", model=FAST, update=True, **kept_in))
+    feed(desk, next_day(20, 3))
+    assert "warning: the session contradicts its history (7.0 times" in desk.take(
+        *desk.prepare_fit()()
+    )
+    assert "contradicts its history" in desk.health(0.0, TIMEOUT_S).message
 
 
 def test_a_history_that_cannot_be_kept_is_refused_in_words(

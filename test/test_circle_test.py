@@ -161,6 +161,18 @@ def test_the_cause_is_named_and_shares_add_up(found: CircleTest) -> None:
     assert FOLLOWING not in by
 
 
+def test_dimensions_are_told_with_how_far_they_are_off(found: CircleTest) -> None:
+    """But for the tool: the reflector on it is farther off than its prior has it, and moves it."""
+    machine = draw_machine(ROBOT, SEED, 1.0, PLAY)
+    true = dict(zip(machine.chain.parameters.names, machine.theta, strict=True))
+    nominal = {p.name: p.nominal for p in machine.chain.parameters.items}
+    own = {name: e for name, e in found.dimensions.items() if not name.startswith("tool")}
+    assert own
+    for name, told in own.items():
+        assert abs(told.value - (true[name] - nominal[name])) < 4 * told.std
+        assert abs(told.value) > 3 * told.std
+
+
 def test_a_repair_is_foretold(found: CircleTest) -> None:
     """The same machine in the simulator without the cause, and with parts as drawn."""
     play, parts = ("backlash", "joint_2"), (DIMENSIONS, None)
@@ -258,6 +270,7 @@ def test_the_command_writes_figures_and_page(
     assert told["first"]["deviation_after_um"] < told["deviation_um"]
     html = page.read_text()
     assert "circular deviation G" in html
+    assert "off the drawing: " in html
     assert "dial gauge" in html
     assert f"{told['first']['deviation_after_um']:.1f} µm" in html
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from delta_calibration.fleet.shared import chance_of, shared_causes
+from delta_calibration.fleet.shared import Shared, chance_of, shared_causes
 from delta_calibration.fleet.standing import (
     CAUSE,
     DRIFTED,
@@ -134,7 +134,8 @@ def test_causes_by_chance_are_not_shared(spread: float) -> None:
     alarms = 0
     for _ in range(12):
         rates = 0.015 * np.exp(spread * rng.standard_normal(CAUSES))
-        alarms += bool(shared_causes(fleet(rng, np.minimum(rates, 0.1)), CAUSES, PLACES))
+        told = shared_causes(fleet(rng, np.minimum(rates, 0.1)), CAUSES, PLACES)
+        alarms += any(each.sure for each in told)
     assert alarms <= 1
 
 
@@ -145,6 +146,24 @@ def test_the_chance_is_the_binomial_one_where_all_rates_are_alike() -> None:
     assert p == pytest.approx(0.594, abs=0.01)  # of 2 or more, of 200 with 0.01 each
     counts[0] = 9.0
     assert chance_of(counts, 0, 200)[1] < 1e-3
+
+
+def test_what_is_only_perhaps_shared_is_told_as_such() -> None:
+    """And how many machines have each cause, shared or not."""
+    machines = [
+        stands(f"press_{n}", verdict(("backlash", "joint_1")) if n < 3 else verdict())
+        for n in range(8)
+    ]
+    names = tuple(each.machine for each in machines[:3])
+    shared = [Shared("backlash", names, 8, 0.5, p) for p in (1e-4, 0.02)]
+    page = page_of_fleet(machines, shared, {}, DAY, 90)
+    told = {statement.question: statement.answer for statement in page.statements}
+    sure, perhaps = told["What machines share"].split("in common. ")
+    assert sure.startswith("Backlash in 3 of 8 machines")
+    assert perhaps.startswith("Perhaps backlash in 3 of 8 machines")
+    rows = {table.name: table.rows for table in page.tables()}
+    assert [row[0] for row in rows["shared"]] == ["backlash", "perhaps backlash"]
+    assert rows["frequent"] == (("backlash", "3"),)
 
 
 def test_the_page_tells_states_visits_and_failures(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.history import Dated, History, find_changes
+from delta_calibration.history import Change, Dated, History, find_changes
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot, load_robot
@@ -68,6 +68,13 @@ def test_a_dimension_that_changed_is_told_with_its_gap_and_size(robot: Robot) ->
     assert (change.after, change.before) == ("day_1", "day_2")
     assert abs(change.to - change.from_ - 1e-4) < 4 * change.std < 4e-5
     assert change.confidence > 0.9
+    first, last = (BEGAN + timedelta(days=day) for day in (1, 2))
+    assert change.when == (first, last)
+    assert f"day_1 ({first:%Y-%m-%d}) and day_2 ({last:%Y-%m-%d})" in change.sentence()
+    value, std = np.array(change.course).T
+    level = np.where(np.arange(5) < 2, change.from_, change.to)
+    assert (np.abs(value - level) < 4 * std).all()
+    assert (std < 1e-4 / 4).all()  # each session by itself shows which side it is on
     assert found.before.sum() > 2 * found.after.sum()
 
 
@@ -79,6 +86,12 @@ def test_two_changes_are_told_apart(robot: Robot) -> None:
         ("joint_zero_offset", "joint_1", "day_0"),
         ("joint_compliance", "joint_2", "day_2"),
     ]
+
+
+def test_sessions_of_one_day_are_told_with_their_time(robot: Robot) -> None:
+    when = (BEGAN, BEGAN + timedelta(hours=3))
+    change = Change("a", "b", "backlash", None, "gap", 0, 1, 0, 0, 1, "rad", 1, 1, (), 9, when, ())
+    assert change.gap() == f"a ({when[0]:%Y-%m-%d %H:%M}) and b ({when[1]:%Y-%m-%d %H:%M})"
 
 
 def test_one_session_has_no_changes(robot: Robot) -> None:
@@ -144,7 +157,9 @@ def test_a_report_and_lists_are_written(folder: Path, capsys: pytest.CaptureFixt
     assert "no causes looked for" in said
     pytest.importorskip("plotly")
     assert run(["history", "report", "--machine", "press_3", *store, "--out", str(page)]) == 0
-    assert "arm length of joint 2" in page.read_text(encoding="utf-8")
+    told = page.read_text(encoding="utf-8")
+    assert "arm length of joint 2" in told
+    assert "by this session" in told
 
 
 def test_what_cannot_be_added_is_refused(

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from delta_calibration.cli import kept
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
+from delta_calibration.effects import catalogue
 from delta_calibration.errors import DataError
 from delta_calibration.fleet.evidence import fitted
 from delta_calibration.history import Dated, find_changes, prospect
@@ -27,14 +28,14 @@ LONGER = {"arm_length": {"location": "joint_3", "value": "1.5e-4"}}
 Causes = dict[str, dict[str, str]]
 
 
-def measured(robot: Robot, day: int, plan: Plan, causes: Causes) -> Session:
+def measured(robot: Robot, day: int, plan: Plan, causes: Causes, seed: int = SEED) -> Session:
     """A day of the same machine, tracker and reflector set up anew."""
-    machine = visited(draw_machine(robot, SEED, 1.0, causes), robot, SEED, day + 1)
+    machine = visited(draw_machine(robot, seed, 1.0, causes), robot, seed, day + 1)
     return days_later(simulate_session(machine, plan, 100 + day), day)
 
 
-def dated(robot: Robot, day: int, plan: Plan, causes: Causes) -> Dated:
-    recorded = measured(robot, day, plan, causes)
+def dated(robot: Robot, day: int, plan: Plan, causes: Causes, seed: int = SEED) -> Dated:
+    recorded = measured(robot, day, plan, causes, seed)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     return Dated(f"day_{day}", BEGAN + timedelta(days=day), seen)
 
@@ -99,6 +100,24 @@ def test_what_few_places_say_is_carried_on(robot: Robot, old: list[Dated], few: 
     assert seen.sessions == ("day_0", "day_1", "day_2", "day_3", "day_4", "day_5")
 
 
+@pytest.mark.parametrize("seed", [5, 7, 8])
+def test_few_places_of_an_unchanged_machine_do_not_contradict_its_history(
+    robot: Robot, seed: int
+) -> None:
+    """Also where play bends the fits of whole sessions: together they are sure."""
+    plan = make_plan("identify", robot, count=24, seed=1)
+    (effect,) = (e for e in catalogue(robot, robot.model()) if e.cause == "backlash")
+    plays = [{"backlash": {"location": "joint_2", "value": v}} for v in ("1.2e-4", "3.1e-4")]
+    days = [
+        replace(dated(robot, day, plan, plays[day > 4], seed), effects=(effect,))
+        for day in range(12)
+    ]
+    few = renewal_plan(robot, prospect(days, robot).carried, 6, seed=1).plan
+    expected = prospect(days, robot, dated(robot, 12, few, plays[1], seed))
+    assert [change.what for change in expected.changes] == ["backlash"]
+    assert expected.odd == 1.0
+
+
 def test_few_places_before_any_whole_session_count_as_well(
     robot: Robot, old: list[Dated], few: Plan
 ) -> None:
@@ -131,6 +150,7 @@ def test_few_places_are_added_by_the_verb(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip("sqlalchemy")
+    from delta_calibration.history import adding
     from delta_calibration.history.store import Entry, open_store
 
     store = ["--machine", "m", "--store", str(folder / "h.sqlite")]
@@ -146,13 +166,13 @@ def test_few_places_are_added_by_the_verb(
         read.append(entry.id)
         return reading(entry, robot)
 
-    reading = kept._dated
-    monkeypatch.setattr(kept, "_dated", read_again)
+    reading = adding.read_again
+    monkeypatch.setattr(adding, "read_again", read_again)
     assert run(add(folder, [2, 3])) == 0
     assert read == ["day_0", "day_1", "day_2"]  # each once
     said = capsys.readouterr().out
     assert "carried over from 2 sessions (day_0 to day_1)" in said
-    assert "changed: between day_1 and day_2 the arm length of joint 3" in said
+    assert "changed: between day_1 (2023-11-15) and day_2 (2023-11-16) the arm length" in said
     assert "carried over from 3 sessions (day_0 to day_2)" in said
     assert run(add(folder, [3])) == 2
     assert "is in the history of 'm' already" in capsys.readouterr().err
@@ -162,7 +182,7 @@ def test_few_places_are_added_by_the_verb(
     # a fleet's priors are made of fits that were told nothing
     assert len(fitted("m", (entry.calibration for entry in entries), robot).calibrations) == 2
     assert run(["history", "changes", *store]) == 0
-    assert "between day_1 and day_2 the arm length of joint 3" in capsys.readouterr().out
+    assert "and day_2 (2023-11-16) the arm length of joint 3" in capsys.readouterr().out
     assert run(["history", "list", *store]) == 0
     assert "update: fitted with what the history says" in capsys.readouterr().out
 

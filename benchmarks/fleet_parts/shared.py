@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from delta_calibration.fleet.shared import shared_causes
+from delta_calibration.fleet.shared import PERHAPS, SURE, shared_causes
 from delta_calibration.fleet.standing import FINE, Standing
 
 MACHINES, CAUSES, PLACES = 200, 22, 3
@@ -41,14 +41,19 @@ def shared(trials: int, seed: int) -> None:
     """Print the rates."""
     rng = np.random.default_rng([seed, 22])
     for spread in (0.0, 0.5, 1.0):
-        alarms = sum(
-            bool(shared_causes(drawn(rng, spread, 0), CAUSES, PLACES)) for _ in range(trials)
-        )
-        print(f"rates spread by {spread:g} (ln): {alarms} false alarms in {trials} fleets")
+        alarms = [_surest(drawn(rng, spread, 0), "") for _ in range(trials)]
+        print(f"rates spread by {spread:g} (ln): {_told(alarms)}: false alarms")
         for batch in BATCHES:
-            found = [
-                shared_causes(drawn(rng, spread, batch), CAUSES, PLACES)
-                for _ in range(trials // 5)
-            ]
-            right = sum(any(each.what.startswith("gear") for each in one) for one in found)
-            print(f"  batch of {batch}: found in {right} of {len(found)}", flush=True)
+            found = [_surest(drawn(rng, spread, batch), "gear") for _ in range(trials // 5)]
+            print(f"  batch of {batch}: {_told(found)}", flush=True)
+
+
+def _surest(fleet: list[Standing], what: str) -> float:
+    """Least p value of what is told as shared, or perhaps shared, and begins so; else 1."""
+    told = shared_causes(fleet, CAUSES, PLACES)
+    return min((each.p_value for each in told if each.what.startswith(what)), default=1.0)
+
+
+def _told(p_values: list[float]) -> str:
+    sure, any_ = (sum(p < limit for p in p_values) for limit in (SURE, PERHAPS))
+    return f"shared {sure}, at least perhaps {any_} of {len(p_values)} fleets"

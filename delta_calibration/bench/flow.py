@@ -2,6 +2,7 @@
 
     bag:    check -> fit -> diagnose -> keep
     table:  columns -> (question) -> import -> check -> ...
+    fit cannot be made of so few places -> update -> keep_update, where a machine is named
     check finds a mistake -> (question) -> mend -> check ..., or go on by --force, or stop
     on request: certificate, commands, c, urdf; log for the change log of a machine
 
@@ -18,6 +19,7 @@ from delta_calibration.errors import DataError, InputError, MistakeError
 
 COLUMNS, MISTAKES = "columns", "mistakes"
 MAPPING = "mapping.yaml"
+_ALONE = "alone"  # option of a case: why it could not be fitted by itself
 STEPS = {
     "columns": "Finding out what the columns of the table are",
     "import": "Making a session of the table",
@@ -26,6 +28,8 @@ STEPS = {
     "fit": "Fitting the machine",
     "diagnose": "Looking for causes of what the fit leaves",
     "keep": "Adding the session to the history",
+    "update": "Fitting the machine with what its history says",
+    "keep_update": "Adding the session to the history",
     "certificate": "Writing the certificate",
     "commands": "Correcting the points",
     "c": "Writing the machine as C",
@@ -76,6 +80,7 @@ def arguments(case: Case, step: str, store: str) -> list[str]:
     table, name = case.option("table"), f"{case.name}-{case.id[-4:]}"
     guess = ["--guess", f"--mapping-out={MAPPING}", "--json=columns.json"]
     found = ["--json=verdict.json", "--out=extended.yaml", "--report=report.html"]
+    known = [store_, machine]
     made = [f"--id={name}", "--verdict=verdict.json", "--calibration=extended.yaml"]
     signed = ["--about=about.yaml", "--out=certificate.html", "--out=certificate.pdf"]
     steps = {
@@ -85,7 +90,9 @@ def arguments(case: Case, step: str, store: str) -> list[str]:
         "mend": ["check", *session, f"--fix={_mended(case)}"],
         "fit": ["fit", *session, *force, "--out=calibration.yaml"],
         "diagnose": ["diagnose", *session, *force, *found],
-        "keep": ["history", "add", *session, store_, machine, *made],
+        "keep": ["history", "add", *session, *known, *made],
+        "update": ["fit", *session, *force, *known, "--out=calibration.yaml"],
+        "keep_update": ["history", "add", *session, *known, f"--id={name}", "--update"],
         "certificate": ["certificate", *session, *signed],
         "commands": ["compensate", *export, case.option("targets"), "--out=commands.csv"],
         "c": ["export", *export, "--format=c", "--out=machine.c"],
@@ -157,7 +164,12 @@ def _after(case: Case, step: str, said: Said, folder: Path) -> Case:
     if step in EXTRAS:
         # an export that could not be written takes nothing from the verdict
         return replace(_on(case), said=said.error if said.code else last_line(said.told))
-    if step == "keep" and said.code > 0:
+    if step == "fit" and said.code == DataError.exit_code and case.machine:
+        return _to_update(case, said)
+    if step == "update" and said.code > 0:
+        told = f"{case.option(_ALONE)}; with the history of {case.machine}: {said.error}"
+        return replace(case, state=FAILED, waiting=(), said=told)
+    if step in ("keep", "keep_update") and said.code > 0:
         return replace(_on(case), said=f"not in the history: {said.error}")
     if step == "import" and said.code > 0 and (folder / MAPPING).is_file():
         return replace(_asking(case, COLUMNS), waiting=(), said=said.error)
@@ -166,6 +178,13 @@ def _after(case: Case, step: str, said: Said, folder: Path) -> Case:
     if step == "import":
         return _on(replace(case, session=f"bag/{case.name}"))
     return _on(case)
+
+
+def _to_update(case: Case, said: Said) -> Case:
+    """To a fit with what the history says, as the session by itself says too little."""
+    kept = () if case.forced else ("keep_update",)
+    options = {**(case.options or {}), _ALONE: said.error}
+    return replace(case, waiting=("update", *kept), options=options, state=WORKING)
 
 
 def last_line(text: str) -> str:

@@ -63,6 +63,7 @@ def session(request: Request) -> Response:
         case=case,
         progress=progress(case, folder),
         verdict=verdict_of(case, folder),
+        updated=told(folder, "update"),
         mistakes=mistakes(case, folder) if case.question == "mistakes" else [],
         columns=columns(folder) if case.question == "columns" else {},
         presets=overview(),

@@ -1,4 +1,4 @@
-"""Adds what was captured and fitted to the history of the machine."""
+"""The history of the machine: what to expect of it, and a place for what was fitted."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 
-from delta_calibration.cell.fitting import FittedCalibration
-from delta_calibration.data import Session
+from delta_calibration.cell.fitting import FittedCalibration, Known
+from delta_calibration.data import Poses, Session, Survey
 from delta_calibration.errors import CalibrationError, InputError
+from delta_calibration.history import Prospect, prospect
+from delta_calibration.history.few import is_few
 from delta_calibration.history.opening import opened, require_library
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot
@@ -25,14 +27,19 @@ class Archive:
     bags: Path
     robot: Robot
     given: str  # the robot's file or name, as the node was given it
+    update: bool = False  # fit all sessions, not only those of few places, with what it says
 
     @classmethod
-    def of(cls, url: str, machine: str, bags: str, robot: Robot, given: str) -> Archive | None:
+    def of(
+        cls, url: str, machine: str, bags: str, robot: Robot, given: str, update: bool = False
+    ) -> Archive | None:
         """What the parameters ask for; None where they ask for no history.
 
         Raises:
             InputError: a history without a machine, or the library for it is missing.
         """
+        if not url and update:
+            raise InputError("parameter history_update: wants a history to fit with")
         if not url:
             return None
         if not machine:
@@ -44,7 +51,37 @@ class Archive:
         except InputError as error:
             raise InputError(f"parameter history: {error}") from error
         own = str(Path(given).expanduser().resolve()) if Path(given).is_file() else given
-        return cls(url, machine, Path(bags).expanduser(), robot, own)
+        return cls(url, machine, Path(bags).expanduser(), robot, own, update)
+
+    def known(self, seen: Survey, model: str | None) -> Known:
+        """What a fit of a session is to be told: of few places always, else where told to update.
+
+        A whole session is fitted by itself where the history has nothing to say, and says so.
+
+        Raises:
+            CalibrationError: the session has few places, and nothing is known of the machine.
+        """
+        few = is_few(seen)
+        if not few and not self.update:
+            return Known()
+        name = _named(seen.poses)
+        try:
+            expected = self._expected(name, seen, model)
+        except CalibrationError as error:
+            if few:
+                raise
+            return Known(told=(f"fitted without the history of {self.machine}: {error}",))
+        doubts = (expected.doubt,) if expected.doubt else ()
+        return Known(expected.carried, expected.sentences(name), doubts)
+
+    def _expected(self, name: str, seen: Survey, model: str | None) -> Prospect:
+        from delta_calibration.history.adding import newly, read_again
+
+        with opened(self.url) as store:
+            store.require_robot(self.machine, self.robot.machine_hash)
+            entries = store.sessions(self.machine)
+        old = [read_again(entry, self.robot) for entry in entries]
+        return prospect(old, self.robot, newly(name, seen), model)
 
     def add(self, session: Session, fitted: FittedCalibration) -> str:
         """Write the bag and add it; a sentence, also of why that failed: a fit stays a fit."""
@@ -58,8 +95,7 @@ class Archive:
         from delta_calibration.history.bags import bag_hash
         from delta_calibration.history.store import BY_NODE
 
-        began = datetime.fromtimestamp(fitted.poses.start_ns * 1e-9, timezone.utc)
-        name = f"{began:{_TIME}}"
+        name = _named(fitted.poses)
         bag = self.bags.resolve() / self.machine / name
         try:
             bag.parent.mkdir(parents=True, exist_ok=True)
@@ -83,3 +119,8 @@ class Archive:
             )
             store.add(entry, self.given, self.robot.machine_hash)
         return name
+
+
+def _named(poses: Poses) -> str:
+    """Id of a session in the history: when it began."""
+    return f"{datetime.fromtimestamp(poses.start_ns * 1e-9, timezone.utc):{_TIME}}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,7 @@ class Settings:
     history: str = ""  # store that fits are added to, a file or URL; empty for none
     machine: str = ""  # whose history that is
     bags: str = ""  # folder for the bags of the history
+    update: bool = False  # fit all sessions with what the history says
 
 
 class CalibrationSession:
@@ -87,7 +89,12 @@ class CalibrationSession:
         self.settings, self._follow = settings, follow
         self.robot = load_robot(settings.robot)
         self._archive = Archive.of(
-            settings.history, settings.machine, settings.bags, self.robot, settings.robot
+            settings.history,
+            settings.machine,
+            settings.bags,
+            self.robot,
+            settings.robot,
+            settings.update,
         )
         self._model = self.robot.model(settings.model or None).name
         self._joints = len(self.robot.joints.names)
@@ -281,6 +288,8 @@ class CalibrationSession:
         if not self.capture.held:
             raise DataError("nothing was captured; call start_capture and measure first")
         held = self.capture.frozen()
+        if way is fit and self._archive is not None:
+            way = partial(fit, ask=self._archive.known)
 
         def work() -> tuple[FittedCalibration, JointCompensator]:
             session = held.session(SOURCE)

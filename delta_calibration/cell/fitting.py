@@ -15,10 +15,10 @@ from delta_calibration.calibration_file import (
     save_calibration,
     save_extended,
 )
-from delta_calibration.data import Poses, Session, collect, survey
+from delta_calibration.data import Poses, Session, Survey, survey
 from delta_calibration.diagnosis import STEPS, Diagnosis, diagnose
 from delta_calibration.doctor import require_sound
-from delta_calibration.estimation import Identification, doubts, identify
+from delta_calibration.estimation import Carried, Identification, doubts, identify
 from delta_calibration.robot import Robot
 from delta_calibration.wording import mm
 
@@ -34,6 +34,23 @@ def silent(step: str) -> None:
 
 
 @dataclass(frozen=True)
+class Known:
+    """What is known of a machine before a fit, and sentences on it."""
+
+    carried: Carried | None = None  # None where the drawing is all
+    told: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+Ask = Callable[[Survey, str | None], Known]  # of a session and the mechanism that is fitted
+
+
+def drawing_only(seen: Survey, model: str | None) -> Known:
+    """Nothing is known of the machine but its drawing."""
+    return Known()
+
+
+@dataclass(frozen=True)
 class FittedCalibration:
     """A calibration with what it was made from; by a diagnosis where there is one."""
 
@@ -41,6 +58,7 @@ class FittedCalibration:
     poses: Poses
     calibration: Calibration
     diagnosis: Diagnosis | None = None
+    known: Known = Known()
     kept: str = ""  # what became of it in the history, as a sentence
 
     def save(self, path: Path, robot: Robot) -> None:
@@ -59,7 +77,7 @@ class FittedCalibration:
         """What to know before it is relied on, a sentence each; none where all is well."""
         if self.diagnosis is not None:
             return self.diagnosis.doubts
-        return doubts(self.found)
+        return (*self.known.doubts, *doubts(self.found))
 
     def last_errors(self) -> str:
         """Held-out errors of the poses measured last [mm], the newest at the end."""
@@ -71,7 +89,7 @@ class FittedCalibration:
         found, seen = self.found, self.found.observability
         noise = f"noise of a pose: {mm(1e3 * found.noise.floor)} mm"
         warning = "".join(f"; warning: {text}" for text in self.doubts)
-        warning += f"; {self.kept}" if self.kept else ""
+        warning += "".join(f"; {text}" for text in (*self.known.told, self.kept) if text)
         if self.diagnosis is not None:
             told = self.diagnosis.verdict.sentence().removesuffix(".")
             return f"{len(self.poses)} poses; {told}; {noise}{warning}"
@@ -83,7 +101,12 @@ class FittedCalibration:
 
 
 def fit(
-    session: Session, robot: Robot, model: str | None, seed: int, step: Step = silent
+    session: Session,
+    robot: Robot,
+    model: str | None,
+    seed: int,
+    step: Step = silent,
+    ask: Ask = drawing_only,
 ) -> FittedCalibration:
     """Find the still moments of a session and identify the robot from them.
 
@@ -93,6 +116,7 @@ def fit(
         model: name of a mechanism; the robot file's own where not given.
         seed: of the division into held-out parts.
         step: is told of each of `FIT_STEPS` as it begins, but for the last.
+        ask: says what is known of the machine beforehand.
 
     Raises:
         MistakeError: the session was recorded with a mistake; says which and what mends it.
@@ -101,10 +125,11 @@ def fit(
     step(CHECK)
     require_sound(session, robot)
     step(POSES)
-    poses = collect(session, robot.joints.names, robot.commanded.joint_size)
+    seen = survey(session, robot.joints.names, robot.commanded.joint_size)
+    known, poses = ask(seen, model), seen.poses
     step(GEOMETRY)
-    found = identify(poses, robot, model, seed)
-    return FittedCalibration(found, poses, from_identification(found, robot, poses))
+    found = identify(poses, robot, model, seed, carried=known.carried)
+    return FittedCalibration(found, poses, from_identification(found, robot, poses), known=known)
 
 
 def diagnosed(

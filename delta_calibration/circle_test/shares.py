@@ -30,9 +30,11 @@ from delta_calibration.circle_test.circles import (
     find_circles,
     pairs,
 )
+from delta_calibration.circle_test.dimensions import clear_dimensions
 from delta_calibration.data import Conditions, Session
 from delta_calibration.diagnosis import Diagnosis, Finding, Judgement, Model, Verdict
 from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.verdict import Estimate
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import Frame
 from delta_calibration.plans import tool_points
@@ -94,6 +96,7 @@ class CircleTest:
 
     verdict: Verdict
     circles: tuple[Measured, ...]
+    dimensions: Mapping[str, Estimate]  # clearly off the drawing and no findings, clearest first
 
     @property
     def deviation(self) -> float:
@@ -147,14 +150,15 @@ def circle_test(session: Session, robot: Robot, diagnosis: Diagnosis) -> CircleT
     """
     verdict = diagnosis.verdict
     found = measured_circles(session, robot, diagnosis.model, verdict.findings)
-    return CircleTest(verdict, found)
+    return CircleTest(verdict, found, _dimensions(diagnosis.model, verdict.findings))
 
 
 def ballbar_test(ballbar: Ballbar, robot: Robot, judgement: Judgement) -> CircleTest:
     """The circles of a ballbar whose lengths were judged by `diagnose_ballbar`."""
     model, findings = judgement.model, judgement.verdict.findings
     parts = _Lengths(model, robot, findings, ballbar)
-    return CircleTest(judgement.verdict, _all_measured(ballbar.circles, parts))
+    measured = _all_measured(ballbar.circles, parts)
+    return CircleTest(judgement.verdict, measured, _dimensions(model, findings))
 
 
 def measured_circles(
@@ -411,6 +415,11 @@ def _rows_of(model: Fitted, findings: Sequence[Finding]) -> dict[Key, Index]:
     other = entries(layout.geometry)
     other = other[~taken[other]]
     return found | ({(DIMENSIONS, None): other} if other.size else {})
+
+
+def _dimensions(model: Fitted, findings: Sequence[Finding]) -> Mapping[str, Estimate]:
+    rows = _rows_of(model, findings).get((DIMENSIONS, None), np.zeros(0, dtype=np.int64))
+    return clear_dimensions(model, rows)
 
 
 def _rows_of_one(model: Fitted, finding: Finding) -> Index:

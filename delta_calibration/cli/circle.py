@@ -166,7 +166,7 @@ def _of_table(
         session_sha256=hashlib.sha256(read_bounded(path)).hexdigest(),
         start_ns=0,
         robot=robot.name,
-        robot_source=robot.source,
+        robot_source=Path(robot.source).name,
         robot_sha256=robot.hash,
         seed=seed,
     )

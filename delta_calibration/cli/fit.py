@@ -36,7 +36,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
 from delta_calibration.papers import METHODS, ORDERS, method_named
 from delta_calibration.recording import Topics, read_session
-from delta_calibration.wording import mm, plain, spoken
+from delta_calibration.wording import mm, plain
 
 if TYPE_CHECKING:  # a fit by itself does not wait for what a history needs
     from delta_calibration.history import Prospect
@@ -164,23 +164,8 @@ def describe_poses(poses: Poses) -> str:
 
 def describe_carried(expected: Prospect, session: str) -> str:
     """What of the history the fit begins with."""
-    carried = expected.carried
-    effects = ", ".join(spoken(effect.cause) for effect in carried.effects)
-    names = carried.sessions
-    lines = [
-        f"carried over from {len(names)} session{'' if len(names) == 1 else 's'} "
-        f"({names[0]} to {names[-1]}): geometry{f' and {effects}' if effects else ''}"
-    ]
-    now = expected.changed_now(session)
-    lines += [f"changed: {change.sentence()}; what was known of it is dropped" for change in now]
-    if not now:
-        lines.append("nothing changed since that this session could show")
-    if expected.odd > 1:
-        lines.append(
-            f"warning: the session contradicts its history ({expected.odd:.1f} times what drift "
-            "and noise explain); that is believed so much less: measure a whole plan"
-        )
-    return plain("\n".join(lines))
+    warning = [f"warning: {expected.doubt}"] if expected.doubt else []
+    return plain("\n".join([*expected.sentences(session), *warning]))
 
 
 def describe(found: Identification, verbose: bool) -> str:

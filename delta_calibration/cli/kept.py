@@ -104,16 +104,9 @@ class Reread:
 
     def __call__(self, entries: Sequence[Entry], robot: Robot) -> list[Dated]:
         """Sessions, each with the effects that its calibration has."""
+        from delta_calibration.history import adding
+
         new = [entry for entry in entries if entry.sha256 not in self._read]
         for entry in progress(new, len(new), "session"):
-            self._read[entry.sha256] = _dated(entry, robot)
+            self._read[entry.sha256] = adding.read_again(entry, robot)
         return [self._read[entry.sha256] for entry in entries]
-
-
-def _dated(entry: Entry, robot: Robot) -> Dated:
-    from delta_calibration.history.adding import dated
-    from delta_calibration.history.bags import at_hand
-
-    entry.require_unchanged()
-    with at_hand(entry.path) as path:
-        return dated(entry, robot, path)

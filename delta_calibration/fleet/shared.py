@@ -6,8 +6,9 @@ often one is found: their rate with its spread, a beta distribution by its momen
 count by chance is beta-binomial. The spread is taken as `_WIDER` times what the others show: it
 is known from a few dozen counts only, and rates of causes have longer tails than a beta
 distribution. The chance of as many or more, times the number of causes looked at (Bonferroni), is
-the p value. The same is done with places (which joint) taken as part of the cause. Where those
-that share a cause have the same searched order as well, as a bad batch of gears has, that is told.
+the p value: under `SURE` a cause is shared, under `PERHAPS` it may be. The same is done with
+places (which joint) taken as part of the cause. Where those that share a cause have the same
+searched order as well, as a bad batch of gears has, that is told.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from delta_calibration.wording import spoken
 Array = NDArray[np.float64]
 
 SURE = 1e-3  # p value under which a cause is told as shared
+PERHAPS = 0.05  # p value under which it is told as perhaps shared
 _LEAST = 3  # machines that share one
 _MOST = 0.8  # share of machines that is nearly all of them
 _WIDER = 3.0  # times the spread of the other causes' rates
@@ -43,6 +45,11 @@ class Shared:
     expected: float  # how many by chance
     p_value: float
 
+    @property
+    def sure(self) -> bool:
+        """Whether it is told as shared; else it perhaps is."""
+        return self.p_value < SURE
+
 
 @dataclass(frozen=True)
 class _Kind:
@@ -53,7 +60,7 @@ class _Kind:
 
 
 def shared_causes(fleet: Sequence[Standing], causes: int, places: int) -> tuple[Shared, ...]:
-    """Causes, and changes, that more machines have than chance explains, surest first.
+    """Causes, and changes, that more machines have than chance may explain, surest first.
 
     Args:
         fleet: how each machine stands.
@@ -106,9 +113,11 @@ def _of_kind(kind: _Kind, machines: int, tried: int, word: str) -> list[Shared]:
     counts[: len(counted)] = list(counted.values())
     found = []
     for number, (sign, count) in enumerate(counted.items()):
+        if count < _LEAST:
+            continue
         expected, p = chance_of(counts, number, machines)
         p = min(1.0, p * tried)
-        if count >= _LEAST and p < SURE:
+        if p < PERHAPS:
             having = tuple(name for name, signs in kind.signs.items() if sign in signs)
             found.append(Shared(word + sign, having, machines, expected, p))
     return found

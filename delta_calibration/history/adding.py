@@ -14,6 +14,7 @@ from delta_calibration.data import Poses, Survey, survey
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.estimation import identify
+from delta_calibration.history.bags import at_hand
 from delta_calibration.history.continual import Prospect, prospect
 from delta_calibration.history.pooled import Dated
 from delta_calibration.history.store import BY_COMMAND, Entry
@@ -125,6 +126,17 @@ def newly(name: str, seen: Survey) -> Dated:
     """A session that is not in the history yet."""
     began = datetime.fromtimestamp(seen.poses.start_ns * 1e-9, timezone.utc)
     return Dated(name, began, seen)
+
+
+def read_again(entry: Entry, robot: Robot) -> Dated:
+    """The session of an entry, from its bag.
+
+    Raises:
+        InputError: the bag is gone or was changed.
+    """
+    entry.require_unchanged()
+    with at_hand(entry.path) as folder:
+        return dated(entry, robot, folder)
 
 
 def dated(entry: Entry, robot: Robot, folder: Path) -> Dated:

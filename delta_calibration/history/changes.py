@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,9 @@ class Change:
     happened: float  # probability that anything changed there
     rivals: tuple[str, ...]  # other names for the same, with their probability
     signal: float  # lambda
+    when: tuple[datetime, datetime]  # these two sessions began
+    # what each session says of it, all else as all of them have it: value and standard deviation
+    course: tuple[tuple[float, float], ...]
 
     def as_dict(self) -> dict[str, Any]:
         """As other programs read it."""
@@ -68,6 +72,12 @@ class Change:
         before, now, change = (measured(v, std, self.unit, size) for v, std in values)
         return before, now, change
 
+    def gap(self) -> str:
+        """The two sessions, with their dates; with the time where they are of one day."""
+        first, last = self.when
+        form = "%Y-%m-%d %H:%M" if first.date() == last.date() else "%Y-%m-%d"
+        return f"{self.after} ({first:{form}}) and {self.before} ({last:{form}})"
+
     def sentence(self) -> str:
         """For people."""
         where = f" of {spoken(self.location)}" if self.location else ""
@@ -76,9 +86,8 @@ class Change:
             went = "grew" if self.to > self.from_ else "fell"
         before, now, change = self.told()
         said = (
-            f"between {self.after} and {self.before} the {spoken(self.what)}{where} "
-            f"({self.parameter}) {went} from {before} to {now} (change {change}; "
-            f"{sure(self.confidence)} sure)"
+            f"between {self.gap()} the {spoken(self.what)}{where} ({self.parameter}) "
+            f"{went} from {before} to {now} (change {change}; {sure(self.confidence)} sure)"
         )
         if self.confidence < _NAMED:
             said += "; these sessions do not show which of several it was"
@@ -141,7 +150,7 @@ def find_changes(
     walk = walk.stepped(each.step for each in found)
     return History(
         tuple(part.name for part in parts),
-        changes_of(steps, found, walk, causes, named),
+        changes_of(steps, found, walk, causes, named, [each.began for each in ordered]),
         _costs(walk.stepped(())),
         _costs(walk),
         walk.clear(),
@@ -154,6 +163,7 @@ def changes_of(
     walk: Walk,
     causes: Collection[str],
     named: Callable[[str], str],
+    began: Sequence[datetime],
 ) -> tuple[Change, ...]:
     """Steps in a reader's words, with the values before and behind each.
 
@@ -163,10 +173,12 @@ def changes_of(
         walk: all steps and the drift beside them.
         causes: that the machine is known to have beside those that stepped.
         named: the name that the robot's file has for a parameter.
+        began: of each session.
     """
     causes = {*causes, *(steps.key(step)[0] for step in walk.steps)}
     here = np.array([k.spread == DIMENSION or k.what in causes for k in steps.kept])
-    return tuple(_change(steps, each, walk.only(here), here, named) for each in found)
+    walk = walk.only(here)
+    return tuple(_change(steps, each, walk, here, named, began) for each in found)
 
 
 def _change(
@@ -175,6 +187,7 @@ def _change(
     walk: Walk,
     here: NDArray[np.bool_],
     named: Callable[[str], str],
+    began: Sequence[datetime],
 ) -> Change:
     """Values before and behind a step, by all sessions."""
     kept = [steps.kept[row] for row in found.step.rows]
@@ -202,7 +215,20 @@ def _change(
         happened=found.happened,
         rivals=tuple(_rival(steps, each, p) for each, p in found.rivals),
         signal=found.signal,
+        when=(began[gap], began[gap + 1]),
+        course=tuple(
+            _size(_own(walk, number, rows), np.arange(len(rows)), scale, nominal)
+            for number in range(len(walk.parts))
+        ),
     )
+
+
+def _own(walk: Walk, number: int, rows: Index) -> State:
+    """What a session says of some numbers, all others as all sessions have them."""
+    part, value = walk.parts[number], walk.smoothed(number).value
+    left = part.right[rows] - part.information[rows] @ value
+    known = np.linalg.pinv(part.information[np.ix_(rows, rows)], hermitian=True)
+    return State(value[rows] + known @ left, np.asarray(known))
 
 
 def _size(state: State, rows: Index, scale: Array, nominal: Array) -> tuple[float, float]:

@@ -19,12 +19,13 @@ from scipy.stats import chi2
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import Carried
 from delta_calibration.history.changes import Change, changes_of
-from delta_calibration.history.few import carried_of, pool, pool_with
+from delta_calibration.history.few import carried_of, pool, pool_near, pool_with
 from delta_calibration.history.pooled import Dated, Pool
 from delta_calibration.history.steps import FoundSteps, Steps
 from delta_calibration.history.walk import State, Step, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
+from delta_calibration.wording import spoken
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,29 @@ class Prospect:
     def changed_now(self, session: str) -> tuple[Change, ...]:
         """Changes in the gap before a session."""
         return tuple(change for change in self.changes if change.before == session)
+
+    def sentences(self, session: str) -> tuple[str, ...]:
+        """What of the history a fit of a session begins with, and what changed before it."""
+        effects = ", ".join(spoken(effect.cause) for effect in self.carried.effects)
+        names, now = self.carried.sessions, self.changed_now(session)
+        told = [
+            f"carried over from {len(names)} session{'' if len(names) == 1 else 's'} "
+            f"({names[0]} to {names[-1]}): geometry{f' and {effects}' if effects else ''}",
+            *(f"changed: {change.sentence()}; what was known of it is dropped" for change in now),
+        ]
+        if not now:
+            told.append("nothing changed since that this session could show")
+        return tuple(told)
+
+    @property
+    def doubt(self) -> str:
+        """That a session and its history do not go together; empty where they do."""
+        if self.odd == 1:
+            return ""
+        return (
+            f"the session contradicts its history ({self.odd:.1f} times what drift and noise "
+            "explain); that is believed so much less: measure a whole plan"
+        )
 
 
 @one_thread()
@@ -75,14 +99,15 @@ def prospect(
             else "no session in the history; an update needs 1 or more"
         )
     every = old if new is None else [*old, new]
-    whole = pool(old, robot, model)
+    whole = pool_near(pool(old, robot, model), old, robot, model)
     if new is not None:
         whole = pool_with(whole, old, new, robot, model)
     causes = {effect.cause for each in old for effect in each.effects}
     days = days_between([each.began.timestamp() for each in every])
     steps = Steps(whole.kept, whole.parts, frozenset(causes), tuple(days.tolist()))
     found, walk = steps.search()
-    told = changes_of(steps, found, walk, causes, robot.named)
+    began = [each.began for each in every]
+    told = changes_of(steps, found, walk, causes, robot.named, began)
     causes |= {steps.key(step)[0] for step in walk.steps}
     small = whole.only(causes)
     state, odd = _next(_believed(small, found, steps, walk, len(old)), new)

@@ -88,6 +88,31 @@ def pool_with(
     return replace(able, said=(*able.said, said))
 
 
+def pool_near(
+    past: Pool, sessions: Sequence[Dated], robot: Robot, model: str | None = None
+) -> Pool:
+    """The same, each session taken about a fit that knows roughly what the others say.
+
+    A fit of one session by itself is off the machine along what that session hardly shows, and by
+    what its effects bend; together the sessions are sure enough for that to count.
+
+    Args:
+        past: what the sessions say, each about its own fit.
+        sessions: in the order of `past`.
+        robot: drawing, tolerances, tracker.
+        model: name of a mechanism; the robot file's own where not given.
+    """
+    if len(sessions) < 2:
+        return past
+    said = []
+    for number, session in enumerate(sessions):
+        rest = [k for k in range(len(sessions)) if k != number]
+        others = replace(past, said=tuple(past.said[k] for k in rest))
+        near = pool_with(others, [sessions[k] for k in rest], session, robot, model)
+        said.append(near.said[-1])
+    return replace(past, said=tuple(said))
+
+
 def carried_of(past: Pool, state: State, done: Sequence[Dated]) -> Carried:
     """What is known of a machine, as a fit takes it.
 

@@ -196,6 +196,24 @@ class Store:
             rows = connection.execute(query.order_by(SESSIONS.c.began, SESSIONS.c.id))
             return tuple(_entry(row._asdict()) for row in rows)
 
+    def require_robot(self, machine: str, robot: str) -> None:
+        """Refuse another robot than that of a machine.
+
+        Args:
+            machine: its name.
+            robot: hash of the robot's file.
+
+        Raises:
+            InputError: no such machine, or it is of another robot.
+        """
+        known, made_for = self.robot_of(machine)
+        if made_for != robot:
+            raise InputError(
+                f"{self._name}: machine {machine!r} is of robot {known!r} with hash "
+                f"{made_for[:12]}; the file given has hash {robot[:12]}: another robot, or its "
+                "file was changed; use that file, or another --machine"
+            )
+
     def require_new(self, machine: str, robot: str, sha256: str, path: str, name: str) -> bool:
         """Refuse what cannot be added; whether it is a session whose folder was moved here.
 
@@ -211,13 +229,7 @@ class Store:
         """
         if machine not in dict(self.machines()):
             return False
-        known, made_for = self.robot_of(machine)
-        if made_for != robot:
-            raise InputError(
-                f"{self._name}: machine {machine!r} is of robot {known!r} with hash "
-                f"{made_for[:12]}; the file given has hash {robot[:12]}: another robot, or its "
-                "file was changed; use that file, or another --machine"
-            )
+        self.require_robot(machine, robot)
         for entry in self.sessions(machine):
             if entry.sha256 == sha256:
                 if is_there(entry.path):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import islice
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +19,7 @@ from delta_calibration.circle_test import (
     Share,
     pairs,
 )
+from delta_calibration.diagnosis.verdict import Estimate
 from delta_calibration.report.document import KeyFigure, Report, Section, Statement, Table
 from delta_calibration.report.drawing import (
     BEFORE,
@@ -36,6 +40,7 @@ Array = NDArray[np.float64]
 Key = tuple[str, str | None]
 
 _UM = 1e6
+_TOLD = 3  # values of a cause, the clearest
 _HIGH = 0.3  # of the radius, as large as the largest deviation is drawn
 _STEPS = (1, 2, 5, 10)  # that magnifications are rounded down to, times a power of ten
 _SMALL = 0.5e-6  # [m] that is nothing on a part
@@ -43,7 +48,7 @@ _LOBES = {2: "oval", 3: "three-lobed", 4: "four-lobed"}
 _OTHER = {
     DIMENSIONS: (
         "dimensions of the parts",
-        "usual deviations of the parts",
+        "usual deviations of the parts, none clear by itself",
         "compensate: calibrate the machine (delta-cal fit) and correct its commands",
     ),
     FOLLOWING: (
@@ -253,11 +258,18 @@ def _label(test: CircleTest, share: Share) -> str:
 
 def _value(test: CircleTest, share: Share) -> str:
     finding = test.finding(share.cause, share.location)
+    if share.cause == DIMENSIONS and test.dimensions:
+        first = dict(islice(test.dimensions.items(), _TOLD))
+        return f"off the drawing: {_estimates(first, len(test.dimensions))}"
     if finding is None:
         return _OTHER[share.cause][1] if share.cause in _OTHER else NO_VALUE
-    rest = len(finding.parameters) - 3
-    clearest = (estimate(name, e) for name, e in finding.clearest(3).items())
-    return ", ".join(clearest) + (f" and {rest} more" if rest > 0 else "")
+    return _estimates(finding.clearest(_TOLD), len(finding.parameters))
+
+
+def _estimates(first: Mapping[str, Estimate], of: int) -> str:
+    """Some estimates, and how many more there are."""
+    more = f" and {of - len(first)} more" if of > len(first) else ""
+    return ", ".join(estimate(name, e) for name, e in first.items()) + more
 
 
 def _plots(test: CircleTest) -> list[Figure]:

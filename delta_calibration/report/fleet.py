@@ -32,10 +32,11 @@ from delta_calibration.report.drawing import (
     Panel,
     Points,
 )
-from delta_calibration.wording import NO_VALUE, capital, chance, figures, listed, mm
+from delta_calibration.wording import NO_VALUE, capital, chance, figures, listed, mm, spoken
 
 _FIRST = 10  # visits on top; the others are in the table of all
 _WIDE = 20.0  # times the least error from which on the axis is logarithmic
+_FREQUENT = 8  # causes that are listed by how many machines have them
 _NAMED = 6  # machines that a sentence names
 _COLOUR = {UNKNOWN: THIRD, DRIFTED: BEFORE, CAUSE: CALIBRATED, STALE: GREY, FINE: EXTENDED}
 
@@ -75,7 +76,12 @@ def page_of_fleet(
             Section(
                 "visits", "What to visit first", (_AT_STAKE,), tables=(_visits(visits[:_FIRST]),)
             ),
-            Section("shared", "What machines share", (_HOW_SHARED,), tables=(_shared(shared),)),
+            Section(
+                "shared",
+                "What machines share",
+                (_HOW_SHARED,),
+                tables=(_shared(shared), *_frequent(fleet)),
+            ),
             Section("states", "Machines by state", figures=(_errors(fleet, day),)),
             Section(
                 "machines",
@@ -122,7 +128,8 @@ _AT_STAKE = (
 )
 _HOW_SHARED = (
     "A cause is shared where more machines have it than chance explains, by how often all other "
-    "causes of this fleet are found; p is the chance of as many anywhere."
+    "causes of this fleet are found; p is the chance of as many anywhere. Perhaps: p is 0.001 or "
+    "more, and under 0.05."
 )
 
 
@@ -142,14 +149,18 @@ def _first(visits: Sequence[Standing]) -> str:
 
 
 def _sharing(shared: Sequence[Shared]) -> str:
-    if not shared:
-        return "Nothing that chance would not explain."
-    told = (
+    sure = [_shares(each) for each in shared if each.sure]
+    perhaps = [_shares(each) for each in shared if not each.sure]
+    told = [f"{'; '.join(sure)}. Look at what these machines have in common."] if sure else []
+    told += [f"perhaps {'; '.join(perhaps)}."] if perhaps else []
+    return " ".join(map(capital, told)) or "Nothing that chance would not explain."
+
+
+def _shares(each: Shared) -> str:
+    return (
         f"{each.what} in {len(each.machines)} of {each.of} machines, where chance gives "
         f"{figures(each.expected, 2)} (p {_p(each.p_value)})"
-        for each in shared
     )
-    return capital(f"{'; '.join(told)}. Look at what these machines have in common.")
 
 
 def _unused(fleet: Sequence[Standing], never: Mapping[str, Sequence[str]]) -> str:
@@ -172,7 +183,7 @@ def _visits(visits: Sequence[Standing]) -> Table:
 def _shared(shared: Sequence[Shared]) -> Table:
     rows = tuple(
         (
-            each.what,
+            each.what if each.sure else f"perhaps {each.what}",
             str(len(each.machines)),
             ", ".join(each.machines),
             figures(each.expected, 2),
@@ -183,6 +194,18 @@ def _shared(shared: Sequence[Shared]) -> Table:
     head = ("what", "machines", "which", "by chance", "p")
     caption = "" if rows else "Nothing is shared that chance would not explain."
     return Table("shared", "", head, rows, caption, words=(0, 2))
+
+
+def _frequent(fleet: Sequence[Standing]) -> tuple[Table, ...]:
+    """How many machines have each cause, the most frequent first."""
+    causes = (spoken(c) for each in fleet for c in {f["cause"] for f in each.findings})
+    counted = sorted(Counter(causes).items(), key=lambda one: (-one[1], one[0]))[:_FREQUENT]
+    if not counted:
+        return ()
+    rows = tuple((cause, str(count)) for cause, count in counted)
+    caption = f"Of {len(fleet)} machines, by the last verdict of each."
+    title = "Most frequent causes"
+    return (Table("frequent", title, ("cause", "machines"), rows, caption, words=(0,)),)
 
 
 def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:

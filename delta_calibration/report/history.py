@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 
 import numpy as np
@@ -12,18 +12,22 @@ from delta_calibration.history import Change, History
 from delta_calibration.report.document import Report, Section, Statement, Table
 from delta_calibration.report.drawing import (
     BEFORE,
+    CALIBRATED,
     EXTENDED,
     Axis,
     Figure,
+    Line,
     Panel,
+    Points,
     course,
 )
-from delta_calibration.wording import mm, spoken, sure
+from delta_calibration.wording import mm, reader_unit, spoken, sure
 
 Array = NDArray[np.float64]
 
 _ROOM = 1.25  # beyond the least and the largest value
 _FEW = 3  # changes that are told in sentences
+_BESIDE = 0.3  # of a session, that a line goes on beyond the outermost ones
 _TOO_SMALL = 1.0  # chi square that a logarithmic axis begins with
 
 
@@ -53,7 +57,9 @@ def page_of_history(
         ),
         key_figures=(),
         sections=(
-            Section("changes", "What changed, and when", tables=(_log(found, errors),)),
+            Section(
+                "changes", "What changed, and when", tables=(_log(found),), figures=_courses(found)
+            ),
             Section("sessions", "Sessions", tables=(_sessions(errors),), figures=(_fit(found),)),
         ),
         data={"machine": machine, "changes": [change.as_dict() for change in found.changes]},
@@ -73,27 +79,61 @@ def _upper(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]
 
 
-def _log(found: History, errors: Sequence[tuple[str, datetime, float]]) -> Table:
-    day = {name: f"{when:%Y-%m-%d}" for name, when, _ in errors}
+def _log(found: History) -> Table:
     return Table(
         "changes",
         "Change log",
         ("between", "what", "where", "from", "to", "change", "sure", "or"),
-        tuple(_row(change, day) for change in found.changes),
+        tuple(_row(change) for change in found.changes),
         "With standard errors. Sure: probability that cause, place and time are right; or: what "
         "else it may have been.",
         words=(0, 1, 2, 7),
     )
 
 
-def _row(change: Change, day: Mapping[str, str]) -> tuple[str, ...]:
+def _row(change: Change) -> tuple[str, ...]:
     return (
-        f"{change.after} ({day[change.after]}) and {change.before} ({day[change.before]})",
+        change.gap(),
         spoken(change.what),
         spoken(change.location or ""),
         *change.told(),
         sure(change.confidence),
         ", ".join(change.rivals),
+    )
+
+
+def _courses(found: History) -> tuple[Figure, ...]:
+    """What each session says of the numbers that changed."""
+    if not found.changes:
+        return ()
+    caption = (
+        "What each session says of a number that changed, with its standard error; all else is "
+        "taken as all sessions together have it. The line: before and behind the change."
+    )
+    numbers: dict[tuple[str, str | None, str], list[Change]] = {}
+    for change in found.changes:
+        numbers.setdefault((change.what, change.location, change.parameter), []).append(change)
+    panels = tuple(_course(found.sessions, changes) for changes in numbers.values())
+    return (Figure("courses", "Session by session", caption, panels, columns=1),)
+
+
+def _course(sessions: tuple[str, ...], changes: Sequence[Change]) -> Panel:
+    """One number over the sessions, with its changes in the order of time."""
+    one, place = changes[0], np.arange(len(sessions), dtype=float)
+    factor, unit = reader_unit(one.unit, max(abs(v) for c in changes for v in (c.from_, c.to)))
+    value, std = factor * np.array(one.course).T
+    gaps = [sessions.index(change.after) + 0.5 for change in changes]
+    ends = [place[0] - _BESIDE, *np.repeat(gaps, 2), place[-1] + _BESIDE]
+    levels = [one.from_, *(v for c in changes for v in (c.from_, c.to)), changes[-1].to]
+    where = f" of {spoken(one.location)}" if one.location else ""
+    return Panel(
+        f"{spoken(one.what)}{where}",
+        Axis.side_by_side("session", sessions),
+        Axis(f"{spoken(one.parameter)} [{unit}]"),
+        (
+            Points("by this session", place, value, CALIBRATED, "circle", 7.0, error=std),
+            Line("by all sessions", np.array(ends), factor * np.array(levels), EXTENDED),
+        ),
     )
 
 

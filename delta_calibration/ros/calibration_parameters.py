@@ -115,6 +115,13 @@ SPECS = (
         read_only=True,
         path=True,
     ),
+    Spec(
+        "history_update",
+        False,
+        "whether every ~/fit begins with what the history says of the machine; one of fewer than "
+        "12 places always does",
+        read_only=True,
+    ),
     Spec("seed", 0, "of the parts held out and of the swarm; from configure on", (0, 2**31 - 1)),
     Spec(
         "error_scale",
@@ -185,6 +192,7 @@ def desk_settings(table: ParameterTable) -> Settings:
         history=_store(table),
         machine=table.text("machine"),
         bags=str(table.path("history_bags") or ""),
+        update=table.flag("history_update"),
     )
 
 
