@@ -449,3 +449,16 @@ def test_joints_that_slide_are_drawn_in_mm() -> None:
     assert slid.title == "position of the joint [mm]"
     np.testing.assert_allclose(slid.of(at, 0), [250.0, 500.0])
     assert ANGLE.of_joints("rad") is ANGLE
+
+
+def test_a_narrow_map_has_few_level_ticks() -> None:
+    """Seven ticks under a strip were turned upright by plotly."""
+    wide, high = np.array([-1.0, np.nan, 1.0]), np.array([-5.0, 0.0, 5.0])
+
+    def ticks(x: np.ndarray, y: np.ndarray) -> dict[str, object]:
+        marks = (Points("", x, y),)
+        shown = plot_of(Panel("", Axis("x"), Axis("y"), marks, equal=True))["layout"]["xaxis"]
+        return {key: shown[key] for key in ("nticks", "tickangle")}
+
+    assert ticks(wide, high) == {"nticks": 3, "tickangle": 0}
+    assert ticks(high, wide) == {"nticks": 7, "tickangle": 0}

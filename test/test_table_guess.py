@@ -302,7 +302,8 @@ def test_a_probe_on_a_stalk_is_no_doubt(tmp_path: Path) -> None:
     q = q + rng.uniform(-0.6, 0.6, q.shape) * [0.2, 0.2, 0.2, 1, 1, 1]
     x = model.forward(q, model.parameters.nominal)
     for stalk in (0.09, 0.2):
-        y = model.position(x) + model.rotation(x) @ [0.0, 0.0, stalk] + rng.normal(0, 5e-4, (60, 3))
+        y = model.position(x) + model.rotation(x) @ [0.0, 0.0, stalk]
+        y = y + rng.normal(0, 5e-4, y.shape)
         written = Written("q1,q2,q3,q4,q5,q6,x,y,z\n", lambda q, y, k: numbers(deg_mm(q, y)))
         file = write(tmp_path, written, q, y[:, [2, 0, 1]] + [1.0, 2.0, 0.5])
         assert guess(file, "ur10", "--out", str(tmp_path / f"session_{stalk}")) == 0

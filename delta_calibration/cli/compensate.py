@@ -89,7 +89,7 @@ _COVERS = 1.614
     show_default=True,
     help="What to do with targets outside the calibrated region. blend: fade the correction out "
     "over the margin, then send the nominal command; nominal: send the nominal command "
-    "everywhere outside; refuse: write nothing if any target is outside.",
+    "everywhere outside; refuse: write nothing if any target cannot be corrected in full.",
 )
 @click.option(
     "--unit",
@@ -157,11 +157,11 @@ def command(
     options = TableOptions(table_file, table_by, table_bound_um)
     options.require_method(method)
     calibration = load_calibration(calibration_file, robot)
-    if outside == NOMINAL:
+    if outside != BLEND:
         calibration = replace(calibration, robot=without_margin(robot))
     warm = warmth_by_part(temperatures, calibration)
     shown = unit_for(robot.joints, unit)
-    rows, nominal = _nominal(robot, targets, payload, outside)
+    rows, nominal = _nominal(robot, targets, payload)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
@@ -170,17 +170,17 @@ def command(
     found = None
     if reached.size:
         found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
-        if outside == REFUSE:
-            _refuse_uncorrected(found, targets, calibration.region)
     radius = np.zeros(0) if found is None else _radius(calibration, found, payload, warm)
     commands = Commands(rows, nominal, found, reached, radius)
+    if outside == REFUSE:
+        _tell_of_uncorrected(commands, targets, calibration.region, written=False)
     write_commands(out, robot.joints, shown, commands)
     if found is not None:
         tell_of_blended(found, targets, out, reached)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}: {calibration.why_left_out(cause)}")
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
-    _tell_of_uncorrected(commands, targets, calibration.region)
+    _tell_of_uncorrected(commands, targets, calibration.region, written=True)
 
 
 def _radius(
@@ -219,8 +219,10 @@ def _summary(commands: Commands, compensator: JointCompensator) -> str:
     )
 
 
-def _tell_of_uncorrected(commands: Commands, targets: Path, region: Region) -> None:
-    """List every target without a correction once, and fail.
+def _tell_of_uncorrected(
+    commands: Commands, targets: Path, region: Region, *, written: bool
+) -> None:
+    """List every target without a correction once, with what was written for it, and fail.
 
     Raises:
         DataError: there is one.
@@ -230,16 +232,17 @@ def _tell_of_uncorrected(commands: Commands, targets: Path, region: Region) -> N
         return
     reasons = {verdict.name.lower(): verdict.value for verdict in CommandStatus}
     for row in bad:
-        left = "no command" if status[row] == UNREACHED else "left nominal"
+        left = "no command: " if status[row] == UNREACHED else "left nominal: "
         click.echo(
-            f"{targets}: point {row + 1}{_called(commands.rows[row])}: {left}: "
+            f"{targets}: point {row + 1}{_called(commands.rows[row])}: {left * written}"
             f"{reasons[status[row]]}",
             err=True,
         )
     within = ""
     if CommandStatus.OUTSIDE_REGION.name.lower() in status:
         within = f"; the calibrated region lies within {_extent(region)}"
-    raise DataError(f"{targets}: {len(bad)} of {len(status)} points are not corrected{within}")
+    what = "are not corrected" if written else "cannot be corrected, and nothing was written"
+    raise DataError(f"{targets}: {len(bad)} of {len(status)} points {what}{within}")
 
 
 def _called(row: Row) -> str:
@@ -296,9 +299,7 @@ def found_for(
     return found
 
 
-def _nominal(
-    robot: Robot, file: Path, payload: float | None, outside: str
-) -> tuple[list[Row], Array]:
+def _nominal(robot: Robot, file: Path, payload: float | None) -> tuple[list[Row], Array]:
     """Targets, and joints that the drawing takes for them, (n, m) [rad or m]; NaN out of reach."""
     rows, load = read_rows(file, robot, robot.joints.passed_through), payload or 0.0
     unused = unused_columns(rows)
@@ -306,10 +307,8 @@ def _nominal(
         click.echo(f"{file}: not used: {', '.join(unused)} (of a plan)", err=True)
     try:
         return rows, targets_of(rows, robot, load).joint
-    except ReachError as error:
-        if outside == REFUSE:
-            raise ReachError(f"{file}: {error}") from error
-    return rows, np.concatenate([_one_nominal(row, robot, load) for row in rows])
+    except ReachError:
+        return rows, np.concatenate([_one_nominal(row, robot, load) for row in rows])
 
 
 def _one_nominal(row: Row, robot: Robot, payload: float) -> Array:

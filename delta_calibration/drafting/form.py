@@ -287,9 +287,9 @@ def reference() -> str:
         "The suffix of a key is the unit of its number. A file begins with `schema: 1`, `name` (a",
         "lower-case letter, then lower-case letters, digits and `_`) and `mechanism`; sections",
         "follow. `geometry.arm_mm` is the entry `arm_mm` of section `geometry`, and `links[]` one",
-        "of the sections in a list. `delta-cal robot new` writes a file by asking questions, `robot",
-        "check` checks it, `robot draw` draws it. This page is written by `delta-cal robot",
-        "reference`.",
+        "of the sections in a list. `delta-cal robot new` writes a file by asking questions,",
+        "`robot check` checks it, `robot draw` draws it. This page is written by",
+        "`delta-cal robot reference`.",
         *_HOW_JOINTS_READ,
     ]
     for mechanism in MECHANISMS:

@@ -7,7 +7,7 @@ import re
 from delta_calibration.recording.table_found import UNIT
 
 CLOCK = r"time|timestamp|zeit|stamp|t|clock|minutes?|seconds?"  # what a time is called
-MEANT = {"minute": "min", "minutes": "min", "second": "s", "seconds": "s"}  # unit by the name alone
+MEANT = {"minute": "min", "minutes": "min", "second": "s", "seconds": "s"}  # by the name alone
 _UNIT = re.compile(rf"[\[(/\s_]+({UNIT})[\])]*$", re.IGNORECASE)
 _CALLED = {  # as people write them -> a mapping's word
     **dict.fromkeys(("radian", "radians"), "rad"),
