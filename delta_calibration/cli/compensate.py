@@ -161,26 +161,46 @@ def command(
         calibration = replace(calibration, robot=without_margin(robot))
     warm = warmth_by_part(temperatures, calibration)
     shown = unit_for(robot.joints, unit)
-    rows, nominal = _nominal(robot, targets, payload)
+    rows = read_rows(targets, robot, robot.joints.passed_through)
+    unused = unused_columns(rows)
+    if unused:
+        click.echo(f"{targets}: not used: {', '.join(unused)} (of a plan)", err=True)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
         compensator = JointCompensator(calibration, method, seed)
-    reached = np.flatnonzero(np.isfinite(nominal).all(axis=1))
-    found = None
-    if reached.size:
-        found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
-    radius = np.zeros(0) if found is None else _radius(calibration, found, payload, warm)
-    commands = Commands(rows, nominal, found, reached, radius)
+    commands = commands_for(compensator, rows, payload, warm, calibration_file)
     if outside == REFUSE:
         _tell_of_uncorrected(commands, targets, calibration.region, written=False)
     write_commands(out, robot.joints, shown, commands)
-    if found is not None:
-        tell_of_blended(found, targets, out, reached)
+    if commands.found is not None:
+        tell_of_blended(commands.found, targets, out, commands.reached)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}: {calibration.why_left_out(cause)}")
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
     _tell_of_uncorrected(commands, targets, calibration.region, written=True)
+
+
+def commands_for(
+    compensator: JointCompensator,
+    rows: Sequence[Row],
+    payload: float | None,
+    warm: dict[str, float],
+    calibration_file: Path,
+) -> Commands:
+    """What becomes of every target, the machine stopping at one after the other.
+
+    Raises:
+        InputError: a target that is none, or the calibration takes a condition that is not given.
+    """
+    calibration = compensator.calibration
+    nominal = _nominal(calibration.robot, rows, payload or 0.0)
+    reached = np.flatnonzero(np.isfinite(nominal).all(axis=1))
+    if not reached.size:
+        return Commands(rows, nominal, None, reached, np.zeros(0))
+    found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
+    radius = _radius(calibration, found, payload, warm)
+    return Commands(rows, nominal, found, reached, radius)
 
 
 def _radius(
@@ -299,16 +319,12 @@ def found_for(
     return found
 
 
-def _nominal(robot: Robot, file: Path, payload: float | None) -> tuple[list[Row], Array]:
-    """Targets, and joints that the drawing takes for them, (n, m) [rad or m]; NaN out of reach."""
-    rows, load = read_rows(file, robot, robot.joints.passed_through), payload or 0.0
-    unused = unused_columns(rows)
-    if unused:
-        click.echo(f"{file}: not used: {', '.join(unused)} (of a plan)", err=True)
+def _nominal(robot: Robot, rows: Sequence[Row], payload: float) -> Array:
+    """Joints that the drawing takes for targets, (n, m) [rad or m]; NaN out of reach."""
     try:
-        return rows, targets_of(rows, robot, load).joint
+        return targets_of(rows, robot, payload).joint
     except ReachError:
-        return rows, np.concatenate([_one_nominal(row, robot, load) for row in rows])
+        return np.concatenate([_one_nominal(row, robot, payload) for row in rows])
 
 
 def _one_nominal(row: Row, robot: Robot, payload: float) -> Array:
