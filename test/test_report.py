@@ -91,6 +91,22 @@ def test_another_robot_s_line_is_its_own(name: str, along: str) -> None:
     assert not any(word in told for word in ("paper", "Pan,", "711 mm"))
 
 
+def test_a_model_less_itself_is_no_error() -> None:
+    """Where nothing extends it, the calibrated model is the last: no row of zeros, no curve."""
+    judged = elsewhere("five_axis")
+    assert not judged.diagnosis.verdict.findings
+    line = along_line(judged, load_robot("five_axis"))
+    assert line is not None
+    shown, rows = line_figure(line), line_table(line).rows
+    assert {row[0].partition(", in")[0] for row in rows} == {"before", "calibrated, 95 % bound"}
+    assert "0.0000" not in {row[1] for row in rows}
+    assert "xtended" not in shown.caption
+    assert [m.name for m in shown.panels[0].marks if isinstance(m, Line)] == [
+        "before",
+        "calibrated, 95 % bound",
+    ]
+
+
 def test_the_page_says_of_the_tests_what_the_verdict_says() -> None:
     verdict = found().verdict
     unknown = replace(verdict.unknown_structure, found=False)
