@@ -291,6 +291,24 @@ def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
     assert robot.joints.passed_through == ("turn",)
 
 
+def test_links_of_an_arm_are_asked_for_one_by_one(tmp_path: Path) -> None:
+    """Three links by the answers to every entry; what is proposed for joints follows."""
+    out = tmp_path / "mine.yaml"
+    first, second = ["0", "0", "300", "90", "", ""], ["90", "20", "", "", "true", "3"]
+    third = ["0", "400", "0", "", "yes", "true", ""]  # `yes` is no truth value
+    typed = ["mine", "3", *first, *second, *third, *[""] * 40]
+    done = run("new", "--like", "scara", "--out", out, typed="\n".join(typed) + "\n")
+    assert "links[2].parallel: yes is not allowed; true or false" in done.output
+    arm = load_robot(out).dimensions
+    assert [round(1e3 * link.length) for link in arm.links] == [0, 20, 400]
+    assert [link.parallel for link in arm.links] == [False, True, True]
+    np.testing.assert_allclose([link.zero for link in arm.links], np.radians([90, 0, 0]))
+    assert arm.links[1].mass == 3.0
+    assert load_robot(out).joints.names == ("joint_1", "joint_2", "joint_3")
+    refused = run("new", "--like", "scara", "--out", tmp_path / "x.yaml", typed="x\n0\n" * 6)
+    assert "'0' is not allowed; a whole number above 0" in refused.output
+
+
 def test_one_limit_stands_for_all_joints_and_an_interrupted_file_is_kept(tmp_path: Path) -> None:
     """The answers end after the first limit; what was typed until then is in the file."""
     out = tmp_path / "mine.yaml"

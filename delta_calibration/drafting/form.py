@@ -42,6 +42,9 @@ OFFERED: Mapping[tuple[str, ...], str] = {
     ("joints", "sign"): "1 for all",
     ("joints", "zero_deg"): "0 for all",
     ("joints", "zero_mm"): "0 for all",
+    ("geometry", "links[]", "zero_deg"): "0",
+    ("geometry", "links[]", "parallel"): "false",
+    ("geometry", "links[]", "mass_kg"): "0",
 }
 _WIDTH, _INDENT, _COLUMN = 110, 2, 40
 _HOW_JOINTS_READ = """
@@ -335,6 +338,11 @@ def _table(rows: Iterable[Entry]) -> list[str]:
 def _with_parts(entry: Entry) -> Iterator[Entry]:
     """An entry and, if it is a list of sections, what each of these holds."""
     yield entry
+    yield from parts_of(entry)
+
+
+def parts_of(entry: Entry) -> Iterator[Entry]:
+    """What each section of a list of sections holds; nothing if it is none."""
     item = entry.schema.get("items", {})
     if item.get("type") == "object":
         *before, last = entry.path
