@@ -211,8 +211,8 @@ class Identified:
     def _repr_html_(self) -> str:
         found = self.found
         rows = {
-            "held-out error before": f"{mm(1e3 * found.frame_only.held_out)} mm",
-            "held-out error calibrated": f"{mm(1e3 * found.full.held_out)} mm",
+            "error left, before": f"{mm(1e3 * found.frame_only.held_out)} mm",
+            "error left, calibrated": f"{mm(1e3 * found.full.held_out)} mm",
             "noise of a pose": f"{mm(1e3 * found.noise.floor)} mm",
             "determined by the "
             "data": f"{found.observability.rank} of {len(found.theta)} parameters",

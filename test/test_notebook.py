@@ -120,7 +120,9 @@ def _require_the_verbs(found, targets, robot: str, folder: Path) -> None:
 
 def test_they_show_themselves_and_escape_what_files_say(found: Identified) -> None:
     shown = found._repr_html_()
-    assert f"{1e3 * found.found.full.held_out:.4f} mm" in shown
+    left = f"{1e3 * found.found.full.held_out:.4f} mm"
+    assert f">error left, calibrated</th><td style='text-align:left'>{left}<" in shown
+    assert "held-out" not in shown  # which is what a diagnosis calls its own error
     notes = found.session.recorded.notes
     page = Session(found.session.robot, found.session.recorded)._repr_html_()
     assert "srbd (six_rod_delta)" in page

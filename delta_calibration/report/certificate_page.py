@@ -196,7 +196,7 @@ def _appendix(certificate: Certificate) -> Section:
     if found is not None:
         text = (
             f"Chi square per degree of freedom {found.chi_square:.2f}; noise of a pose "
-            f"{figures(UM * found.noise.floor, 2)} µm RMS in 3-D; held-out error "
+            f"{figures(UM * found.noise.floor, 2)} µm RMS in 3-D; error left "
             f"{found.full.held_out_whitened:.2f} times the noise. A dimension counts as "
             f"identified if the data reduce its uncertainty below {100 * IDENTIFIED:.0f} % of "
             "its tolerance.",
