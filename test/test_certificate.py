@@ -259,6 +259,15 @@ def test_an_instrument_whose_certificate_had_run_out_is_warned_of(
     assert not read_about(file, {}).expired(None)
 
 
+def test_the_page_warns_of_it(cell: Path) -> None:
+    ended = ABOUT.replace("serial: LT-1", "valid_until: 2020-01")
+    (cell / "ended.yaml").write_text(ended + "measured_on: 2026-11-24\n")
+    assert run(certify(cell, "ended.yaml", "ended.html")) == 0
+    warned = "The certificate of the instrument was valid until 2020-01; measured on 2026-11-24."
+    assert warned in (cell / "ended.html").read_text()
+    assert "was valid until" not in (cell / "c.html").read_text()
+
+
 def test_another_ending_is_refused_before_any_work(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -387,7 +387,7 @@ def _pictures(robot: Robot, data: dict[str, Any], folder: Path) -> Iterator[tupl
             except (CalibrationError, ValueError):
                 continue
             path = folder / f"{'.'.join(entry.path[1:])}.svg"
-            said = f"{entry.name}: {entry.about}; {factor:.2g} times as much in blue"
+            said = f"{entry.name}: {entry.about}; {factor:.3g} times as much in blue"
             write_sketch(changed, path, before=robot, changed=said)
             yield entry, path
             break
