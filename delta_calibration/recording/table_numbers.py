@@ -122,9 +122,9 @@ def _left_out(rows: Sequence[Row], whole: Sequence[Row]) -> str:
     """Which rows have gaps."""
     kept = {id(row) for row in whole}
     lines = [str(row.line) for row in rows if id(row) not in kept]
-    more = ", ..." if len(lines) > _SHOWN else ""
+    more, many = ", ..." * (len(lines) > _SHOWN), "s" * (len(lines) > 1)
     return (
-        f"{len(lines)} of {len(rows)} rows have gaps and were left out (line "
+        f"{len(lines)} of {len(rows)} rows have gaps and were left out (line{many} "
         f"{', '.join(lines[:_SHOWN])}{more})"
     )
 
