@@ -260,12 +260,19 @@ def _explain(error: ValidationError) -> str:
         case "const":
             return f"{at}{found!r} is not allowed; it must be {rule!r}"
         case "type":
-            return f"{at}{found!r} is not allowed; {_KINDS.get(rule, rule)} is expected"
+            number = rule == "string" and isinstance(found, int | float)
+            quoted = "; put it in quotes" if number else ""
+            return f"{at}{found!r} is not allowed; {_KINDS.get(rule, rule)} is expected{quoted}"
         case "minimum" | "exclusiveMinimum" | "maximum" | "exclusiveMaximum":
             bound = _BOUNDS[str(error.validator)]
             return f"{at}{found!r} is not allowed; {bound} {rule:g} is expected"
         case "minItems" | "maxItems":
             return f"{at}{len(found)} values found, {rule} are expected"
+        case "anyOf" | "oneOf":  # what is wrong by the form that has the kind of value found
+            near = [e for e in error.context or () if e.validator != "type"]
+            return _explain(near[0]) if near else f"{at}{error.message}"
+        case "pattern" if "description" in schema:
+            return f"{at}{found!r} is not allowed; {schema['description']} is expected"
         case "not":  # of a constant
             return f"{at}{found!r} is not allowed; anything but {rule['const']!r} is"
         case _:

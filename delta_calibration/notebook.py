@@ -27,16 +27,19 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import from_identification, save_calibration
-from delta_calibration.compensation import CommandStatus, JointCompensator, methods_for
+from delta_calibration.cli.compensate import commands_for, warmth_by_part
+from delta_calibration.compensation import JointCompensator, methods_for, require_method
 from delta_calibration.data import Session as Recording
 from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import Diagnosis, diagnose
+from delta_calibration.errors import InputError
 from delta_calibration.estimation import Identification, doubts, identify
-from delta_calibration.plans.points import joints_toward
+from delta_calibration.plans.target_file import NAME, PLACE, TURN, commanded_columns
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report.missing import required
 from delta_calibration.report.residual_plot import plot_errors
 from delta_calibration.robot import Robot, load_robot
+from delta_calibration.tables import Row, require_columns
 from delta_calibration.wording import measured, mm, spoken, sure
 
 if TYPE_CHECKING:
@@ -46,6 +49,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_SOURCE = Path("targets")  # what messages call them
 _READERS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 
 
@@ -178,14 +182,27 @@ class Identified:
         errors = {name: 1e-3 * table[f"{name}_mm"].to_numpy() for name in ("before", "calibrated")}
         return plot_errors(table["time_s"].to_numpy(), errors, self.found.noise.floor, axes=axes)
 
-    def compensate(self, targets: Any, method: str | None = None) -> pd.DataFrame:
+    def compensate(
+        self,
+        targets: Any,
+        method: str | None = None,
+        payload: float | None = None,
+        temperature: Mapping[str, float] | None = None,
+    ) -> pd.DataFrame:
         """Joint commands that put the tool at places, as `delta-cal compensate`.
 
         Args:
-            targets: (n, 3) [mm], or a table with x_mm, y_mm, z_mm.
-            method: `apso`, `newton`, `table`; as the verb where not given.
+            targets: a table with the columns of a file of targets (x_mm, y_mm, z_mm, name, and
+                turn_x_deg, turn_y_deg, turn_z_deg where the joints turn the platform; other
+                columns are left out), or (n, 3) [mm].
+            method: `apso` or `newton`; as the verb where not given.
+            payload: [kg] at the centre of the platform.
+            temperature: by part [deg C].
+
+        Raises:
+            InputError: no such targets, or the calibration needs a payload or a temperature.
         """
-        return _commands(self.calibration, targets, method)
+        return _commands(self.calibration, targets, method, payload, temperature)
 
     def save(self, path: str | Path) -> None:
         """Write the calibration file."""
@@ -194,8 +211,8 @@ class Identified:
     def _repr_html_(self) -> str:
         found = self.found
         rows = {
-            "held-out error before": f"{mm(1e3 * found.frame_only.held_out)} mm",
-            "held-out error calibrated": f"{mm(1e3 * found.full.held_out)} mm",
+            "error left, before": f"{mm(1e3 * found.frame_only.held_out)} mm",
+            "error left, calibrated": f"{mm(1e3 * found.full.held_out)} mm",
             "noise of a pose": f"{mm(1e3 * found.noise.floor)} mm",
             "determined by the "
             "data": f"{found.observability.rank} of {len(found.theta)} parameters",
@@ -245,9 +262,15 @@ class Diagnosed:
         floor = self.diagnosis.identification.noise.floor
         return plot_errors(poses.time, errors, floor, axes=axes)
 
-    def compensate(self, targets: Any, method: str | None = None) -> pd.DataFrame:
-        """Joint commands that put the tool at places, by the extended model."""
-        return _commands(self.calibration, targets, method)
+    def compensate(
+        self,
+        targets: Any,
+        method: str | None = None,
+        payload: float | None = None,
+        temperature: Mapping[str, float] | None = None,
+    ) -> pd.DataFrame:
+        """The same as `Identified.compensate`, by the extended model."""
+        return _commands(self.calibration, targets, method, payload, temperature)
 
     def save(self, path: str | Path) -> None:
         """Write the calibration file, extended by what was found."""
@@ -268,25 +291,55 @@ class Diagnosed:
         return _page(named(verdict.sentence()), rows, self.diagnosis.doubts)
 
 
-def _commands(calibration: Calibration, targets: Any, method: str | None) -> pd.DataFrame:
+def _commands(
+    calibration: Calibration,
+    targets: Any,
+    method: str | None,
+    payload: float | None,
+    temperature: Mapping[str, float] | None,
+) -> pd.DataFrame:
     robot = calibration.robot
-    if hasattr(targets, "columns"):
-        targets = targets[[f"{axis}_mm" for axis in "xyz"]].to_numpy()
-    places = 1e-3 * np.atleast_2d(np.asarray(targets, dtype=float))
-    nominal = joints_toward(robot, places)
+    rows = _rows(robot, targets)
     method = method or methods_for(robot.commanded)[0]
-    reached = np.isfinite(nominal).all(axis=1)
-    command, status = nominal.copy(), np.full(len(places), CommandStatus.OUT_OF_REACH.name.lower())
-    status = status.astype(object)
-    if reached.any():
-        done = JointCompensator(calibration, method).compensate(nominal[reached])
-        status[reached] = [verdict.name.lower() for verdict in done.verdicts]
-        command[reached] = nominal[reached] + done.correction
-    columns: dict[str, Any] = {f"{axis}_mm": 1e3 * places[:, k] for k, axis in enumerate("xyz")}
+    require_method(robot.commanded, method, robot.name)
+    warm = warmth_by_part(tuple((temperature or {}).items()), calibration)
+    made = commands_for(JointCompensator(calibration, method), rows, payload, warm, _SOURCE)
+    command, left, _ = made.by_target()
+    columns: dict[str, Any] = {
+        name: [row.text[name] if name == NAME else row.number(name) for row in rows]
+        for name in rows[0].text
+    }
     unit = robot.joints.unit
     for k, name in enumerate(robot.joints.names):
-        columns |= {f"nominal_{name}_{unit}": nominal[:, k], f"{name}_{unit}": command[:, k]}
-    return _frame({**columns, "status": status})
+        columns |= {
+            f"nominal_{name}_{unit}": made.nominal[:, k],
+            f"{name}_{unit}": command[:, k],
+        }
+    more = {"status": made.status, "u95_mm": 1e3 * made.u95(), "error_mm": 1e3 * left}
+    return _frame(columns | more)
+
+
+def _rows(robot: Robot, targets: Any) -> list[Row]:
+    """Targets as the lines of a file of targets would have them.
+
+    Raises:
+        InputError: a column is missing, or there is no target.
+    """
+    places = [name for name in commanded_columns(robot) if name in PLACE]
+    if not hasattr(targets, "columns"):
+        values = np.atleast_2d(np.asarray(targets, dtype=float))
+        names = PLACE if values.shape[1] == len(PLACE) else tuple(places)
+        targets = _frame(dict(zip(names, values.T, strict=True)))
+    found = [name for name in (NAME, *PLACE, *TURN) if name in targets.columns]
+    require_columns(_SOURCE, [str(name) for name in targets.columns], places, (), ",")
+    lines = zip(*(targets[name] for name in found), strict=True)
+    rows = [
+        Row(_SOURCE, number, dict(zip(found, map(str, line), strict=True)))
+        for number, line in enumerate(lines, 1)
+    ]
+    if not rows:
+        raise InputError(f"{_SOURCE}: no points in it")
+    return rows
 
 
 def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:

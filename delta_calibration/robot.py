@@ -43,6 +43,7 @@ _MACHINE = ("schema", "name", "mechanism", "geometry", "tolerances", "masses", "
 _GEARS = "gear_ratio"
 _SHORT = 40  # letters of an entry that a message repeats
 _NAME = "^[a-z][a-z0-9_]*$"
+_NAMED = "a lower-case letter, then lower-case letters, digits and _,"
 
 
 _AT_REST = "standard deviation of a joint's rest position"
@@ -434,7 +435,7 @@ def robot_schema(mechanism: str) -> Schema:
     kind = MECHANISMS.get(mechanism)
     parts: dict[str, Any] = {
         "schema": {"const": SCHEMA},
-        "name": {"type": "string", "pattern": _NAME},
+        "name": {"type": "string", "pattern": _NAME, "description": _NAMED},
         "mechanism": {"enum": list(MECHANISMS)},
     }
     sections: dict[str, type[Any] | None] = {"tool": Tool, "tracker": Tracker}

@@ -107,7 +107,7 @@ def require_columns(
 
 
 def _grouped(text: str) -> str:
-    """What to write instead of digits that are parted by something."""
+    """What to write instead of digits that are separated by something."""
     if not any(c.isdigit() for c in text) or any(c.isalpha() for c in text):
         return ""
     return "; decimals take a point, thousands take nothing: -1234.5"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from datetime import datetime, timezone
+from datetime import date, datetime, timezone
 from math import floor, log10
 
 from delta_calibration.data import SIMULATED_NS
@@ -132,6 +132,13 @@ def capital(text: str) -> str:
 def dated(start_ns: int) -> bool:
     """Whether stamps have a date; those that count from zero do not."""
     return start_ns >= _DATED_NS
+
+
+def day(start_ns: int) -> date | None:
+    """The day on which a session began, in UTC; None where its stamps do not tell."""
+    if not dated(start_ns) or 0 <= start_ns - SIMULATED_NS < _MINUTE_NS:
+        return None
+    return datetime.fromtimestamp(start_ns * 1e-9, tz=timezone.utc).date()
 
 
 def moment(start_ns: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -217,6 +218,14 @@ def test_a_calibration_of_before_is_refused(
         ("tolerance_mm: -1", "tolerance_mm: -1 is not allowed; more than 0 is expected"),
         ("ambient: {temperature_c: warm}", "ambient.temperature_c: 'warm' is not allowed"),
         ("tolerance_mm: .nan", "tolerance_mm"),
+        ("measured_on: 24.11.2026", "measured_on: '24.11.2026' is not allowed; a date such as"),
+        ("measured_on: 2026-02-30", "measured_on: '2026-02-30' is no day of the calendar"),
+        ("instrument: {valid_until: soon}", "'soon' is not allowed; a date such as 2027-03-31"),
+        (
+            "instrument: {valid_until: 2027-02-29}",
+            "instrument.valid_until: '2027-02-29' is no day",
+        ),
+        ("machine: {serial: 17}", "machine.serial: 17 is not allowed; a text is expected; put it"),
     ],
 )
 def test_a_wrong_entry_is_named(tmp_path: Path, wrong: str, said: str) -> None:
@@ -225,6 +234,38 @@ def test_a_wrong_entry_is_named(tmp_path: Path, wrong: str, said: str) -> None:
         read_about(tmp_path / "about.yaml", {})
     assert said in str(refused.value)
     assert "about.yaml" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("until", "measured", "warned"),
+    [
+        ("2026-10", "2026-11-24", True),
+        ("2026-11", "2026-11-24", False),
+        ("2026-11-23", "2026-11-24", True),
+        ("2026-11-24", "2026-11-24", False),
+    ],
+)
+def test_an_instrument_whose_certificate_had_run_out_is_warned_of(
+    tmp_path: Path, until: str, measured: str, warned: bool
+) -> None:
+    file = tmp_path / "about.yaml"
+    file.write_text(f"measured_on: {measured}\ninstrument: {{valid_until: {until}}}\n")
+    said = read_about(file, {}).expired(None)
+    assert bool(said) == warned
+    assert not warned or (until in said and measured in said)
+    file.write_text(f"instrument: {{valid_until: {until}}}\n")
+    day = date.fromisoformat(measured)
+    assert bool(read_about(file, {}).expired(day)) == warned
+    assert not read_about(file, {}).expired(None)
+
+
+def test_the_page_warns_of_it(cell: Path) -> None:
+    ended = ABOUT.replace("serial: LT-1", "valid_until: 2020-01")
+    (cell / "ended.yaml").write_text(ended + "measured_on: 2026-11-24\n")
+    assert run(certify(cell, "ended.yaml", "ended.html")) == 0
+    warned = "The certificate of the instrument was valid until 2020-01; measured on 2026-11-24."
+    assert warned in (cell / "ended.html").read_text()
+    assert "was valid until" not in (cell / "c.html").read_text()
 
 
 def test_another_ending_is_refused_before_any_work(

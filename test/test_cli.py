@@ -263,8 +263,8 @@ def test_calibration_of_another_robot(cell, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("point", "code", "said"),
     [
-        ((2000, 0, -711), 1, "point 2 (2, 0, -0.711 m) is out of the robot's reach"),
-        ((0, 0, -1130), 1, "point 2 cannot be corrected: outside the calibrated region"),
+        ((2000, 0, -711), 1, "point 2: out of reach of the nominal robot"),
+        ((0, 0, -1130), 1, "point 2: outside the calibrated region"),
         ((0, 0, "deep"), 2, "line 3: z_mm: 'deep' is not a finite number"),
         ((0, 0, "nan"), 2, "line 3: z_mm: 'nan' is not a finite number"),
     ],
@@ -274,8 +274,10 @@ def test_targets_that_cannot_be_served(cell, tmp_path, capsys, point, code, said
     out = tmp_path / "commands.csv"
     arguments = ["--robot", ROBOT, "--calibration", str(cell / "calibration.yaml")]
     order = ["compensate", *arguments, points, "--out", str(out), "--outside", "refuse"]
-    line = line_of_error(capsys, order, code)
-    assert said in line
+    assert run(order) == code
+    told = capsys.readouterr().err
+    assert said in told
+    assert ("1 of 2 points cannot be corrected, and nothing was written" in told) == (code == 1)
     assert not out.exists()
 
 

@@ -219,6 +219,9 @@ def test_outside_may_be_left_nominal_from_the_edge_on(cell):
     (row,) = rows_of(cell / "plain.csv")
     assert row["status"] == "outside_region"
     assert row["joint_1"] == row["nominal_joint_1"]
+    (cell / "plain.csv").unlink()
+    assert run([*order, "--outside", "refuse"]) == 1
+    assert not (cell / "plain.csv").exists()
 
 
 def test_joints_are_written_in_the_unit_asked_for(cell, capsys):

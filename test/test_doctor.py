@@ -19,7 +19,7 @@ from delta_calibration.doctor import check
 from delta_calibration.documents import check_document, load_schema, write_document
 from delta_calibration.errors import MistakeError
 from delta_calibration.recording import read_session, write_session
-from delta_calibration.robot import robot_document
+from delta_calibration.robot import load_robot, robot_document
 from mistakes import BOTH, KINDS, clean_case, examined, has_turns, joints, judged, stamped
 
 # kinds by robot: on the one whose sessions are quickest all, on the others what is special there
@@ -282,3 +282,11 @@ def test_the_mistake_that_somebody_knows_is_the_one_that_is_mended(
     np.testing.assert_array_equal(now.tracker.position, case.session.tracker.position)
     assert run([*arguments, "--prefer", "joint_offset"]) == 2
     assert "not found in the session; found: frame_mirrored" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("own", "given"), [("srbd", "scara"), ("ur10", "srbd")])
+def test_the_right_robot_may_have_more_joints(own: str, given: str) -> None:
+    """A robot whose joints are among those recorded; the rest of them is not forgotten."""
+    case = clean_case(own, 12)
+    (found,) = check(case.session, load_robot(given)).found
+    assert (found.mistake, found.mend) == ("wrong_robot", f"`--robot {own}`")

@@ -82,6 +82,21 @@ def test_a_whole_column_in_another_unit(cell, capsys, changes, said):
     assert said in refused(capsys, folder, head, rows, mapping_of(**changes))
 
 
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [
+        ("parsec", "position.unit: 'parsec' is not allowed; choose from: um, mm, cm, m, inch"),
+        (["mm", "mm"], "position.unit: 2 values found, 3 are expected"),
+    ],
+)
+def test_a_unit_that_there_is_not(cell, capsys, unit, said):
+    """One unit or a list of three: refused by the form that was written."""
+    folder, _, poses = cell
+    head, rows = stops(poses)
+    position = {"columns": ["x", "y", "z"], "unit": unit}
+    assert said in refused(capsys, folder, head, rows, mapping_of(position=position))
+
+
 def in_radians(columns):
     """The mapping with these joints said to be in radians."""
     return [

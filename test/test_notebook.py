@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.main import run
 from delta_calibration.data import collect
+from delta_calibration.errors import InputError
 from delta_calibration.estimation import identify
 from delta_calibration.notebook import Identified, Session, open_session
 
@@ -65,9 +67,62 @@ def test_commands_put_the_identified_machine_on_the_targets(found: Identified) -
     assert list(again["status"]) == list(table["status"])
 
 
+def test_commands_are_those_of_the_verb(tmp_path: Path) -> None:
+    """With play in the model a command goes by the side that its joints come from.
+
+    Targets of machines that turn their platform have turns, and a name; a plain array of places
+    is read by the columns that the robot commands.
+    """
+    pandas = pytest.importorskip("pandas")
+    verdict = open_session(ROOT / "bags" / "srbd_backlash", robot="srbd").diagnose()
+    verdict.save(tmp_path / "c.yaml")
+    targets = pandas.DataFrame({"name": list("abc"), "x_mm": [0, 200, 0], "y_mm": [0, 0, 150]})
+    _require_the_verbs(verdict, targets.assign(z_mm=-750.0), "srbd", tmp_path)
+
+
+def test_turns_of_a_platform_count(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    made = ["simulate", "--robot", "five_axis", "--plan", "identify", "--count", "14"]
+    assert run([*made, "--seed", "2", "--out", str(tmp_path / "session")]) == 0
+    found = open_session(tmp_path / "session", robot="five_axis").fit()
+    found.save(tmp_path / "c.yaml")
+    targets = pandas.DataFrame({"y_mm": [0.0, 5.0], "z_mm": [1200.0, 1190.0]})
+    plain = found.compensate(targets)
+    np.testing.assert_array_equal(plain, found.compensate(targets.to_numpy())[plain.columns])
+    turned = targets.assign(turn_x_deg=[0.0, 3.0], turn_y_deg=[2.0, 0.0])
+    _require_the_verbs(found, turned, "five_axis", tmp_path)
+    with pytest.raises(InputError, match="column y_mm, z_mm missing"):
+        found.compensate(pandas.DataFrame({"x": [1.0]}))
+    with pytest.raises(InputError, match="line 1: y_mm: 'nan' is not a finite number"):
+        found.compensate([[np.nan, 1200.0]])
+
+
+def _require_the_verbs(found, targets, robot: str, folder: Path) -> None:
+    """The same commands, status and radius as of `delta-cal compensate`."""
+    pandas = pytest.importorskip("pandas")
+    targets.to_csv(folder / "targets.csv", index=False)
+    verb = ["compensate", str(folder / "targets.csv"), "--robot", robot]
+    files = ["--calibration", str(folder / "c.yaml"), "--out", str(folder / "out.csv")]
+    assert run([*verb, *files]) == 0
+    said, table = pandas.read_csv(folder / "out.csv"), found.compensate(targets)
+    joints, (unit, factor) = (
+        found.session.robot.joints,
+        {"rad": ("", 1), "m": ("_mm", 1e3)}[found.session.robot.joints.unit],
+    )
+    for name in joints.names:
+        np.testing.assert_allclose(
+            factor * table[f"{name}_{joints.unit}"], said[f"{name}{unit}"], atol=1e-8
+        )
+    np.testing.assert_allclose(table["u95_mm"], said["u95_mm"], atol=6e-5)
+    assert list(table["status"]) == list(said["status"])
+    assert set(targets.columns) <= set(table.columns)
+
+
 def test_they_show_themselves_and_escape_what_files_say(found: Identified) -> None:
     shown = found._repr_html_()
-    assert f"{1e3 * found.found.full.held_out:.4f} mm" in shown
+    left = f"{1e3 * found.found.full.held_out:.4f} mm"
+    assert f">error left, calibrated</th><td style='text-align:left'>{left}<" in shown
+    assert "held-out" not in shown  # which is what a diagnosis calls its own error
     notes = found.session.recorded.notes
     page = Session(found.session.robot, found.session.recorded)._repr_html_()
     assert "srbd (six_rod_delta)" in page

@@ -191,6 +191,17 @@ def test_a_list_that_is_another_programs_is_refused(
     assert "nothing in it has the format of the preset" in capsys.readouterr().err
 
 
+def test_the_second_file_is_named_as_it_lies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not by the way to it from the folder of a mapping that nobody sees."""
+    q, y = np.zeros((8, 6)), np.zeros((8, 3))
+    other = points("faro", y).replace("P", "S")
+    assert both(tmp_path, ("kuka", joints("kuka", q)), ("faro", other), "--by", "name") != 0
+    said = capsys.readouterr().err
+    assert f"rows has a partner in {tmp_path / '1.txt'} (by column)" in said
+
+
 def test_they_are_listed_and_each_has_its_paragraph(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["import", "--presets"]) == 0
     said, page = capsys.readouterr().out, PAGES.read_text(encoding="utf-8")

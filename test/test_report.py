@@ -91,6 +91,22 @@ def test_another_robot_s_line_is_its_own(name: str, along: str) -> None:
     assert not any(word in told for word in ("paper", "Pan,", "711 mm"))
 
 
+def test_a_model_less_itself_is_no_error() -> None:
+    """Where nothing extends it, the calibrated model is the last: no row of zeros, no curve."""
+    judged = elsewhere("five_axis")
+    assert not judged.diagnosis.verdict.findings
+    line = along_line(judged, load_robot("five_axis"))
+    assert line is not None
+    shown, rows = line_figure(line), line_table(line).rows
+    assert {row[0].partition(", in")[0] for row in rows} == {"before", "calibrated, 95 % bound"}
+    assert "0.0000" not in {row[1] for row in rows}
+    assert "xtended" not in shown.caption
+    assert [m.name for m in shown.panels[0].marks if isinstance(m, Line)] == [
+        "before",
+        "calibrated, 95 % bound",
+    ]
+
+
 def test_the_page_says_of_the_tests_what_the_verdict_says() -> None:
     verdict = found().verdict
     unknown = replace(verdict.unknown_structure, found=False)
@@ -449,3 +465,16 @@ def test_joints_that_slide_are_drawn_in_mm() -> None:
     assert slid.title == "position of the joint [mm]"
     np.testing.assert_allclose(slid.of(at, 0), [250.0, 500.0])
     assert ANGLE.of_joints("rad") is ANGLE
+
+
+def test_a_narrow_map_has_few_level_ticks() -> None:
+    """Seven ticks under a strip were turned upright by plotly."""
+    wide, high = np.array([-1.0, np.nan, 1.0]), np.array([-5.0, 0.0, 5.0])
+
+    def ticks(x: np.ndarray, y: np.ndarray) -> dict[str, object]:
+        marks = (Points("", x, y),)
+        shown = plot_of(Panel("", Axis("x"), Axis("y"), marks, equal=True))["layout"]["xaxis"]
+        return {key: shown[key] for key in ("nticks", "tickangle")}
+
+    assert ticks(wide, high) == {"nticks": 3, "tickangle": 0}
+    assert ticks(high, wide) == {"nticks": 7, "tickangle": 0}

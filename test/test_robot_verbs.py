@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -224,7 +225,7 @@ def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
     typed = "mine\n210\n\n0\n330\n" + "\n" * 40
     done = run("new", "--like", "srbd", "--out", out, typed=typed)
     assert done.exit_code == 0, done.output
-    assert "geometry.arm_mm: 0 is not allowed; a number, above 0, at most 10000" in done.output
+    assert "geometry.arm_mm: 0 is not allowed; a number, above 0 and at most 10000" in done.output
     robot = load_robot(out)
     assert (robot.name, robot.dimensions.base_radius, robot.dimensions.arm) == ("mine", 0.21, 0.33)
     assert robot.dimensions.rod == load_robot("srbd").dimensions.rod
@@ -280,14 +281,32 @@ def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
             typed += "".join(f"{text}\n" for text in own.get(entry.name, [""]))
     done = run("new", "--like", "srbd", "--out", out, typed=typed)
     assert done.exit_code == 0, done.output
-    assert "joints.sign: 1, 0.5, 1 is not allowed; a list of: 1 or -1" in done.output
-    assert "geometry.azimuths_deg: 0, 120 is not allowed; 3 of: a number" in done.output
+    assert "joints.sign: 1, 0.5, 1 is not allowed; a list of values, each 1 or -1" in done.output
+    assert "geometry.azimuths_deg: 0, 120 is not allowed; 3 numbers, each at least" in done.output
     assert "joints.lower_deg: 2 values; give one for each of joint_1, joint_2" in done.output
     robot = load_robot(out)
     np.testing.assert_array_equal(robot.joints.sign, [1, -1, 1])
     np.testing.assert_allclose(robot.joints.zero, np.radians([0, 5, 0]))
     np.testing.assert_allclose(robot.dimensions.azimuths, np.radians([10, 250, 130]))
     assert robot.joints.passed_through == ("turn",)
+
+
+def test_links_of_an_arm_are_asked_for_one_by_one(tmp_path: Path) -> None:
+    """Three links by the answers to every entry; what is proposed for joints follows."""
+    out = tmp_path / "mine.yaml"
+    first, second = ["0", "0", "300", "90", "", ""], ["90", "20", "", "", "true", "3"]
+    third = ["0", "400", "0", "", "yes", "true", ""]  # `yes` is no truth value
+    typed = ["mine", "3", *first, *second, *third, *[""] * 40]
+    done = run("new", "--like", "scara", "--out", out, typed="\n".join(typed) + "\n")
+    assert "links[2].parallel: yes is not allowed; true or false" in done.output
+    arm = load_robot(out).dimensions
+    assert [round(1e3 * link.length) for link in arm.links] == [0, 20, 400]
+    assert [link.parallel for link in arm.links] == [False, True, True]
+    np.testing.assert_allclose([link.zero for link in arm.links], np.radians([90, 0, 0]))
+    assert arm.links[1].mass == 3.0
+    assert load_robot(out).joints.names == ("joint_1", "joint_2", "joint_3")
+    refused = run("new", "--like", "scara", "--out", tmp_path / "x.yaml", typed="x\n0\n" * 6)
+    assert "'0' is not allowed; a whole number above 0" in refused.output
 
 
 def test_one_limit_stands_for_all_joints_and_an_interrupted_file_is_kept(tmp_path: Path) -> None:
@@ -308,7 +327,7 @@ def test_one_limit_stands_for_all_joints_and_an_interrupted_file_is_kept(tmp_pat
     [
         (
             ("new", "--like", "srbd", "--yes", "--name", "Ä", "--out", "r.yaml"),
-            "name: 'Ä' does not",
+            "name: 'Ä' is not allowed; a lower-case letter",
         ),
         (("new", "--like", "srbd", "--yes", "--out", "/proc/r.yaml"), "/proc/r.yaml: cannot be"),
         (("reference", "--out", "/proc/r.md"), "/proc/r.md: cannot be"),
@@ -340,6 +359,26 @@ def test_the_reference_page_is_current() -> None:
     assert (ROOT / "docs" / "robot_file.md").read_text(encoding="utf-8") == reference()
 
 
+def _keys(section: object, path: str = "") -> Iterator[str]:
+    """Paths of all entries that a file holds, `[]` for those of a list of sections."""
+    if isinstance(section, dict):
+        for key, value in section.items():
+            yield from _keys(value, f"{path}.{key}" if path else key)
+    elif isinstance(section, list) and section and isinstance(section[0], dict):
+        for value in section:
+            yield from _keys(value, f"{path}[]")
+    else:
+        yield path
+
+
+@pytest.mark.parametrize("name", known_robots())
+def test_the_reference_page_has_every_entry_of_a_file(name: str) -> None:
+    """Those of the sections in a list as well, such as the links of an arm."""
+    page = reference()
+    own = set(_keys(robot_document(name)[1])) - {"schema", "name", "mechanism"}
+    assert {key for key in own if f"| `{key}` |" not in page} == set()
+
+
 # --- from a URDF
 
 JOINT = """
@@ -351,7 +390,7 @@ JOINT = """
 
 
 def urdf(path: Path, joints: list[dict[str, str]], masses: dict[str, float] | None = None) -> Path:
-    links = ["base", *(joint["child"] for joint in joints)]
+    links = [joints[0]["parent"], *(joint["child"] for joint in joints)]
     mass = masses or {}
     text = "".join(
         f'<link name="{link}"><inertial><mass value="{mass.get(link, 0.0)}"/></inertial></link>'
@@ -453,6 +492,12 @@ def changed(row: int, **values: str) -> list[dict[str, str]]:
     return joints
 
 
+def on_a_pedestal() -> list[dict[str, str]]:
+    """The arm stands beside the origin of the world, and is turned."""
+    foot = {"name": "foot", "kind": "fixed", "parent": "world", "child": "base"}
+    return [{**foot, "xyz": "0.5 -0.3 0.8", "rpy": "0 0 0.3", "axis": "1 0 0"}, *crooked()]
+
+
 @pytest.mark.parametrize(
     ("joints", "said"),
     [
@@ -462,12 +507,30 @@ def changed(row: int, **values: str) -> list[dict[str, str]]:
         (changed(1, xyz="0 zero 0"), "joint 'axis_2': xyz='0 zero 0'; 3 numbers are needed"),
         (changed(1, axis="0 0 0"), "joint 'axis_2': axis has no length"),
         (changed(5, parent="l4"), "several ends of the arm; give --tip: l5, tool"),
+        (on_a_pedestal(), "the base's x axis at a right angle; give --base base\n"),
+        (changed(0, xyz="0 0.1 0"), "at a right angle; add a link that does as a base"),
+        (changed(1, xyz="0 ${height} 0"), "is xacro; convert it first"),
     ],
 )
 def test_a_urdf_that_is_no_such_arm_is_refused(joints, said, tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
         robot_from_urdf(urdf(tmp_path / "arm.urdf", joints))
-    assert said in str(refused.value)
+    assert said in f"{refused.value}\n"
+
+
+def test_an_arm_on_a_pedestal_is_read_from_its_own_base(tmp_path: Path) -> None:
+    file = urdf(tmp_path / "arm.urdf", on_a_pedestal())
+    plain = robot_from_urdf(urdf(tmp_path / "plain.urdf", crooked()))
+    assert robot_from_urdf(file, base="base")["geometry"] == plain["geometry"]
+
+
+def test_a_joint_between_links_that_are_not_there_is_refused(tmp_path: Path) -> None:
+    """A name typed wrong would end the chain before it, and an arm of two joints come out."""
+    file = urdf(tmp_path / "arm.urdf", crooked())
+    text = file.read_text(encoding="utf-8").replace('child link="l2"', 'child link="l22"')
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="joint 'axis_2': there is no link 'l22'; there are"):
+        robot_from_urdf(file)
 
 
 @pytest.mark.parametrize(

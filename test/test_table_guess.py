@@ -143,7 +143,10 @@ def guess(file: Path, robot: str, *options: str) -> int:
 
 @pytest.mark.parametrize("name", TABLES)
 def test_a_table_is_read_as_it_was_meant(
-    name: str, tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
+    name: str,
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Joints and points of the session that is written are those that were measured."""
     written = TABLES[name]
@@ -155,6 +158,8 @@ def test_a_table_is_read_as_it_was_meant(
     np.testing.assert_allclose(found.command, q, atol=1e-6)
     np.testing.assert_allclose(found.point, y, atol=1e-6)
     if "payload" in name:
+        said = capsys.readouterr().out
+        assert "time Date (%Y-%m-%d %H:%M:%S), payload load_g (g), temperature of arm" in said
         assert np.unique(found.payload).tolist() == [0.5]
         assert found.temperature_parts == ("arm",)
 
@@ -169,7 +174,7 @@ def test_ten_rows_and_reasons_are_shown_and_the_mapping_is_written(
     said = capsys.readouterr().out
     assert "joints: columns Achse1 [°], Achse2 [°], Achse3 [°], by their names" in said
     assert "the nominal robot matches the points" in said
-    shown = [line for line in said.splitlines() if re.match(r"-?\d", line)]
+    shown = [line for line in said.splitlines() if re.match(r" *-?\d", line)]
     assert len(shown) == 10
     mapping = parse_yaml((tmp_path / "mapping.yaml").read_text(encoding="utf-8"), "mapping")
     assert mapping["delimiter"] == ";"
@@ -284,6 +289,24 @@ def test_times_that_tell_no_order_of_the_rows_are_left_out(
     file.write_text("Time,q1,q2,q3,x,y,z\n" + "".join(rows), encoding="utf-8")
     assert guess(file, "srbd", "--out", str(tmp_path / "session")) == 0
     assert f"{said}; it is left out" in capsys.readouterr().out
+
+
+def test_a_probe_on_a_stalk_is_no_doubt(tmp_path: Path) -> None:
+    """An arm that turns its probe all ways, 90 mm and 200 mm before the flange.
+
+    Where the probe is and where the base stands make up for each other in part.
+    """
+    robot, rng = load_robot("ur10"), np.random.default_rng(4)
+    model = robot.commanded
+    q = make_plan("identify", robot, count=60, both_sides=False, seed=4).joint
+    q = q + rng.uniform(-0.6, 0.6, q.shape) * [0.2, 0.2, 0.2, 1, 1, 1]
+    x = model.forward(q, model.parameters.nominal)
+    for stalk in (0.09, 0.2):
+        y = model.position(x) + model.rotation(x) @ [0.0, 0.0, stalk]
+        y = y + rng.normal(0, 5e-4, y.shape)
+        written = Written("q1,q2,q3,q4,q5,q6,x,y,z\n", lambda q, y, k: numbers(deg_mm(q, y)))
+        file = write(tmp_path, written, q, y[:, [2, 0, 1]] + [1.0, 2.0, 0.5])
+        assert guess(file, "ur10", "--out", str(tmp_path / f"session_{stalk}")) == 0
 
 
 @pytest.mark.parametrize(
@@ -418,21 +441,23 @@ def half(cells: np.ndarray, keys: list[str], head: str, order: np.ndarray) -> st
     return head + "".join(rows)
 
 
-@pytest.mark.parametrize("by", ["name", "row", "nearest"])
+@pytest.mark.parametrize("key", ["name", "row", "nearest", "time"])
 def test_joints_and_points_in_two_files_are_put_together(
-    by: str, tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
+    key: str, tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
 ) -> None:
     """A robot's log and a tracker's export that is in another order or on another clock."""
     q, y = measured["srbd"]
-    n = len(q)
+    n, by = len(q), "nearest" if key == "time" else key
     order = np.arange(n) if by == "row" else np.random.default_rng(2).permutation(n)[3:]
     names = [f"P{k:03d}" for k in range(n)]
     late = [f"{10 * k + 0.02:.2f}".replace(".", ",") for k in range(n)]
+    late_ms = [f"{10000 * k + 20}" for k in range(n)]
     own, other, first, second = {
         "name": (names, names, "Punkt", "Name"),
         "row": (names, [f"S{k}" for k in range(n)], "Punkt", "Name"),
         "nearest": ([f"{10 * k}" for k in range(n)], late, "Time [s]", "Time [s]"),
-    }[by]
+        "time": ([f"{10000 * k}" for k in range(n)], late_ms, "t_ms", "time (ms)"),
+    }[key]
     log, points = tmp_path / "log.csv", tmp_path / "points.csv"
     head = f"Halle 2\n\n{first};A1 [°];A2 [°];A3 [°]\n"
     joints = half(np.degrees(q), own, head, np.arange(n))
@@ -463,6 +488,20 @@ def test_two_files_that_do_not_go_together_are_refused(
     assert "--join FILE" in capsys.readouterr().err
     assert guess(log, "srbd", "--join", str(points), "--by", "row") == 2
     assert "if the first 9 rows of both belong together" in capsys.readouterr().err
+
+
+def test_times_in_two_units_are_not_joined(
+    tmp_path: Path,
+    measured: dict[str, tuple[np.ndarray, np.ndarray]],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    q, y = measured["srbd"]
+    log, points = tmp_path / "log.csv", tmp_path / "points.csv"
+    own = [f"{10 * k}" for k in range(len(q))]
+    log.write_text(half(np.degrees(q), own, "t_s;A1;A2;A3\n", np.arange(len(q))), "utf-8")
+    points.write_text(half(1e3 * y, own, "minute;X;Y;Z\n", np.arange(9)), "utf-8")
+    assert guess(log, "srbd", "--join", str(points), "--by", "nearest") == 2
+    assert "column minute is in another unit than t_s" in capsys.readouterr().err
 
 
 def test_times_that_are_too_far_apart_are_told_with_what_would_join_them(

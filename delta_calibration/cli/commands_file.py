@@ -61,6 +61,20 @@ class Commands:
         good = (CommandStatus.CORRECTED.name.lower(), BLENDED)
         return [row for row, status in enumerate(self.status) if status not in good]
 
+    def by_target(self) -> tuple[Array, Array, Array | None]:
+        """Joints to command (n, m), errors left (n,) by place and turn; NaN if there is none."""
+        sent, left = self.nominal.copy(), np.full(len(self.rows), np.nan)
+        found, rows = self.found, self.reached
+        if found is None:
+            return sent, left, None
+        good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
+        sent[rows[good]], left[rows[good]] = found.joint[good], found.model_error[good]
+        if found.model_turn is None:
+            return sent, left, None
+        turn = np.full(len(left), np.nan)
+        turn[rows[good]] = found.model_turn[good]
+        return sent, left, turn
+
     def u95(self) -> Array:
         """Expanded uncertainty of where the tool comes to, (n,) [m]; NaN where not corrected.
 
@@ -113,7 +127,7 @@ def _columns(joints: Joints, unit: str, commands: Commands) -> dict[str, list[st
         columns = {"name": columns.pop("name"), **columns}
     beside = passed_columns(commands.rows, joints.passed_through)
     carried = {name: columns.pop(name) for name in beside}
-    sent, left, turn = _by_target(commands)
+    sent, left, turn = commands.by_target()
     mark = "" if unit == _BARE else f"_{unit}"
     for before, angles in (("nominal_", commands.nominal), ("", sent)):
         for k, name in enumerate(joints.names):
@@ -126,21 +140,6 @@ def _columns(joints: Joints, unit: str, commands: Commands) -> dict[str, list[st
     if turn is not None:
         columns["error_mrad"] = _texts(1e3 * turn, "{:.3e}")
     return columns
-
-
-def _by_target(commands: Commands) -> tuple[Array, Array, Array | None]:
-    """Joints to command (n, m), errors left (n,) by place and by turn; NaN where there is none."""
-    sent, left = commands.nominal.copy(), np.full(len(commands.rows), np.nan)
-    found, rows = commands.found, commands.reached
-    if found is None:
-        return sent, left, None
-    good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
-    sent[rows[good]], left[rows[good]] = found.joint[good], found.model_error[good]
-    if found.model_turn is None:
-        return sent, left, None
-    turn = np.full(len(left), np.nan)
-    turn[rows[good]] = found.model_turn[good]
-    return sent, left, turn
 
 
 def _texts(values: Array, form: str) -> list[str]:

@@ -89,7 +89,7 @@ _COVERS = 1.614
     show_default=True,
     help="What to do with targets outside the calibrated region. blend: fade the correction out "
     "over the margin, then send the nominal command; nominal: send the nominal command "
-    "everywhere outside; refuse: write nothing if any target is outside.",
+    "everywhere outside; refuse: write nothing if any target cannot be corrected in full.",
 )
 @click.option(
     "--unit",
@@ -157,30 +157,50 @@ def command(
     options = TableOptions(table_file, table_by, table_bound_um)
     options.require_method(method)
     calibration = load_calibration(calibration_file, robot)
-    if outside == NOMINAL:
+    if outside != BLEND:
         calibration = replace(calibration, robot=without_margin(robot))
     warm = warmth_by_part(temperatures, calibration)
     shown = unit_for(robot.joints, unit)
-    rows, nominal = _nominal(robot, targets, payload, outside)
+    rows = read_rows(targets, robot, robot.joints.passed_through)
+    unused = unused_columns(rows)
+    if unused:
+        click.echo(f"{targets}: not used: {', '.join(unused)} (of a plan)", err=True)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
         compensator = JointCompensator(calibration, method, seed)
-    reached = np.flatnonzero(np.isfinite(nominal).all(axis=1))
-    found = None
-    if reached.size:
-        found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
-        if outside == REFUSE:
-            _refuse_uncorrected(found, targets, calibration.region)
-    radius = np.zeros(0) if found is None else _radius(calibration, found, payload, warm)
-    commands = Commands(rows, nominal, found, reached, radius)
+    commands = commands_for(compensator, rows, payload, warm, calibration_file)
+    if outside == REFUSE:
+        _tell_of_uncorrected(commands, targets, calibration.region, written=False)
     write_commands(out, robot.joints, shown, commands)
-    if found is not None:
-        tell_of_blended(found, targets, out, reached)
+    if commands.found is not None:
+        tell_of_blended(commands.found, targets, out, commands.reached)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}: {calibration.why_left_out(cause)}")
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
-    _tell_of_uncorrected(commands, targets, calibration.region)
+    _tell_of_uncorrected(commands, targets, calibration.region, written=True)
+
+
+def commands_for(
+    compensator: JointCompensator,
+    rows: Sequence[Row],
+    payload: float | None,
+    warm: dict[str, float],
+    calibration_file: Path,
+) -> Commands:
+    """What becomes of every target, the machine stopping at one after the other.
+
+    Raises:
+        InputError: a target that is none, or the calibration takes a condition that is not given.
+    """
+    calibration = compensator.calibration
+    nominal = _nominal(calibration.robot, rows, payload or 0.0)
+    reached = np.flatnonzero(np.isfinite(nominal).all(axis=1))
+    if not reached.size:
+        return Commands(rows, nominal, None, reached, np.zeros(0))
+    found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
+    radius = _radius(calibration, found, payload, warm)
+    return Commands(rows, nominal, found, reached, radius)
 
 
 def _radius(
@@ -219,8 +239,10 @@ def _summary(commands: Commands, compensator: JointCompensator) -> str:
     )
 
 
-def _tell_of_uncorrected(commands: Commands, targets: Path, region: Region) -> None:
-    """List every target without a correction once, and fail.
+def _tell_of_uncorrected(
+    commands: Commands, targets: Path, region: Region, *, written: bool
+) -> None:
+    """List every target without a correction once, with what was written for it, and fail.
 
     Raises:
         DataError: there is one.
@@ -230,16 +252,17 @@ def _tell_of_uncorrected(commands: Commands, targets: Path, region: Region) -> N
         return
     reasons = {verdict.name.lower(): verdict.value for verdict in CommandStatus}
     for row in bad:
-        left = "no command" if status[row] == UNREACHED else "left nominal"
+        left = "no command: " if status[row] == UNREACHED else "left nominal: "
         click.echo(
-            f"{targets}: point {row + 1}{_called(commands.rows[row])}: {left}: "
+            f"{targets}: point {row + 1}{_called(commands.rows[row])}: {left * written}"
             f"{reasons[status[row]]}",
             err=True,
         )
     within = ""
     if CommandStatus.OUTSIDE_REGION.name.lower() in status:
         within = f"; the calibrated region lies within {_extent(region)}"
-    raise DataError(f"{targets}: {len(bad)} of {len(status)} points are not corrected{within}")
+    what = "are not corrected" if written else "cannot be corrected, and nothing was written"
+    raise DataError(f"{targets}: {len(bad)} of {len(status)} points {what}{within}")
 
 
 def _called(row: Row) -> str:
@@ -296,20 +319,12 @@ def found_for(
     return found
 
 
-def _nominal(
-    robot: Robot, file: Path, payload: float | None, outside: str
-) -> tuple[list[Row], Array]:
-    """Targets, and joints that the drawing takes for them, (n, m) [rad or m]; NaN out of reach."""
-    rows, load = read_rows(file, robot, robot.joints.passed_through), payload or 0.0
-    unused = unused_columns(rows)
-    if unused:
-        click.echo(f"{file}: not used: {', '.join(unused)} (of a plan)", err=True)
+def _nominal(robot: Robot, rows: Sequence[Row], payload: float) -> Array:
+    """Joints that the drawing takes for targets, (n, m) [rad or m]; NaN out of reach."""
     try:
-        return rows, targets_of(rows, robot, load).joint
-    except ReachError as error:
-        if outside == REFUSE:
-            raise ReachError(f"{file}: {error}") from error
-    return rows, np.concatenate([_one_nominal(row, robot, load) for row in rows])
+        return targets_of(rows, robot, payload).joint
+    except ReachError:
+        return np.concatenate([_one_nominal(row, robot, payload) for row in rows])
 
 
 def _one_nominal(row: Row, robot: Robot, payload: float) -> Array:

@@ -34,7 +34,7 @@ _FILE = click.Path(path_type=Path)
 
 def _list_presets(context: click.Context, _option: click.Parameter, asked: bool) -> None:
     if asked:
-        click.echo(columns_of(("preset", "gives", "what it is"), overview()))
+        click.echo(columns_of(("preset", "gives", "what it is"), overview(), left=3))
         context.exit()
 
 
@@ -208,7 +208,7 @@ def _proposed(
         click.echo(text)
     head = tuple(guess.shown[0])
     click.echo()
-    click.echo(columns_of(head, [tuple(row.values()) for row in guess.shown]))
+    click.echo(columns_of(head, [tuple(row.values()) for row in guess.shown], left=0))
     click.echo()
     for text in guess.doubts:
         click.echo(f"in doubt: {text}")

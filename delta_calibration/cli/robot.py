@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +18,7 @@ from delta_calibration.drafting import (
     commented,
     entries,
     model_for,
+    parts_of,
     reference,
     review,
     robot_from_urdf,
@@ -33,6 +35,7 @@ PER_JOINT = {  # lists that have a value for each joint
     ("joints", key)
     for key in ("lower_deg", "upper_deg", "lower_mm", "upper_mm", "sign", "zero_deg", "zero_mm")
 }
+_NAMES = ("joints", "names")
 _TRIES = 5  # answers to a question, after which nobody seems to read what is wrong with them
 _Answer = TypeVar("_Answer")
 _GROWN = 1.25  # that a dimension is drawn with beside what the file says
@@ -264,7 +267,11 @@ def _answered(
     """The file with an answer to every question; interrupted, what was answered is written."""
     try:
         for entry in entries(str(data["mechanism"])):
-            data = _asked(entry, data, shown.get(entry.path))
+            parts = list(parts_of(entry))
+            if parts:
+                data = _asked_one_by_one(entry, parts, data)
+            else:
+                data = _asked(entry, data, shown.get(entry.path))
     except (click.Abort, UnansweredError):
         write_text(out, commented(data))
         click.echo(
@@ -276,10 +283,53 @@ def _answered(
     return data
 
 
-def _asked(entry: Entry, data: dict[str, Any], picture: Path | None) -> dict[str, Any]:
-    """The file with what somebody says of an entry."""
+def _asked_one_by_one(
+    entry: Entry, parts: Sequence[Entry], data: dict[str, Any]
+) -> dict[str, Any]:
+    """The file with a list of sections: how many there are, then every entry of each."""
     proposed = value_at(data, entry.path)
-    left_out = OFFERED.get(entry.path) if proposed is None else None
+    text = f"\n{entry.about}\nnumber of {entry.path[-1]}"
+    count = _prompted(text, _count, str(len(proposed)))
+    made = []
+    for number in range(count):
+        name = f"{entry.path[-1]}[{number}]"
+        section = {name: proposed[min(number, len(proposed) - 1)]}
+        for part in parts:
+            own = replace(part, path=(name, part.path[-1]))
+            section = _asked(own, section, None, OFFERED.get(part.path))
+        made.append(section[name])
+    return _for_links(with_value(data, entry.path, made), count)
+
+
+def _for_links(data: dict[str, Any], count: int) -> dict[str, Any]:
+    """The file with proposals for as many joints as there are links now."""
+    for path in (("geometry", "home_deg"), _NAMES, *sorted(PER_JOINT)):
+        values = value_at(data, path)
+        if values is not None:
+            more = [values[-1]] * (count - len(values))
+            if path == _NAMES:
+                more = [f"joint_{number + 1}" for number in range(len(values), count)]
+            data = with_value(data, path, [*values[:count], *more])
+    return data
+
+
+def _count(said: str) -> int:
+    """A whole number above zero.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not said.isdecimal() or int(said) == 0:
+        raise InputError(f"{said!r} is not allowed; a whole number above 0")
+    return int(said)
+
+
+def _asked(
+    entry: Entry, data: dict[str, Any], picture: Path | None, offered: str | None = None
+) -> dict[str, Any]:
+    """The file with what somebody says of an entry; `offered` is what leaving it out means."""
+    proposed = value_at(data, entry.path)
+    left_out = (offered or OFFERED.get(entry.path)) if proposed is None else None
     if proposed is None and not entry.required and left_out is None:
         return data
     unit = f" [{entry.unit}]" if entry.unit else ""
@@ -301,8 +351,10 @@ def _for_joints(entry: Entry, value: Any, data: dict[str, Any]) -> Any:
     Raises:
         InputError: another number of values.
     """
+    if entry.path not in PER_JOINT:
+        return value
     names = data["joints"]["names"]
-    if entry.path not in PER_JOINT or len(value) == len(names):
+    if len(value) == len(names):
         return value
     if len(value) == 1:
         return list(value) * len(names)
@@ -335,7 +387,7 @@ def _pictures(robot: Robot, data: dict[str, Any], folder: Path) -> Iterator[tupl
             except (CalibrationError, ValueError):
                 continue
             path = folder / f"{'.'.join(entry.path[1:])}.svg"
-            said = f"{entry.name}: {entry.about}; {factor:.2g} times as much in blue"
+            said = f"{entry.name}: {entry.about}; {factor:.3g} times as much in blue"
             write_sketch(changed, path, before=robot, changed=said)
             yield entry, path
             break

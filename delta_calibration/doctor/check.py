@@ -65,9 +65,9 @@ def check(
         return replace(checked, notes=(few,))
     for change, evidence in wiring(stops, robot):
         checked = checked.with_(change, evidence)
-    checked = _placed(checked, document, source)
-    if not checked.resolved:
-        return checked
+    checked, unexplained = _placed(checked, document, source)
+    if unexplained:
+        return _of_another(checked, unexplained, "its dimensions", session)
     checked = _turned(_within_limits(checked))
     return fitted(checked)
 
@@ -131,13 +131,23 @@ def _named(session: Session, robot: Robot) -> Checked | None:
         f"joints {', '.join(others[0])} were recorded, robot {robot.name} has "
         f"{', '.join(robot.joints.names)}"
     )
-    return _of_another(Checked((), session, robot), evidence, "its joints' names")
+    return _of_another(Checked((), session, robot), evidence, "its joints' names", session)
 
 
-def _of_another(checked: Checked, evidence: str, differs: str) -> Checked:
-    """With a robot's file that is wrong, and the one of the package that fits, if there is."""
-    named = (robot for robot in robots_that_come() if _names_fit(checked.session, robot))
-    fitting = next((robot for robot in named if _fits(checked, robot)), None)
+def _of_another(checked: Checked, evidence: str, differs: str, recorded: Session) -> Checked:
+    """With a robot's file that is wrong, and the one of the package that fits, if there is.
+
+    `recorded` has joints that this robot has not, and the right one may.
+    """
+    fitting = next(
+        (
+            robot
+            for robot in robots_that_come()
+            for session in (checked.session, recorded)
+            if _names_fit(session, robot) and _fits(session, robot)
+        ),
+        None,
+    )
     mend = f"give the machine's own file with --robot, or set {differs} to the machine's values"
     if fitting is not None:
         mend, evidence = f"`--robot {fitting.name}`", f"{evidence}; robot {fitting.name} fits"
@@ -150,8 +160,8 @@ def _names_fit(session: Session, robot: Robot) -> bool:
     return all(s is not None and set(s.names) == set(robot.joints.names) for s in streams)
 
 
-def _fits(checked: Checked, robot: Robot) -> bool:
-    session = in_order(checked.session, robot.joints.names)
+def _fits(session: Session, robot: Robot) -> bool:
+    session = in_order(session, robot.joints.names)
     stops = stops_of(session)
     return stops is not None and Trial(session, robot, stops).misfit <= EXPLAINED
 
@@ -169,25 +179,25 @@ def _in_time(checked: Checked) -> Checked:
     return replace(checked, session=session, found=(*checked.found, *found))
 
 
-def _placed(checked: Checked, document: Document | None, source: str) -> Checked:
+def _placed(checked: Checked, document: Document | None, source: str) -> tuple[Checked, str]:
     """Units, wiring and frames, by the drawing in its best frame, in rounds.
 
-    As it was, with a doubt that is not resolved, where the rounds lead nowhere.
+    As it was where the rounds lead nowhere, with what is left unexplained; else that is empty.
     """
     now = checked
     trial = _trial(now, document, source)
     for _ in range(_ROUNDS):
         if trial.misfit <= EXPLAINED:
-            return now
+            return now, ""
         answer = trial.answer()
         if answer is None:
             break
         now = answered_in_full(now, answer)
         trial = _trial(now, document if now.robot is checked.robot else None, source)
     if trial.misfit <= EXPLAINED:
-        return now
+        return now, ""
     first = _trial(checked, None, source)
-    return _unresolved(checked, first) if first.misfit > UNEXPLAINED else checked
+    return checked, _unexplained(first) if first.misfit > UNEXPLAINED else ""
 
 
 def _trial(checked: Checked, document: Document | None, source: str) -> Trial:
@@ -197,7 +207,8 @@ def _trial(checked: Checked, document: Document | None, source: str) -> Trial:
     return Trial(session, checked.robot, stops, document, source)
 
 
-def _unresolved(checked: Checked, trial: Trial) -> Checked:
+def _unexplained(trial: Trial) -> str:
+    """How far the drawing is from the tracker, in words."""
     left = (
         f"{1e3 * trial.placed.typical:.3g} mm (median) remain between the nominal robot and "
         "the tracker"
@@ -205,8 +216,7 @@ def _unresolved(checked: Checked, trial: Trial) -> Checked:
     if not trial.placed.found:
         left = "the nominal robot cannot reach most of the poses"
     known = f" while tolerances explain {1e3 * trial.tolerated:.2g} mm" * trial.placed.found
-    evidence = f"{left}{known}, and no other mistake explains it"
-    return _of_another(checked, evidence, "its dimensions")
+    return f"{left}{known}, and no other mistake explains it"
 
 
 def _within_limits(checked: Checked) -> Checked:

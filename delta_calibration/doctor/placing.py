@@ -15,7 +15,7 @@ from delta_calibration.data import Session
 from delta_calibration.doctor.change import joint_streams, joints_of
 from delta_calibration.errors import CalibrationError
 from delta_calibration.estimation import chain_of
-from delta_calibration.geometry import Frame, rotations
+from delta_calibration.geometry import Frame, carried_step, rotations
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -134,22 +134,13 @@ def _offset(
     typical: float,
     robot: Robot,
 ) -> Array:
-    """A better place of the reflector, (3,) [m], the frame being free to follow.
-
-    A step in place, turn and offset together: alone, each would creep along the others' valley.
-    """
-    tracker, own = robot.tracker, frame.rotation @ turned
+    """A better place of the reflector, (3,) [m], the frame being free to follow."""
+    tracker = robot.tracker
     about = predicted - predicted.mean(axis=0)
-    columns = np.concatenate(
-        [-rotations.skew(about), np.broadcast_to(np.eye(3), own.shape), own], axis=2
-    )
-    sigma = typical / tracker.reflector_offset_prior
-    normal = np.einsum("n,nij,nik->jk", weight, columns, columns)
-    normal[6:, 6:] += sigma**2 * np.eye(3)
-    normal += 1e-9 * np.diag(np.diag(normal))
-    right = np.einsum("n,nij,ni->j", weight, columns, left)
-    right[6:] += sigma**2 * (tracker.reflector_offset - offset)
-    return np.asarray(offset + np.linalg.solve(normal, right)[6:])
+    pull = (typical / tracker.reflector_offset_prior) ** 2
+    toward = tracker.reflector_offset - offset
+    own = frame.rotation @ turned
+    return np.asarray(offset + carried_step(own, about, left, weight, pull, toward))
 
 
 def similarity(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import inspect
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import StringIO
 from typing import Any
@@ -41,6 +42,9 @@ OFFERED: Mapping[tuple[str, ...], str] = {
     ("joints", "sign"): "1 for all",
     ("joints", "zero_deg"): "0 for all",
     ("joints", "zero_mm"): "0 for all",
+    ("geometry", "links[]", "zero_deg"): "0",
+    ("geometry", "links[]", "parallel"): "false",
+    ("geometry", "links[]", "mass_kg"): "0",
 }
 _WIDTH, _INDENT, _COLUMN = 110, 2, 40
 _HOW_JOINTS_READ = """
@@ -105,12 +109,14 @@ class Entry:
         about: what it is; empty where the schema does not say.
         schema: of the value.
         required: whether a file has to have it.
+        within: section that may be left out, but not without this entry; empty if there is none.
     """
 
     path: tuple[str, ...]
     about: str
     schema: Mapping[str, Any]
     required: bool
+    within: str = ""
 
     @property
     def name(self) -> str:
@@ -144,27 +150,37 @@ class Entry:
         return value
 
 
+_KINDS = {"number": "number", "string": "text", "object": "section"}
+_BOUNDS = {"exclusiveMinimum": "above", "minimum": "at least", "maximum": "at most"}
+
+
 def allowed(schema: Mapping[str, Any]) -> str:
-    """What a value may be, in words."""
+    """What a value may be, in words: `3 numbers, each above 0`."""
+    kind = str(schema.get("type"))
+    if kind == "array":
+        return _listed(schema, schema["items"])
+    if kind == "boolean":
+        return "true or false"
+    limits = _limits(schema)
+    return limits if "enum" in schema else f"a {_KINDS[kind]}" + (f", {limits}" if limits else "")
+
+
+def _listed(schema: Mapping[str, Any], item: Mapping[str, Any]) -> str:
+    if item.get("type") == "array":
+        return f"a list; each entry: {allowed(item)}"
+    fixed = schema.get("minItems") == schema.get("maxItems")
+    many = f"{schema['minItems']}" if fixed else "a list of"
+    limits = _limits(item)
+    kind = _KINDS.get(str(item.get("type")), "value")
+    return f"{many} {kind}s" + (f", each {limits}" if limits else "")
+
+
+def _limits(schema: Mapping[str, Any]) -> str:
+    """The values that there are, or the bounds of a number; empty where there are none."""
     if "enum" in schema:
         return " or ".join(map(str, schema["enum"]))
-    kind = schema.get("type")
-    if kind == "array":
-        least, most = schema.get("minItems"), schema.get("maxItems")
-        many = f"{least} of" if least == most else "a list of"
-        return f"{many}: {allowed(schema['items'])}"
-    if kind == "number":
-        bounds = [
-            f"{word} {schema[key]:g}"
-            for key, word in (
-                ("exclusiveMinimum", "above"),
-                ("minimum", "at least"),
-                ("maximum", "at most"),
-            )
-            if key in schema
-        ]
-        return ", ".join(["a number", *bounds])
-    return {"string": "a text", "boolean": "true or false", "object": "a section"}[str(kind)]
+    bounds = (f"{word} {schema[key]:.10g}" for key, word in _BOUNDS.items() if key in schema)
+    return " and ".join(bounds)
 
 
 def entries(mechanism: str) -> Iterator[Entry]:
@@ -179,15 +195,19 @@ def entries(mechanism: str) -> Iterator[Entry]:
     schema = robot_schema(mechanism)
     for name, section in schema["properties"].items():
         if name not in _GIVEN:
-            yield from _entries(section, (name,), name in schema["required"])
+            needed = name in schema["required"]
+            yield from _entries(section, (name,), needed, "" if needed else name)
 
 
-def _entries(schema: Mapping[str, Any], path: tuple[str, ...], needed: bool) -> Iterator[Entry]:
+def _entries(
+    schema: Mapping[str, Any], path: tuple[str, ...], needed: bool, within: str
+) -> Iterator[Entry]:
     if schema.get("type") != "object":
-        yield Entry(path, schema.get("description", ""), schema, needed)
+        yield Entry(path, schema.get("description", ""), schema, needed, within)
         return
     for key, item in schema["properties"].items():
-        yield from _entries(item, (*path, key), needed and key in schema["required"])
+        there = key in schema["required"]
+        yield from _entries(item, (*path, key), needed and there, within if there else "")
 
 
 def model_for(mechanism: str) -> dict[str, Any]:
@@ -197,8 +217,7 @@ def model_for(mechanism: str) -> dict[str, Any]:
         InputError: there is none.
     """
     for name in known_robots():
-        kind = type(load_robot(name).dimensions)
-        if MECHANISMS[mechanism].Dimensions is kind:
+        if _drawn_as(name, mechanism):
             return {**robot_document(name)[1], "mechanism": mechanism}
     raise InputError(
         f"no robot of mechanism {mechanism} comes with the package to begin from; --like FILE"
@@ -268,21 +287,39 @@ def reference() -> str:
         "# Robot files, entry by entry",
         "",
         "The description of a robot: dimensions, tolerances, joints, masses, tracker, limits.",
-        "The suffix of a key is the unit of its number. A file begins with `schema: 1`, `name`",
-        "and `mechanism`. `delta-cal robot new` writes one by asking questions, `robot check`",
-        "checks it, `robot draw` draws it. This page is written by `delta-cal robot reference`.",
+        "The suffix of a key is the unit of its number. A file begins with `schema: 1`, `name` (a",
+        "lower-case letter, then lower-case letters, digits and `_`) and `mechanism`; sections",
+        "follow. `geometry.arm_mm` is the entry `arm_mm` of section `geometry`, and `links[]` one",
+        "of the sections in a list. `delta-cal robot new` writes a file by asking questions,",
+        "`robot check` checks it, `robot draw` draws it. This page is written by",
+        "`delta-cal robot reference`.",
         *_HOW_JOINTS_READ,
     ]
     for mechanism in MECHANISMS:
-        lines += ["", f"## `mechanism: {mechanism}`", ""]
+        lines += ["", f"## `mechanism: {mechanism}`", "", *_introduced(mechanism), ""]
         lines += _table([e for e in entries(mechanism) if e.path[0] in own])
     turning, sliding = _by_joints()
     for title, name in (("joints that turn", turning), ("joints that slide", sliding)):
         lines += ["", f"## All robots: {title}", ""]
+        lines += ["As the table before, except:", ""] if name == sliding else []
         rest = [e for e in entries(name) if e.path[0] not in own]
         shared = {entry.path for entry in entries(turning)} if name == sliding else set()
         lines += _table([e for e in rest if e.path not in shared])
     return "\n".join(lines) + "\n"
+
+
+def _introduced(mechanism: str) -> list[str]:
+    """What kind of robot it is, and files to begin from."""
+    kind = MECHANISMS[mechanism]
+    summary = (inspect.getdoc(kind) or "").partition("\n")[0]
+    there = [name for name in known_robots() if _drawn_as(name, mechanism)]
+    examples = ", ".join(f"`config/{name}.yaml`" for name in there)
+    return [summary, "", f"Robots of the package with these dimensions: {examples}."]
+
+
+def _drawn_as(name: str, mechanism: str) -> bool:
+    """Whether a robot of the package has the dimensions of a mechanism."""
+    return isinstance(load_robot(name).dimensions, MECHANISMS[mechanism].Dimensions)
 
 
 def _by_joints() -> tuple[str, str]:
@@ -291,9 +328,30 @@ def _by_joints() -> tuple[str, str]:
     return first["rad"], first["m"]
 
 
-def _table(rows: list[Entry]) -> list[str]:
+def _table(rows: Iterable[Entry]) -> list[str]:
     lines = ["| Entry | What it is | Allowed |", "|---|---|---|"]
-    for entry in rows:
-        about = entry.about + ("" if entry.required else " (may be left out)")
-        lines.append(f"| `{entry.name}` | {about} | {entry.allowed} |")
+    for entry in (part for row in rows for part in _with_parts(row)):
+        lines.append(f"| `{entry.name}` | {entry.about}{_left_out(entry)} | {entry.allowed} |")
     return lines
+
+
+def _with_parts(entry: Entry) -> Iterator[Entry]:
+    """An entry and, if it is a list of sections, what each of these holds."""
+    yield entry
+    yield from parts_of(entry)
+
+
+def parts_of(entry: Entry) -> Iterator[Entry]:
+    """What each section of a list of sections holds; nothing if it is none."""
+    item = entry.schema.get("items", {})
+    if item.get("type") == "object":
+        *before, last = entry.path
+        yield from _entries(item, (*before, f"{last}[]"), True, "")
+
+
+def _left_out(entry: Entry) -> str:
+    if entry.required:
+        return ""
+    if entry.within:
+        return f" (needed if there is a section `{entry.within}`)"
+    return " (may be left out)"

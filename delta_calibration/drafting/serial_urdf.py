@@ -10,8 +10,9 @@ leads from one to the next. What was found is compared with the URDF's own forwa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -37,7 +38,7 @@ _TRIALS, _WIDEST = 256, 2 * np.pi / 3  # joints that home is chosen from, and ho
 _REACH = 0.15  # of the arm's length, half the workspace that is proposed
 _TURN = 360.0  # [deg] limits of a joint that turns on and on
 _SPEED = 120.0  # [deg/s] where the URDF says nothing
-_X, _Z = np.eye(3)[0], np.eye(3)[2]
+_XACRO = ("<xacro:", "${", "$(")  # what is left of it in no URDF
 
 
 @dataclass(frozen=True)
@@ -115,8 +116,11 @@ def _chain(path: Path, base: str | None, tip: str | None) -> Chain:
         raise InputError(f"{path}: not XML: {error}") from error
     if root.tag != "robot":
         raise InputError(f"{path}: its root is <{root.tag}>, that of a URDF is <robot>")
+    if any(mark in text for mark in _XACRO):
+        raise InputError(f"{path}: is xacro; convert it first: xacro {path} > robot.urdf")
     joints = tuple(_joint(element, path) for element in root.findall("joint"))
     links = {str(e.get("name")): _mass(e, path) for e in root.findall("link")}
+    _require_links(joints, links, path)
     children = {joint.child: joint for joint in joints}
     begin = _link(base, "base", links, path) or next((n for n in links if n not in children), "")
     end = _link(tip, "tip", links, path) or _end(joints, begin, path)
@@ -133,6 +137,21 @@ def _chain(path: Path, base: str | None, tip: str | None) -> Chain:
             )
         at = way[-1].parent
     return Chain(str(root.get("name") or path.stem), tuple(reversed(way)), links, joints)
+
+
+def _require_links(joints: Iterable[UrdfJoint], links: Mapping[str, float], path: Path) -> None:
+    """Refuse a joint between links that are not there: a chain would end before it.
+
+    Raises:
+        InputError: there is one.
+    """
+    for joint in joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise InputError(
+                    f"{path}: joint {joint.name!r}: there is no link {end!r}; there are: "
+                    f"{', '.join(links)}"
+                )
 
 
 def _link(name: str | None, option: str, links: dict[str, float], path: Path) -> str | None:
@@ -247,7 +266,7 @@ def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]],
         (frame.translation, frame.rotation @ joint.axis)
         for frame, joint in zip(joints, chain.turning, strict=True)
     ]
-    _require_first(axes[0], path)
+    _require_first(axes[0], chain, path)
     before = Frame.identity()  # origin and axes of the frame reached
     links = []
     for number, (point, direction) in enumerate(axes):
@@ -268,17 +287,36 @@ def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]],
     return links, before.inverse() @ tip
 
 
-def _require_first(axis: tuple[Array, Array], path: Path) -> None:
-    """Refuse a first axis that R_x T_x does not lead to from the base."""
-    point, direction = axis
-    across = np.array([point[1], point[2]])
-    way = np.array([direction[1], direction[2]])
-    cuts = abs(across[0] * way[1] - across[1] * way[0]) < _SAME
-    if abs(direction[0]) > _SAME or not cuts:
-        raise InputError(
-            f"{path}: the first axis has to cut the base's x axis at a right angle; "
-            "name another link by --base"
-        )
+def _require_first(axis: tuple[Array, Array], chain: Chain, path: Path) -> None:
+    """Refuse a first axis that R_x T_x does not lead to from the base, and say from where it does.
+
+    Raises:
+        InputError: it is such an axis.
+    """
+    if _leads_to(*axis):
+        return
+    links = " or ".join(_bases(chain))
+    hint = f"give --base {links}" if links else "add a link that does as a base to the URDF"
+    raise InputError(
+        f"{path}: the first axis has to cut the base's x axis at a right angle; {hint}"
+    )
+
+
+def _leads_to(point: Array, direction: Array) -> bool:
+    """Whether an axis cuts the x axis at a right angle."""
+    off = point[1] * direction[2] - point[2] * direction[1]
+    return bool(abs(direction[0]) <= _SAME and abs(off) < _SAME)
+
+
+def _bases(chain: Chain) -> Iterator[str]:
+    """Links before the first joint that turns from which R_x T_x leads to its axis."""
+    fixed = list(takewhile(lambda joint: joint.kind == "fixed", chain.joints))
+    first = chain.turning[0]
+    at = first.origin  # of the first axis, in the link before it
+    for joint in reversed(fixed):
+        if _leads_to(at.translation, at.rotation @ first.axis):
+            yield joint.child
+        at = joint.origin @ at
 
 
 def _foot(start: Array, x: Array, point: Array, direction: Array) -> Array:

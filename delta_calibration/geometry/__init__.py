@@ -1,6 +1,6 @@
 """Rotations, rigid frames and their alignment, a camera's image."""
 
 from delta_calibration.geometry.camera import Camera
-from delta_calibration.geometry.frames import Frame, align
+from delta_calibration.geometry.frames import Frame, align, carried_step
 
-__all__ = ["Camera", "Frame", "align"]
+__all__ = ["Camera", "Frame", "align", "carried_step"]

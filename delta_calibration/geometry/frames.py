@@ -13,6 +13,7 @@ from delta_calibration.geometry import rotations
 Array = NDArray[np.float64]
 
 _THIN = 1e-6  # ratio of second to largest spread under which points count as lying on one line
+_SMALL = 1e-9  # of the normal equations' diagonal, for what the points do not tell
 
 
 @dataclass(frozen=True)
@@ -77,3 +78,34 @@ def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation = u @ flip @ vt
     return Frame(rotation, centre_t - rotation @ centre_s)
+
+
+def carried_step(
+    turned: Array, about: Array, left: Array, weights: Array, pull: float, toward: Array
+) -> Array:
+    """How far to move a point that turning bodies carry, while the frame they are seen in follows.
+
+    Place, turn and point are one step of least squares: each alone would creep along the valley
+    that the others leave.
+
+    Args:
+        turned: (n, 3, 3) from the bodies to the frame in which the point is seen.
+        about: (n, 3) [m] predicted points about their middle.
+        left: (n, 3) [m] seen less predicted.
+        weights: (n,).
+        pull: weight of `toward`.
+        toward: (3,) [m] step to where the point is expected, which decides if the bodies do not
+            turn.
+
+    Returns:
+        (3,) [m], in the bodies.
+    """
+    columns = np.concatenate(
+        [-rotations.skew(about), np.broadcast_to(np.eye(3), turned.shape), turned], axis=2
+    )
+    normal = np.einsum("n,nij,nik->jk", weights, columns, columns)
+    normal[6:, 6:] += pull * np.eye(3)
+    normal += _SMALL * np.diag(np.diag(normal))
+    right = np.einsum("n,nij,ni->j", weights, columns, left)
+    right[6:] += pull * toward
+    return np.asarray(np.linalg.solve(normal, right)[6:])

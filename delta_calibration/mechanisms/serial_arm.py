@@ -23,7 +23,10 @@ _LINK = 5  # numbers of a link: twist, skew, length, zero, offset
 
 
 class SerialArm(Mechanism):
-    """Links in modified DH, whichever way they were drawn, Hayati's angle between parallel axes.
+    """Arm of joints that turn one after the other: two axes (SCARA) to seven, by a DH table.
+
+    Links are in modified DH, whichever way they were drawn, with Hayati's angle between parallel
+    axes.
 
         A_i = R_x(alpha_i) T_x(a_i) R_z(q_i + z_i) T_z(d_i)
         A_i = R_x(alpha_i) R_y(beta_i) T_x(a_i) R_z(q_i + z_i) T_z(d_i drawn)    parallel axes

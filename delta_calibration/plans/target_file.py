@@ -34,7 +34,7 @@ TURN = ("turn_x_deg", "turn_y_deg", "turn_z_deg")
 DIRECTION, PAYLOAD, PATH, DURATION = "direction", "payload_kg", "path", "duration_s"
 _EVERY = (*PLACE, *TURN)
 _OF_A_PLAN = (DIRECTION, PAYLOAD, PATH, DURATION)
-_NAME, _NOTE = "name", "note"  # for people
+NAME, _NOTE = "name", "note"  # for people
 _MARKS = ("", "_rad", "_deg", "_m", "_mm")  # behind the name of an axis that is passed through
 _UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)  # SI of one
 _MOST = np.array([1e6] * 3 + [3600.0] * 3)  # [mm], [deg]: a kilometre, ten turns
@@ -137,7 +137,7 @@ def _said(row: Row, name: str, most: float) -> float:
 
 def _require_known(path: Path, found: Sequence[str], beside: Sequence[str]) -> None:
     """Refuse a column of another unit, or of another name; any of `beside` is allowed."""
-    allowed = (*_EVERY, *_OF_A_PLAN, _NAME, _NOTE)
+    allowed = (*_EVERY, *_OF_A_PLAN, NAME, _NOTE)
     of_stem = {name.rpartition("_")[0]: name for name in allowed if "_" in name}
     for name in found:
         if name in beside:

@@ -107,7 +107,7 @@ def _step(entries: _Entries, stepper: str, first: str) -> float:
 
 
 def _ratio(entries: _Entries, stepper: str) -> float:
-    """Turns of the motor a turn of the pulley: `80:16`, or several parted by commas."""
+    """Turns of the motor a turn of the pulley: `80:16`, or several separated by commas."""
     if not entries.has(stepper, "gear_ratio"):
         return 1.0
     said, ratio = entries.text(stepper, "gear_ratio"), 1.0
@@ -198,7 +198,7 @@ class _Entries:
         said = self.text(section, name)
         values = [number_of(n) for n in said.split(",")]
         if len(values) != len(TOWERS) or not np.isfinite(values).all():
-            raise self.refused(section, name, said, "three numbers parted by commas")
+            raise self.refused(section, name, said, "three numbers separated by commas")
         return values
 
     def refused(self, section: str, name: str, said: str, allowed: str) -> InputError:

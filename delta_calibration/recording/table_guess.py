@@ -19,8 +19,9 @@ from scipy.optimize import minimize_scalar
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording.presets import Other
-from delta_calibration.recording.table_found import UNIT, FoundTable, found_table
+from delta_calibration.recording.table_found import FoundTable, found_table
 from delta_calibration.recording.table_mapping import ANGLES, LENGTHS
+from delta_calibration.recording.table_names import CLOCK, MEANT, bare_name
 from delta_calibration.recording.table_pair import paired
 from delta_calibration.recording.table_placing import FEWEST, Placed
 from delta_calibration.recording.table_source import is_gap
@@ -39,14 +40,6 @@ _SHOWN = 10  # rows that are shown
 _STEPS = 2.0, 600.0  # [s] between stops, if a time is in seconds
 _POINT_UNITS = ("mm", "m", "inch")
 _POINT_UNITS_ALIKE = tuple((unit, unit, unit) for unit in _POINT_UNITS)
-_UNIT = re.compile(rf"[\[(/\s_]+({UNIT})[\])]*$", re.IGNORECASE)
-_CALLED = {  # as people write them -> a mapping's word
-    **dict.fromkeys(("radian", "radians"), "rad"),
-    **dict.fromkeys(("degree", "degrees", "grad", "°"), "deg"),
-    **dict.fromkeys(("sec", "second", "seconds"), "s"),
-    **dict.fromkeys(("minute", "minutes"), "min"),
-    **{"turns": "turn", "µm": "um", "in": "inch", "°c": "degC", "degc": "degC", "k": "K"},
-}
 _JOINT = re.compile(
     r"(?:(?:actual|target|cmd|command|commanded|soll|ist|joint|axis|axe|achse|motor|theta|angle|"
     r"pos|drive|rax|phi|q|j|a|e|m|t|d|s)[ _.-]*)+\[?(\d)\]?$"
@@ -58,7 +51,7 @@ _PLACE = re.compile(
 _MEANT = ("goal", "target", "nominal", "soll", "cmd", "command", "ref")  # where it was to go
 _TURN = re.compile(r"(?:quat|rot|q|orientation)[ _.-]*([xyzw])$")
 _OTHERS = {
-    "time": re.compile(r"(time|timestamp|zeit|stamp|t|clock|date|datetime|minute|seconds?)$"),
+    "time": re.compile(rf"({CLOCK}|date|datetime)$"),
     "payload": re.compile(r"(payload|load|mass|last|masse|zuladung)$"),
 }
 _SIDE = re.compile(r"(direction|side|approach|seite|richtung)$")
@@ -175,19 +168,11 @@ def guessed(
 # --- by names
 
 
-def _bare(name: str) -> tuple[str, str]:
-    """A column's name without its unit, in small letters, and the unit."""
-    unit = _UNIT.search(name.strip())
-    bare = name.strip()[: unit.start()] if unit and unit.start() else name.strip()
-    said = unit[1].lower() if unit and unit.start() else ""
-    return bare.strip(" _-[(").lower(), _CALLED.get(said, said)
-
-
 def _by_names(table: FoundTable, robot: Robot) -> _Found:
     found = _Found()
     if not table.named:
         return found
-    bare = {name: _bare(name)[0] for name in table.names}
+    bare = {name: bare_name(name)[0] for name in table.names}
     own = [n for joint in robot.joints.names for n in bare if bare[n] == joint.lower()]
     found.joints = own if len(own) == len(robot.joints.names) else _numbered(bare, robot)
     place = [n for axis in "xyz" for n in bare if (m := _PLACE.match(bare[n])) and m[1] == axis]
@@ -195,10 +180,10 @@ def _by_names(table: FoundTable, robot: Robot) -> _Found:
     for what, columns in (("joints", found.joints), ("the point", found.place)):
         if columns:
             found.sure.append(f"{what}: columns {', '.join(columns)}, by their names")
-    units = {_bare(name)[1] for name in found.joints} - {""}
+    units = {bare_name(name)[1] for name in found.joints} - {""}
     known = ANGLES if robot.joints.unit == "rad" else LENGTHS
     found.joint_unit = units.pop() if len(units) == 1 and units <= set(known) else ""
-    told = [_bare(name)[1] for name in found.place]
+    told = [bare_name(name)[1] for name in found.place]
     found.place_units = told if told and all(unit in LENGTHS for unit in told) else []
     return found
 
@@ -354,7 +339,7 @@ def _readings(
     )
     place_units = [tuple(found.place_units)] if found.place_units else units
     every = [name for name in table.names if np.isfinite(table.column(name)).mean() > 0.9]
-    points = [name for name in every if not _bare(name)[0].startswith(_MEANT)]
+    points = [name for name in every if not bare_name(name)[0].startswith(_MEANT)]
     joints = [tuple(found.joints)] if found.joints else list(_runs(every, count, found.place))
     for j in joints:
         for p in [tuple(found.place)] if found.place else list(_runs(points, 3, j)):
@@ -450,13 +435,13 @@ def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
     used = {*found.joints, *found.place}
     quaternion: dict[str, str] = {}
     for name in table.names:
-        bare, unit = _bare(name)
+        bare, unit = bare_name(name)
         if name in used:
             continue
         if (match := _TURN.match(bare)) is not None:
             quaternion[match[1]] = name
         elif _OTHERS["time"].match(bare) and "time" not in more:
-            more |= _time(table, name, unit or ("min" if bare.startswith("min") else ""), found)
+            more |= _time(table, name, unit or MEANT.get(bare, ""), found)
         elif _OTHERS["payload"].match(bare) and "payload" not in more:
             if unit in ("g", "kg"):
                 more["payload"] = {"column": name, "unit": unit}
@@ -470,6 +455,8 @@ def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
     if set(quaternion) == set("xyzw"):
         columns = [quaternion[axis] for axis in "xyzw"]
         more["rotation"] = {"columns": columns, "form": "quaternion_xyzw"}
+    if more:
+        found.sure.append(f"also used: {', '.join(_told(more))}")
     taken = used | set(_columns_in(more))
     left = [name for name in table.names if name and name not in taken]
     if left:
@@ -477,14 +464,26 @@ def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
     return more
 
 
+def _told(more: Mapping[str, Any]) -> Iterator[str]:
+    """What columns beside joints and point are read as."""
+    for what, entries in more.items():
+        for entry in entries if isinstance(entries, list) else [entries]:
+            if isinstance(entry, str):
+                yield f"{what} {entry}"
+                continue
+            said = entry.get("format") or entry.get("form") or entry["unit"]
+            part = f" of {entry['part']}" if "part" in entry else ""
+            yield f"{what}{part} {' '.join(_columns_in(entry))} ({said})"
+
+
 def _doubt_of_differences(table: FoundTable, found: _Found) -> None:
     """Columns of differences beside a point that may be where the tool was to go."""
-    if not table.named or any(_READ.search(_bare(name)[0]) for name in found.place):
+    if not table.named or any(_READ.search(bare_name(name)[0]) for name in found.place):
         return
     found_of = {
         match[1] or match[2]: name
         for name in table.names
-        if name not in found.place and (match := _DIFFERENCE.match(_bare(name)[0]))
+        if name not in found.place and (match := _DIFFERENCE.match(bare_name(name)[0]))
     }
     if set(found_of) == set("xyz"):
         differences = ", ".join(found_of[axis] for axis in "xyz")
@@ -582,4 +581,4 @@ def _rows(table: FoundTable, found: _Found) -> Iterator[dict[str, str]]:
 
 def _with_unit(name: str, unit: str) -> str:
     """A column's name with the unit it is read in, once."""
-    return name if _bare(name)[1] == unit else f"{name} [{unit}]"
+    return name if bare_name(name)[1] == unit else f"{name} [{unit}]"

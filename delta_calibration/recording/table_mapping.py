@@ -327,7 +327,7 @@ def _join(entry: Mapping[str, Any] | None, path: Path) -> Join | None:
             raise ConfigError(f"{where}: {missing} key {key} with by: {by}")
     form = Form.of(entry.get("table", {}), entry.get("delimiter", ","), f"{where}.table")
     keys = {key: entry[key] for key in (*needed, *rest) if key in entry}
-    return Join(path.parent / entry["file"], by, form=form, **keys)
+    return Join((path.parent / entry["file"]).resolve(), by, form=form, **keys)
 
 
 def _one(entry: Mapping[str, Any] | None, units: Mapping[str, float]) -> Column | None:

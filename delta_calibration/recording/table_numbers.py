@@ -72,9 +72,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     if mapping.skip_missing:
         whole = [row for row in rows if all(_filled(row, name) for name in mapping.names)]
         if len(whole) < len(rows):
-            notes.append(
-                f"{len(rows) - len(whole)} of {len(rows)} rows have gaps and were left out"
-            )
+            notes.append(_left_out(rows, whole))
         rows = whole
         if not rows:
             raise InputError(f"{path}: every row has gaps in {', '.join(mapping.names)}")
@@ -118,6 +116,17 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     if mapping.same_command:
         _require_same(numbers, mapping)
     return numbers
+
+
+def _left_out(rows: Sequence[Row], whole: Sequence[Row]) -> str:
+    """Which rows have gaps."""
+    kept = {id(row) for row in whole}
+    lines = [str(row.line) for row in rows if id(row) not in kept]
+    more, many = ", ..." * (len(lines) > _SHOWN), "s" * (len(lines) > 1)
+    return (
+        f"{len(lines)} of {len(rows)} rows have gaps and were left out (line{many} "
+        f"{', '.join(lines[:_SHOWN])}{more})"
+    )
 
 
 def _filled(row: Row, name: str) -> bool:

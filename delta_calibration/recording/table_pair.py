@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from os.path import relpath
 from pathlib import Path
@@ -16,11 +16,15 @@ from numpy.typing import NDArray
 from delta_calibration.errors import InputError
 from delta_calibration.recording.presets import Other
 from delta_calibration.recording.table_found import FoundTable
+from delta_calibration.recording.table_mapping import TIMES
+from delta_calibration.recording.table_names import CLOCK, MEANT, bare_name
 
+Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]  # (k, 2), rows of the first and of the second table
 
 _SHARED = 0.5  # of the shorter table's rows: names that both tables must have to go by them
-TIME = re.compile(r"(time|timestamp|zeit|stamp|t|clock)\b", re.IGNORECASE)
+_CLOCK = re.compile(rf"({CLOCK})$")
+_SECOND = " (2)"  # behind a column's name that the first table has as well
 
 
 def paired(
@@ -102,24 +106,55 @@ def _by_nearest(left: FoundTable, right: FoundTable, other: Other) -> _Found:
     times = _times(left, right)
     if times is None:
         return None
-    ours, theirs = left.column(times[0]), right.column(times[1]) + other.shift
+    _require_one_unit(times, other)
+    ours, theirs = times[0].of(left), times[1].of(right) + other.shift
     near = np.abs(theirs[:, None] - ours).argmin(axis=0)
     rows = np.flatnonzero(np.abs(theirs[near] - ours) <= other.within)
     if not rows.size:
         return None
-    join = {"by": "nearest", "left": times[0], "right": times[1], "within": other.within}
+    names, unit = (times[0].column, times[1].column), times[0].unit
+    join = {"by": "nearest", "left": names[0], "right": names[1], "within": other.within / unit}
     if other.shift:
-        join["shift"] = other.shift
-    return np.stack([rows, near[rows]], axis=1), join, f"the nearest {times[0]} and {times[1]}"
+        join["shift"] = other.shift / unit
+    return np.stack([rows, near[rows]], axis=1), join, f"the nearest {names[0]} and {names[1]}"
 
 
-def _times(left: FoundTable, right: FoundTable) -> tuple[str, str] | None:
+@dataclass(frozen=True)
+class _Clock:
+    """A column of times in numbers."""
+
+    column: str
+    unit: float  # [s]
+
+    def of(self, table: FoundTable) -> Array:
+        """Its times, (n,) [s]."""
+        return self.unit * table.column(self.column)
+
+
+def _times(left: FoundTable, right: FoundTable) -> tuple[_Clock, _Clock] | None:
     """The column of time of either table, if both have one in numbers."""
-    ours, theirs = (
-        next((n for n in table.names if TIME.match(n) and np.isfinite(table.column(n)).all()), "")
-        for table in (left, right)
-    )
+    ours, theirs = (next(_clocks(table), None) for table in (left, right))
     return (ours, theirs) if ours and theirs else None
+
+
+def _clocks(table: FoundTable) -> Iterator[_Clock]:
+    for name in table.names:
+        bare, unit = bare_name(name.removesuffix(_SECOND))
+        if _CLOCK.match(bare) and np.isfinite(table.column(name)).all():
+            yield _Clock(name, TIMES.get(unit or MEANT.get(bare, "s"), 1.0))
+
+
+def _require_one_unit(times: tuple[_Clock, _Clock], other: Other) -> None:
+    """Refuse times in two units: rows are compared as they are written.
+
+    Raises:
+        InputError: they are.
+    """
+    if times[0].unit != times[1].unit:
+        raise InputError(
+            f"{other.file}: column {times[1].column} is in another unit than "
+            f"{times[0].column} of the first file: convert one of them to join rows by time"
+        )
 
 
 def _how_far(left: FoundTable, right: FoundTable, other: Other) -> str:
@@ -127,13 +162,13 @@ def _how_far(left: FoundTable, right: FoundTable, other: Other) -> str:
     times = _times(left, right)
     if times is None:
         return ""
-    ours, theirs = left.column(times[0]), right.column(times[1]) + other.shift
+    ours, theirs = times[0].of(left), times[1].of(right) + other.shift
     gap = np.abs(theirs[:, None] - ours).min(axis=1)
     return (
         f". By time, a row of {other.file.name} is {np.median(gap):.3g} s (median) from the "
         f"nearest of the other file, and --within allows {other.within:g} s; times run from "
-        f"{ours.min():.7g} to {ours.max():.7g} and from {theirs.min():.7g} to {theirs.max():.7g}: "
-        "raise --within, or move the second clock by --shift"
+        f"{ours.min():.7g} to {ours.max():.7g} s and from {theirs.min():.7g} to "
+        f"{theirs.max():.7g} s: raise --within, or move the second clock by --shift"
     )
 
 
@@ -141,7 +176,7 @@ def _distinct(left: FoundTable, right: FoundTable) -> FoundTable:
     """The second table with other names for columns that the first has as well."""
     if not set(left.names) & set(right.names):
         return right
-    names = tuple(f"{name} (2)" if name in left.names else name for name in right.names)
+    names = tuple(f"{name}{_SECOND}" if name in left.names else name for name in right.names)
     form = replace(right.form, columns=names, first_line=right.first)
     return replace(right, names=names, form=form)
 

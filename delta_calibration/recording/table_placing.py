@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
-from delta_calibration.geometry import Frame, align
+from delta_calibration.geometry import Frame, align, carried_step
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -83,21 +83,32 @@ class Placed:
         return replace(self, typical=float(np.median(missed.min(axis=0))), spread=spread)
 
     def _again(self, read: Sequence[_Read]) -> Placed:
-        """With the frame, then the reflector, laid on the rows that are close."""
+        """With the frame and the reflector laid on the rows that are close."""
+        if not np.isfinite(self.typical):
+            return self
         missed = np.array([r.missed_in(self.frame, self.offset) for r in read])
-        close = missed.min(axis=0) <= min(self.close, np.finfo(float).max)
+        close = missed.min(axis=0) <= self.close
         centre, rotation, point = (
             _chosen(read, missed, name)[close] for name in ("centre", "rotation", "point")
         )
-        place = centre + rotation @ self.offset
         try:
-            frame = align(place, point)
+            frame = align(centre + rotation @ self.offset, point)
+            offset = self._offset(frame, centre, rotation, point)
+            frame = align(centre + rotation @ offset, point)
         except DataError:
             return self
-        left = frame.inverse().apply(point) - place
-        offset = self.offset + np.mean(np.swapaxes(rotation, 1, 2) @ left[..., None], axis=0)[:, 0]
         found = replace(self, frame=frame, offset=offset)._judged(read)
         return found if found.typical < self.typical else self
+
+    def _offset(self, frame: Frame, centre: Array, rotation: Array, point: Array) -> Array:
+        """A better place of the reflector, (3,) [m], the frame being free to follow."""
+        predicted = frame.apply(centre + rotation @ self.offset)
+        tracker, weights = self.robot.tracker, np.ones(len(point))
+        pull = (self.typical / tracker.reflector_offset_prior) ** 2
+        toward = tracker.reflector_offset - self.offset
+        about, own = predicted - predicted.mean(axis=0), frame.rotation @ rotation
+        step = carried_step(own, about, point - predicted, weights, pull, toward)
+        return np.asarray(self.offset + step)
 
 
 @dataclass(frozen=True)

@@ -388,7 +388,7 @@ def _joined(
     alone = sum(k is None for k in partner)
     if not rows:
         raise InputError(
-            f"{path}: none of its {len(left)} rows has a partner in {join.file} ({join.by})"
+            f"{path}: none of its {len(left)} rows has a partner in {join.file} (by {join.by})"
         )
     told = (
         f"{alone} of {len(left)} rows of {path.name} have no partner in {join.file.name} and "

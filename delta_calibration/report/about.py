@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from calendar import monthrange
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 from delta_calibration.documents import check_document, load_schema, read_document
+from delta_calibration.errors import ConfigError
 
 NOT_STATED = "not stated"
 STATED = (
@@ -69,6 +72,18 @@ class About:
         kelvin = self.number("ambient", "u_temperature_k")
         return _UM * (coefficient or 0.0) * (kelvin or 0.0)
 
+    def expired(self, start: date | None) -> str:
+        """What to warn of if the instrument's certificate had run out; empty if it had not.
+
+        Args:
+            start: of the session, if it has a date.
+        """
+        until, stated = self._value("instrument", "valid_until"), self._value("measured_on")
+        measured = start if stated is None else _days(stated)[1]
+        if until is None or measured is None or measured <= _days(until)[1]:
+            return ""
+        return f"the certificate of the instrument was valid until {until}; measured on {measured}"
+
     @property
     def silent(self) -> tuple[str, ...]:
         """Contributions to the budget that nothing was stated of, and that are not in it."""
@@ -100,8 +115,35 @@ def read_about(path: Path | None, options: Mapping[str, Any]) -> About:
     for name, value in options.items():
         if value is not None:
             data = _with(data, name.split("."), value)
-    check_document(data, schema, "options of the certificate" if path is None else str(path))
-    return About(data)
+    source = "options of the certificate" if path is None else str(path)
+    check_document(data, schema, source)
+    about = About(data)
+    for keys in (("measured_on",), ("instrument", "valid_until")):
+        _require_days(about.text(*keys), ".".join(keys), source)
+    return about
+
+
+def _require_days(text: str, entry: str, source: str) -> None:
+    """Refuse a day that no calendar has.
+
+    Raises:
+        ConfigError: it is one.
+    """
+    try:
+        _days(text) if text != NOT_STATED else None
+    except ValueError as error:
+        raise ConfigError(f"{source}: {entry}: {text!r} is no day of the calendar") from error
+
+
+def _days(text: str) -> tuple[date, date]:
+    """First and last day of a date or a month.
+
+    Raises:
+        ValueError: there is no such day.
+    """
+    year, month, *day = map(int, text.split("-"))
+    last = monthrange(year, month)[1]
+    return date(year, month, *(day or [1])), date(year, month, *(day or [last]))
 
 
 def _with(data: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:

@@ -30,6 +30,7 @@ _GRID, _LINE = "#e6e6e6", "#4d4d4d"
 _DIVERGING = [[0.0, "#b35806"], [0.5, "#f7f7f7"], [1.0, "#542788"]]  # orange, white, purple
 _SYMBOLS = {"triangle": "triangle-up"}
 _TICKS = (1.0, 2.0, 5.0)
+_TICKED, _LEAST = 7, 3  # ticks of a usual axis, and of one that is short
 _NARROW = 100.0  # times its low end that an axis reaches, under which decades are too few ticks
 _PLAIN = 1e4  # beyond it an axis counts in powers of ten
 _LOW = 0.7  # a panel so low has room for few ticks
@@ -67,8 +68,24 @@ def plot_of(panel: Panel) -> dict[str, Any]:
     if panel.equal:
         layout["yaxis"] |= _few_names(panel.y)  # as high as it is wide
         layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
-        layout["xaxis"]["constrain"] = "domain"
+        layout["xaxis"] |= {"constrain": "domain", "tickangle": 0, **_few_across(panel)}
     return {"data": marks, "layout": layout}
+
+
+def _few_across(panel: Panel) -> dict[str, Any]:
+    """Fewer ticks along x where a panel of one scale is much higher than wide."""
+    drawn = [mark for mark in panel.marks if isinstance(mark, Points | Line | Field)]
+    wide, high = (
+        _extent(np.concatenate(each)) if each else 0.0
+        for each in ([mark.x for mark in drawn], [mark.y for mark in drawn])
+    )
+    return {"nticks": max(_LEAST, round(_TICKED * min(wide / high, 1.0)))} if high > 0 else {}
+
+
+def _extent(values: Array) -> float:
+    """From the least to the largest of the finite values."""
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if finite.size else 0.0
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
@@ -82,7 +99,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
         "ticklen": 4,
         "tickcolor": _LINE,
         "zeroline": False,
-        "nticks": 7,
+        "nticks": _TICKED,
     }
     if axis.log:
         shown |= {"type": "log", **_decade_ticks(axis)}

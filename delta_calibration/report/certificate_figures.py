@@ -150,11 +150,17 @@ def certified_figure(certificate: Certificate) -> Figure:
         _certified_panel(examined.target, middle, scale, plane, drawn)
         for plane, drawn in zip(planes, maps, strict=True)
     )
+    turned = any(k >= len(_AXES) for k in examined.robot.commanded.freedoms)
+    steps = (
+        " The platform is turned as at the nearest measured pose, so the radius changes in steps."
+        if turned
+        else ""
+    )
     return Figure(
         "certified_map",
         "Corrected positions, 95 %",
         "Radius around the target that contains a corrected position with 95 % probability. "
-        "White: not measured, or out of reach. Dots: all measured poses.",
+        f"White: not measured, or out of reach. Dots: all measured poses.{steps}",
         panels,
     )
 

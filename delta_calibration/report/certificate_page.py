@@ -17,7 +17,7 @@ from delta_calibration.report.certificate_sections import (
 from delta_calibration.report.decision import Decision
 from delta_calibration.report.document import KeyFigure, Report, Section, Statement
 from delta_calibration.report.parts import correlation_table, indices_table, unset_table
-from delta_calibration.wording import NO_VALUE, capital, figures, moment, rounded
+from delta_calibration.wording import NO_VALUE, capital, day, figures, moment, rounded
 
 Array = NDArray[np.float64]
 
@@ -93,6 +93,8 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         else f"Calibration {certificate.provenance.calibration} was made before; only the "
         "tracker's frame is fitted to this session."
     )
+    expired = about.expired(day(certificate.provenance.start_ns))
+    warned = (*examined.doubts, *([expired] if expired else ()))
     aside = int(np.count_nonzero(~examined.believed))
     more = f" {_set_aside(aside, len(examined.poses))}" if aside else ""
     return (
@@ -102,7 +104,7 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         Statement("Dates", _dates(certificate)),
         Statement("Tolerance", _tolerance(about)),
         Statement("Errors", how + more),
-        *(Statement("Warning", capital(f"{text}.")) for text in examined.doubts),
+        *(Statement("Warning", capital(f"{text}.")) for text in warned),
     )
 
 
@@ -194,7 +196,7 @@ def _appendix(certificate: Certificate) -> Section:
     if found is not None:
         text = (
             f"Chi square per degree of freedom {found.chi_square:.2f}; noise of a pose "
-            f"{figures(UM * found.noise.floor, 2)} µm RMS in 3-D; held-out error "
+            f"{figures(UM * found.noise.floor, 2)} µm RMS in 3-D; error left "
             f"{found.full.held_out_whitened:.2f} times the noise. A dimension counts as "
             f"identified if the data reduce its uncertainty below {100 * IDENTIFIED:.0f} % of "
             "its tolerance.",

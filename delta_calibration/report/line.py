@@ -29,7 +29,7 @@ from delta_calibration.report.drawing import (
 from delta_calibration.report.judged import Judged
 from delta_calibration.robot import Robot
 from delta_calibration.trial import Errors
-from delta_calibration.wording import mm
+from delta_calibration.wording import capital, mm
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,7 @@ class AlongLine:
     calibrated: Array  # (n,) [m] extended less calibrated machine, likewise
     spread: Array  # (n,) [m] standard error of the extended machine's point, 3-D
     inside: NDArray[np.bool_]  # (n,) within the region that was measured
+    extended: bool  # whether the extended machine has effects that the calibrated one has not
 
     @property
     def way(self) -> int:
@@ -66,6 +67,36 @@ class AlongLine:
     def title(self) -> str:
         """What a page calls it."""
         return "Along the paper's line" if self.papers else "Along a line"
+
+    @property
+    def bound(self) -> Array:
+        """Within which the last machine's point is known, 95 %, (n,) [m]."""
+        return _SURE * self.spread
+
+    @property
+    def words(self) -> str:
+        """What the errors are."""
+        last = "extended" if self.extended else "calibrated"
+        between = "Calibrated: extended model minus calibrated geometry. " if self.extended else ""
+        return (
+            f"Before: {last} model minus nominal robot in its best-fit frame. {between}"
+            f"{capital(last)}: 95 % bound of the {last} model, from the covariance of the fit."
+        )
+
+    @property
+    def errors(self) -> tuple[Line, ...]:
+        """Curves of all errors; a model less itself is none."""
+        x = MM * self.along
+        before = Line("before", x, MM * self.before, BEFORE)
+        if not self.extended:
+            bound = Line("calibrated, 95 % bound", x, MM * self.bound, CALIBRATED, "dot")
+            return before, bound
+        calibrated = Line("calibrated", x, MM * self.calibrated, CALIBRATED, "dash")
+        return (
+            before,
+            calibrated,
+            Line("extended, 95 % bound", x, MM * self.bound, EXTENDED, "dot"),
+        )
 
     @property
     def where(self) -> str:
@@ -106,7 +137,9 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
     meant = robot.commanded.forward(plan.joint, robot.commanded.parameters.nominal)
     inside = judged.region.outside(robot.commanded.position(meant)) <= 0
     before, calibrated = np.sqrt(square)
-    return AlongLine(plan.target, robot.workspace is None, before, calibrated, spread, inside)
+    more = found.chain.effects != base.effects
+    papers = robot.workspace is None
+    return AlongLine(plan.target, papers, before, calibrated, spread, inside, more)
 
 
 def line_figure(line: AlongLine) -> Figure:
@@ -118,8 +151,8 @@ def line_figure(line: AlongLine) -> Figure:
         if not line.inside.all()
         else ""
     )
-    everything = np.concatenate([line.before, line.calibrated, line.spread])
-    low, high = float(MM * max(everything.min(), 1e-8)), float(MM * everything.max())
+    everything = np.concatenate([error.y for error in line.errors])
+    low, high = max(float(everything.min()), 1e-5), float(everything.max())
     measured, rules = "", _ends(x, line.inside)
     if line.papers:
         measured = (
@@ -135,21 +168,13 @@ def line_figure(line: AlongLine) -> Figure:
         "error_line",
         line.title,
         f"Errors of the tool point on {line.where} according to the models, approached from both "
-        "sides under the session's median conditions. Before: extended model minus nominal "
-        "robot in its best-fit frame. Calibrated: extended model minus calibrated geometry. "
-        "Extended: 95 % bound of the extended model, from the covariance of the "
-        f"fit.{measured}{beyond}",
+        f"sides under the session's median conditions. {line.words}{measured}{beyond}",
         (
             Panel(
                 "",
                 Axis(f"{axis} along the line [mm]"),
                 Axis("error, 3-D [mm]", log=True, low=0.5 * low, high=2 * high),
-                (
-                    Line("before", x, MM * line.before, BEFORE),
-                    Line("calibrated", x, MM * line.calibrated, CALIBRATED, "dash"),
-                    Line("extended, 95 % bound", x, MM * _SURE * line.spread, EXTENDED, "dot"),
-                    *rules,
-                ),
+                (*line.errors, *rules),
                 tall=1.25,
             ),
         ),
@@ -170,18 +195,13 @@ def line_table(line: AlongLine) -> Table:
     rows: list[tuple[str, float, float, float]] = []
     if line.papers:
         rows.append(("the paper's machine, measured", PAPER_MEAN, PAPER_MAX, PAPER_THREE_STD))
-    named = {
-        "before": line.before,
-        "calibrated": line.calibrated,
-        "extended, 95 % bound": _SURE * line.spread,
-    }
     parts = {"": np.ones(len(line.target), dtype=bool)}
     if _FEWEST <= line.inside.sum() < len(line.target):
         parts[", in the region measured"] = line.inside
     for part, rows_of in parts.items():
-        for name, error in named.items():
-            each = Errors.of(error[rows_of])
-            rows.append((name + part, MM * each.mean, MM * each.maximum, MM * each.three_std))
+        for error in line.errors:
+            each = Errors.of(error.y[rows_of])
+            rows.append((error.name + part, each.mean, each.maximum, each.three_std))
     return Table(
         "error_line_table",
         "The line in numbers",

@@ -29,8 +29,8 @@ session
 session.to_frame().head()
 
 # %% [markdown]
-# The fit finds dimensions, reflector and tracker frame together. *Held-out* errors are of places
-# that a fit had not seen.
+# The fit finds dimensions, reflector and tracker frame together. The *error left* is of places
+# that a fit had not seen ([glossary](../glossary.md)).
 
 # %%
 found = session.fit()
