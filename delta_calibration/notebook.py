@@ -21,13 +21,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import from_identification, save_calibration
-from delta_calibration.cli.compensate import commands_for, warmth_by_part
+from delta_calibration.commands import commands_for, warmth_by_part
 from delta_calibration.compensation import JointCompensator, methods_for, require_method
 from delta_calibration.data import Session as Recording
 from delta_calibration.data import Survey, survey
@@ -302,8 +303,9 @@ def _commands(
     rows = _rows(robot, targets)
     method = method or methods_for(robot.commanded)[0]
     require_method(robot.commanded, method, robot.name)
-    warm = warmth_by_part(tuple((temperature or {}).items()), calibration)
-    made = commands_for(JointCompensator(calibration, method), rows, payload, warm, _SOURCE)
+    warm = warmth_by_part(tuple((temperature or {}).items()), calibration, warn)
+    compensator = JointCompensator(calibration, method)
+    made = commands_for(compensator, rows, payload, warm, _SOURCE, warn)
     command, left, _ = made.by_target()
     columns: dict[str, Any] = {
         name: [row.text[name] if name == NAME else row.number(name) for row in rows]

@@ -51,6 +51,7 @@ LAYERS = [
     "accuracy",
     "circle_test",
     "compensation",
+    "commands",
     "calibration_file",
     "export",
     "simulation",

@@ -298,8 +298,8 @@ def test_the_seed_decides_effects():
 @pytest.mark.parametrize(
     ("text", "settings"),
     [
-        ("transmission_error", {"cycles": 33.0}),
-        ("transmission_error:cycles=66", {"cycles": 66.0}),
+        ("transmission_error", {"cycles": 33.0, "second": 0.0}),
+        ("transmission_error:cycles=66,second=2", {"cycles": 66.0, "second": 2.0}),
         ("thermal_growth_arm", {"sensor": "arm", "time_constant": 0.0}),
         ("thermal_growth_base", {"sensor": "base", "time_constant": 0.0}),
         ("thermal_growth_forearm", {"sensor": "", "time_constant": 2400.0}),
@@ -361,7 +361,10 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
         ("backlash:gap=1", "effect backlash: unknown option gap; allowed: location, value, stren"),
         ("backlash:width=1", "unknown option width; allowed: location, value, strength, held_by$"),
         ("tracker_scale:location=joint_1", "unknown option location; allowed: value, strength$"),
-        ("transmission_error:cycle=3", "cycle; allowed: location, value, strength, cycles$"),
+        (
+            "transmission_error:cycle=3",
+            "cycle; allowed: location, value, strength, cycles, second$",
+        ),
         ("backlash:location=joint_4", "no location 'joint_4'; allowed: joint_1, joint_2, joint_3"),
         ("joint_lag:value=5ms", r"joint_lag: value '5ms' is not a finite number \(SI: s\)"),
         ("joint_lag:strength=inf", "joint_lag: strength 'inf' is not a finite number"),

@@ -13,80 +13,21 @@ error_mm, error_mrad    what is left by the identified model
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.compensation import CommandStatus, Compensated
+from delta_calibration.commands import Commands
 from delta_calibration.errors import InputError
 from delta_calibration.files import written_whole
 from delta_calibration.plans.target_file import passed_columns
 from delta_calibration.robot import Joints
-from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
 
-BLENDED, UNREACHED = "blended", CommandStatus.OUT_OF_REACH.name.lower()
 _FACTORS = {"rad": 1.0, "deg": 180.0 / np.pi, "mm": 1e3}
 _BARE = "rad"  # the unit that is not said behind a joint's name
-
-
-@dataclass(frozen=True)
-class Commands:
-    """What became of every target."""
-
-    rows: Sequence[Row]  # (n,) as they came
-    nominal: Array  # (n, m) [rad or m] NaN out of reach
-    found: Compensated | None  # of the targets in reach; None where none is
-    reached: NDArray[np.intp]  # (k,) which these are
-    radius: Array  # (k,) [m] 95 % of corrected positions of those
-
-    @property
-    def status(self) -> list[str]:
-        """Of every target."""
-        status, found = [UNREACHED] * len(self.rows), self.found
-        if found is not None:
-            for k, row in enumerate(self.reached):
-                verdict = found.verdicts[k]
-                whole = verdict is not CommandStatus.CORRECTED or not found.blended(k)
-                status[row] = verdict.name.lower() if whole else BLENDED
-        return status
-
-    @property
-    def uncorrected(self) -> list[int]:
-        """Targets whose command is nominal or none."""
-        good = (CommandStatus.CORRECTED.name.lower(), BLENDED)
-        return [row for row, status in enumerate(self.status) if status not in good]
-
-    def by_target(self) -> tuple[Array, Array, Array | None]:
-        """Joints to command (n, m), errors left (n,) by place and turn; NaN if there is none."""
-        sent, left = self.nominal.copy(), np.full(len(self.rows), np.nan)
-        found, rows = self.found, self.reached
-        if found is None:
-            return sent, left, None
-        good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
-        sent[rows[good]], left[rows[good]] = found.joint[good], found.model_error[good]
-        if found.model_turn is None:
-            return sent, left, None
-        turn = np.full(len(left), np.nan)
-        turn[rows[good]] = found.model_turn[good]
-        return sent, left, turn
-
-    def u95(self) -> Array:
-        """Expanded uncertainty of where the tool comes to, (n,) [m]; NaN where not corrected.
-
-        By what the fit leaves open there, how the joints come to rest and what the model leaves
-        at places that it has not seen (`uncertainty.py`); and all that a correction blended out
-        leaves by the model.
-        """
-        u95 = np.full(len(self.rows), np.nan)
-        if self.found is not None:
-            u95[self.reached] = self.radius + self.found.model_error
-        u95[self.uncorrected] = np.nan
-        return u95
 
 
 def unit_for(joints: Joints, asked: str | None) -> str:

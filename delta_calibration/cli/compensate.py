@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,14 +10,8 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.cli.commands_file import (
-    UNREACHED,
-    Commands,
-    unit_for,
-    write_commands,
-)
+from delta_calibration.cli.commands_file import unit_for, write_commands
 from delta_calibration.cli.options import (
     calibration_option,
     progress,
@@ -27,6 +21,13 @@ from delta_calibration.cli.options import (
 )
 from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.cli.tables import TableOptions, table_options
+from delta_calibration.commands import (
+    UNREACHED,
+    Commands,
+    commands_for,
+    found_for,
+    warmth_by_part,
+)
 from delta_calibration.compensation import (
     METHODS,
     TABLE,
@@ -36,10 +37,8 @@ from delta_calibration.compensation import (
     methods_for,
     require_method,
 )
-from delta_calibration.data import Conditions, at_rest, motion_of
-from delta_calibration.effects.catalogue import catalogue
-from delta_calibration.errors import DataError, InputError, ReachError
-from delta_calibration.plans.target_file import read_rows, targets_of, unused_columns
+from delta_calibration.errors import DataError
+from delta_calibration.plans.target_file import read_rows, unused_columns
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.tables import Row
@@ -49,10 +48,6 @@ Array = NDArray[np.float64]
 _NAMED = 10  # points told one by one
 REFUSE, NOMINAL, BLEND = "refuse", "nominal", "blend"
 OUTSIDE = (BLEND, NOMINAL, REFUSE)
-_BATCH = 64  # commands searched side by side
-# Of the length of a vector of three alike normal numbers: its 95 % quantile over its RMS
-# (chi with three degrees of freedom, 2.795 / sqrt 3).
-_COVERS = 1.614
 
 
 @click.command("compensate", short_help="corrected joint commands for a list of targets")
@@ -159,7 +154,7 @@ def command(
     calibration = load_calibration(calibration_file, robot)
     if outside != BLEND:
         calibration = replace(calibration, robot=without_margin(robot))
-    warm = warmth_by_part(temperatures, calibration)
+    warm = warmth_by_part(temperatures, calibration, said)
     shown = unit_for(robot.joints, unit)
     rows = read_rows(targets, robot, robot.joints.passed_through)
     unused = unused_columns(rows)
@@ -169,7 +164,7 @@ def command(
         compensator = options.compensator(calibration, seed)
     else:
         compensator = JointCompensator(calibration, method, seed)
-    commands = commands_for(compensator, rows, payload, warm, calibration_file)
+    commands = commands_for(compensator, rows, payload, warm, calibration_file, said, _watched)
     if outside == REFUSE:
         _tell_of_uncorrected(commands, targets, calibration.region, written=False)
     write_commands(out, robot.joints, shown, commands)
@@ -181,42 +176,13 @@ def command(
     _tell_of_uncorrected(commands, targets, calibration.region, written=True)
 
 
-def commands_for(
-    compensator: JointCompensator,
-    rows: Sequence[Row],
-    payload: float | None,
-    warm: dict[str, float],
-    calibration_file: Path,
-) -> Commands:
-    """What becomes of every target, the machine stopping at one after the other.
-
-    Raises:
-        InputError: a target that is none, or the calibration takes a condition that is not given.
-    """
-    calibration = compensator.calibration
-    nominal = _nominal(calibration.robot, rows, payload or 0.0)
-    reached = np.flatnonzero(np.isfinite(nominal).all(axis=1))
-    if not reached.size:
-        return Commands(rows, nominal, None, reached, np.zeros(0))
-    found = found_for(compensator, nominal[reached], payload, warm, calibration_file)
-    radius = _radius(calibration, found, payload, warm)
-    return Commands(rows, nominal, found, reached, radius)
+def said(text: str) -> None:
+    """Something to know of the result."""
+    click.echo(text, err=True)
 
 
-def _radius(
-    calibration: Calibration, found: Compensated, payload: float | None, warm: dict[str, float]
-) -> Array:
-    """Within how far of their targets corrected commands bring the tool with 95 %, (k,) [m]."""
-    identified = calibration.identified
-    if identified is None:
-        click.echo(
-            "u95_mm is the same everywhere, computed from the error left alone: the calibration "
-            "was written by an older version; fit again",
-            err=True,
-        )
-        return np.full(len(found.joint), _COVERS * calibration.held_out)
-    at = _conditions(found.joint, payload, warm, calibration.robot.commanded.joint_size)
-    return identified.radius(at)
+def _watched(parts: Sequence[NDArray[np.intp]]) -> Iterable[NDArray[np.intp]]:
+    return progress(parts, len(parts), "part")
 
 
 def _summary(commands: Commands, compensator: JointCompensator) -> str:
@@ -289,109 +255,9 @@ def corrected(
         InputError: the calibration takes a condition that is not given.
         DataError: a command cannot be corrected.
     """
-    found = found_for(compensator, nominal, payload, warm, calibration_file)
+    found = found_for(compensator, nominal, payload, warm, calibration_file, _watched)
     _refuse_uncorrected(found, targets, compensator.calibration.region)
     return found
-
-
-def found_for(
-    compensator: JointCompensator,
-    nominal: Array,
-    payload: float | None,
-    warm: dict[str, float],
-    calibration_file: Path,
-) -> Compensated:
-    """What becomes of all commands (n, m), the machine stopping at one after the other.
-
-    Raises:
-        InputError: the calibration takes a condition that is not given.
-    """
-    calibration = compensator.calibration
-    at = _conditions(nominal, payload, warm, calibration.robot.commanded.joint_size)
-    parts = np.array_split(np.arange(len(nominal)), max(len(nominal) // _BATCH, 1))
-    found = Compensated.joined(
-        [
-            compensator.compensate(nominal[rows], at.take(rows))
-            for rows in progress(parts, len(parts), "part")
-        ]
-    )
-    _refuse_unknown(found, calibration_file)
-    return found
-
-
-def _nominal(robot: Robot, rows: Sequence[Row], payload: float) -> Array:
-    """Joints that the drawing takes for targets, (n, m) [rad or m]; NaN out of reach."""
-    try:
-        return targets_of(rows, robot, payload).joint
-    except ReachError:
-        return np.concatenate([_one_nominal(row, robot, payload) for row in rows])
-
-
-def _one_nominal(row: Row, robot: Robot, payload: float) -> Array:
-    try:
-        return targets_of([row], robot, payload).joint
-    except ReachError:
-        return np.full((1, len(robot.joints.names)), np.nan)
-
-
-def warmth_by_part(
-    given: Sequence[tuple[str, float]], calibration: Calibration
-) -> dict[str, float]:
-    """Temperatures [deg C] by part, of parts that the robot has or the calibration goes by.
-
-    Raises:
-        InputError: another part, or one twice.
-    """
-    asked, known = _sensors(calibration)
-    by_part: dict[str, float] = {}
-    for part, celsius in given:
-        if part not in known:
-            parts = ", ".join(known) or "none"
-            raise InputError(
-                f"--temperature {part}={celsius:g}: robot {calibration.robot.name} has no part "
-                f"{part!r} that grows; there are: {parts}"
-            )
-        if part in by_part:
-            raise InputError(
-                f"--temperature {part}={celsius:g}: {part} was already given as {by_part[part]:g}"
-            )
-        if part not in asked:
-            click.echo(
-                f"the calibration has no growth of {part}: --temperature {part}={celsius:g} "
-                "changes nothing",
-                err=True,
-            )
-        by_part[part] = celsius
-    return by_part
-
-
-def _sensors(calibration: Calibration) -> tuple[set[str], list[str]]:
-    """Parts whose temperature the calibration goes by, and with them all that can grow."""
-    asked = {str(effect.settings.get("sensor", "")) for effect, _ in calibration.live} - {""}
-    effects = catalogue(calibration.robot, calibration.chain.mechanism)
-    growing = {effect.part for effect in effects if effect.part}
-    return asked, sorted(asked | growing)
-
-
-def _conditions(
-    joint: Array, payload: float | None, warm: dict[str, float], joint_size: float
-) -> Conditions:
-    """Stops at joints (n, m) [rad], one after the other."""
-    n = len(joint)
-    stops = motion_of(np.arange(n, dtype=float), joint, joint_size)
-    at = replace(at_rest(joint), direction=stops.direction, travel=stops.travel)
-    if payload is not None:
-        at = replace(at, payload=np.full(n, payload), payload_centre=np.zeros((n, 3)))
-    celsius = np.tile(np.array(list(warm.values()), dtype=float), (n, 1))
-    return replace(at, temperature_parts=tuple(warm), temperature=celsius)
-
-
-def _refuse_unknown(found: Compensated, file: Path) -> None:
-    if found.missing:
-        raise InputError(
-            f"{file}: the calibration contains effects that need a condition: {found.missing}; "
-            "give it by --payload KG or --temperature PART=DEGREES"
-        )
 
 
 def _refuse_uncorrected(found: Compensated, targets: Path, region: Region) -> None:

@@ -9,7 +9,7 @@ import click
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
-from delta_calibration.cli.compensate import corrected, tell_of_blended, warmth_by_part
+from delta_calibration.cli.compensate import corrected, said, tell_of_blended
 from delta_calibration.cli.options import (
     calibration_option,
     require_folder,
@@ -17,6 +17,7 @@ from delta_calibration.cli.options import (
     write_text,
 )
 from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
+from delta_calibration.commands import warmth_by_part
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.description import describe, urdf
 from delta_calibration.documents import write_document
@@ -167,7 +168,7 @@ def _write_points(
     """The points with corrected places."""
     robot = calibration.robot
     require_points(robot)
-    warm = warmth_by_part(temperatures, calibration)
+    warm = warmth_by_part(temperatures, calibration, said)
     rows = read_rows(points, robot, robot.joints.passed_through)
     try:
         nominal = targets_of(rows, robot, payload or 0.0).joint
