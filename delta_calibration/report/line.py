@@ -85,7 +85,7 @@ class AlongLine:
 
     @property
     def errors(self) -> tuple[Line, ...]:
-        """Curves of all errors; a model less itself is none."""
+        """The curves; where no effects were found there is no calibrated one beside the last."""
         x = MM * self.along
         before = Line("before", x, MM * self.before, BEFORE)
         if not self.extended:
