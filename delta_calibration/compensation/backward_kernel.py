@@ -61,11 +61,12 @@ from delta_calibration.model.stand import (
     Stages,
     State,
     add_signals,
-    begin_at,
-    next_round,
-    opened,
+    apart,
+    begin_near_by,
+    opens_on,
     stand,
     state_of,
+    step_on,
     take_dimensions,
     take_shape,
 )
@@ -127,6 +128,7 @@ class Place(NamedTuple):
     dq: Array  # (m,)
     step: Array  # of joints or of the pose
     there: Array  # (m,)
+    stood: Array  # (k,) pose that is asked for anew
     near: Array  # (1,) 1 where x is a pose nearby, 0 where it is to be sought from the beginning
     settled: Array  # (1,) 1 where it stands at the command that was found, effects and all
 
@@ -151,6 +153,7 @@ def scratch(machine: MachineRecord, signals: int) -> Place:
         np.zeros(sizes[M]),
         np.zeros(wide + sizes[R]),
         np.zeros(sizes[M]),
+        np.zeros(sizes[K]),
         np.zeros(1),
         np.zeros(1),
     )
@@ -261,12 +264,9 @@ def verified(
             return distance(room, target)
         return found_anew(machine, q, signals, target, room)
     if room.settled[0] > 0.0:
-        opening = opened(machine.body, state.joint, state.before, machine.stray, state)
-        for i in range(len(room.x)):
-            opening = opening and abs(state.before[i] - room.x[i]) <= SAME_POSE
-        if not opening:
+        if not opens_on(machine.body, state.joint, room.x, machine.stray, state):
             return np.inf
-        place_of(machine, state.before, room)
+        place_of(machine, room.x, room)
         return distance(room, target)
     if len(machine.body.opening.law):
         begin(room)
@@ -290,6 +290,26 @@ def found_anew(
         room.x[i] += SAME_POSE
     room.near[0] = 1.0
     return max(error, reached(machine, q, signals, target, room))
+
+
+@compiled(borrows=True)
+def _led_back(machine: MachineRecord, q: Array, room: Place) -> bool:
+    """Whether one round of the effects, from the beginning, leads to where the machine stands.
+
+    From there rounds lead on to it, for it has settled. Not where it begins there already.
+    """
+    body, stages, state = machine.body, machine.stages, room.state
+    swing = state.swing[0]
+    copy_into(room.stood, room.x)
+    for i in range(len(q)):
+        room.signals[stages.at[JOINT] + i] = q[i]
+    led = begin_near_by(
+        body, stages, room.signals, machine.g, machine.stray, room.x, state
+    ) and step_on(body, stages, room.signals, machine.g, machine.theta, room.x, state)
+    led = led and state.swing[0] > SAME_POSE and apart(room.x, room.stood) <= SAME_POSE
+    copy_into(room.x, room.stood)
+    state.swing[0] = swing
+    return led
 
 
 @compiled(borrows=True)
@@ -398,7 +418,7 @@ def taking_turns(
     for i in range(m):
         dq[i] = best[i]
         room.signals[at + i] = q[i] + dq[i]
-    if not begin_at(body, stages, room.signals, machine.g, machine.stray, room.x, state):
+    if not begin_near_by(body, stages, room.signals, machine.g, machine.stray, room.x, state):
         return np.inf, 1
     place_of(machine, room.x, room)
     missed, before, last = 0.0, 0.0, False
@@ -415,16 +435,7 @@ def taking_turns(
             return np.inf, 2 * turn
         if last:
             break
-        if not next_round(
-            body,
-            stages,
-            room.signals,
-            machine.g,
-            machine.theta,
-            machine.stray,
-            room.x,
-            state,
-        ):
+        if not step_on(body, stages, room.signals, machine.g, machine.theta, room.x, state):
             return np.inf, 2 * turn + 1
         place_of(machine, room.x, room)
         error, swing = distance(room, target), state.swing[0]
@@ -624,7 +635,9 @@ def correct(
             if not machine.stages.gentle and error <= search.tolerance:
                 for i in range(len(q)):
                     room.there[i] = q[i] + best[i]
-                error, count = found_anew(machine, room.there, signals, target, room), count + 1
+                count += 1
+                if not _led_back(machine, room.there, room):
+                    error = found_anew(machine, room.there, signals, target, room)
             room.settled[0] = 1.0 if error <= search.tolerance else 0.0
         if not error <= search.tolerance:
             error, more = newton(machine, search, q, signals, target, best, room)

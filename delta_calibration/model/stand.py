@@ -25,6 +25,7 @@ from delta_calibration.model.chain_constants import (
     GRAVITY,
     INERTIA,
     JOINT,
+    LEADS_ON,
     LEFT,
     LOAD,
     OF_INERTIA,
@@ -38,6 +39,7 @@ from delta_calibration.model.chain_constants import (
     RATE,
     REACTION,
     ROUNDS,
+    SAME_POSE,
     SETTLED_POSE,
 )
 from delta_calibration.model.jit import call, compiled, record
@@ -51,8 +53,10 @@ from delta_calibration.model.kernels import (
     P,
     Room,
     assemble,
+    closed,
     copy_into,
     follow,
+    nearer,
     own_joint,
     room,
     set_geometry,
@@ -166,13 +170,9 @@ def take_shape(body: Body, state: State) -> None:
 
 
 @compiled(borrows=True)
-def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
-    """Bring the pose x to joints q from wherever the mechanism's direct problem starts."""
-    opening = body.opening
-    if not len(opening.law):
-        copy_into(x, body.bearing.home)
-        return follow(body.limbs, body.home, q, x, body.stages, stray, state.room)
-    own = state.opening
+def open_near(body: Body, q: Array, x: Array, state: State) -> None:
+    """Pose x near the wanted one at joints q, by the mechanism's opening."""
+    opening, own = body.opening, state.opening
     for i in range(len(opening.joints)):
         joint = opening.joints[i]
         own[opening.at[0] + i] = own_joint(body.limbs, joint, q[joint])
@@ -180,7 +180,48 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
     call(opening.law[FULL], own)
     for i in range(len(x)):
         x[i] = own[opening.at[3] + i]
-    return assemble(body.limbs, q, x, stray, state.room)
+
+
+@compiled(borrows=True)
+def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
+    """Bring the pose x to joints q from wherever the mechanism's direct problem starts."""
+    if len(body.opening.law):
+        open_near(body, q, x, state)
+        return assemble(body.limbs, q, x, stray, state.room)
+    copy_into(x, body.bearing.home)
+    return follow(body.limbs, body.home, q, x, body.stages, stray, state.room)
+
+
+@compiled(borrows=True)
+def opens_on(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
+    """Bring a pose x (k,) nearby to joints q; whether it is of the wanted assembly mode.
+
+    Where the first step from the opening leads to it nearly, by quadratic convergence, the others
+    need not be made. `state.before` is used up.
+    """
+    found = state.before
+    if not nearer(body.limbs, q, x, state.room) <= SAME_POSE:
+        return False
+    if not closed(body.limbs, state.room, 1.0, stray):
+        return False
+    if len(body.opening.law):
+        open_near(body, q, found, state)
+        far = apart(found, x)
+        nearer(body.limbs, q, found, state.room)
+        if apart(found, x) <= max(LEADS_ON * far, SAME_POSE):
+            return True
+    return opened(body, q, found, stray, state) and apart(found, x) <= SAME_POSE
+
+
+@compiled(borrows=True)
+def apart(x: Array, other: Array) -> float:
+    """Largest difference of two poses' numbers; infinite where one is none."""
+    most = 0.0
+    for i in range(len(x)):
+        most = max(most, abs(x[i] - other[i]))
+        if not abs(x[i] - other[i]) < np.inf:
+            return np.inf
+    return most
 
 
 @compiled(borrows=True)
@@ -236,10 +277,37 @@ def begin_at(
     body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
 ) -> bool:
     """Bring the pose x (k,) to a sample's readings of the joints, as if there were no effects."""
+    _take_readings(body, stages, signals, g, state)
+    return opened(body, state.joint, x, stray, state)
+
+
+@compiled(borrows=True)
+def begin_near_by(
+    body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
+) -> bool:
+    """The same, nearly: where it only leads on to the first round of the effects."""
+    _take_readings(body, stages, signals, g, state)
+    if not len(body.opening.law):
+        return opened(body, state.joint, x, stray, state)
+    open_near(body, state.joint, x, state)
+    return nearer(body.limbs, state.joint, x, state.room) < np.inf
+
+
+@compiled(borrows=True)
+def _take_readings(body: Body, stages: Stages, signals: Array, g: Array, state: State) -> None:
     if len(stages.structure.law):
         take_dimensions(body, g, state)
     copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
-    return opened(body, state.joint, x, stray, state)
+
+
+@compiled(borrows=True)
+def take_effects(
+    body: Body, stages: Stages, signals: Array, g: Array, values: Array, x: Array, state: State
+) -> None:
+    """Let drives and dimensions be what the effects at the pose x (k,) make of them."""
+    copy_into(state.before, x)
+    add_signals(body, stages, signals, x, state)
+    _shift(body, stages, signals, g, values, state)
 
 
 @compiled(borrows=True)
@@ -254,17 +322,20 @@ def next_round(
     state: State,
 ) -> bool:
     """Bring the pose x (k,) to where the effects at it lead; see `stand`."""
-    copy_into(state.before, x)
-    add_signals(body, stages, signals, x, state)
-    _shift(body, stages, signals, g, values, state)
-    if not assemble(body.limbs, state.joint, x, stray, state.room):
-        state.swing[0] = np.inf
-        return False
-    most = 0.0
-    for i in range(len(x)):
-        most = max(most, abs(x[i] - state.before[i]))
-    state.swing[0] = most
-    return True
+    take_effects(body, stages, signals, g, values, x, state)
+    good = assemble(body.limbs, state.joint, x, stray, state.room)
+    state.swing[0] = apart(x, state.before)
+    return good
+
+
+@compiled(borrows=True)
+def step_on(
+    body: Body, stages: Stages, signals: Array, g: Array, values: Array, x: Array, state: State
+) -> bool:
+    """The same by one of Newton's steps, where it only leads on: it leaves the step's square."""
+    take_effects(body, stages, signals, g, values, x, state)
+    state.swing[0] = nearer(body.limbs, state.joint, x, state.room)
+    return state.swing[0] < np.inf
 
 
 @compiled(borrows=True)
@@ -299,9 +370,7 @@ def stand(
             return assemble(body.limbs, state.joint, x, stray, state.room)
         return opened(body, state.joint, x, stray, state)
     if near:
-        if len(stages.structure.law):
-            take_dimensions(body, g, state)
-        copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
+        _take_readings(body, stages, signals, g, state)
     elif not begin_at(body, stages, signals, g, stray, x, state):
         return False
     before = 0.0
