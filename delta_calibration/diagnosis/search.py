@@ -15,7 +15,16 @@ from itertools import combinations
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
-from delta_calibration.diagnosis.constants import LOOKED_AT, MOST, NEARLY, PLAIN, RIVAL, SWAPS
+from delta_calibration.diagnosis.constants import (
+    LACKING,
+    LOOKED_AT,
+    MOST,
+    NEARLY,
+    PLAIN,
+    REMAINS,
+    RIVAL,
+    SWAPS,
+)
 from delta_calibration.diagnosis.fitted import Fitted, beside, gain_of
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, sizes
 from delta_calibration.diagnosis.model_selection import (
@@ -95,6 +104,7 @@ def find(
             if swapped is model:
                 return SearchResult(model, first, here, tuple(short.values()))
             model, swaps = swapped, swaps - 1
+        model = _refined(bare, model, tuple(short.values()))
         here = scanned(model, effects, rng).without(gone)
         seen[_keys(model.terms)] = model, here
 
@@ -161,6 +171,21 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
             chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(bare, sets, short, model)
+
+
+def _refined(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
+    """The fit with its causes' other shapes, where one takes much of what is left.
+
+    What a shape lacks is looked for before other explanations of it: several maps and causes
+    together can follow the second order of a gear.
+    """
+    while model.misfit > LACKING:
+        sets = [shaped for i in range(len(model.terms)) for shaped in _reshaped(model, i)]
+        refined = _likeliest(bare, sets, short, model)
+        if not model.misfit - refined.misfit > REMAINS * (model.misfit - 1):
+            break
+        model = refined
+    return model
 
 
 def _reshaped(model: Fitted, i: int) -> list[tuple[Candidate, ...]]:

@@ -335,7 +335,7 @@ def step_on(
     """The same by one of Newton's steps, where it only leads on: it leaves the step's square."""
     take_effects(body, stages, signals, g, values, x, state)
     state.swing[0] = nearer(body.limbs, state.joint, x, state.room)
-    return state.swing[0] < np.inf
+    return bool(state.swing[0] < np.inf)
 
 
 @compiled(borrows=True)
