@@ -7,7 +7,7 @@ every pair of them is tried as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -88,18 +88,14 @@ def improved(
     worth = Worth(together, here, model.noise_degrees)
     chosen = start
     if newcomers:  # something else shows: two others may have been taken for one
-        chosen = max((start, _best_pair(worth, len(scores))), key=worth)
+        pair = worth.best(combinations(range(len(scores)), 2), default=start)
+        chosen = max((start, pair), key=worth)
     while True:
-        near = max(_neighbours(chosen, len(scores)), key=worth, default=chosen)
+        near = worth.best(_neighbours(chosen, len(scores)), default=chosen)
         if worth(near) <= worth(chosen) + 1e-6:
             held = np.isfinite(worth(chosen))
             return tuple(together.candidates[i] for i in chosen) if held else model.terms
         chosen = near
-
-
-def _best_pair(worth: Worth, count: int) -> tuple[int, ...]:
-    """The best two of the candidates."""
-    return max(combinations(range(count), 2), key=worth, default=())
 
 
 def _neighbours(chosen: tuple[int, ...], count: int) -> Iterator[tuple[int, ...]]:
@@ -130,11 +126,29 @@ class Worth:
             self.known[chosen] = self._of(chosen)
         return self.known[chosen]
 
+    def most(self, chosen: tuple[int, ...]) -> float:
+        """What it is worth at most: ln B, one fit in the place of one for each of the set."""
+        candidates = self.together.candidates
+        if any(candidates[i].same_cause(candidates[j]) for i, j in combinations(chosen, 2)):
+            return -np.inf
+        return self._fit(chosen)[1]
+
+    def best(self, sets: Iterable[tuple[int, ...]], default: tuple[int, ...]) -> tuple[int, ...]:
+        """The set that is worth most, asked in the order of what they could be; or the default."""
+        best, enough = default, -np.inf
+        could = {chosen: self.most(chosen) for chosen in sets}
+        for chosen in sorted(could, key=lambda each: -could[each]):
+            if could[chosen] <= enough:
+                break
+            if self(chosen) > enough:
+                best, enough = chosen, self(chosen)
+        return best
+
     def _of(self, chosen: tuple[int, ...]) -> float:
         if not chosen:
             return 0.0
         candidates = self.together.candidates
-        if any(candidates[i].same_cause(candidates[j]) for i, j in combinations(chosen, 2)):
+        if not self.most(chosen) > -np.inf:
             return -np.inf
         gain, log_b = self._fit(chosen)
         for i in chosen:

@@ -166,8 +166,9 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
         enough = -np.inf if term.unexplained else least + NEARLY * (whole - least)
         new = range(count, count + len(others))
         one = [(together.fit((*kept, k))[2], (*kept, k)) for k in new]
-        two = [(worth((*kept, *pair)), (*kept, *pair)) for pair in combinations(new, 2)]
-        for near, least in ((one, enough), (two if len(kept) + 2 <= MOST else [], whole)):
+        both = [(*kept, *pair) for pair in combinations(new, 2)] if len(kept) + 2 <= MOST else []
+        two = [(worth(rows), rows) for rows in both if worth.most(rows) > whole]
+        for near, least in ((one, enough), (two, whole)):
             chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(bare, sets, short, model)
