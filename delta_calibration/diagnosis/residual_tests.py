@@ -17,6 +17,7 @@ misses in a direction of its own. Where neighbours among them miss alike, they a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import chi2, pearson3, skew
 
 from delta_calibration.data import Conditions
-from delta_calibration.diagnosis.constants import SLIGHT, SLIGHT_MOVING
+from delta_calibration.diagnosis.constants import ALPHA, SLIGHT, SLIGHT_MOVING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
 
@@ -34,6 +35,8 @@ Index = NDArray[np.intp]
 Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
 
 _DRAWS = 200
+_MORE = 20  # times as many more
+_CLOSE = 20.0  # factor from ALPHA within which these are made
 _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
@@ -57,38 +60,82 @@ def audit(
 ) -> ResidualTests:
     """Test what a model leaves of the residuals.
 
+    Where the answer hangs on the draws, many more are made.
+
     Args:
         evidence: with everything that the model holds in its nuisance.
         noise_degrees: of freedom of the stated noise.
         rng: of the draws.
     """
+    asked, every = _asked(evidence), evidence.left()
+    chance = _drawn(evidence, asked, rng)
+    p = _probabilities(every, asked, chance, noise_degrees)
+    if ALPHA / _CLOSE < len(p) * min(p.values()) < ALPHA * _CLOSE:
+        more = [chance, *(_drawn(evidence, asked, rng) for _ in range(_MORE))]
+        chance = [np.concatenate(each, axis=1) for each in zip(*more, strict=True)]
+        p = _probabilities(every, asked, chance, noise_degrees)
+    rows = asked[0].rows
+    place = evidence.chain.mechanism.position(evidence.pose[rows])
+    whole = evidence.metres(every[rows], rows)
+    around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
+    alike = whole[around].mean(axis=1)
+    beyond = max(0.0, 1 - chance[0][0].mean() / float(np.sum(every[rows] ** 2)))
+    return ResidualTests(
+        p=p,
+        excess=float(np.sqrt(beyond * np.mean(np.sum(whole**2, axis=1)))),
+        in_motion=_going_along(evidence, every, asked[-1], chance[-1]),
+        worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],
+    )
+
+
+@dataclass(frozen=True)
+class _Neighbourhood:
+    """Whether these neighbours err alike is asked of these rows."""
+
+    name: str
+    rows: Index
+    near: Near
+    slight: float  # share of the noise that structure may be of
+
+
+def _asked(evidence: LinearizedModel) -> list[_Neighbourhood]:
+    """Of the poses in several spaces, and of readings in motion."""
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
+    spaces = _neighbourhoods(evidence, rows).items()
+    asked = [_Neighbourhood(f"moran_{name}", rows, near, SLIGHT) for name, near in spaces]
+    moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
+    along = _along(evidence.rest.path[moving])
+    return [*asked, _Neighbourhood(MOTION, moving, along, SLIGHT_MOVING)]
+
+
+def _drawn(
+    evidence: LinearizedModel, asked: Sequence[_Neighbourhood], rng: np.random.Generator
+) -> list[Array]:
+    """Chi square and I of draws of chance, (2, draws) for each question."""
     drawn = evidence.weigh(evidence.draw(_DRAWS, rng))
     drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
-    every, chance = evidence.left(), drawn[rows]
-    left = every[rows]
-    square, squares = float(np.sum(left**2)), np.sum(chance**2, axis=(0, 1))
+    found = []
+    for one in asked:
+        chance = drawn[one.rows]
+        square = np.sum(chance**2, axis=(0, 1))
+        alike = _moran(chance, one.near) if one.near[1].any() else np.zeros(_DRAWS)
+        found.append(np.stack([square, alike]))
+    return found
+
+
+def _probabilities(
+    left: Array, asked: Sequence[_Neighbourhood], chance: Sequence[Array], noise_degrees: float
+) -> dict[str, float]:
+    """p of what is left (n, d) beside draws of chance."""
+    square, squares = float(np.sum(left[asked[0].rows] ** 2)), chance[0][0]
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
     usual = (1 + SLIGHT**2) * squares.mean()
     p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
-    for name, near in _neighbourhoods(evidence, rows).items():
-        p[f"moran_{name}"] = _alike(left, chance, near, SLIGHT)
-    moving = np.flatnonzero(evidence.believed[evidence.poses :]) + evidence.poses
-    along = _along(evidence.rest.path[moving])
-    if along[1].any():
-        p[MOTION] = _alike(every[moving], drawn[moving], along, SLIGHT_MOVING)
-    place = evidence.chain.mechanism.position(evidence.pose[rows])
-    whole = evidence.metres(left, rows)
-    around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
-    alike = whole[around].mean(axis=1)
-    beyond = max(0.0, 1 - squares.mean() / square)
-    return ResidualTests(
-        p=p,
-        excess=float(np.sqrt(beyond * np.mean(np.sum(whole**2, axis=1)))),
-        in_motion=_going_along(evidence, every, drawn, moving, along),
-        worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],
-    )
+    for one, drawn in zip(asked, chance, strict=True):
+        if one.name != MOTION or one.near[1].any():
+            p[one.name] = _alike(left[one.rows], one, drawn)
+    return p
 
 
 def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> float | None:
@@ -102,8 +149,8 @@ def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> flo
     near = _nearest(at.joint, at.time) if len(missed) >= _FEWEST_ASIDE else None
     if near is None or not near[1].any():
         return None
-    turned = rng.standard_normal((*missed.shape, _TURNS))
-    return _beyond(_directions(missed[:, :, None]), _directions(turned), near, 0.0)
+    turned = _moran(_directions(rng.standard_normal((*missed.shape, _TURNS))), near)
+    return _beyond(_moran(_directions(missed[:, :, None]), near)[0], turned, 0.0)
 
 
 def _directions(missed: Array) -> Array:
@@ -111,22 +158,21 @@ def _directions(missed: Array) -> Array:
     return np.asarray(missed / np.linalg.norm(missed, axis=1, keepdims=True))
 
 
-def _alike(left: Array, chance: Array, near: Near, slight: float) -> float:
-    """p of neighbours' likeness among residuals (n, d), beside draws of chance (n, d, draws).
+def _alike(left: Array, asked: _Neighbourhood, chance: Array) -> float:
+    """p of neighbours' likeness among residuals (n, d), beside draws of chance (2, draws)."""
+    if not asked.near[1].any():
+        return 1.0
+    over = float(np.mean(chance[0])) / max(float(np.sum(left**2)), 1e-300)
+    own = _moran(left[:, :, None], asked.near)[0]
+    return _beyond(own, chance[1], (asked.slight * over) ** 2)
 
-    `slight` is the share of the noise that structure may be of.
-    """
-    usual = float(np.mean(np.sum(chance**2, axis=(0, 1))))
-    over = usual / max(float(np.sum(left**2)), 1e-300)
-    return _beyond(left[:, :, None], chance, near, (slight * over) ** 2)
 
-
-def _beyond(left: Array, chance: Array, near: Near, allowed: float) -> float:
+def _beyond(own: float, drawn: Array, allowed: float) -> float:
     """p of neighbours' likeness that exceeds chance's by more than what is allowed."""
-    own, drawn = _moran(left, near)[0] - allowed, _moran(chance, near)
     if drawn.std() == 0:
         return 1.0
-    return float(pearson3.sf((own - drawn.mean()) / drawn.std(), skew(drawn)))  # not normal: skew
+    far = (own - allowed - drawn.mean()) / drawn.std()
+    return float(pearson3.sf(far, skew(drawn)))  # not normal: skew
 
 
 def _along(path: Index) -> Near:
@@ -137,13 +183,13 @@ def _along(path: Index) -> Near:
 
 
 def _going_along(
-    evidence: LinearizedModel, left: Array, drawn: Array, rows: Index, along: Near
+    evidence: LinearizedModel, left: Array, asked: _Neighbourhood, chance: Array
 ) -> float:
     """Root mean square of what neighbours on a path have in common beyond chance [m]."""
-    if not along[1].any():
+    if not asked.near[1].any():
         return 0.0
-    common = _moran(left[rows][:, :, None], along)[0] - _moran(drawn[rows], along).mean()
-    whole = evidence.metres(left[rows], rows)
+    common = _moran(left[asked.rows][:, :, None], asked.near)[0] - chance[1].mean()
+    whole = evidence.metres(left[asked.rows], asked.rows)
     return float(np.sqrt(max(0.0, common) * np.mean(np.sum(whole**2, axis=1))))
 
 
