@@ -16,6 +16,8 @@ FOREIGN = (
     (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it then refutes
     (673933, "rub", 119.80),  # a harmonic, not plainly likelier than a map
     (212450, "drag", 87.0),  # an eccentric encoder, likelier than a map, that does not hold
+    (250400, "drag", 3156.48),  # an eccentric encoder, once maps are refused
+    (425358, "rub", 240.39),  # a harmonic, far less likely than a law that does not hold either
 )
 
 

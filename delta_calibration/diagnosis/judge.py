@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
 from delta_calibration.diagnosis.constants import (
     KNOWN,
+    LEAST_SURE,
     LIKELIER,
     MOST,
     MUCH,
@@ -170,19 +171,26 @@ def _less_than_a_law(
     effects: Sequence[Effect],
     rng: np.random.Generator,
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
-    """Without causes that only together follow what is likelier a single law of another form."""
+    """Without causes that only follow what is likelier a single law; as sure as that is not so."""
     named = [m for m in said if m.effect is not None and not m.unexplained]
     if not named or not found.model.placed:
         return found, held, said
     others = tuple(m for m in found.model.terms if m not in named)
     without = beside(found.model.evidence, others)  # about the fit with them: their best view
-    if doubts_of_names(without, named, effects[0].robot) < LIKELIER:
-        return found, held, said
+    doubt = doubts_of_names(without, named, effects[0].robot)
+    doubted = {m: _doubted(f, doubt) if m in named else f for m, f in said.items()}
+    told = all(doubted[m].confidence >= LEAST_SURE for m in named)
+    if told and doubt < LIKELIER:
+        return found, held, doubted
     bare = found.model.fitted(tuple(m for m in said if m.effect is None))
-    if not likely_laws(bare.beside, effects[0].robot, effects[0], rng):
-        return found, held, said
+    if told and not likely_laws(bare.beside, effects[0].robot, effects[0], rng):
+        return found, held, doubted
     found = replace(found, model=bare, last=scanned(bare, effects, rng).without(named))
     return _holding(found, bare, rng)
+
+
+def _doubted(finding: Finding, doubt: float) -> Finding:
+    return replace(finding, confidence=finding.confidence * (1 - doubt))
 
 
 def _by_law(

@@ -176,10 +176,14 @@ def _beyond(own: float, drawn: Array, allowed: float) -> float:
 
 
 def _along(path: Index) -> Near:
-    """The next readings of the same motion."""
-    places = np.arange(len(path))[:, None] + np.arange(1, _NEIGHBOURS + 1)
+    """The next readings of the same motion, the nearest first: waves may be short.
+
+    So a wave of four readings and one of forty are both seen.
+    """
+    ahead = np.arange(1, _NEIGHBOURS + 1)
+    places = np.arange(len(path))[:, None] + ahead
     within = np.minimum(places, max(len(path) - 1, 0))
-    return within, ((places < len(path)) & (path[within] == path[:, None])).astype(float)
+    return within, ((places < len(path)) & (path[within] == path[:, None])) / ahead
 
 
 def _going_along(

@@ -91,7 +91,8 @@ class TransmissionError(Effect):
         """The file's gear once and twice; then all that the joints' range can part.
 
         Two harmonics part over a range R of the joint from about 2 pi / R cycles on; three eighths
-        of that is the step of the search. Beneath a few cycles over the range it is eccentricity.
+        of that is the step of the search. What repeats less than three times over the range could
+        be any curve; the file's own gear is known.
         """
         gear = self.robot.joints.gear_ratio
         yield replace(self, cycles=gear)
@@ -101,7 +102,7 @@ class TransmissionError(Effect):
             return
         step = 0.75 * np.pi / span
         size = self.mechanism.joint_size
-        least = max(_SLOWEST / size, 4 * np.pi / span)
+        least = max(_SLOWEST / size, 2 * np.pi * _FEWEST / span)
         for cycles in np.arange(least, _MOST_CYCLES / size, step).tolist():
             yield replace(self, cycles=cycles)
 
@@ -131,5 +132,6 @@ class TransmissionError(Effect):
 
 _LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # a turn of a Delta's joint
 _BETWEEN = 1.5
+_FEWEST = 3.0  # times that a wave repeats over the joints' range
 _OF_A_TRAIN = (2.0, 0.5, 4.0, 0.25)
 _REPEATS = 4.0  # times in the joints' range
