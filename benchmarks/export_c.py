@@ -8,9 +8,9 @@ A program in C calls `correct` for one command after the other, in motion and wi
 times each call by the monotonic clock (which costs some 30 ns itself). Compiled by `cc -O2`.
 Machines and effects are those of `commands.py`. Every command is called many times: `slowest
 command` is the largest of their medians, which is the code's own; `p99` and `longest` are of all
-calls, with what else the computer does. How much that is tell the calls of one command that
-follow, whose work is always the same.
-`corrected` says how many commands were, the others met a guard.
+calls, with what else the computer does. The columns of `one command` repeat the first command,
+whose work never changes: their spread is the computer's own. `corrected` says how many commands
+were, the others met a guard.
 """
 
 from __future__ import annotations

@@ -294,9 +294,9 @@ def found_anew(
 
 @compiled(borrows=True)
 def _led_back(machine: MachineRecord, q: Array, room: Place) -> bool:
-    """Whether one round of the effects, from the beginning, leads to where the machine stands.
+    """Whether the effects, begun anew without a shift, lead back to this pose in one round.
 
-    From there rounds lead on to it, for it has settled. Not where it begins there already.
+    Then further rounds stay there, as it has settled. Not where it begins there already.
     """
     body, stages, state = machine.body, machine.stages, room.state
     swing = state.swing[0]

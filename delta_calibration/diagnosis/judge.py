@@ -108,8 +108,10 @@ def judged(
     if not said and sought.mapped:
         maps = sought.first.maps
         named = find(start, effects, rng, gone=maps)
-        borne_out = _borne_out(named, start, effects, rng, maps)
-        found, held, said = _beside_maps(*borne_out, effects, rng)
+        found, held, said = _borne_out(named, start, effects, rng, maps)
+        if said:  # maps that foretell nothing of data held out still show that something is left
+            found = replace(found, last=scanned(found.model, effects, rng))
+            said = _in_part(said, found.last)
     found, held, said = _less_than_a_law(found, held, said, effects, rng)
     terms = found.model.terms
     findings = [f for m, f in said.items() if not m.unexplained]
@@ -144,24 +146,6 @@ def judged(
         cannot_tell=unseen(found.model.evidence, terms, effects, findings, unknown),
     )
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
-
-
-def _beside_maps(
-    found: SearchResult,
-    held: HeldOutModels,
-    said: dict[Candidate, Finding],
-    effects: Sequence[Effect],
-    rng: np.random.Generator,
-) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
-    """Names of a search without maps, held against what maps explain beside them.
-
-    That those maps foretell nothing of data held out says what they are worth, and not that
-    nothing is left.
-    """
-    if not said:
-        return found, held, said
-    found = replace(found, last=scanned(found.model, effects, rng))
-    return found, held, _in_part(said, found.last)
 
 
 def _less_than_a_law(

@@ -111,7 +111,7 @@ def _asked(evidence: LinearizedModel) -> list[_Neighbourhood]:
 def _drawn(
     evidence: LinearizedModel, asked: Sequence[_Neighbourhood], rng: np.random.Generator
 ) -> list[Array]:
-    """Chi square and I of draws of chance, (2, draws) for each question."""
+    """Chi square and Moran's I of draws of chance, (2, draws) for each neighbourhood."""
     drawn = evidence.weigh(evidence.draw(_DRAWS, rng))
     drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
     found = []

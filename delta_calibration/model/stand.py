@@ -194,7 +194,7 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
 
 @compiled(borrows=True)
 def opens_on(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
-    """Bring a pose x (k,) nearby to joints q; whether it is of the wanted assembly mode.
+    """Close a nearby pose x (k,) at joints q, and tell whether it is in the assembly mode of home.
 
     Where the first step from the opening leads to it nearly, by quadratic convergence, the others
     need not be made. `state.before` is used up.
