@@ -5,7 +5,8 @@ one array, the workspace of a law:
 
     inputs, group by group | outputs f | df by each group that is asked for, row by row | the rest
 
-and do their work in stages, so that nothing is computed more often than it changes:
+where derivatives that are always zero are never written. They do their work in stages, so that
+nothing is computed more often than it changes:
 
     setup    what depends on the `fixed` groups alone       once a geometry
     shared   what depends on the `shared` group alone       once a sample, the same for all limbs
@@ -293,7 +294,7 @@ def _instructions(law: Law) -> tuple[list[_Line], dict[str, list[tuple[int, str]
         count = symbols[name].shape[0]
         seeds = (casadi.DM.eye(count)[:, k] for k in range(count))
         columns = [casadi.jtimes(f, symbols[name], seed) for seed in seeds]
-        parts[f"f_{name}"] = casadi.horzcat(*columns)
+        parts[f"f_{name}"] = casadi.sparsify(casadi.horzcat(*columns))
     function = casadi.Function(law.name, list(symbols.values()), casadi.cse(list(parts.values())))
     return _walk(casadi, law, function, parts)
 

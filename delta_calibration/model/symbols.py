@@ -18,7 +18,7 @@ Symbol = Any  # a CasADi expression, or a number
 LITTLE = 0.03  # [rad] largest turn that `little` is for
 _TERMS_LITTLE = 3  # of its series: off by less than 2e-17
 _TERMS = 6  # of the series of a small turn: exact to rounding up to 0.5 rad
-_TERMS_WIDE = 18  # and of any turn up to 1.3 pi
+_TINY = 1e-300  # beside a square, so that its root has a slope at 0
 
 
 def _casadi() -> Any:
@@ -143,26 +143,34 @@ def little(angle: Symbol) -> tuple[Symbol, Symbol]:
 
 def tilt(w: Symbol) -> Symbol:
     """Rotation matrix of a small rotation vector [rad], up to half a radian: a part's tilt."""
-    return _rotation(w, _TERMS)
+    return _rotation(w, *_series(square(w), _TERMS))
 
 
 def rotation(w: Symbol) -> Symbol:
-    """Rotation matrix of a rotation vector [rad] (Rodrigues), up to 1.3 pi."""
-    return _rotation(w, _TERMS_WIDE)
+    """Rotation matrix of a rotation vector [rad] (Rodrigues)."""
+    a, cosine = _half_turn(w)
+    return _rotation(w, a * cosine, a * a / 2)
 
 
-def _rotation(w: Symbol, terms: int) -> Symbol:
+def _rotation(w: Symbol, a: Symbol, b: Symbol) -> Symbol:
     casadi = _casadi()
-    a, b = _series(square(w), terms)
     k = casadi.skew(w)
     return casadi.SX.eye(3) + a * k + b * (k @ k)
 
 
+def _half_turn(w: Symbol) -> tuple[Symbol, Symbol]:
+    """sin(t)/t and cos t of half the turn t that a rotation vector is long.
+
+    Their slopes are off by rounding over t, and go with w, which is no longer than 2 t.
+    """
+    half = sqrt(square(w) + _TINY) / 2
+    return sin(half) / half, cos(half)
+
+
 def quaternion(w: Symbol) -> Symbol:
-    """Unit quaternion (scalar first) of a rotation vector [rad], up to 1.3 pi."""
-    quarter = square(w) / 4
-    a, b = _series(quarter, _TERMS_WIDE)
-    return column(1 - quarter * b, a * w / 2)
+    """Unit quaternion (scalar first) of a rotation vector [rad]."""
+    a, cosine = _half_turn(w)
+    return column(cosine, a * w / 2)
 
 
 def quaternion_product(a: Symbol, b: Symbol) -> Symbol:

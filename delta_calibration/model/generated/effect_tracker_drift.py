@@ -56,39 +56,30 @@ def full(w):
     t49 = t47 - t48
     t50 = i6 + t49
     t51 = t50 * t34
-    t63 = t34 * i2
-    t64 = -(t63)
-    t66 = t34 * i1
-    t70 = t34 * i0
-    t71 = -(t70)
-    t73 = -(t66)
+    t56 = t34 * i2
+    t57 = -(t56)
+    t59 = t34 * i1
+    t62 = t34 * i0
+    t63 = -(t62)
+    t65 = -(t59)
     w[12] = t35
     w[13] = t44
     w[14] = t51
     w[15] = t34
-    w[21] = 0.0
-    w[27] = 0.0
-    w[16] = 0.0
     w[22] = t34
-    w[28] = 0.0
-    w[17] = 0.0
-    w[23] = 0.0
     w[29] = t34
-    w[18] = 0.0
-    w[24] = t64
-    w[30] = t66
-    w[19] = t63
-    w[25] = 0.0
-    w[31] = t71
-    w[20] = t73
-    w[26] = t70
-    w[32] = 0.0
+    w[24] = t57
+    w[30] = t59
+    w[19] = t56
+    w[31] = t63
+    w[20] = t65
+    w[26] = t62
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "1c347acf20f1b77c"),
+    "full": law(full, "1f289fd09193be48"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

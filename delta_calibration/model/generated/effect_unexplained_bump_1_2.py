@@ -43,8 +43,6 @@ def full(w):
     w[10] = t29
     w[11] = t32
     w[12] = t28
-    w[14] = 0.0
-    w[13] = 0.0
     w[15] = t28
 
 
@@ -52,6 +50,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "d4c19cf5c4dac9a2"),
+    "full": law(full, "2d26ff512035f26f"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -49,20 +49,8 @@ def full(w):
     w[14] = t35
     w[15] = t38
     w[16] = t28
-    w[20] = 0.0
-    w[24] = 0.0
-    w[28] = 0.0
-    w[17] = 0.0
     w[21] = t28
-    w[25] = 0.0
-    w[29] = 0.0
-    w[18] = 0.0
-    w[22] = 0.0
     w[26] = t28
-    w[30] = 0.0
-    w[19] = 0.0
-    w[23] = 0.0
-    w[27] = 0.0
     w[31] = t28
 
 
@@ -70,6 +58,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "adbe1d539633f7be"),
+    "full": law(full, "d266cc6c566010d0"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -58,8 +58,6 @@ def full(w):
     w[15] = t44
     w[16] = t47
     w[17] = t43
-    w[19] = 0.0
-    w[18] = 0.0
     w[20] = t43
 
 
@@ -67,6 +65,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "43062f8e44aa0e23"),
+    "full": law(full, "a5dbb52256a0909f"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

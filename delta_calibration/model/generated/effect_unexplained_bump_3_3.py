@@ -76,13 +76,7 @@ def full(w):
     w[22] = t62
     w[23] = t65
     w[24] = t58
-    w[27] = 0.0
-    w[30] = 0.0
-    w[25] = 0.0
     w[28] = t58
-    w[31] = 0.0
-    w[26] = 0.0
-    w[29] = 0.0
     w[32] = t58
 
 
@@ -90,6 +84,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "19d71f5c76a24f06"),
+    "full": law(full, "740b817f4af489e1"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

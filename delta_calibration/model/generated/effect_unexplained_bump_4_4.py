@@ -94,20 +94,8 @@ def full(w):
     w[29] = t80
     w[30] = t83
     w[31] = t73
-    w[35] = 0.0
-    w[39] = 0.0
-    w[43] = 0.0
-    w[32] = 0.0
     w[36] = t73
-    w[40] = 0.0
-    w[44] = 0.0
-    w[33] = 0.0
-    w[37] = 0.0
     w[41] = t73
-    w[45] = 0.0
-    w[34] = 0.0
-    w[38] = 0.0
-    w[42] = 0.0
     w[46] = t73
 
 
@@ -115,6 +103,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "4f062ce0686cc054"),
+    "full": law(full, "aa27ead9a14f92f5"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -52,8 +52,6 @@ def full(w):
     w[16] = t37
     w[17] = t40
     w[18] = t36
-    w[20] = 0.0
-    w[19] = 0.0
     w[21] = t36
 
 
@@ -61,6 +59,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "86e8d0591cf89d78"),
+    "full": law(full, "c5638b9bf6eb3f45"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -66,13 +66,7 @@ def full(w):
     w[22] = t51
     w[23] = t54
     w[24] = t47
-    w[27] = 0.0
-    w[30] = 0.0
-    w[25] = 0.0
     w[28] = t47
-    w[31] = 0.0
-    w[26] = 0.0
-    w[29] = 0.0
     w[32] = t47
 
 
@@ -80,6 +74,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "4853aaba5ae7e07b"),
+    "full": law(full, "0eb7b7bffb17a10c"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

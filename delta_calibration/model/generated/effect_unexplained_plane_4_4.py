@@ -80,20 +80,8 @@ def full(w):
     w[28] = t65
     w[29] = t68
     w[30] = t58
-    w[34] = 0.0
-    w[38] = 0.0
-    w[42] = 0.0
-    w[31] = 0.0
     w[35] = t58
-    w[39] = 0.0
-    w[43] = 0.0
-    w[32] = 0.0
-    w[36] = 0.0
     w[40] = t58
-    w[44] = 0.0
-    w[33] = 0.0
-    w[37] = 0.0
-    w[41] = 0.0
     w[45] = t58
 
 
@@ -101,6 +89,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "05571afb1de99623"),
+    "full": law(full, "b505f2ff093e3f72"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

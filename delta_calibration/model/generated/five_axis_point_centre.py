@@ -13,24 +13,14 @@ def full(w):
     w[4] = 0.0
     w[5] = i0
     w[6] = i1
-    w[7] = 0.0
     w[11] = 1.0
-    w[15] = 0.0
-    w[8] = 0.0
-    w[12] = 0.0
     w[16] = 1.0
-    w[9] = 0.0
-    w[13] = 0.0
-    w[17] = 0.0
-    w[10] = 0.0
-    w[14] = 0.0
-    w[18] = 0.0
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "94d4e0ca4af32d73"),
+    "full": law(full, "77993494fcf107b1"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

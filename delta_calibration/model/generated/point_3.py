@@ -21,22 +21,10 @@ def full(w):
     w[7] = t6
     w[8] = t10
     w[9] = 1.0
-    w[12] = 0.0
-    w[15] = 0.0
-    w[10] = 0.0
     w[13] = 1.0
-    w[16] = 0.0
-    w[11] = 0.0
-    w[14] = 0.0
     w[17] = 1.0
     w[18] = 1.0
-    w[21] = 0.0
-    w[24] = 0.0
-    w[19] = 0.0
     w[22] = 1.0
-    w[25] = 0.0
-    w[20] = 0.0
-    w[23] = 0.0
     w[26] = 1.0
 
 
@@ -44,6 +32,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "bc34a5ddd5afec7b"),
+    "full": law(full, "dc7c028c82cfbe60"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

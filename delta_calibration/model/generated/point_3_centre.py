@@ -15,13 +15,7 @@ def full(w):
     w[4] = i1
     w[5] = i2
     w[6] = 1.0
-    w[9] = 0.0
-    w[12] = 0.0
-    w[7] = 0.0
     w[10] = 1.0
-    w[13] = 0.0
-    w[8] = 0.0
-    w[11] = 0.0
     w[14] = 1.0
 
 
@@ -29,6 +23,6 @@ ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "51160abdc1bd4fb1"),
+    "full": law(full, "92676f800d1bb36f"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

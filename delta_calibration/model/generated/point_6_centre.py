@@ -15,29 +15,14 @@ def full(w):
     w[7] = i1
     w[8] = i2
     w[9] = 1.0
-    w[15] = 0.0
-    w[21] = 0.0
-    w[10] = 0.0
     w[16] = 1.0
-    w[22] = 0.0
-    w[11] = 0.0
-    w[17] = 0.0
     w[23] = 1.0
-    w[12] = 0.0
-    w[18] = 0.0
-    w[24] = 0.0
-    w[13] = 0.0
-    w[19] = 0.0
-    w[25] = 0.0
-    w[14] = 0.0
-    w[20] = 0.0
-    w[26] = 0.0
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "80f29cf508878b59"),
+    "full": law(full, "2f255512693b86ac"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
