@@ -5,11 +5,12 @@ is the command q + dq with
 
     place(stand(q + dq)) = p*      stand: the whole identified chain, see model/stand.py
 
-Where every joint moves the tool by itself, Newton's method on the commands finds it: the slope of
-the mechanism alone is off by what effects do, hundredths, which costs a step or two. Where effects
-take the pose or loads, steps and rounds of the effects take turns: a step with what effects do as
-it is, then that anew at the pose it has led to, so that loads are found two or three times and not
-at every pose that is tried. Where this does not settle, the whole chain stands at every pose.
+Where every joint moves the tool by itself, steps of Newton's in joints and pose at once find it:
+the pose closes as the tool comes to its target. What effects do is found anew between two steps,
+at the command and the pose that the last one has led to, so loads are found two or three times.
+Where this does not settle, or a step overshoots, the whole chain stands at every command that is
+tried, by Newton's method on the commands: the slope of the mechanism alone is off by what effects
+do, hundredths, which costs a step or two.
 
 Where all of the pose is aimed at and turns with it, or more joints pull than there are freedoms,
 the pose is found first and the joints that come to it with no joint working against another; then
@@ -46,14 +47,21 @@ from delta_calibration.model.kernels import (
     K,
     M,
     R,
+    X,
+    add_by_joints,
     along,
+    closing,
     copy_into,
+    factored,
+    fill,
     least_step,
     moved,
+    nearer,
     normal_equations,
     place,
     solve_definite,
     spread_joints,
+    weigh,
 )
 from delta_calibration.model.loads import other_point, point_at
 from delta_calibration.model.stand import (
@@ -62,13 +70,17 @@ from delta_calibration.model.stand import (
     State,
     add_signals,
     apart,
+    back_to,
     begin_near_by,
+    opened_near,
     opens_on,
+    shift,
+    shift_dimensions,
     stand,
     state_of,
     step_on,
     take_dimensions,
-    take_shape,
+    take_effects,
 )
 from delta_calibration.model.terms import add_shift
 
@@ -116,7 +128,6 @@ class Place(NamedTuple):
     """Scratch for one machine's places."""
 
     state: State
-    point: Array  # workspace of the law of a point
     place: Array  # (a,)
     slope: Array  # (a, k) by the pose
     by_q: Array  # (a, m)
@@ -141,7 +152,6 @@ def scratch(machine: MachineRecord, signals: int) -> Place:
     wide = max(count, max(sizes[K], sizes[M])) + 1
     made = Place(
         state_of(machine.body, machine.stages),
-        np.zeros(machine.body.bearing.point_at[5]),
         np.zeros(count),
         np.zeros((count, sizes[K])),
         np.zeros((count, sizes[M])),
@@ -165,24 +175,25 @@ def scratch(machine: MachineRecord, signals: int) -> Place:
 def place_of(machine: MachineRecord, x: Array, room: Place) -> None:
     """Place of the tool at pose x (k,), and its slope by the pose."""
     bearing, aim, k = machine.body.bearing, machine.aim, len(x)
-    point_at(bearing, x, aim.tool, room.point)
+    point = room.state.carried.point  # of the loads, too: at the same pose it is evaluated once
+    point_at(bearing, x, aim.tool, point)
     f, slope = bearing.point_at[2], bearing.point_at[3]
     for row in range(len(aim.axes)):
         axis = aim.axes[row]
-        room.place[row] = room.point[f + axis]
+        room.place[row] = point[f + axis]
         for j in range(k):
-            room.slope[row, j] = room.point[slope + axis * k + j]
+            room.slope[row, j] = point[slope + axis * k + j]
     if not aim.turns:
         return
     for arm in range(3):
         for i in range(3):
             room.offset[i] = aim.tool[i] + (aim.arm if i == arm else 0.0)
-        other_point(bearing, room.offset, room.point)
+        other_point(bearing, room.offset, point)
         for axis in range(3):
             row = 3 + 3 * arm + axis
-            room.place[row] = room.point[f + axis] - room.place[axis]
+            room.place[row] = point[f + axis] - room.place[axis]
             for j in range(k):
-                room.slope[row, j] = room.point[slope + axis * k + j] - room.slope[axis, j]
+                room.slope[row, j] = point[slope + axis * k + j] - room.slope[axis, j]
 
 
 @compiled(borrows=True)
@@ -212,9 +223,12 @@ def stands(machine: MachineRecord, q: Array, signals: Array, room: Place) -> boo
 
 
 @compiled(borrows=True)
-def begin(room: Place) -> None:
+def begin(machine: MachineRecord, room: Place) -> None:
     """Forget the pose before: what is found of a command does not depend on others."""
     room.near[0] = room.settled[0] = 0.0
+    loads, first = room.state.carried, machine.body.bearing.point_at[0]
+    room.state.room.work[0, machine.body.limbs.at[X]] = np.nan
+    loads.point[first] = loads.beside.point[first] = np.nan
 
 
 @compiled(borrows=True)
@@ -223,7 +237,7 @@ def begin_near(drawn: MachineRecord, stood: Place, machine: MachineRecord, room:
 
     Where a law gives a pose near the machine's own, that is asked: see `begin`.
     """
-    begin(room)
+    begin(machine, room)
     same = drawn.body.limbs.law[NEAR] == machine.body.limbs.law[NEAR]
     if same and len(machine.body.opening.law) == 0:
         copy_into(room.x, stood.x)
@@ -269,7 +283,7 @@ def verified(
         place_of(machine, room.x, room)
         return distance(room, target)
     if len(machine.body.opening.law):
-        begin(room)
+        begin(machine, room)
     return reached(machine, q, signals, target, room)
 
 
@@ -282,7 +296,7 @@ def found_anew(
     From the beginning. Where the first round of the effects already ends, another try begins a
     little aside: a pose that rounds lead away from may be hit, but is none that the machine takes.
     """
-    begin(room)
+    begin(machine, room)
     error = reached(machine, q, signals, target, room)
     if room.state.rounds[0] > 1.0 or not error < np.inf:
         return error
@@ -303,9 +317,11 @@ def _led_back(machine: MachineRecord, q: Array, room: Place) -> bool:
     copy_into(room.stood, room.x)
     for i in range(len(q)):
         room.signals[stages.at[JOINT] + i] = q[i]
-    led = begin_near_by(
-        body, stages, room.signals, machine.g, machine.stray, room.x, state
-    ) and step_on(body, stages, room.signals, machine.g, machine.theta, room.x, state)
+    led = (
+        begin_near_by(body, stages, room.signals, machine.g, machine.stray, room.x, state)
+        and nearer(body.limbs, state.joint, room.x, state.room) < np.inf
+        and step_on(body, stages, room.signals, machine.g, machine.theta, room.x, state)
+    )
     led = led and state.swing[0] > SAME_POSE and apart(room.x, room.stood) <= SAME_POSE
     copy_into(room.x, room.stood)
     state.swing[0] = swing
@@ -382,17 +398,70 @@ def newton(
 
 
 @compiled(borrows=True)
-def _stepped(machine: MachineRecord, room: Place) -> bool:
-    """Joints less a step, and the pose nearly where that leads, after `_slope`."""
-    state, by = room.state, room.there
+def _aimed(machine: MachineRecord, target: Array, room: Place) -> bool:
+    """The joints' step to the target (a,), by what is at joints and a pose nearby, into `step`.
+
+    The pose need not close: with F = f_x^+ f the machine stands at x - F, nearly, and
+
+        place(x) - p_x F + by_q dq = target        by_q = -p_x f_x^+ f_q
+
+    `place` becomes that at x - F, and `swing` says how far this is.
+    """
+    limbs, state = machine.body.limbs, room.state
+    own, swing = state.room, 0.0
+    place(limbs, state.joint, room.x, BESIDE, own)
+    place_of(machine, room.x, room)
+    if not factored(limbs, own):
+        return False
+    closing(limbs, own)
+    for i in range(len(room.x)):
+        swing += abs(own.step[i])  # not a number if one is not
+        for row in range(len(room.place)):
+            room.place[row] -= room.slope[row, i] * own.step[i]
+    state.swing[0] = swing
+    fill(room.by_q, 0.0)
+    for row in range(len(room.place)):
+        weigh(limbs, room.slope[row], own)
+        add_by_joints(limbs, own, room.by_q[row])
+    return _least_squares(room.by_q, room.place, target, room.normal, room.step)
+
+
+@compiled(borrows=True)
+def _stepped(machine: MachineRecord, search: Search, room: Place) -> bool:
+    """Correction, command and joints less a step, and the pose where that leads, after `_aimed`.
+
+    False beyond the bound.
+    """
+    state, by, at = room.state, room.there, machine.stages.at[JOINT]
     for i in range(len(by)):
         by[i] = -room.step[i]
+        room.dq[i] += by[i]
+        room.signals[at + i] += by[i]
         state.joint[i] += by[i]
-    if not along(machine.body.limbs, by, state.room):
-        return False
+        if not abs(room.dq[i]) <= search.bound:
+            return False
+    along(machine.body.limbs, by, state.room)
     for i in range(len(room.x)):
         room.x[i] -= state.room.step[i]
     return True
+
+
+@compiled(borrows=True)
+def _begun(machine: MachineRecord, room: Place) -> bool:
+    """A pose near that of the command, by effects that need no pose, or by none."""
+    body, stages, state = machine.body, machine.stages, room.state
+    if not stages.stands:
+        shift(body, stages, room.signals, machine.g, machine.theta, state)
+        near = room.near[0] > 0.0
+        return near or opened_near(body, state.joint, room.x, machine.stray, state)
+    return begin_near_by(body, stages, room.signals, machine.g, machine.stray, room.x, state)
+
+
+@compiled(borrows=True)
+def _share(now: float, before: float, square: bool) -> float:
+    """What the next step leaves of what this one had to do, by the one before it."""
+    share = now / before if now < before else 1.0
+    return share * share if square else share
 
 
 @compiled(borrows=True)
@@ -407,49 +476,66 @@ def taking_turns(
 ) -> tuple[float, int]:
     """Correct one command (m,) as `newton` does, steps and rounds of the effects in turn.
 
-    A step leads on to the pose that it foretells: the round of the effects after it assembles.
-    What a step and a round leave is known by those before; the last step, which leaves nothing
-    that counts, has no round after it. Ends with `swing` what one more round would have moved, or
-    with an infinite distance and `best` as it was.
+    A step is one of joints and pose at once, so nothing is assembled between two: the pose closes
+    as the tool comes to its target. The first one is without effects that need a pose, a round of
+    them goes before every other. What a step and a round leave is known by those before. Ends
+    with `swing` what one more round would have moved, or with an infinite distance and `best` as
+    it was: where a step overshoots, too, which `newton` halves.
     """
     body, stages, state = machine.body, machine.stages, room.state
-    m, at, dq, step = len(q), stages.at[JOINT], room.dq, room.step
+    m, at, dq = len(q), stages.at[JOINT], room.dq
     copy_into(room.signals, signals)
     for i in range(m):
         dq[i] = best[i]
         room.signals[at + i] = q[i] + dq[i]
-    if not begin_near_by(body, stages, room.signals, machine.g, machine.stray, room.x, state):
+    if not _begun(machine, room):
         return np.inf, 1
-    place_of(machine, room.x, room)
-    missed, before, last = 0.0, 0.0, False
-    for turn in range(1, ROUNDS + 1):
-        _slope(machine, room)
-        if not _least_squares(room.by_q, room.place, target, room.normal, step):
-            return np.inf, 2 * turn
-        for i in range(m):
-            dq[i] -= step[i]
-            room.signals[at + i] = q[i] + dq[i]
-            if not abs(dq[i]) <= search.bound:
-                return np.inf, 2 * turn
-        if not _stepped(machine, room):
-            return np.inf, 2 * turn
-        if last:
-            break
-        if not step_on(body, stages, room.signals, machine.g, machine.theta, room.x, state):
-            return np.inf, 2 * turn + 1
-        place_of(machine, room.x, room)
+    missed, before, last, turn = 0.0, 0.0, False, 0
+    limbs = body.limbs
+    square = not stages.stands and limbs.sizes[R] == limbs.sizes[K]  # all steps are Newton's
+    while not last and turn < ROUNDS:
+        turn += 1
+        if turn > 1 and stages.stands:
+            take_effects(body, stages, room.signals, machine.g, machine.theta, room.x, state)
+        if not _aimed(machine, target, room):
+            return np.inf, turn - 1
         error, swing = distance(room, target), state.swing[0]
-        aside = error * (error / missed if error < missed else 1.0)
-        state.swing[0] = swing * (swing / before if swing < before else 1.0)
-        last = max(aside, state.swing[0]) <= AIMED
-        if turn > 1 and not last and not swing < before:
-            return np.inf, 2 * turn + 1
-        missed, before = error, swing
+        if turn == 1 and not stages.stands and max(error, swing) <= search.tolerance:
+            return error, turn
+        if turn > 1 and not stages.stands and not error < max(missed, AIMED):
+            return np.inf, turn
+        if not _stepped(machine, search, room) or (turn > 2 and not swing < before):
+            return np.inf, turn
+        aside = error * _share(error, missed, square)
+        state.swing[0] = swing * _share(swing, before, square)
+        last = turn > 1 and max(aside, state.swing[0]) <= AIMED
+        if not stages.stands and _told(machine, room) > AIMED:
+            last = False
+        missed, before = error, swing if turn > 1 or square else 0.0
     if not last:
-        return np.inf, 2 * ROUNDS + 1
+        return np.inf, turn
     place_of(machine, room.x, room)
     copy_into(best, dq)
-    return distance(room, target), 2 * turn
+    return distance(room, target), turn
+
+
+@compiled(borrows=True)
+def _told(machine: MachineRecord, room: Place) -> float:
+    """Let effects that need no pose be those at the command that has the joints of a step.
+
+    Largest difference that is left between these joints and those wanted [rad, m].
+    """
+    state, at, most = room.state, machine.stages.at[JOINT], 0.0
+    copy_into(room.there, state.joint)
+    for _ in range(2):
+        shift(machine.body, machine.stages, room.signals, machine.g, machine.theta, state)
+        most = apart(state.joint, room.there)
+        if most == 0.0:
+            break
+        for i in range(len(room.dq)):
+            room.dq[i] -= state.joint[i] - room.there[i]
+            room.signals[at + i] -= state.joint[i] - room.there[i]
+    return most
 
 
 @compiled(borrows=True)
@@ -478,9 +564,9 @@ def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
 
 @compiled(borrows=True)
 def _joined(machine: MachineRecord, room: Place) -> bool:
-    """Bring the joints behind the drives to the pose x."""
+    """Bring the joints behind the drives to the pose x; what a step leaves is known as there."""
     limbs, state = machine.body.limbs, room.state
-    own, step = state.room, room.step
+    own, step, before = state.room, room.step, 0.0
     for _ in range(2 * ROUNDS):
         place(limbs, state.joint, room.x, BESIDE, own)
         spread_joints(limbs, own)
@@ -492,8 +578,9 @@ def _joined(machine: MachineRecord, room: Place) -> bool:
             state.joint[i] -= step[i]
         if not most < np.inf:
             return False
-        if most <= JOINED:
+        if most <= JOINED or most * _share(most, before, True) <= SETTLED_POSE:
             return True
+        before = most
     return False
 
 
@@ -505,7 +592,7 @@ def _started(machine: MachineRecord, q: Array, signals: Array, room: Place) -> b
     copy_into(room.signals, signals)
     copy_into(room.state.joint, q)
     if machine.reshaped:
-        take_dimensions(machine.body, machine.g, room.state)
+        back_to(machine.body, machine.g, room.state)
     return True
 
 
@@ -526,11 +613,7 @@ def by_pose(
     for number in range(ROUNDS):
         if machine.reshaped:
             add_signals(machine.body, stages, room.signals, room.x, state)
-            copy_into(state.geometry, machine.g)
-            add_shift(
-                stages.structure, room.signals, machine.theta, state.structure, state.geometry
-            )
-            take_shape(machine.body, state)
+            shift_dimensions(machine.body, stages, room.signals, machine.g, machine.theta, state)
         if (machine.reshaped or number == 0) and not _joined(machine, room):
             return np.inf, 1
         if stages.stands and not machine.reshaped and number == 0:
@@ -566,7 +649,7 @@ def targets(machine: MachineRecord, signals: Array) -> tuple[Array, Array]:
     x = np.full((n, len(room.x)), np.nan)
     at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
     for row in range(n):
-        begin(room)
+        begin(machine, room)
         if stands(machine, signals[row, at : at + m], signals[row], room):
             found[row] = room.place
             x[row] = room.x
@@ -580,7 +663,7 @@ def slopes(machine: MachineRecord, signals: Array) -> Array:
     at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
     found = np.full((n, len(room.place), m), np.nan)
     for row in range(n):
-        begin(room)
+        begin(machine, room)
         if stands(machine, signals[row, at : at + m], signals[row], room):
             _slope(machine, room)
             found[row] = room.by_q
@@ -599,7 +682,7 @@ def corrections(
     dq, error, count = start.copy(), np.empty(n), np.empty(n, dtype=np.int64)
     room = scratch(machine, signals.shape[1])
     for row in range(n):
-        begin(room)
+        begin(machine, room)
         error[row], count[row] = correct(
             machine,
             search,
@@ -630,16 +713,16 @@ def correct(
     if machine.by_pose:
         error, count = by_pose(machine, q, signals, target, best, room)
     else:
-        if machine.stages.stands:
-            error, count = taking_turns(machine, search, q, signals, target, best, room)
-            if not machine.stages.gentle and error <= search.tolerance:
-                for i in range(len(q)):
-                    room.there[i] = q[i] + best[i]
-                count += 1
-                if not _led_back(machine, room.there, room):
-                    error = found_anew(machine, room.there, signals, target, room)
-            room.settled[0] = 1.0 if error <= search.tolerance else 0.0
+        error, count = taking_turns(machine, search, q, signals, target, best, room)
+        if not machine.stages.gentle and error <= search.tolerance:
+            for i in range(len(q)):
+                room.there[i] = q[i] + best[i]
+            count += 1
+            if not _led_back(machine, room.there, room):
+                error = found_anew(machine, room.there, signals, target, room)
+        room.settled[0] = 1.0 if error <= search.tolerance else 0.0
         if not error <= search.tolerance:
+            room.near[0] = 0.0
             error, more = newton(machine, search, q, signals, target, best, room)
             count += more
     for i in range(len(q)):

@@ -66,7 +66,6 @@ class CommandRoom(NamedTuple):
     drawn: Place
     own: Place
     signals: Array  # of the drawing's machine
-    centre: Array  # workspace of the law of a point
     origin: Array  # (3,)
     task: Array  # (t, k) first rows of one
     by_q: Array  # (t, m)
@@ -96,7 +95,6 @@ def command_room(
         scratch(drawn, of_drawn),
         scratch(machine, of_own),
         np.zeros(of_drawn),
-        np.zeros(drawn.body.bearing.point_at[5]),
         np.zeros(3),
         np.eye(sizes[T], sizes[K]),
         np.zeros((sizes[T], sizes[M])),
@@ -262,6 +260,7 @@ def _borne(
         drawn.body.limbs,
         drawn.body.bearing,
         guards.pulls,
+        drawn.stages.loaded,
         own.state.joint,
         own.x,
         still,
@@ -298,13 +297,14 @@ def judged(
     beyond = np.inf
     if not _finite(q):
         return NOT_FINITE
-    begin(room.drawn)
+    begin(drawn, room.drawn)
     good = stands(drawn, q, room.signals, room.drawn)
     if good:
         copy_into(target, room.drawn.place)
-        point_at(drawn.body.bearing, room.drawn.x, room.origin, room.centre)
+        point = room.drawn.state.carried.point
+        point_at(drawn.body.bearing, room.drawn.x, room.origin, point)
         first = drawn.body.bearing.point_at[2]
-        beyond = _outside(guards, room.centre[first : first + 3]) - guards.on_face
+        beyond = _outside(guards, point[first : first + 3]) - guards.on_face
         beyond = max(beyond, _unseen(guards, q))
         if guards.margin > 0.0:
             told[SHARE] = min(max(1.0 - max(beyond, 0.0) / guards.margin, 0.0), 1.0)
@@ -442,7 +442,7 @@ def every(
     room, code = command_room(drawn, machine, of_drawn, signals.shape[1]), np.zeros(n, np.int64)
     for row in range(n):
         if mode == VERIFIED:
-            begin(room.own)
+            begin(machine, room.own)
             code[row] = finished(
                 machine, guards, q[row], signals[row], target[row], dq[row], told[row], room
             )

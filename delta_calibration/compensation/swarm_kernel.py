@@ -79,7 +79,7 @@ def _squares(
     for i in range(m):
         for k in range(len(q)):
             there[k] = q[k] + machine.body.limbs.sense[k] * x[k * m + i]
-        begin(room)
+        begin(machine, room)
         far = reached(machine, there, signals, target, room)
         square[i] = far * far
 

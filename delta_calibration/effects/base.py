@@ -30,6 +30,7 @@ from delta_calibration.effects.demo import Demo
 from delta_calibration.effects.regressor import ANGLE, Groups, Regressor, all_together
 from delta_calibration.effects.remedy import AS_FOUND, Remedy
 from delta_calibration.effects.signals import (
+    LOAD,
     PULL,
     PULL_HOME,
     Places,
@@ -391,12 +392,21 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
     at = np.array([places.begin(name) for name in chain_constants.NAMES])
     asked, stands = asked_of_stages(effects), standing_asked(_taken(effects))
     gentle = all(e.gentle for e in effects if standing_asked(e.takes))
-    return _stand().Stages(*tables, asked, stands, gentle, at)
+    loaded = _loaded(effects[0].mechanism, tables, places) if effects else []
+    return _stand().Stages(*tables, asked, np.array(loaded, dtype=np.int64), stands, gentle, at)
 
 
 def asked_of_stages(effects: Sequence[Effect]) -> int:
     """Loads that the effects of drives, structure and base need."""
     return _asked(effects[0].mechanism, _taken(effects)) if effects else 0
+
+
+def _loaded(mechanism: Mechanism, tables: Sequence[Any], places: Places) -> list[int]:
+    """Parameters of a limb, by their places in its law, that any term takes the load of."""
+    begin = places.begin(LOAD)
+    taken = {int(signal) - begin for table in tables for signal in table.signal}
+    of_limbs = (enumerate(limb.dimensions) for limb in mechanism.limbs)
+    return sorted({i for limb in of_limbs for i, row in limb if row in taken})
 
 
 def _taken(effects: Sequence[Effect]) -> list[str]:

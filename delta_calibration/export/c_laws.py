@@ -38,12 +38,15 @@ _NAMES = {"inf": "INFINITY", "nan": "NAN"}
 
 
 @lru_cache(maxsize=64)
-def law_in_c(law: Law, asked: tuple[str, ...]) -> tuple[Mapping[int, str], str]:
+def law_in_c(
+    law: Law, asked: tuple[str, ...], dimensions: tuple[int, ...] = ()
+) -> tuple[Mapping[int, str], str]:
     """A law's stages as C functions; stage `near` without derivatives but those by the pose.
 
     Args:
         law: what to print.
         asked: groups of inputs by which its derivatives are used.
+        dimensions: of the group of dimensions, those by which they are used.
 
     Returns:
         Name of the C function by the address of each stage that does anything, and their text.
@@ -62,19 +65,22 @@ def law_in_c(law: Law, asked: tuple[str, ...]) -> tuple[Mapping[int, str], str]:
             continue
         names[address] = re.sub(r"\W", "_", f"{law.name}_{stage}", flags=re.ASCII)
         wanted = [group for group in asked if stage != "near" or group == "x"]
-        lines = _wanted(functions[stage], _unused(law, wanted))
+        kept = dimensions if stage != "near" else ()
+        lines = _wanted(functions[stage], _unused(law, wanted, kept))
         texts.append(_function(names[address], lines))
     return names, "\n".join(texts)
 
 
-def _unused(law: Law, asked: Collection[str]) -> set[int]:
+def _unused(law: Law, asked: Collection[str], dimensions: Collection[int]) -> set[int]:
     """Slots of derivatives that are not used."""
     size = dict(law.groups)
     return {
-        law.offsets[f"f_{group}"] + i
+        law.offsets[f"f_{group}"] + row * size[group] + i
         for group in law.by
         if group not in asked
-        for i in range(law.outputs * size[group])
+        for row in range(law.outputs)
+        for i in range(size[group])
+        if group != "g" or i not in dimensions
     }
 
 

@@ -28,7 +28,6 @@ from delta_calibration.effects.signals import (
     CENTRE,
     DIRECTION,
     JOINT,
-    LOAD,
     PAYLOAD,
     RATE,
     TEMPERATURE,
@@ -39,7 +38,7 @@ from delta_calibration.effects.signals import (
 from delta_calibration.export import c_loops
 from delta_calibration.export.c_laws import law_in_c
 from delta_calibration.export.c_numbers import constant, placed
-from delta_calibration.model import kernels
+from delta_calibration.model import kernels, stand
 from delta_calibration.model.law import Law
 
 FIRST = "first"  # stands for the part whose temperature a session recorded first
@@ -111,7 +110,8 @@ def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
     effects = tuple(effect for effect, _ in calibration.live)
     parts = parts_of(effects)
     single = JointCompensator(calibration).single_command(parts)
-    names, laws = _laws(calibration, effects, single.own.places)
+    loaded = tuple(single.own.compiled.stages.loaded.tolist())
+    names, laws = _laws(calibration, effects, single.own.places, loaded)
     given = _given(calibration, effects, single.drawn.places, single.own.places)
     numbers = [
         constant("MachineRecord", "drawn", single.drawn.compiled, names),
@@ -144,7 +144,7 @@ def _structures(single: SingleCommand) -> str:
 
 
 def _chain(single: SingleCommand) -> str:
-    """The compiled loops from commands to corrections, as C.
+    """The compiled loops from commands to corrections, and what a machine begins with, as C.
 
     Laws in C have derivatives by the joints at the stage of all derivatives alone.
     """
@@ -164,6 +164,8 @@ def _chain(single: SingleCommand) -> str:
     )
     program = c_loops.Program({"BESIDE": kernels.FULL})
     program.add(command_kernel.commanded, kinds)
+    of_state = c_loops.kind_of(single.room.own.state, scratch=True)
+    program.add(stand.take_dimensions, (of_machine.fields["body"], c_loops.NUMBERS, of_state))
     return program.text
 
 
@@ -178,15 +180,16 @@ def parts_of(effects: Collection[Effect]) -> tuple[str, ...]:
 
 
 def _laws(
-    calibration: Calibration, effects: Collection[Effect], places: Places
+    calibration: Calibration,
+    effects: Collection[Effect],
+    places: Places,
+    loaded: tuple[int, ...],
 ) -> tuple[dict[int, str], str]:
     """Names of the C functions by address, and their text, of all that a command takes."""
-    loads = any(LOAD in effect.takes for effect in effects)
-    asked = ("x", "q", "g") if loads else ("x", "q")
     names: dict[int, str] = {}
     texts = []
     for law in dict.fromkeys(_every_law(calibration, effects, places)):
-        own, text = law_in_c(law, asked)
+        own, text = law_in_c(law, ("x", "q"), loaded)
         texts += [text] if own.keys() - names.keys() else []
         names |= own
     return names, "\n".join(texts)

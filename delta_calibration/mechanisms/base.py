@@ -551,8 +551,29 @@ class Mechanism(ABC):
             np.array(self.home_pose, dtype=float),
             float(self.pretension),
             np.array([c for limb in every for c in limb.constants], dtype=float),
-            np.array([j for limb in every for j in limb.joints], dtype=np.int64),
+            self._joints_of_masses,
+            *self._slopes_of_masses,
         )
+
+    @cached_property
+    def _joints_of_masses(self) -> Index:
+        """Joints (j,) in the order that the law of the masses takes them."""
+        every = self.limbs if type(self).masses is not None else ()
+        return np.array([j for limb in every for j in limb.joints], dtype=np.int64)
+
+    @cached_property
+    def _slopes_of_masses(self) -> tuple[Index, Index]:
+        """`by_pose` (s, 3) and `by_joint` (t, 3) of model/loads.py: what the law writes."""
+        law, joints = self._masses, self._joints_of_masses
+        written = _loads().stored(np.array(law.compiled.addresses), law.compiled.size)
+
+        def slopes(group: str, columns: Index) -> Index:
+            place = law.offsets[f"f_{group}"] + np.arange(law.outputs * len(columns))
+            row, column = np.divmod(np.arange(len(place)), max(1, len(columns)))
+            found = np.stack([place, row, columns[column]], axis=1)
+            return np.ascontiguousarray(found[written[place] > 0], dtype=np.int64)
+
+        return slopes("x", np.arange(self.pose_size)), slopes("q", joints)
 
     @property
     def pretension(self) -> float:

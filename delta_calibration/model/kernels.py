@@ -69,9 +69,12 @@ class Room(NamedTuple):
     by_q: Array  # (R, m)
     by_g: Array  # (R, p)
     system: Array  # (max, max + sides)
+    factor: Array  # (k, k + 2) triangles of f_x, rows that were exchanged, one over the diagonal
+    weight: Array  # (R,) of the closures
     step: Array  # of unknowns, or a weight a side
     way: Array  # (m,)
     past: Array  # (k,) pose of the stage before, on the way
+    stage: Array  # (2,) that the limbs are placed at, and 1 where `factor` is of that place; or 0
 
 
 Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
@@ -89,6 +92,7 @@ def room(limbs: Limbs, size: int) -> Room:
     for limb in range(len(work)):
         for i in range(limbs.consts.shape[1]):
             work[limb, limbs.at[C] + i] = limbs.consts[limb, i]
+    work[0, limbs.at[X]] = np.nan  # at no pose yet
     return Room(
         work,
         np.zeros(r),
@@ -96,9 +100,12 @@ def room(limbs: Limbs, size: int) -> Room:
         np.zeros((r, m)),
         np.zeros((r, p)),
         np.zeros((wide, wide + max(m, max(k, SIDES)))),
+        np.zeros((k, k + 2)),
+        np.zeros(r),
         np.zeros(max(wide, SIDES)),
         np.zeros(m),
         np.zeros(k),
+        np.zeros(2),
     )
 
 
@@ -115,6 +122,15 @@ def copy_into(values: Array, source: Array) -> None:
     """Copy a vector into another."""
     for i in range(len(values)):
         values[i] = source[i]
+
+
+@compiled(borrows=True)
+def same(values: Array, others: Array) -> bool:
+    """Whether two vectors are equal, number by number."""
+    for i in range(len(values)):  # noqa: SIM110 - nothing is made for it
+        if values[i] != others[i]:
+            return False
+    return True
 
 
 @compiled(borrows=True)
@@ -180,6 +196,7 @@ def solve_upper(system: Array, size: int, sides: int) -> None:
 def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
     """Give the limbs these dimensions (p,)."""
     p = limbs.sizes[P]
+    room.stage[0] = room.stage[1] = 0.0
     for limb in range(len(limbs.params)):
         work = room.work[limb]
         for i in range(limbs.params.shape[1]):
@@ -196,8 +213,14 @@ def own_joint(limbs: Limbs, joint: int, reading: float) -> float:
 
 @compiled(borrows=True)
 def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
-    """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`."""
-    place_in(limbs, q, x, stage, room.work, room.f, room.by_x)
+    """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`.
+
+    Where they stand there already, nothing is evaluated again.
+    """
+    if room.stage[0] < stage or not _placed(limbs, q, x, room.work):
+        _place_limbs(limbs, q, x, stage, room.work)
+        room.stage[0], room.stage[1] = stage, 0.0
+    _gather(limbs, room.work, room.f, room.by_x)
 
 
 @compiled(borrows=True)
@@ -205,23 +228,56 @@ def place_in(
     limbs: Limbs, q: Array, x: Array, stage: int, every: Array, f: Array, by_x: Array
 ) -> None:
     """The same in workspaces (L, s) that have the dimensions: closures (R,), slopes (R, k)."""
-    at, law, joints, rows, k = limbs.at, limbs.law, limbs.joints, limbs.rows, limbs.sizes[K]
-    to_q, to_x, from_f, from_x = at[Q], at[X], at[F], at[F_X]
+    _place_limbs(limbs, q, x, stage, every)
+    _gather(limbs, every, f, by_x)
+
+
+@compiled(borrows=True)
+def _placed(limbs: Limbs, q: Array, x: Array, every: Array) -> bool:
+    """Whether the workspaces (L, s) are of these joints (m,) and this pose (k,)."""
+    to_q, to_x = limbs.at[Q], limbs.at[X]
+    if not same(every[0][to_x : to_x + len(x)], x):
+        return False
+    for limb in range(len(limbs.joints)):
+        for i in range(limbs.joints.shape[1]):
+            joint = limbs.joints[limb, i]
+            if every[limb, to_q + i] != own_joint(limbs, joint, q[joint]):
+                return False
+    return True
+
+
+@compiled(borrows=True)
+def _place_limbs(limbs: Limbs, q: Array, x: Array, stage: int, every: Array) -> None:
+    """Evaluate the law of all limbs; what goes with the pose alone is kept while that stays."""
+    at, law, joints = limbs.at, limbs.law, limbs.joints
+    to_q, to_x, k = at[Q], at[X], len(x)
+    known = same(every[0][to_x : to_x + k], x)
     for limb in range(len(joints)):
         work = every[limb]
         for i in range(joints.shape[1]):
             joint = joints[limb, i]
             work[to_q + i] = own_joint(limbs, joint, q[joint])
-        copy_into(work[to_x : to_x + k], x)
-        if limb == 0:
-            call(law[SHARED], work)
-        else:
-            copy_into(work[at[FROM] : at[TO]], every[0][at[FROM] : at[TO]])
+        if not known:
+            copy_into(work[to_x : to_x + k], x)
+            if limb == 0:
+                call(law[SHARED], work)
+            else:
+                copy_into(work[at[FROM] : at[TO]], every[0][at[FROM] : at[TO]])
         call(law[stage], work)
+
+
+@compiled(borrows=True)
+def _gather(limbs: Limbs, every: Array, f: Array, by_x: Array) -> None:
+    """Closures (R,) and their slopes by the pose (R, k) out of the workspaces (L, s)."""
+    rows, from_f, from_x, k = limbs.rows, limbs.at[F], limbs.at[F_X], by_x.shape[1]
+    for limb in range(len(rows)):
+        work = every[limb]
         for i in range(rows.shape[1]):
             row, first = rows[limb, i], from_x + i * k
             f[row] = work[from_f + i]
-            copy_into(by_x[row], work[first : first + k])
+            slope = by_x[row]
+            for j in range(k):
+                slope[j] = work[first + j]
 
 
 @compiled(borrows=True)
@@ -293,11 +349,130 @@ def towards(room: Room, r: int, k: int) -> bool:
 
 
 @compiled(borrows=True)
-def along(limbs: Limbs, joints: Array, room: Room) -> bool:
+def factored(limbs: Limbs, room: Room) -> bool:
+    """Triangles of f_x where the limbs are placed, for any number of `along` and `weigh`.
+
+    Of f_x^T f_x where closures outnumber coordinates; False if it is singular.
+    """
+    r, k = limbs.sizes[R], limbs.sizes[K]
+    if room.stage[1] > 0.0:
+        return True
+    if r == k:
+        for i in range(k):
+            for j in range(k):
+                room.factor[i, j] = room.by_x[i, j]
+        good = _triangles(room.factor, k)
+    else:
+        squares(room.by_x, room.factor)
+        good = _halved(room.factor, k)
+    room.stage[1] = 1.0 if good else 0.0
+    return good
+
+
+@compiled(borrows=True)
+def _triangles(factor: Array, size: int) -> bool:
+    """P A = L U in place; behind it which row came to each, and one over the diagonal of U."""
+    for k in range(size):
+        best, most = k, abs(factor[k, k])
+        for i in range(k + 1, size):
+            other = abs(factor[i, k])
+            if other > most:
+                best, most = i, other
+        if not most > 0.0:  # zero or NaN
+            return False
+        own = factor[k]
+        if best != k:
+            row = factor[best]
+            for j in range(size):
+                own[j], row[j] = row[j], own[j]
+        inverse = 1.0 / own[k]
+        own[size], own[size + 1] = best, inverse
+        for i in range(k + 1, size):
+            row = factor[i]
+            share = row[k] * inverse
+            row[k] = share
+            if share != 0.0:
+                for j in range(k + 1, size):
+                    row[j] -= share * own[j]
+    return True
+
+
+@compiled(borrows=True)
+def _halved(factor: Array, size: int) -> bool:
+    """The same, A = U^T D^-1 U, of a symmetric, positive definite one by its upper half."""
+    for k in range(size):
+        own = factor[k]
+        if not own[k] > 0.0:  # zero, below it by rounding, or NaN
+            return False
+        inverse = 1.0 / own[k]
+        own[size + 1] = inverse
+        for i in range(k + 1, size):
+            row = factor[i]
+            share = own[i] * inverse
+            for j in range(i, size):
+                row[j] -= share * own[j]
+    return True
+
+
+@compiled(borrows=True)
+def _down(factor: Array, size: int, values: Array) -> None:
+    """Solve for values (size,) in place, after `_triangles`."""
+    for i in range(size):
+        best = int(factor[i, size])
+        values[i], values[best] = values[best], values[i]
+    for i in range(1, size):
+        row, total = factor[i], values[i]
+        for j in range(i):
+            total -= row[j] * values[j]
+        values[i] = total
+    _up(factor, size, values)
+
+
+@compiled(borrows=True)
+def _down_half(factor: Array, size: int, values: Array) -> None:
+    """The same after `_halved`."""
+    for k in range(size):
+        own = factor[k]
+        value = values[k] * own[size + 1]
+        for i in range(k + 1, size):
+            values[i] -= own[i] * value
+    _up(factor, size, values)
+
+
+@compiled(borrows=True)
+def _up(factor: Array, size: int, values: Array) -> None:
+    """Solve for values (size,) in place by the upper triangle."""
+    for k in range(size - 1, -1, -1):
+        own, total = factor[k], values[k]
+        for j in range(k + 1, size):
+            total -= own[j] * values[j]
+        values[k] = total * own[size + 1]
+
+
+@compiled(borrows=True)
+def _across(factor: Array, size: int, values: Array) -> None:
+    """Solve for values (size,) in place by the transpose, after `_triangles`."""
+    for k in range(size):
+        own = factor[k]
+        values[k] *= own[size + 1]
+        value = values[k]
+        for j in range(k + 1, size):
+            values[j] -= own[j] * value
+    for k in range(size - 1, 0, -1):
+        own, value = factor[k], values[k]
+        for j in range(k):
+            values[j] -= own[j] * value
+    for i in range(size - 1, -1, -1):
+        best = int(factor[i, size])
+        values[i], values[best] = values[best], values[i]
+
+
+@compiled(borrows=True)
+def along(limbs: Limbs, joints: Array, room: Room) -> None:
     """f_x^+ (f + f_q joints), into `step`: Newton's step in the pose while joints (m,) move.
 
-    `f` may be another rate of the closures by then. Where the limbs were placed with their
-    derivatives by the joints, `BESIDE`; `f` is used up. False where there is no step.
+    After `factored`. `f` may be another rate of the closures by then. Where the limbs were placed
+    with their derivatives by the joints, `BESIDE`; `f` is used up.
     """
     count, from_q, f = limbs.joints.shape[1], limbs.at[F_Q], room.f
     for limb in range(len(limbs.joints)):
@@ -307,7 +482,58 @@ def along(limbs: Limbs, joints: Array, room: Room) -> bool:
             for j in range(count):
                 joint = limbs.joints[limb, j]
                 f[row] += limbs.sense[joint] * work[from_q + i * count + j] * joints[joint]
-    return towards(room, limbs.sizes[R], limbs.sizes[K])
+    closing(limbs, room)
+
+
+@compiled(borrows=True)
+def closing(limbs: Limbs, room: Room) -> None:
+    """f_x^+ f, into `step`, after `factored`."""
+    r, k, step = limbs.sizes[R], limbs.sizes[K], room.step
+    if r == k:
+        for i in range(k):
+            step[i] = room.f[i]
+        _down(room.factor, k, step)
+        return
+    for i in range(k):
+        step[i] = 0.0
+    for row in range(r):
+        for i in range(k):
+            step[i] += room.by_x[row, i] * room.f[row]
+    _down_half(room.factor, k, step)
+
+
+@compiled(borrows=True)
+def weigh(limbs: Limbs, by_pose: Array, room: Room) -> None:
+    """-by_pose f_x^+ of what has `by_pose` (k,), into `weight` (R,), after `factored`.
+
+    So it goes with the closures, and by them with joints and dimensions; `step` is used up.
+    """
+    r, k, weight, step = limbs.sizes[R], limbs.sizes[K], room.weight, room.step
+    for i in range(k):
+        step[i] = -by_pose[i]
+    if r == k:
+        _across(room.factor, k, step)
+        for i in range(k):
+            weight[i] = step[i]
+        return
+    _down_half(room.factor, k, step)
+    for row in range(r):
+        weight[row] = 0.0
+        for i in range(k):
+            weight[row] += room.by_x[row, i] * step[i]
+
+
+@compiled(borrows=True)
+def add_by_joints(limbs: Limbs, room: Room, by_q: Array) -> None:
+    """Add how what has `weight` goes with the joints, to (m,); placed `BESIDE` or `FULL`."""
+    count, from_q = limbs.joints.shape[1], limbs.at[F_Q]
+    for limb in range(len(limbs.joints)):
+        work = room.work[limb]
+        for i in range(limbs.rows.shape[1]):
+            weight = room.weight[limbs.rows[limb, i]]
+            for j in range(count):
+                joint = limbs.joints[limb, j]
+                by_q[joint] += weight * (limbs.sense[joint] * work[from_q + i * count + j])
 
 
 @compiled(borrows=True)

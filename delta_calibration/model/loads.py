@@ -32,6 +32,7 @@ from delta_calibration.model.chain_constants import (
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
     BESIDE,
+    F_G,
     FULL,
     NEAR,
     SETUP,
@@ -41,22 +42,26 @@ from delta_calibration.model.kernels import (
     M,
     R,
     Room,
+    add_by_joints,
     along,
     copy_into,
-    moved,
+    factored,
     own_joint,
     place,
     place_in,
     room,
+    same,
     set_geometry,
     solve_definite,
     squares,
+    weigh,
 )
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 WEIGHT, INERTIA = range(2)  # rows of the work
+_UNTOUCHED = -1.2345e-67  # that no law comes to
 
 
 @record
@@ -74,6 +79,9 @@ class Bearing(NamedTuple):
     pretension                  [N] of every cable
     constants (c,)              of the limbs, for the law of the masses
     joints (j,)                 of the limbs, in the order that this law takes them
+    by_pose (s, 3)              slopes of the masses' places that are not always zero: where they
+                                are, the coordinate, that of the pose
+    by_joint (t, 3)             the same, and the joint
     """
 
     point: Index
@@ -89,6 +97,18 @@ class Bearing(NamedTuple):
     pretension: float
     constants: Array
     joints: Index
+    by_pose: Index
+    by_joint: Index
+
+
+@compiled()
+def stored(law: Index, size: int) -> Array:
+    """Which numbers of a workspace a law writes, 1 or 0, (size,)."""
+    work = np.full(size, _UNTOUCHED)
+    call(law[SETUP], work)
+    call(law[SHARED], work)
+    call(law[FULL], work)
+    return np.where(work == _UNTOUCHED, 0.0, 1.0)
 
 
 @record
@@ -116,10 +136,9 @@ class Carried(NamedTuple):
     mass: Array
     u_x: Array  # (2, k)
     u_q: Array  # (2, m)
-    by_q: Array  # (2, m)
-    by_g: Array  # (2, p)
-    none: Array  # (2, 0) in its place where dU/dg is not asked for
+    carried: Array  # (2, R) -u_x f_x^+
     accelerated: Array  # (3 (masses + payload),)
+    force: Array  # the same, that it takes [N]
     gravity: Array  # (m,)
     inertia: Array  # (m,)
     load: Array  # (p,)
@@ -136,6 +155,14 @@ class Carried(NamedTuple):
 
 
 @compiled()
+def nowhere(bearing: Bearing) -> Array:
+    """Workspace of the law of a point that is at no pose yet."""
+    work = np.zeros(bearing.point_at[5])
+    work[bearing.point_at[0]] = np.nan
+    return work
+
+
+@compiled()
 def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
     """Scratch for one sample after the other; `size` is that of a limb's workspace."""
     m, k, p, r = limbs.sizes[M], limbs.sizes[K], limbs.sizes[2], limbs.sizes[R]
@@ -143,19 +170,18 @@ def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
         np.zeros((len(limbs.joints), size)),
         np.zeros(r),
         np.zeros((r, k)),
-        np.zeros(bearing.point_at[5]),
+        nowhere(bearing),
         np.zeros(max(1, bearing.mass_at[6])),
         np.zeros(m),
         np.zeros(k),
     )
     return Carried(
-        np.zeros(bearing.point_at[5]),
+        nowhere(bearing),
         np.zeros(max(1, bearing.mass_at[6])),
         np.zeros((2, k)),
         np.zeros((2, m)),
-        np.zeros((2, m)),
-        np.zeros((2, p)),
-        np.zeros((2, 0)),
+        np.zeros((2, r)),
+        np.zeros(3 * (len(bearing.kg) + 1)),
         np.zeros(3 * (len(bearing.kg) + 1)),
         np.zeros(m),
         np.zeros(m),
@@ -176,9 +202,11 @@ def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
 @compiled(borrows=True)
 def point_at(bearing: Bearing, x: Array, offset: Array, work: Array) -> None:
     """Evaluate the law of a point at `offset` (3,) [m] of the platform."""
-    copy_into(work[bearing.point_at[0] : bearing.point_at[0] + len(x)], x)
-    call(bearing.point[SETUP], work)
-    call(bearing.point[SHARED], work)
+    first = bearing.point_at[0]
+    if not same(work[first : first + len(x)], x):
+        copy_into(work[first : first + len(x)], x)
+        call(bearing.point[SETUP], work)
+        call(bearing.point[SHARED], work)
     other_point(bearing, offset, work)
 
 
@@ -217,48 +245,28 @@ def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None
 
 
 @compiled(borrows=True)
-def _add(
-    limbs: Limbs, bearing: Bearing, found: Carried, row: int, point: int, kg: float, a: Array
-) -> None:
-    """Add the work of one mass against the acceleration a (3,) to a row of u_x and u_q."""
-    u_x, u_q = found.u_x[row], found.u_q[row]
-    k, count = len(u_x), len(bearing.joints)
-    for axis in range(3):
-        force = kg * a[axis]
-        if force == 0.0:
-            continue
-        if point < 0:  # the payload
-            first = bearing.point_at[3] + axis * k
-            for i in range(k):
-                u_x[i] += force * found.point[first + i]
-            continue
-        by_x = bearing.mass_at[4] + (3 * point + axis) * k
-        by_q = bearing.mass_at[5] + (3 * point + axis) * count
-        for i in range(k):
-            u_x[i] += force * found.mass[by_x + i]
-        for i in range(count):
-            joint = bearing.joints[i]
-            u_q[joint] += force * (limbs.sense[joint] * found.mass[by_q + i])
-
-
-@compiled(borrows=True)
 def _work(limbs: Limbs, bearing: Bearing, payload: float, row: int, found: Carried) -> None:
     """A row of u_x and u_q of all masses, `WEIGHT` or `INERTIA`; the laws are evaluated."""
-    a, count = found.a, len(bearing.kg)
-    u_x, u_q = found.u_x[row], found.u_q[row]
-    for i in range(len(u_x)):
-        u_x[i] = 0.0
-    for i in range(len(u_q)):
-        u_q[i] = 0.0
-    for point in range(-1, count):
-        kg = payload if point < 0 else bearing.kg[point]
-        for axis in range(3):
-            a[axis] = 0.0 if axis < 2 else FREE_FALL
-            if row == INERTIA:
-                a[axis] = found.accelerated[3 * (count if point < 0 else point) + axis]
-        if row == INERTIA and point >= 0:
+    u_x, u_q, force, count = found.u_x[row], found.u_q[row], found.force, len(bearing.kg)
+    for point in range(count + 1):  # the payload is the last
+        kg = payload if point == count else bearing.kg[point]
+        if row == INERTIA and point < count:
             kg *= bearing.moves[point]
-        _add(limbs, bearing, found, row, point, kg, a)
+        for axis in range(3):
+            weight = FREE_FALL if axis == 2 else 0.0
+            a = found.accelerated[3 * point + axis] if row == INERTIA else weight
+            force[3 * point + axis] = kg * a
+    k, mass = len(u_x), found.mass
+    for i in range(k):
+        place, total = bearing.point_at[3] + i, 0.0
+        for axis in range(3):
+            total += force[3 * count + axis] * found.point[place + axis * k]
+        u_x[i] = total
+    for at in bearing.by_pose:
+        u_x[at[2]] += force[at[1]] * mass[at[0]]
+    u_q[:] = 0.0
+    for at in bearing.by_joint:
+        u_q[at[2]] += force[at[1]] * (limbs.sense[at[2]] * mass[at[0]])
 
 
 @compiled(borrows=True)
@@ -284,12 +292,12 @@ def _moves(rate: Array, acceleration: Array) -> bool:
 def _pose_for(limbs: Limbs, joints: Array, turn: Array, room: Room, found: Array) -> None:
     """-f_x^+ (f_q joints + turn): what a pose does (k,) while its joints do this (m,).
 
-    The limbs are placed with their derivatives by the joints. NaN where it is singular.
+    The limbs are placed with their derivatives by the joints, and factored.
     """
     copy_into(room.f, turn)
-    good = along(limbs, joints, room)
+    along(limbs, joints, room)
     for i in range(len(found)):
-        found[i] = -room.step[i] if good else np.nan
+        found[i] = -room.step[i]
 
 
 @compiled(borrows=True)
@@ -345,18 +353,18 @@ def _accelerate(
 
         x'' = -f_x^+ (f_q q'' + D2 f)      p'' = p_x x'' + p_q q'' + D2 p
     """
-    k, joints, pace = len(found.pace), bearing.joints, found.pace
+    k, pace, mass, count = len(found.pace), found.pace, found.mass, 3 * len(bearing.kg)
     _pose_for(limbs, acceleration, found.turn, room, pace)
-    for row in range(3 * len(bearing.kg)):
-        for i in range(k):
-            found.accelerated[row] += found.mass[bearing.mass_at[4] + row * k + i] * pace[i]
-        for i in range(len(joints)):
-            slope = limbs.sense[joints[i]] * found.mass[bearing.mass_at[5] + row * len(joints) + i]
-            found.accelerated[row] += slope * acceleration[joints[i]]
+    for at in bearing.by_pose:
+        found.accelerated[at[1]] += mass[at[0]] * pace[at[2]]
+    for at in bearing.by_joint:
+        slope = limbs.sense[at[2]] * mass[at[0]]
+        found.accelerated[at[1]] += slope * acceleration[at[2]]
     for axis in range(3):
-        row = 3 * len(bearing.kg) + axis
+        total, by_x = found.accelerated[count + axis], bearing.point_at[3] + axis * k
         for i in range(k):
-            found.accelerated[row] += found.point[bearing.point_at[3] + axis * k + i] * pace[i]
+            total += found.point[by_x + i] * pace[i]
+        found.accelerated[count + axis] = total
 
 
 @compiled(borrows=True)
@@ -441,6 +449,7 @@ def bear(
     limbs: Limbs,
     bearing: Bearing,
     asked: int,
+    loaded: Index,
     q: Array,
     x: Array,
     rate: Array,
@@ -450,7 +459,10 @@ def bear(
     room: Room,
     found: Carried,
 ) -> None:
-    """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g."""
+    """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g.
+
+    Of the dimensions those of the limbs' parameters that are `loaded` (l,).
+    """
     if asked & OF_PULLS:
         _pulls_at_home(limbs, bearing, room, found)
     place(limbs, q, x, FULL if asked & OF_DIMENSIONS else BESIDE, room)
@@ -459,27 +471,57 @@ def bear(
     _work(limbs, bearing, payload, WEIGHT, found)
     inertia, reaction = asked & OF_INERTIA > 0, asked & OF_REACTION > 0
     moving = (inertia or reaction) and _moves(rate, acceleration)
+    regular = (asked & OF_WEIGHT > 0 or moving) and factored(limbs, room)
     if moving:
-        _curved(limbs, bearing, q, x, rate, centre, room, found)
-        _accelerate(limbs, bearing, acceleration, room, found)
+        if regular:
+            _curved(limbs, bearing, q, x, rate, centre, room, found)
+            _accelerate(limbs, bearing, acceleration, room, found)
+        else:
+            found.accelerated[:] = np.nan
         _work(limbs, bearing, payload, INERTIA, found)
     if reaction:
         _react(bearing, payload, moving, found)
     if asked & OF_PULLS:
         _pulls(limbs, bearing, room, found.u_x[WEIGHT], found.pull)
-    if asked & OF_WEIGHT or (moving and inertia):
-        rows = 2 if moving else 1
-        by_g = found.by_g if asked & OF_DIMENSIONS else found.none
-        moved(limbs, found.u_x[:rows], room, found.by_q[:rows], by_g[:rows])
     if asked & OF_WEIGHT:
-        for i in range(len(q)):
-            found.gravity[i] = found.u_q[WEIGHT, i] + found.by_q[WEIGHT, i]
+        _turn(limbs, WEIGHT, regular, room, found, found.gravity)
     if inertia:
         for i in range(len(q)):
-            found.inertia[i] = found.u_q[INERTIA, i] + found.by_q[INERTIA, i] if moving else 0.0
+            found.inertia[i] = 0.0
+    if inertia and moving:
+        _turn(limbs, INERTIA, regular, room, found, found.inertia)
     if asked & OF_DIMENSIONS:
-        for i in range(len(found.load)):
-            found.load[i] = found.by_g[WEIGHT, i] + (found.by_g[INERTIA, i] if moving else 0.0)
+        _load(limbs, loaded, moving and inertia, room, found)
+
+
+@compiled(borrows=True)
+def _turn(
+    limbs: Limbs, row: int, regular: bool, room: Room, found: Carried, torque: Array
+) -> None:
+    """Torques (m,) of a row of the work, dU/dq; NaN where the pose does not go with the joints."""
+    if regular:
+        weigh(limbs, found.u_x[row], room)
+    else:
+        room.weight[:] = np.nan
+    copy_into(found.carried[row], room.weight)
+    copy_into(torque, found.u_q[row])
+    add_by_joints(limbs, room, torque)
+
+
+@compiled(borrows=True)
+def _load(limbs: Limbs, loaded: Index, moving: bool, room: Room, found: Carried) -> None:
+    """dU/dg of weight, and of inertia if it is `moving`, after `_turn` of them."""
+    p, count, from_g = limbs.sizes[2], limbs.params.shape[1], limbs.at[F_G]
+    found.load[:] = 0.0
+    for limb in range(len(limbs.params)):
+        for i in range(limbs.rows.shape[1]):
+            row = limbs.rows[limb, i]
+            inertia = found.carried[INERTIA, row] if moving else 0.0
+            weight = found.carried[WEIGHT, row] + inertia
+            for j in loaded:
+                column = limbs.params[limb, j]
+                if column < p:
+                    found.load[column] += weight * room.work[limb, from_g + i * count + j]
 
 
 @compiled()
@@ -501,6 +543,7 @@ def every(
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
     pull, home, reaction = np.zeros((n, r)), np.zeros((n, r)), np.zeros((n, 6))
     own, found, last = room(limbs, size), carried(limbs, bearing, size), len(g) - 1
+    loaded = np.arange(limbs.params.shape[1])
     for row in range(n):
         if row == 0 or last > 0:
             set_geometry(limbs, g[min(row, last)], own)
@@ -509,6 +552,7 @@ def every(
             limbs,
             bearing,
             asked,
+            loaded,
             q[row],
             x[row],
             rate[row],

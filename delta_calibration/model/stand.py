@@ -59,6 +59,7 @@ from delta_calibration.model.kernels import (
     nearer,
     own_joint,
     room,
+    same,
     set_geometry,
 )
 from delta_calibration.model.loads import Bearing, Carried, bear, carried, set_masses
@@ -102,9 +103,18 @@ class Stages(NamedTuple):
     structure: Table
     base: Table
     asked: int  # loads
+    loaded: Index  # parameters of a limb that loads are asked for of
     stands: bool  # whether they need the pose
     gentle: bool  # whether all that do change little with it, so that any rounds settle
     at: Index  # places of signals, see chain_constants.py
+
+
+@record
+class Kept(NamedTuple):
+    """What laws made of the dimensions as identified, to come back to."""
+
+    work: Array  # (L, s) of the limbs
+    opening: Array
 
 
 @record
@@ -118,7 +128,9 @@ class State(NamedTuple):
     structure: Array
     base: Array
     joint: Array  # (m,) behind the drives
+    kept: Kept
     geometry: Array  # (p,) under these conditions
+    shaped: Array  # (p,) that it is to have
     before: Array  # (k,)
     swing: Array  # (1,) [m, rad] by which the last round of effects moved the pose
     rounds: Array  # (1,) of effects that it took
@@ -140,6 +152,8 @@ def state_of(body: Body, stages: Stages) -> State:
         stages.structure.work.copy(),
         stages.base.work.copy(),
         np.zeros(limbs.sizes[M]),
+        Kept(np.zeros((len(limbs.joints), body.size)), np.zeros(len(own))),
+        np.zeros(limbs.sizes[P]),
         np.zeros(limbs.sizes[P]),
         np.zeros(limbs.sizes[K]),
         np.zeros(1),
@@ -149,7 +163,32 @@ def state_of(body: Body, stages: Stages) -> State:
 
 @compiled(borrows=True)
 def take_dimensions(body: Body, g: Array, state: State) -> None:
-    """Give the machine these dimensions (p,)."""
+    """Give the machine these dimensions (p,), and keep what `back_to` comes back to."""
+    copy_into(state.geometry, g)
+    take_shape(body, state)
+    for limb in range(len(state.kept.work)):
+        copy_into(state.kept.work[limb], state.room.work[limb])
+    copy_into(state.kept.opening, state.opening)
+
+
+@compiled(borrows=True)
+def back_to(body: Body, g: Array, state: State) -> None:
+    """Give the machine back the dimensions (p,) that `take_dimensions` gave it last."""
+    if same(g, state.geometry):
+        return
+    copy_into(state.geometry, g)
+    for limb in range(len(state.kept.work)):
+        copy_into(state.room.work[limb], state.kept.work[limb])
+    state.room.stage[0] = state.room.stage[1] = 0.0
+    copy_into(state.opening, state.kept.opening)
+    set_masses(body.limbs, body.bearing, g, state.carried)
+
+
+@compiled(borrows=True)
+def reshape(body: Body, g: Array, state: State) -> None:
+    """Give the machine other dimensions (p,) for a while, if they are others."""
+    if same(g, state.geometry):
+        return
     copy_into(state.geometry, g)
     take_shape(body, state)
 
@@ -207,6 +246,8 @@ def opens_on(body: Body, q: Array, x: Array, stray: float, state: State) -> bool
     if len(body.opening.law):
         open_near(body, q, found, state)
         far = apart(found, x)
+        if far <= SAME_POSE:
+            return True
         nearer(body.limbs, q, found, state.room)
         if apart(found, x) <= max(LEADS_ON * far, SAME_POSE):
             return True
@@ -237,6 +278,7 @@ def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: Sta
         body.limbs,
         body.bearing,
         stages.asked,
+        stages.loaded,
         state.joint,
         x,
         signals[at[RATE] : at[RATE] + m],
@@ -259,17 +301,25 @@ def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: Sta
 
 
 @compiled(borrows=True)
-def _shift(
+def shift(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, state: State
 ) -> None:
     """Joints behind the drives and dimensions under these conditions."""
     for i in range(len(state.joint)):
         state.joint[i] = signals[stages.at[JOINT] + i]
     add_shift(stages.drive, signals, values, state.drive, state.joint)
+    shift_dimensions(body, stages, signals, g, values, state)
+
+
+@compiled(borrows=True)
+def shift_dimensions(
+    body: Body, stages: Stages, signals: Array, g: Array, values: Array, state: State
+) -> None:
+    """Dimensions under these conditions."""
     if len(stages.structure.law):
-        copy_into(state.geometry, g)
-        add_shift(stages.structure, signals, values, state.structure, state.geometry)
-        take_shape(body, state)
+        copy_into(state.shaped, g)
+        add_shift(stages.structure, signals, values, state.structure, state.shaped)
+        reshape(body, state.shaped, state)
 
 
 @compiled(borrows=True)
@@ -285,18 +335,24 @@ def begin_at(
 def begin_near_by(
     body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
 ) -> bool:
-    """The same, nearly: where it only leads on to the first round of the effects."""
+    """The same, roughly: where steps of Newton's in the pose follow."""
     _take_readings(body, stages, signals, g, state)
+    return opened_near(body, state.joint, x, stray, state)
+
+
+@compiled(borrows=True)
+def opened_near(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
+    """Bring the pose x to where steps of Newton's lead to that of joints q."""
     if not len(body.opening.law):
-        return opened(body, state.joint, x, stray, state)
-    open_near(body, state.joint, x, state)
-    return nearer(body.limbs, state.joint, x, state.room) < np.inf
+        return opened(body, q, x, stray, state)
+    open_near(body, q, x, state)
+    return True
 
 
 @compiled(borrows=True)
 def _take_readings(body: Body, stages: Stages, signals: Array, g: Array, state: State) -> None:
     if len(stages.structure.law):
-        take_dimensions(body, g, state)
+        back_to(body, g, state)
     copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
 
 
@@ -307,7 +363,7 @@ def take_effects(
     """Let drives and dimensions be what the effects at the pose x (k,) make of them."""
     copy_into(state.before, x)
     add_signals(body, stages, signals, x, state)
-    _shift(body, stages, signals, g, values, state)
+    shift(body, stages, signals, g, values, state)
 
 
 @compiled(borrows=True)
@@ -365,7 +421,7 @@ def stand(
     """
     state.swing[0] = 0.0
     if not stages.stands:
-        _shift(body, stages, signals, g, values, state)
+        shift(body, stages, signals, g, values, state)
         if near:
             return assemble(body.limbs, state.joint, x, stray, state.room)
         return opened(body, state.joint, x, stray, state)
