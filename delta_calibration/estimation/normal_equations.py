@@ -1,4 +1,4 @@
-"""Normal equations of a robust least-squares problem, compiled.
+"""Rows of the normal equations of a robust least-squares problem, compiled.
 
 Each pose has a whitened residual r_i (d,) and rows A_i (d, F): the derivative of its prediction by
 the unknowns z. Under a loss rho of the distance |r_i|, made for residuals of spread s,
@@ -30,8 +30,12 @@ def whitened(missed: Array, jacobian: Array, whiten: Array, basis: Array) -> tup
         basis: d(theta)/dz, (P, F).
     """
     n, d, size = jacobian.shape
-    scaled = np.dot(jacobian.reshape(n * d, size), basis)
-    count = scaled.shape[1]
+    count = basis.shape[1]
+    scaled, flat = np.zeros((n * d, count)), jacobian.reshape(n * d, size)
+    entry, unknown = np.nonzero(basis)  # a scale for each unknown, and little else
+    for row in range(n * d):
+        for i in range(len(entry)):
+            scaled[row, unknown[i]] += flat[row, entry[i]] * basis[entry[i], unknown[i]]
     residual, rows = np.zeros((n, d)), np.zeros((n * d, count))
     for row in range(n):
         for i in range(d):
@@ -69,30 +73,21 @@ def judged(residual: Array, bend: float, cut: float, spread: float) -> tuple[Arr
 
 
 @compiled()
-def equations(
-    residual: Array, rows: Array, weight: Array, z: Array, prior: Array, spread: float
-) -> tuple[Array, Array]:
-    """N (F, F) and b (F,) at unknowns z.
+def weighted(residual: Array, rows: Array, weight: Array, spread: float) -> tuple[Array, Array]:
+    """Residuals (n d,) and rows (n d, F) by the roots of the weights, in spreads.
 
     Args:
         residual: (n, d).
         rows: (n d, F).
         weight: of each pose, (n,).
-        z: (F,).
-        prior: 1 where an unknown has a prior, else 0, (F,).
         spread: of the residuals that the loss is made for.
     """
     n, d = residual.shape
-    weighted, error = np.empty_like(rows), np.empty(n * d)
+    scaled, error = np.empty_like(rows), np.empty(n * d)
     for row in range(n):
         root = np.sqrt(weight[row]) / spread
         for i in range(row * d, row * d + d):
             error[i] = root * residual[row, i - row * d]
             for k in range(rows.shape[1]):
-                weighted[i, k] = root * rows[i, k]
-    normal = np.dot(weighted.T, weighted)
-    gradient = np.dot(weighted.T, error)
-    for k in range(len(z)):
-        normal[k, k] += prior[k]
-        gradient[k] -= prior[k] * z[k]
-    return normal, gradient
+                scaled[i, k] = root * rows[i, k]
+    return error, scaled

@@ -29,6 +29,7 @@ from delta_calibration.chain import Chain, Predictor
 from delta_calibration.data import Conditions, joined
 from delta_calibration.errors import DataError
 from delta_calibration.estimation.measurements import Linear, Measured, PointMeasured
+from delta_calibration.estimation.positive import solved
 from delta_calibration.theta import Layout, vector_names
 from delta_calibration.threads import one_thread
 
@@ -385,7 +386,7 @@ def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _St
     damping, steps = _DAMPING, 0
     while steps < _STEPS and damping < _GIVE_UP:
         steps += 1
-        step, promised = _step(problem, now, every, loss, damping)
+        step, promised = _step(now, every, damping)
         if promised <= _NOTHING * settled and damping <= _DAMPING:
             break
         tried = _state(problem, now.z + step, loss, now.at.pose, now.evaluations)
@@ -404,7 +405,7 @@ def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _St
 def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: float) -> _State:
     """A few Gauss-Newton steps in some of the unknowns, each kept only if it lowers the cost."""
     for _ in range(_SETTLING):
-        step, promised = _step(problem, now, moving, loss, _DAMPING)
+        step, promised = _step(now, moving, _DAMPING)
         if promised <= _NOTHING * settled:
             break
         tried = _state(problem, now.z + step, loss, now.at.pose, now.evaluations)
@@ -417,18 +418,13 @@ def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: f
     return now
 
 
-def _step(
-    problem: Problem, now: _State, moving: Mask, loss: _Loss, damping: float
-) -> tuple[Array, float]:
+def _step(now: _State, moving: Mask, damping: float) -> tuple[Array, float]:
     """A damped Gauss-Newton step of z (F,), and by how much it promises to lower the cost."""
-    normal, gradient = _equations().equations(
-        now.at.residual, now.at.rows, now.weight, now.z, problem.expected, loss.spread
-    )
-    if not moving.all():
-        normal, gradient = normal[np.ix_(moving, moving)], gradient[moving]
+    normal, gradient = now.equations
+    normal, gradient = normal[np.ix_(moving, moving)], gradient[moving]
     normal.flat[:: len(normal) + 1] += damping
     step = np.zeros(len(now.z))
-    step[moving] = np.linalg.solve(normal, gradient)
+    step[moving] = solved(normal, gradient)
     return step, float(gradient @ step[moving])
 
 
@@ -440,6 +436,18 @@ class _State:
     weight: Array
     cost: float
     evaluations: int  # on the way here, steps that were not kept among them
+    expected: Array  # (F,), see `Problem.expected`
+    spread: float  # of the residuals that the loss is made for
+
+    @cached_property
+    def equations(self) -> tuple[Array, Array]:
+        """Normal matrix (F, F) and gradient (F,), see normal_equations.py."""
+        error, rows = _equations().weighted(
+            self.at.residual, self.at.rows, self.weight, self.spread
+        )
+        normal = rows.T @ rows
+        normal.flat[:: len(normal) + 1] += self.expected
+        return normal, rows.T @ error - self.expected * self.z
 
 
 def _state(
@@ -447,7 +455,8 @@ def _state(
 ) -> _State:
     theta = problem.theta(z)
     at = problem.linearized(theta, guess)
-    state = _State(z, theta, at, np.ones(len(at.residual)), np.inf, evaluations + 1)
+    even = np.ones(len(at.residual))
+    state = _State(z, theta, at, even, np.inf, evaluations + 1, problem.expected, loss.spread)
     return replace(_under(problem, loss, state), evaluations=state.evaluations)
 
 
@@ -456,7 +465,7 @@ def _under(problem: Problem, loss: _Loss, state: _State) -> _State:
     weight, explained = loss.judge(state.at.residual)
     cost = explained + float(problem.expected @ state.z**2)
     cost = cost if np.isfinite(cost) else np.inf
-    return replace(state, weight=weight, cost=cost, evaluations=0)
+    return replace(state, weight=weight, cost=cost, evaluations=0, spread=loss.spread)
 
 
 def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None:
