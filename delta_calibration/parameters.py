@@ -80,7 +80,18 @@ class ParameterSet:
     @property
     def prior(self) -> Array:
         """Expected standard deviations about the nominal values, (p,)."""
+        return self._priors.copy()
+
+    @cached_property
+    def _priors(self) -> Array:
         return np.array([item.prior for item in self.items])
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Physical bounds in units of the priors, two (p,)."""
+        lower = np.array([item.lower for item in self.items])
+        upper = np.array([item.upper for item in self.items])
+        return lower / self._priors, upper / self._priors
 
     def row(self, name: str) -> int:
         """Place of a parameter in the vector.

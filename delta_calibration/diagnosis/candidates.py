@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -61,6 +61,12 @@ class Candidate:
         """What tells it from others, whatever its shape."""
         return f"{self.label} {self.rows}" if self.effect is None else self.label
 
+    @property
+    def shape(self) -> Hashable:
+        """What tells it from others, its shape among it."""
+        own = () if self.effect is None else tuple(self.effect.settings.items())
+        return self.label, self.rows, own
+
     def same_cause(self, other: Candidate) -> bool:
         """Whether both would be reported under one name."""
         return self.cause == other.cause and (not self.unexplained or self.label == other.label)
@@ -109,15 +115,13 @@ def typical_of(candidate: Candidate) -> Array:
     return np.asarray(candidate.effect.parameters.prior[list(candidate.rows)])
 
 
-def bounds_of(candidate: Candidate, evidence: LinearizedModel) -> tuple[Array, Array]:
+def bounds_of(candidate: Candidate) -> tuple[Array, Array]:
     """Physical bounds of the free parameters in units of their priors, two (k,)."""
     if candidate.effect is None:
         return np.full(len(candidate.rows), -np.inf), np.full(len(candidate.rows), np.inf)
-    every = candidate.effect.parameters.items
-    items = [every[row] for row in candidate.rows]
-    lower = np.array([p.lower / p.prior for p in items])
-    upper = np.array([p.upper / p.prior for p in items])
-    return lower, upper
+    lower, upper = candidate.effect.parameters.bounds
+    rows = list(candidate.rows)
+    return lower[rows], upper[rows]
 
 
 def subsets(effect: Effect) -> Iterator[Candidate]:

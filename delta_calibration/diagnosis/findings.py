@@ -115,7 +115,7 @@ class HeldOutModels:
         in metres where it interpolates, and must do no harm in sectors that it has not seen.
         """
         rest = tuple(m for m in model.terms if m is not term)
-        evidence, bounds = beside(self.evidence, rest), bounds_of(term, self.evidence)
+        evidence, bounds = beside(self.evidence, rest), bounds_of(term)
         part = self.scattered if term.unexplained else self.sectors
         parts = [part]
         if not term.unexplained and learnable(evidence, columns, self.stretches):

@@ -220,7 +220,7 @@ class Fitted(ABC):
             if term.effect is None:
                 theta[rows] += np.diag(problem.basis)[rows] * v
             else:
-                v = np.clip(v, *bounds_of(term, self.evidence))  # no gap is less than none
+                v = np.clip(v, *bounds_of(term))  # no gap is less than none
                 theta[entries(own)[rows]] = term.effect.parameters.prior[rows] * v
         return theta
 

@@ -3,23 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
 from delta_calibration.diagnosis.constants import SHADOW
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.diagnosis.scores import Chance, Score, decrease, log_bayes, most_likely
+from delta_calibration.diagnosis.scores import (
+    PRECISION,
+    Chance,
+    Score,
+    change,
+    log_bayes,
+    most_likely,
+)
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Maps:
+    """What some smooth maps leave of all else: L L' = G + P of their values, G along others."""
+
+    factor: Array  # (u, u) L
+    along: Array  # (u,) L^-1 b
+    across: Array  # (u, named) L^-1 G, by the columns of what is no map
+
+    @cached_property
+    def log_bayes(self) -> float:
+        """Their own ln B."""
+        price = np.log(np.diag(self.factor)).sum() - len(self.along) * log(PRECISION) / 2
+        return float(self.along @ self.along / 2 - price)
+
+    def gain(self, others: Array) -> float:
+        """Decrease of chi square by them beside others that are across them so, (u,)."""
+        value = _rooted(self.factor, self.along - others, trans=1)
+        return float(self.along @ self.along + PRECISION * value @ value)
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """Explanations that are weighed in any combination: their columns' products."""
+    """Explanations that are weighed in any combination: their columns' products.
+
+    The values of maps have no bounds and sizes that are known. Eliminated, as the nuisance is,
+    they leave other products of what is beside them, whose ln B then adds to theirs; what the same
+    maps leave is worked out once.
+    """
 
     candidates: tuple[Candidate, ...]
     tries: Array  # (c,)
@@ -29,6 +65,7 @@ class JointFit:
     lower: Array  # (k,)
     upper: Array  # (k,)
     begin: tuple[int, ...]  # (c + 1,) where each candidate's columns begin
+    known: dict[tuple[int, ...], _Maps] = field(default_factory=dict)
 
     @classmethod
     def of(cls, evidence: LinearizedModel, scores: Sequence[Score]) -> JointFit:
@@ -36,7 +73,7 @@ class JointFit:
         candidates = tuple(score.candidate for score in scores)
         columns = [columns_of(c, evidence) for c in candidates]
         every = np.concatenate(columns, axis=1)
-        bounds = [bounds_of(c, evidence) for c in candidates]
+        bounds = [bounds_of(c) for c in candidates]
         information = evidence.information(every)
         begin = tuple(np.cumsum([0, *(c.shape[1] for c in columns)]).tolist())
         own = [slice(*span) for span in pairwise(begin)]
@@ -51,21 +88,50 @@ class JointFit:
             begin=begin,
         )
 
-    def rows(self, terms: Sequence[int]) -> Array:
+    def rows(self, terms: Sequence[int]) -> Index:
         """Columns of some of the candidates."""
         spans = [np.arange(self.begin[i], self.begin[i + 1]) for i in terms]
         return np.concatenate([np.zeros(0, dtype=np.int64), *spans]).astype(np.int64)
 
-    def fit(self, terms: Sequence[int]) -> tuple[Array, float, float]:
-        """Values, decrease of chi square and ln B of some together."""
-        rows = self.rows(terms)
-        if not rows.size:
-            return np.zeros(0), 0.0, 0.0
-        information, b = self.information[rows[:, None], rows], self.b[rows]
+    def fit(self, terms: Sequence[int]) -> tuple[float, float]:
+        """Decrease of chi square and ln B of some together."""
+        named = [i for i in terms if not self.candidates[i].unexplained]
+        maps = self._maps(tuple(sorted(i for i in terms if i not in named)))
+        rows = self.rows(named)
+        across = maps.across[:, np.searchsorted(self._named, rows)]
+        information = self.information[rows[:, None], rows] - across.T @ across
+        b = self.b[rows] - across.T @ maps.along
         value = most_likely(information, b, self.lower[rows], self.upper[rows])
-        price = float(np.log(self.tries[list(terms)]).sum())
-        log_b = log_bayes(information, b, value, sizes([self.candidates[i] for i in terms]))
-        return value, decrease(information, b, value), log_b - price
+        gain = maps.gain(across @ value) + change(information, b, value)
+        log_b = maps.log_bayes + log_bayes(
+            information, b, value, sizes([self.candidates[i] for i in named])
+        )
+        return max(0.0, gain), log_b - float(np.log(self.tries[list(terms)]).sum())
+
+    def _maps(self, maps: tuple[int, ...]) -> _Maps:
+        """What some maps leave."""
+        if maps not in self.known:
+            rows = self.rows(maps)
+            own = self.information[rows[:, None], rows] + PRECISION * np.eye(len(rows))
+            others = np.column_stack([self.b[rows], self.information[rows[:, None], self._named]])
+            factor = np.asarray(np.linalg.cholesky(own), dtype=np.float64)
+            left = _rooted(factor, others)
+            self.known[maps] = _Maps(factor, left[:, 0], left[:, 1:])
+        return self.known[maps]
+
+    @cached_property
+    def _named(self) -> Index:
+        """Columns of all that is no map."""
+        every = enumerate(self.candidates)
+        return self.rows([i for i, candidate in every if not candidate.unexplained])
+
+
+def _rooted(factor: Array, right: Array, trans: int = 0) -> Array:
+    """L^-1, or its transpose, of columns (u, j); nothing of none."""
+    if not right.size:
+        return right
+    found = solve_triangular(factor, right, lower=True, trans=trans, check_finite=False)
+    return np.asarray(found)
 
 
 def sizes(terms: Sequence[Candidate]) -> list[slice]:
@@ -79,7 +145,7 @@ def as_score(term: Candidate, tried: Sequence[Score]) -> Score:
     """A term to be weighed again, charged with what the search for its cause has cost."""
     tries = max((s.tries for s in tried if s.candidate.same_cause(term)), default=1.0)
     k = len(term.rows)
-    return Score(term, np.zeros(k), np.zeros((k, k)), 0.0, 0.0, 0.0, tries)
+    return Score(term, np.zeros(k), np.zeros((k, k)), 0.0, 0.0, tries, np.inf)
 
 
 def shadow(candidate: Candidate, gain: float) -> float:

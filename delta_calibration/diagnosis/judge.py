@@ -388,7 +388,7 @@ def _chance_of_map(model: Fitted, term: Candidate, asked: int) -> float:
     columns = columns_of(term, evidence)
     information = evidence.information(columns)
     along = columns.T @ evidence.weigh(evidence.column)
-    value = most_likely(information, along[:, 0], *bounds_of(term, evidence))
+    value = most_likely(information, along[:, 0], *bounds_of(term))
     gain = decrease(information, along[:, 0], value)
     log_p = Chance.of(information).log_p(gain, model.noise_degrees) + float(np.log(asked))
     return float(np.exp(min(0.0, log_p)))

@@ -152,7 +152,7 @@ def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:
     every = np.concatenate(columns, axis=1)
     information = evidence.information(every)
     along = (every.T @ evidence.weigh(evidence.column))[:, 0]
-    lower, upper = zip(*(bounds_of(term, evidence) for term in named), strict=True)
+    lower, upper = zip(*(bounds_of(term) for term in named), strict=True)
     value = most_likely(information, along, np.concatenate(lower), np.concatenate(upper))
     spans = zip(named, pairwise(ends), strict=True)
     sized = [slice(*span) for term, span in spans if term.sized]

@@ -51,7 +51,7 @@ def worth_it(here: Scan, model: Fitted) -> Score | None:
     good = [
         score
         for score in here.scores
-        if here.significant(score) and worth_of(score) > 0 and score.gain > _least(explained)
+        if worth_of(score) > 0 and score.gain > _least(explained) and here.significant(score)
     ]
     return max(good, key=worth_of, default=None)
 
@@ -164,5 +164,5 @@ class Worth:
     def _fit(self, chosen: tuple[int, ...]) -> tuple[float, float]:
         """Decrease of chi square and ln B; what is left of one set is left of many."""
         if chosen not in self.fits:
-            self.fits[chosen] = self.together.fit(chosen)[1:]
+            self.fits[chosen] = self.together.fit(chosen)
         return self.fits[chosen]

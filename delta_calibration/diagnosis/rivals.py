@@ -104,11 +104,11 @@ def _confidence(
     first = [as_score(m, tried) for m in (term, *rest)]
     together = JointFit.of(model.evidence, [*first, *others])
     kept = tuple(range(1, len(first)))
-    best = {_NOTHING: together.fit(kept)[2]}
+    best = {_NOTHING: together.fit(kept)[1]}
     for i, candidate in enumerate(together.candidates):
         if i not in kept:
             name = candidate.label if candidate.unexplained else candidate.cause
-            best[name] = max(best.get(name, -np.inf), together.fit((i, *kept))[2])
+            best[name] = max(best.get(name, -np.inf), together.fit((i, *kept))[1])
     own = {term.label} if term.unexplained else causes
     worth = np.array(list(best.values())) / max(1.0, model.misfit)
     share = np.exp(worth - worth.max())

@@ -23,12 +23,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from math import log, pi
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv, dpotrf
+from scipy.linalg.lapack import dpotrf
 from scipy.special import chdtrc, fdtrc  # of one number scipy.stats asks much first
 from scipy.stats import chi2, f
 
@@ -36,6 +37,7 @@ from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns
 from delta_calibration.diagnosis.constants import DECADES, EULER
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import SPREAD
+from delta_calibration.estimation.positive import solved
 
 Array = NDArray[np.float64]
 
@@ -75,8 +77,17 @@ class Score:
     information: Array  # (k, k)
     gain: float  # D
     log_bayes: float  # ln B, less the price of the search
-    log_p: float  # natural logarithm of the F test's p value, times the tries of the search
     tries: float
+    noise_degrees: float  # of freedom of the stated noise
+
+    @cached_property
+    def log_p(self) -> float:
+        """Natural logarithm of the F test's p value, times the tries of the search.
+
+        Of most candidates nobody asks for it, and of a map it takes longer than all else.
+        """
+        log_p = Chance.of(self.information).log_p(self.gain, self.noise_degrees)
+        return min(0.0, log_p + float(np.log(self.tries)))
 
     @property
     def degrees(self) -> int:
@@ -134,7 +145,7 @@ class Weighed:
                 rows = np.searchsorted(group[0].rows, candidate.rows)
                 ratio = (typical_of(candidate) / unit[rows])[:, None]
                 own = ratio * information[rows[:, None], rows] * ratio.T
-                here = self._shape(candidate, own, ratio * b[rows], len(shapes) > 1)
+                here = self._shape(candidate, own, ratio * b[rows])
                 if len(best) <= i:
                     best.append(here)
                 else:
@@ -144,21 +155,26 @@ class Weighed:
     def _products(
         self, shapes: Sequence[Sequence[Candidate]]
     ) -> Iterator[tuple[Sequence[Candidate], Array, Array]]:
-        """Each group with the products of its columns, some at a time: the nuisance is large."""
+        """Each group with the products of its columns, some at a time: the nuisance is large.
+
+        What chance makes of a shape counts only where it is one of several.
+        """
+        weighed = self.weighed if len(shapes) > 1 else self.weighed[:, :1]
         for first in range(0, len(shapes), _AT_A_TIME):
             some = shapes[first : first + _AT_A_TIME]
             columns = [columns_of(group[0], self.evidence) for group in some]
             every = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
-            information, b = self.evidence.information(every), every.T @ self.weighed
+            information, b = self.evidence.information(every), every.T @ weighed
             ends = np.cumsum([0, *(c.shape[1] for c in columns)]).tolist()
             for group, (begin, end) in zip(some, pairwise(ends), strict=True):
                 yield group, information[begin:end, begin:end], b[begin:end]
 
-    def _shape(self, candidate: Candidate, information: Array, b: Array, searched: bool) -> _Best:
-        """A shape's case; what chance makes of it counts only where it is one of several."""
-        value = most_likely(information, b[:, 0], *bounds_of(candidate, self.evidence))
+    def _shape(self, candidate: Candidate, information: Array, b: Array) -> _Best:
+        """A shape's case, and what chance makes of it."""
+        value = most_likely(information, b[:, 0], *bounds_of(candidate))
         gain = decrease(information, b[:, 0], value)
-        chance = free_decrease(information, b[:, 1:]) if searched else np.zeros(b.shape[1] - 1)
+        drawn = b[:, 1:]
+        chance = free_decrease(information, drawn) if drawn.size else np.zeros(0)
         return _Best(gain, candidate, value, information, b[:, 0], chance, 1)
 
     def _charged(self, best: _Best) -> Score:
@@ -172,7 +188,6 @@ class Weighed:
     ) -> Score:
         """The case of a candidate at its most likely values."""
         gain = decrease(information, b, value)
-        log_p = Chance.of(information).log_p(gain, self.noise_degrees)
         spans = [slice(0, len(value))] if candidate.sized else []
         return Score(
             candidate=candidate,
@@ -180,8 +195,8 @@ class Weighed:
             information=information,
             gain=gain,
             log_bayes=log_bayes(information, b, value, spans) - float(np.log(tries)),
-            log_p=min(0.0, log_p + float(np.log(tries))),
             tries=tries,
+            noise_degrees=self.noise_degrees,
         )
 
 
@@ -189,7 +204,7 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
     """v of the largest posterior within its bounds, (k,): the binding ones held one by one."""
     normal = information + PRECISION * np.eye(len(b))
     held = np.zeros(len(b), dtype=bool)
-    value = _solved(normal, b)
+    value = solved(normal, b)
     for _ in range(len(b)):
         beyond = np.maximum(lower - value, value - upper)
         beyond[held] = 0.0
@@ -201,7 +216,7 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
         free = ~held
         if free.any():
             right = b[free] - normal[free][:, held] @ value[held]
-            value[free] = _solved(normal[free][:, free], right)
+            value[free] = solved(normal[free][:, free], right)
     return value
 
 
@@ -282,12 +297,6 @@ def _cost(information: Array, value: Array, size: Array) -> Array:
     unlike = np.sum((value / size) ** 2, axis=-1) / 2
     could = np.eye(value.shape[-1]) + size[..., :, None] * information * size[..., None, :]
     return np.asarray(unlike + _log_determinant(could) / 2)
-
-
-def _solved(matrix: Array, right: Array) -> Array:
-    """Solution (k,) of what is positive definite but for rounding; half the work of LU."""
-    _, value, failed = dposv(matrix, right)
-    return np.asarray(np.linalg.solve(matrix, right) if failed else value)
 
 
 def _log_determinant(matrix: Array) -> Array:

@@ -7,9 +7,9 @@ a map's place, are fitted as well, as what one fit hides another may show.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
@@ -61,6 +61,23 @@ class SearchResult:
         return tuple({**every, **{score.candidate.key: score for score in self.short}}.values())
 
 
+@dataclass
+class _Fits:
+    """Sets of explanations fitted from the machine without any: each once, however often asked."""
+
+    bare: Fitted
+    known: dict[tuple[Hashable, ...], Fitted] = field(default_factory=dict)
+
+    def of(self, sets: Sequence[tuple[Candidate, ...]]) -> list[Fitted]:
+        """The fit with each of some sets."""
+        keys = [tuple(term.shape for term in terms) for terms in sets]
+        every = zip(keys, sets, strict=True)
+        new = {key: terms for key, terms in every if key not in self.known}
+        with ThreadPoolExecutor(THREADS) as pool:
+            self.known.update(zip(new, pool.map(self.bare.fitted, new.values()), strict=True))
+        return [self.known[key] for key in keys]
+
+
 def find(
     model: Fitted,
     effects: Sequence[Effect],
@@ -80,7 +97,7 @@ def find(
     starts = (model, *(() if begin else model.elsewhere()))
     scans = [scanned(start, effects, rng).without(gone) for start in starts]
     bare, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
-    model, here, swaps = bare, first, SWAPS
+    model, here, swaps, fits = bare, first, SWAPS, _Fits(bare)
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
     while True:
@@ -94,22 +111,22 @@ def find(
         if _keys(terms) not in seen:
             drawn = next((s for s in first.scores if (s.candidate,) == terms), None)
             if drawn is not None and not model.terms:
-                model = _first_fit(bare, drawn, scans)
+                model = _first_fit(fits, drawn, scans)
             else:
                 model = model.fitted(terms)
         else:
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
-            swapped = _swapped(bare, model, here, tuple(short.values())) if swaps else model
+            swapped = _swapped(fits, model, here, tuple(short.values())) if swaps else model
             if swapped is model:
                 return SearchResult(model, first, here, tuple(short.values()))
             model, swaps = swapped, swaps - 1
-        model = _refined(bare, model, tuple(short.values()))
+        model = _refined(fits, model, tuple(short.values()))
         here = scanned(model, effects, rng).without(gone)
         seen[_keys(model.terms)] = model, here
 
 
-def _first_fit(bare: Fitted, best: Score, scans: Sequence[Scan]) -> Fitted:
+def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     """With the best of a scan, or with what is likelier when fitted: a cause for a map, or two.
 
     What is fitted in the place of a strong cause hides it from a search about that fit.
@@ -121,8 +138,8 @@ def _first_fit(bare: Fitted, best: Score, scans: Sequence[Scan]) -> Fitted:
     enough = RIVAL if best.candidate.unexplained else np.inf
     rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
     sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:LOOKED_AT])]
-    sets += _pairs(bare, scans[0], list(named.values()), worth_of(best))
-    return _likeliest(bare, sets, (best, *named.values()))
+    sets += _pairs(fits.bare, scans[0], list(named.values()), worth_of(best))
+    return _likeliest(fits, sets, (best, *named.values()))
 
 
 def _pairs(
@@ -135,7 +152,7 @@ def _pairs(
     return [tuple(scores[i].candidate for i in pair) for pair in good]
 
 
-def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
+def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
     """The fit with a cause in the place of another that does nearly as much, or of a map.
 
     Two take the place of one where they seem likelier already. A cause is tried in its best
@@ -155,26 +172,26 @@ def _swapped(bare: Fitted, model: Fitted, here: Scan, short: tuple[Score, ...]) 
         if not s.candidate.unexplained and not any(s.candidate.same_cause(m) for m in terms)
     }
     together, count = JointFit.of(model.evidence, [*own, *others.values()]), len(terms)
-    whole, sets = together.fit(range(count))[2], [] if count == 1 else [terms]
+    whole, sets = together.fit(range(count))[1], [] if count == 1 else [terms]
     worth = Worth(together, here, model.noise_degrees)
     if len(named) < count:
         sets.append(named)
     sets += [reshaped for i in range(count) for reshaped in _reshaped(model, i)]
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)
-        least = together.fit(kept)[2]
+        least = together.fit(kept)[1]
         enough = -np.inf if term.unexplained else least + NEARLY * (whole - least)
         new = range(count, count + len(others))
-        one = [(together.fit((*kept, k))[2], (*kept, k)) for k in new]
+        one = [(together.fit((*kept, k))[1], (*kept, k)) for k in new]
         both = [(*kept, *pair) for pair in combinations(new, 2)] if len(kept) + 2 <= MOST else []
         two = [(worth(rows), rows) for rows in both if worth.most(rows) > whole]
         for near, least in ((one, enough), (two, whole)):
             chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
-    return _likeliest(bare, sets, short, model)
+    return _likeliest(fits, sets, short, model)
 
 
-def _refined(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
+def _refined(fits: _Fits, model: Fitted, short: tuple[Score, ...]) -> Fitted:
     """The fit with its causes' other shapes, where one takes much of what is left.
 
     What a shape lacks is looked for before other explanations of it: several maps and causes
@@ -182,7 +199,7 @@ def _refined(bare: Fitted, model: Fitted, short: tuple[Score, ...]) -> Fitted:
     """
     while model.misfit > LACKING:
         sets = [shaped for i in range(len(model.terms)) for shaped in _reshaped(model, i)]
-        refined = _likeliest(bare, sets, short, model)
+        refined = _likeliest(fits, sets, short, model)
         if not model.misfit - refined.misfit > REMAINS * (model.misfit - 1):
             break
         model = refined
@@ -225,14 +242,13 @@ def _reached(effect: Effect, other: Effect) -> bool:
 
 
 def _likeliest(
-    bare: Fitted,
+    fits: _Fits,
     sets: Sequence[tuple[Candidate, ...]],
     tried: Sequence[Score],
     *known: Fitted,
 ) -> Fitted:
     """The fit with the likeliest of some sets of explanations, each fitted in full."""
-    with ThreadPoolExecutor(THREADS) as pool:
-        fits = [*known, *pool.map(bare.fitted, sets)]
+    bare = fits.bare
     samples = bare.beside.degrees
 
     def likely(fit: Fitted) -> float:
@@ -246,7 +262,7 @@ def _likeliest(
         price += sum(_price_of_choice(m, fit) for m in fit.terms)
         return gain / 2 - price
 
-    return max(fits, key=likely)
+    return max([*known, *fits.of(sets)], key=likely)
 
 
 def _price_of_choice(term: Candidate, fit: Fitted) -> float:
@@ -298,14 +314,14 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
         return terms
     scores = [*(as_score(m, short) for m in terms), *help_, *maps]
     together, helped = JointFit.of(model.evidence, scores), len(terms) + len(help_)
-    best, instead = together.fit(range(helped))[2] - PLAIN, terms
+    best, instead = together.fit(range(helped))[1] - PLAIN, terms
     for group in groups:
         others = [j for j in range(len(terms)) if j not in group]
         for k in range(helped, len(scores)):
             chosen = tuple(together.candidates[j] for j in (*others, k))
             if any(one.same_cause(chosen[-1]) for one in chosen[:-1]):
                 continue
-            log_b = together.fit((*others, k))[2]
+            log_b = together.fit((*others, k))[1]
             if log_b > best:
                 best, instead = log_b, chosen
     return instead
