@@ -168,7 +168,7 @@ def _filled(evidence: LinearizedModel) -> LinearizedModel:
     filled = replace(
         at, payload=np.nan_to_num(at.payload), payload_centre=np.nan_to_num(at.payload_centre)
     )
-    return replace(evidence, at=filled)
+    return replace(evidence, at=filled, stood=None)
 
 
 def _thinned(evidence: LinearizedModel) -> LinearizedModel:

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
@@ -29,7 +29,7 @@ from delta_calibration.data import Conditions, Paths, Survey, joined
 from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
-from delta_calibration.effects.signals import Signals, recorded
+from delta_calibration.effects.signals import Signals, all_asked, recorded, standing
 from delta_calibration.estimation import (
     Known,
     Linear,
@@ -90,6 +90,8 @@ class LinearizedModel:
     by_base: Array  # (n, d, 6) the same by shift [m] and turn [rad] of the base
     seen: Conditions  # with readings as the model has them before the measurement effects
     robot: Robot | None = None  # whose masses the machine carries; else each effect's own
+    # (n, m) joints behind the drives and (n, p) dimensions as it stands, where these are known
+    stood: tuple[Array, Array] | None = None
     # what else could be measured, in words, and its evidence; None where that is to be foreseen
     further: tuple[tuple[str, LinearizedModel], ...] | None = None
 
@@ -140,6 +142,13 @@ class LinearizedModel:
         factor: tuple[Array, bool] = cho_factor(self._normal + np.diag(self.precision))
         return factor
 
+    def _rooted(self, along: Array) -> Array:
+        """L^-1 of columns (A, k), with L L' = A^T C^-1 A + P."""
+        factor, lower = self._factor
+        trans = 0 if lower else 1
+        rooted = solve_triangular(factor, along, trans=trans, lower=lower, check_finite=False)
+        return np.asarray(rooted)
+
     def _along(self, a: Array, shared: Array) -> Array:
         """A^T C^-1 a of columns (d n, k) that look like rest errors (r, k)."""
         return np.asarray(self._flat.T @ a - self._shared.T @ shared)
@@ -178,6 +187,7 @@ class LinearizedModel:
             by_geometry=self.by_geometry[rows],
             by_base=self.by_base[rows],
             seen=self.seen.take(rows),
+            stood=None if self.stood is None else (self.stood[0][rows], self.stood[1][rows]),
         )
 
     def part(self, columns: Array, rows: NDArray[np.intp]) -> Array:
@@ -202,8 +212,8 @@ class LinearizedModel:
     def information(self, a: Array) -> Array:
         """<a, a> of columns (d n, k), (k, k)."""
         shared = self.rest.seen(a)
-        along = self._along(a, shared)
-        return np.asarray(a.T @ a - shared.T @ shared - along.T @ cho_solve(self._factor, along))
+        along = self._rooted(self._along(a, shared))
+        return np.asarray(a.T @ a - shared.T @ shared - along.T @ along)
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Residuals as chance would have them if nothing were left out, (d n, count).
@@ -266,7 +276,11 @@ class LinearizedModel:
     @cached_property
     def standing(self) -> Signals:
         """Signals of the machine as it stands, all its loads among them."""
-        return self.chain.signals(self.at, self.theta, self.pose, self.robot)
+        if self.stood is None or self.robot is None:
+            return self.chain.signals(self.at, self.theta, self.pose, self.robot)
+        (joint, geometry), mechanism = self.stood, self.chain.mechanism
+        asked = all_asked(mechanism)
+        return standing(self._recorded, self.robot, mechanism, self.pose, geometry, asked, joint)
 
     @property
     def believed(self) -> NDArray[np.bool_]:
@@ -385,13 +399,18 @@ def _in_motion(paths: Paths, chain: Chain, theta: Array, guess: Array | None) ->
 
 def _one_after_the_other(first: Linear, second: Linear) -> Linear:
     """Both in one; the second has as many numbers as the first, or fewer."""
-    d = first.missed.shape[1]
+    d, stood = first.missed.shape[1], None
+    if first.stood is not None and second.stood is not None:
+        pairs = zip(first.stood, second.stood, strict=True)
+        joint, geometry = (np.concatenate(pair) for pair in pairs)
+        stood = joint, geometry
     return Linear(
         np.concatenate([first.pose, second.pose]),
         np.concatenate([first.missed, widened(second.missed, d)]),
         np.concatenate([first.by_theta, widened(second.by_theta, d)]),
         np.concatenate([first.by_joints, widened(second.by_joints, d)]),
         joined(first.at, second.at),
+        stood,
     )
 
 
@@ -416,7 +435,8 @@ def linearized_about(
     layout = problem.layout
     base, own = layout.base, layout.effects
     free = problem.free[base]
-    columns = whiten @ about.by_theta[..., base] @ (problem.basis[base, base] * free)
+    columns = (whiten @ about.by_theta[..., base]).reshape(-1, base.stop - base.start)
+    columns = (columns @ (problem.basis[base, base] * free)).reshape(*about.missed.shape, -1)
     z = np.linalg.solve(problem.basis, theta - problem.theta0)[base]
     off = about.missed + about.by_theta[..., own] @ theta[own]
     return LinearizedModel(
@@ -434,6 +454,7 @@ def linearized_about(
         by_geometry=whiten @ about.by_theta[..., layout.geometry],
         by_base=whiten @ by_base(problem.chain, theta, about.by_theta),
         seen=about.at,
+        stood=about.stood,
     )
 
 

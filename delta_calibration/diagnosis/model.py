@@ -45,10 +45,13 @@ class Model(Fitted):
     theta: Array  # (P,) of the chain with the terms' effects
     terms: tuple[Candidate, ...] = ()
     near: Array | None = None  # (n, k) poses of the platform, nearly
+    seen: LinearizedModel | None = None  # the evidence, where it is known beforehand
 
     @cached_property
     def evidence(self) -> LinearizedModel:
         """What is left to explain, as if the terms were not in the model."""
+        if self.seen is not None:
+            return self.seen
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)
 
     @property
@@ -109,7 +112,7 @@ class Model(Fitted):
         held = self.problem.only(free)
         solution = solve(held, held.unknowns(self.theta))
         cell = replace(self.cell, weight=solution.weight)
-        return replace(self, theta=solution.theta, cell=cell, near=None)
+        return replace(self, theta=solution.theta, cell=cell, near=None, seen=None)
 
     def on_its_floor(self) -> Model:
         """The machine without terms, its reflector where poses and paths together have it.
@@ -148,11 +151,12 @@ class Model(Fitted):
     def everything(self) -> Model:
         """The same fit, with poses that it set aside as gross errors to be looked at again."""
         weight = self.cell.weight
-        return replace(self, cell=replace(self.cell, weight=np.where(weight > 0, weight, 1.0)))
+        cell = replace(self.cell, weight=np.where(weight > 0, weight, 1.0))
+        return replace(self, cell=cell, seen=None)
 
     def at(self, theta: Array) -> Model:
         """The same with other values, (P,)."""
-        return replace(self, theta=theta, near=None)
+        return replace(self, theta=theta, near=None, seen=None)
 
     def moved_by_causes(self) -> Array:
         """How far the named effects move each pose's reading, (n, 3) [m]."""
@@ -188,13 +192,21 @@ def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
 
     Shapes that go with values (the width of a play) are set to them on the way.
     """
-    theta = without_effects(model.theta, theta_layout(model.problem.layout, terms))
-    near = model.evidence.pose
-    now = _stepped(_sharpened(replace(model, terms=terms, theta=theta, near=near)))
+    now = _stepped(_sharpened(_at_nothing(model, terms)))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
     # the first cause that comes in may have held the offset on another floor of its valley
     now = _settled(replace(now, cell=cell, terms=now.refined()), not model.terms)
     return _joined(now) if len(model.survey.paths) else now
+
+
+def _at_nothing(model: Model, terms: tuple[Candidate, ...]) -> Model:
+    """The model with these terms instead, none of which does anything yet.
+
+    In what shapes they are does not matter to the evidence about it, which is gathered once.
+    """
+    theta = without_effects(model.theta, theta_layout(model.problem.layout, terms))
+    now = replace(model, terms=terms, theta=theta, near=model.evidence.pose, seen=None)
+    return replace(now, seen=now.evidence if model.terms else model.evidence)
 
 
 def _joined(model: Model) -> Model:
@@ -266,16 +278,19 @@ def _settled(model: Model, everywhere: bool) -> Model:
         if term.effect is None:
             continue
         free[own] = False
-        free[entries(own)[list(term.rows)]] = _shows_at_rest(model.evidence, term)
+        free[entries(own)[list(term.rows)]] = _shows_at_rest(model, term)
     held = np.where(free, problem.theta0, model.theta)
     start = replace(problem, theta0=held).only(free)
     solution = solve(start, start.unknowns(model.theta), everywhere=everywhere)
     cell = replace(model.cell, weight=solution.weight)
-    return replace(model, theta=solution.theta, cell=cell, near=None)
+    return replace(model, theta=solution.theta, cell=cell, near=None, seen=None)
 
 
-def _shows_at_rest(evidence: LinearizedModel, term: Candidate) -> NDArray[np.bool_]:
+def _shows_at_rest(model: Model, term: Candidate) -> NDArray[np.bool_]:
     """Whether the poses hold a fair part of what is known of each parameter of a term, (k,)."""
+    if not len(model.survey.paths):
+        return np.ones(len(term.rows), dtype=bool)
+    evidence = model.evidence
     whole = np.diag(evidence.information(columns_of(term, evidence)))
     resting = evidence.take(np.arange(evidence.poses))
     alone = np.diag(resting.information(columns_of(term, resting)))
@@ -291,7 +306,7 @@ def _moved(model: Model, held: Index = _NOTHING) -> Model:
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
     """One Gauss-Newton step of geometry, frame and terms; some of the base's unknowns held."""
     theta = model.ahead(model.misfit, held)
-    return replace(model, theta=theta, near=model.evidence.pose)
+    return replace(model, theta=theta, near=model.evidence.pose, seen=None)
 
 
 def _sharpened(model: Model) -> Model:

@@ -41,6 +41,7 @@ def stacked(parts: Sequence[LinearizedModel]) -> LinearizedModel:
         by_geometry=every("by_geometry"),
         by_base=every("by_base"),
         seen=reduce(joined, [part.seen for part in parts]),
+        stood=None,
     )
 
 
@@ -66,6 +67,7 @@ def apart(evidence: LinearizedModel) -> LinearizedModel:
         by_geometry=each(evidence.by_geometry),
         by_base=each(evidence.by_base),
         seen=at,
+        stood=None,
     )
 
 

@@ -69,6 +69,8 @@ class Linear:
     by_theta: Array  # (n, d, P) d(predicted)/d(theta)
     by_joints: Array  # (n, d, m) by the joints behind the drives
     at: Conditions  # with readings as the chain has them before its last stage
+    # (n, m) joints behind the drives and (n, p) dimensions under the conditions, where it is known
+    stood: tuple[Array, Array] | None = None
 
 
 class Observation(ABC):
@@ -197,7 +199,9 @@ class PointMeasured(Observation):
         seen = point_seen(at, theta, self.offset, None, guess, read=True)
         by_theta = _mounted(seen.jacobian, _layout(at.chain, theta))
         read = read_at(at.at, seen)
-        return Linear(seen.x, self.point - seen.reading, by_theta, seen.by_joints, read)
+        geometry = np.broadcast_to(seen.geometry, (len(seen.x), seen.geometry.shape[1]))
+        missed, stood = self.point - seen.reading, (seen.joint, geometry)
+        return Linear(seen.x, missed, by_theta, seen.by_joints, read, stood)
 
 
 @dataclass(frozen=True)
