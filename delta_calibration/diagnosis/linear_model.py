@@ -215,6 +215,18 @@ class LinearizedModel:
         along = self._rooted(self._along(a, shared))
         return np.asarray(a.T @ a - shared.T @ shared - along.T @ along)
 
+    def information_of_each(self, a: Array, k: int) -> Array:
+        """The same of each k of columns (d n, L k) by themselves, (L, k, k)."""
+        shared = self.rest.seen(a)
+        parts, signs = (a, shared, self._rooted(self._along(a, shared))), (1, -1, -1)
+        spans = [slice(begin, begin + k) for begin in range(0, a.shape[1], k)]
+        return np.array(
+            [
+                sum(sign * (x[:, own].T @ x[:, own]) for x, sign in zip(parts, signs, strict=True))
+                for own in spans
+            ]
+        )
+
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Residuals as chance would have them if nothing were left out, (d n, count).
 

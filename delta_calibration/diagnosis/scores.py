@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby
 from math import log, pi
 
 import numpy as np
@@ -138,44 +138,36 @@ class Weighed:
             shapes: for each shape the candidates that share its columns, but for their units: all
                 of the effect first, then parts of it.
         """
-        best: list[_Best] = []
-        for group, information, b in self._products(shapes):
-            unit = typical_of(group[0])
-            for i, candidate in enumerate(group):
-                rows = np.searchsorted(group[0].rows, candidate.rows)
-                ratio = (typical_of(candidate) / unit[rows])[:, None]
-                own = ratio * information[rows[:, None], rows] * ratio.T
-                here = self._shape(candidate, own, ratio * b[rows])
-                if len(best) <= i:
-                    best.append(here)
-                else:
-                    best[i] = best[i].or_better(here)
-        return [self._charged(each) for each in best]
+        best: dict[int, _Best] = {}
+        for groups, information, b in self._products(shapes):
+            whole = groups[0][0]
+            for i, same in enumerate(zip(*groups, strict=True)):
+                rows = np.searchsorted(whole.rows, same[0].rows)
+                own, along = information[:, rows[:, None], rows], b[:, rows]
+                if same[0].effect is not whole.effect:
+                    ratio = (typical_of(same[0]) / typical_of(whole)[rows])[:, None]
+                    own, along = ratio * own * ratio.T, ratio * along
+                here = _best_of(same, own, along)
+                best[i] = best[i].or_better(here) if i in best else here
+        return [self._charged(each) for each in best.values()]
 
     def _products(
         self, shapes: Sequence[Sequence[Candidate]]
-    ) -> Iterator[tuple[Sequence[Candidate], Array, Array]]:
-        """Each group with the products of its columns, some at a time: the nuisance is large.
+    ) -> Iterator[tuple[Sequence[Sequence[Candidate]], Array, Array]]:
+        """Groups of as many columns each with their products, (L, k, k) and (L, k, 1 + draws).
 
-        What chance makes of a shape counts only where it is one of several.
+        Some at a time: the nuisance is large. What chance makes of a shape counts only where it is
+        one of several.
         """
         weighed = self.weighed if len(shapes) > 1 else self.weighed[:, :1]
-        for first in range(0, len(shapes), _AT_A_TIME):
-            some = shapes[first : first + _AT_A_TIME]
-            columns = [columns_of(group[0], self.evidence) for group in some]
-            every = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
-            information, b = self.evidence.information(every), every.T @ weighed
-            ends = np.cumsum([0, *(c.shape[1] for c in columns)]).tolist()
-            for group, (begin, end) in zip(some, pairwise(ends), strict=True):
-                yield group, information[begin:end, begin:end], b[begin:end]
-
-    def _shape(self, candidate: Candidate, information: Array, b: Array) -> _Best:
-        """A shape's case, and what chance makes of it."""
-        value = most_likely(information, b[:, 0], *bounds_of(candidate))
-        gain = decrease(information, b[:, 0], value)
-        drawn = b[:, 1:]
-        chance = free_decrease(information, drawn) if drawn.size else np.zeros(0)
-        return _Best(gain, candidate, value, information, b[:, 0], chance, 1)
+        for k, alike in groupby(shapes, lambda group: len(group[0].rows)):
+            groups = list(alike)
+            for first in range(0, len(groups), _AT_A_TIME):
+                some = groups[first : first + _AT_A_TIME]
+                columns = [columns_of(group[0], self.evidence) for group in some]
+                every = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
+                b = (every.T @ weighed).reshape(len(some), k, -1)
+                yield some, self.evidence.information_of_each(every, k), b
 
     def _charged(self, best: _Best) -> Score:
         tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0
@@ -198,6 +190,24 @@ class Weighed:
             tries=tries,
             noise_degrees=self.noise_degrees,
         )
+
+
+def _best_of(shapes: Sequence[Candidate], information: Array, b: Array) -> _Best:
+    """The best of some shapes of an explanation, and what chance makes of any.
+
+    Args:
+        shapes: of as many parameters each, (L,).
+        information: of their parameters, (L, k, k).
+        b: along their columns, of the residuals and of each draw, (L, k, 1 + draws).
+    """
+    own, drawn = b[..., 0], b[..., 1:]
+    every = zip(information, own, map(bounds_of, shapes), strict=True)
+    value = np.array([most_likely(g, along, *bounds) for g, along, bounds in every])
+    gain = np.sum(value * (2 * own - (information @ value[..., None])[..., 0]), axis=-1)
+    top = int(np.argmax(gain))
+    chance = free_decrease(information, drawn).max(axis=0) if drawn.size else np.zeros(0)
+    best = max(0.0, float(gain[top]))
+    return _Best(best, shapes[top], value[top], information[top], own[top], chance, len(shapes))
 
 
 def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Array:
@@ -244,10 +254,13 @@ def change(information: Array, b: Array, value: Array) -> float:
 
 
 def free_decrease(information: Array, b: Array) -> Array:
-    """D at the best v without prior or bounds, for each column of b (k, j), (j,)."""
+    """D at the best v without prior or bounds, (..., j), for each column of b (..., k, j)."""
     values, axes = np.linalg.eigh(information)
-    shown = values > _RANK * max(values[-1], 1e-300)
-    return np.asarray(np.sum((axes[:, shown].T @ b) ** 2 / values[shown, None], axis=0))
+    shown = values > _RANK * np.maximum(values[..., -1:], 1e-300)
+    square = (axes.swapaxes(-1, -2) @ b) ** 2
+    each = np.zeros_like(square)
+    np.divide(square, values[..., None], out=each, where=shown[..., None])
+    return np.asarray(each.sum(axis=-2))
 
 
 def log_bayes(information: Array, b: Array, value: Array, spans: Sequence[slice] = ()) -> float:
