@@ -7,6 +7,16 @@ more than their tolerances, the geometry is; as long as they do not, they are wh
 for. A reflector that sits where nobody expects it is a cause in the same way.
 
     -2 ln L(tau) = r'V0^-1 r - b'(G + tau^-2)^-1 b + ln det(1 + tau^2 G)
+
+A machine has few parts, so that tau is known by few degrees of freedom. A likelihood ratio is not
+held against chi square, as it could be of many parts, but against what it is of nu normal numbers:
+Student's t where one is out of line, chi square with nu degrees where all are large. With
+e_i = (tau^2 + 1 / g_i)^-1, g_i and a_i being eigenvalues and vectors of G, they are as many as
+the variance of that scatter and of noise is known by (Satterthwaite, Biometrics Bulletin 2 (1946)
+110):
+
+    nu = sum e_i^2 (sum a_ij^2 e_i)^2 / (sum a_ij^2 e_i^2)^2 - 1    beside part j
+    nu = (sum e_i)^2 / sum e_i^2                                    of all
 """
 
 from __future__ import annotations
@@ -15,7 +25,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import lambertw
+from scipy.stats import chi2, t
 
 from delta_calibration.diagnosis.candidates import Candidate, dimensions
 from delta_calibration.diagnosis.fitted import Fitted
@@ -26,6 +37,7 @@ from delta_calibration.theta import entries
 Array = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.01, 10.0, 61)
+_MOST = 700.0  # whose exponential is a number
 _SEEN = 1e-3  # of the prior's variance that the data must take away
 
 
@@ -71,10 +83,48 @@ def scatter_of(evidence: LinearizedModel) -> Scatter:
             best = float(unlikely[row]), i, row, float(own[row]), float(left[row])
     tau, least = float(_SCATTERS[int(np.argmin(alone))]), float(alone.min())
     within = float(_unlikeliness(values, along, np.ones(1))[0])
-    log_p = float(chi2.logsf(max(within - least, 0.0), 1) - np.log(2)) if tau > 1 else 0.0
+    log_p = _log_p_of_size(within - least, values / (1 + values)) if tau > 1 else 0.0
     if best is None:
         return Scatter(tau, log_p, None)
-    return Scatter(tau, log_p, _outlier(evidence, best, least, information, b, values, along))
+    return Scatter(tau, log_p, _outlier(evidence, best, least, information, b, values, axes))
+
+
+def _degrees_beside(values: Array, tau: float, share: Array) -> float:
+    """Degrees of freedom of the scatter that a part is held against; not fewer than one.
+
+    Args:
+        values: eigenvalues of the information about the parts, in units of their tolerances, (p,).
+        tau: scatter of the parts.
+        share: of the part in each eigenvector, squared, (p,).
+    """
+    each = values / (1.0 + values * tau**2)
+    moved = float(share @ each**2)
+    if moved <= 0:
+        return 1.0
+    return max(1.0, float(each @ each) * float(share @ each) ** 2 / moved**2 - 1.0)
+
+
+def _log_p_of_size(ratio: float, each: Array) -> float:
+    """ln p of numbers as much larger than they may be, by a likelihood ratio (of -2 ln L).
+
+    Of n numbers whose mean square is s times what it may be, ratio = n (s - 1 - ln s).
+
+    Args:
+        ratio: of the likelihoods.
+        each: what tells of the scatter, (p,).
+    """
+    degrees = each.sum() ** 2 / (each @ each)
+    size = -lambertw(-np.exp(-1.0 - max(ratio, 0.0) / degrees), -1).real
+    return float(chi2.logsf(degrees * size, degrees))
+
+
+def _log_p_of_one(ratio: float, degrees: float) -> float:
+    """ln p of a number as far out of line with the others, by a likelihood ratio.
+
+    Of n others, ratio = (n + 1) ln(1 + t^2 / n).
+    """
+    square = degrees * np.expm1(np.clip(ratio / (degrees + 1), 0.0, _MOST))
+    return float(np.log(2) + t.logsf(np.sqrt(square), degrees))
 
 
 def displaced(evidence: LinearizedModel) -> float:
@@ -137,14 +187,15 @@ def _outlier(
     information: Array,
     b: Array,
     values: Array,
-    along: Array,
+    axes: Array,
 ) -> Outlier:
-    unlikely, _, row, own, left = best
+    unlikely, i, row, own, left = best
     candidates = list(dimensions(evidence))
     price = float(np.log1p(own / PRECISION))
     ratio = alone - unlikely + price
-    explained = float(np.sum(along**2 / (values + 1.0)))
-    log_p = float(chi2.logsf(max(ratio, 0.0), 1)) + float(np.log(len(candidates)))
+    explained = float(np.sum((axes.T @ b) ** 2 / (values + 1.0)))
+    degrees = _degrees_beside(values, float(_SCATTERS[i]), axes[row] ** 2)
+    log_p = _log_p_of_one(ratio, degrees) + float(np.log(len(candidates)))
     seen = float(information[row, row])
     return Outlier(
         candidate=candidates[row],
