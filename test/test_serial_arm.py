@@ -12,6 +12,7 @@ from delta_calibration.errors import ConfigError, ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
+from delta_calibration.model.chain_constants import OF_INERTIA
 from delta_calibration.robot import load_robot
 
 SCARA = load_robot("scara").dimensions
@@ -176,3 +177,39 @@ def test_identifiable_parameters_are_four_a_joint_and_six(dimensions):
 def test_impossible_arms_are_refused(change, message):
     with pytest.raises(ConfigError, match=message):
         replace(UR10, **change)
+
+
+@pytest.mark.parametrize(
+    ("rate", "acceleration", "payload"),
+    [
+        ([0.0, 0.0], [1.0, 0.0], 0.0),
+        ([0.0, 0.0], [0.0, 1.0], 0.0),
+        ([1.0, 0.0], [0.0, 0.0], 0.0),
+        ([0.0, 1.0], [0.0, 0.0], 0.0),
+        ([1.0, -2.0], [2.0, 3.0], 2.0),
+    ],
+)
+def test_torques_of_inertia_are_those_of_two_rods_in_a_plane(rate, acceleration, payload) -> None:
+    """Equations of motion of a two-link arm (Craig, Introduction to Robotics, section 6.7)."""
+    robot = load_robot("scara")
+    arm, at = robot.model(), np.array([[0.3, 1.5]])
+    g = arm.parameters.nominal
+    upper, fore, reach = 8.0, 5.0, 0.5  # [kg], [kg], [m] of both
+    own = fore * reach**2 / 3 + payload * reach**2  # about the elbow
+    first = fore * reach / 2 + payload * reach
+    shoulder = upper * reach**2 / 3 + (fore + payload) * reach**2
+    even, odd = reach * first * np.cos(1.5), reach * first * np.sin(1.5)
+    mass = np.array([[shoulder + own + 2 * even, own + even], [own + even, own]])
+    whirl = odd * np.array([-rate[1] * (2 * rate[0] + rate[1]), rate[0] ** 2])
+    loads = arm.loads(
+        robot.masses,
+        OF_INERTIA,
+        at,
+        arm.forward(at, g),
+        g,
+        np.array([rate]),
+        np.array([acceleration]),
+        np.array([payload]),
+        np.zeros((1, 3)),
+    )
+    assert loads[1][0] == pytest.approx(mass @ acceleration + whirl, rel=1e-4, abs=1e-6)

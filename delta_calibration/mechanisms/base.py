@@ -565,7 +565,8 @@ class Mechanism(ABC):
     def _slopes_of_masses(self) -> tuple[Index, Index]:
         """`by_pose` (s, 3) and `by_joint` (t, 3) of model/loads.py: what the law writes."""
         law, joints = self._masses, self._joints_of_masses
-        written = _loads().stored(np.array(law.compiled.addresses), law.compiled.size)
+        addresses = np.array(law.compiled.addresses)
+        written = _loads().stored(addresses, law.compiled.size, law.offsets["f"])
 
         def slopes(group: str, columns: Index) -> Index:
             place = law.offsets[f"f_{group}"] + np.arange(law.outputs * len(columns))

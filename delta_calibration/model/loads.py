@@ -61,7 +61,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 WEIGHT, INERTIA = range(2)  # rows of the work
-_UNTOUCHED = -1.2345e-67  # that no law comes to
+_UNTOUCHED = -1.2345e-67  # that no law comes to from inputs between 0 and 1
 
 
 @record
@@ -102,9 +102,14 @@ class Bearing(NamedTuple):
 
 
 @compiled()
-def stored(law: Index, size: int) -> Array:
-    """Which numbers of a workspace a law writes, 1 or 0, (size,)."""
+def stored(law: Index, size: int, inputs: int) -> Array:
+    """Which numbers of a workspace a law writes, 1 or 0, (size,); the inputs come first.
+
+    These are no two alike: what a law hands on unchanged would else pass for not written.
+    """
     work = np.full(size, _UNTOUCHED)
+    for i in range(inputs):
+        work[i] = (i + 1.0) / (inputs + 1.0)
     call(law[SETUP], work)
     call(law[SHARED], work)
     call(law[FULL], work)
