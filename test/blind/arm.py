@@ -231,7 +231,7 @@ def _reducers(name: str) -> Draw:
         give = strength * _GIVE * uneven(rng, legs)
 
         def act(world: World, state: State) -> None:
-            state.joint -= give * (world.moments(state.changed) + world.pushes())
+            state.joint -= give * world.moments(state.changed)
 
         return Cause(name, act, of_legs("give", give))
 
