@@ -63,7 +63,7 @@ class Candidate:
 
     @property
     def shape(self) -> Hashable:
-        """What tells it from others, its shape among it."""
+        """Label, parameters and settings, by which it differs from every other candidate."""
         own = () if self.effect is None else tuple(self.effect.settings.items())
         return self.label, self.rows, own
 

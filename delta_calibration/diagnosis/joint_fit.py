@@ -50,7 +50,7 @@ class _Maps:
 
 @dataclass(frozen=True)
 class JointFit:
-    """Explanations that are weighed in any combination: their columns' products.
+    """Some explanations, ready to be fitted in any combination: products of their columns.
 
     The values of maps have no bounds and sizes that are known. Eliminated, as the nuisance is,
     they leave other products of what is beside them, whose ln B then adds to theirs; what the same
@@ -65,7 +65,7 @@ class JointFit:
     lower: Array  # (k,)
     upper: Array  # (k,)
     begin: tuple[int, ...]  # (c + 1,) where each candidate's columns begin
-    known: dict[tuple[int, ...], _Maps] = field(default_factory=dict)
+    known: dict[tuple[int, ...], _Maps] = field(default_factory=dict)  # by the maps
 
     @classmethod
     def of(cls, evidence: LinearizedModel, scores: Sequence[Score]) -> JointFit:
@@ -109,7 +109,7 @@ class JointFit:
         return max(0.0, gain), log_b - float(np.log(self.tries[list(terms)]).sum())
 
     def _maps(self, maps: tuple[int, ...]) -> _Maps:
-        """What some maps leave."""
+        """What these maps do and leave of all else, worked out when first asked for."""
         if maps not in self.known:
             rows = self.rows(maps)
             own = self.information[rows[:, None], rows] + PRECISION * np.eye(len(rows))

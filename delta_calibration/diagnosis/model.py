@@ -200,7 +200,7 @@ def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
 
 
 def _at_nothing(model: Model, terms: tuple[Candidate, ...]) -> Model:
-    """The model with these terms instead, none of which does anything yet.
+    """The model with these terms in the place of its own, all their values at zero.
 
     In what shapes they are does not matter to the evidence about it, which is gathered once.
     """

@@ -69,7 +69,7 @@ class _Fits:
     known: dict[tuple[Hashable, ...], Fitted] = field(default_factory=dict)
 
     def of(self, sets: Sequence[tuple[Candidate, ...]]) -> list[Fitted]:
-        """The fit with each of some sets."""
+        """The machine fitted with each of these sets of explanations, in their order."""
         keys = [tuple(term.shape for term in terms) for terms in sets]
         every = zip(keys, sets, strict=True)
         new = {key: terms for key, terms in every if key not in self.known}
