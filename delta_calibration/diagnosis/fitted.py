@@ -10,15 +10,23 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, shape_columns
+from delta_calibration.diagnosis.candidates import (
+    Candidate,
+    bounds_of,
+    columns_of,
+    shape_columns,
+    subsets,
+)
+from delta_calibration.diagnosis.constants import NEARLY
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.diagnosis.scores import PRECISION, free_decrease
+from delta_calibration.diagnosis.scores import AT_A_TIME, PRECISION, free_decrease
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
 from delta_calibration.estimation import Population, Problem, placing, registered
@@ -229,6 +237,37 @@ class Fitted(ABC):
         values = iter(self.effect_values)
         return tuple(m if m.effect is None else _reshaped(m, next(values)) for m in self.terms)
 
+    @cached_property
+    def in_other_shapes(self) -> tuple[tuple[Candidate, ...], ...]:
+        """The terms with one in its best other shape, out of reach of its own, if nearly as good.
+
+        About the fit that stands: where a term's own shape was chosen, others were not in it yet.
+        """
+        every, terms = ((i, self._other_shape(i)) for i in range(len(self.terms))), self.terms
+        return tuple(
+            (*terms[:i], other, *terms[i + 1 :]) for i, other in every if other is not None
+        )
+
+    def _other_shape(self, i: int) -> Candidate | None:
+        """The best other shape of a term, None where none is nearly as good."""
+        terms, term, at = self.terms, self.terms[i], self.evidence.at
+        if term.effect is None or term.unexplained:
+            return None
+        others = [
+            candidate
+            for other in term.effect.refinements(at)
+            if not other.missing(at) and not _reached(term.effect, other)
+            for candidate in subsets(other)
+            if candidate.location == term.location
+        ]
+        if not others:
+            return None
+        evidence = beside(self.evidence, (*terms[:i], *terms[i + 1 :]))
+        weighed = evidence.weigh(evidence.column)
+        gains = gains_of(evidence, others, weighed)
+        best = int(np.argmax(gains))
+        return others[best] if gains[best] > NEARLY * gain_of(evidence, term, weighed) else None
+
     def sharpened(self) -> tuple[Candidate, ...]:
         """The terms with searched fields between the points of the search."""
         terms = self.terms
@@ -263,6 +302,17 @@ def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedM
         return evidence
     columns = np.concatenate([columns_of(m, evidence) for m in terms], axis=1)
     return evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+
+
+def _reached(effect: Effect, other: Effect) -> bool:
+    """Whether another shape lies within the intervals of an effect, or is a value's own."""
+    if effect.refined(np.zeros(len(effect.parameters))) is not effect:
+        return True
+    searched = {name for name, _, _ in effect.intervals()}
+    own, shape = effect.settings, other.settings
+    fixed = all(shape[name] == own[name] for name in own if name not in searched)
+    within = (low <= getattr(other, name) <= high for name, low, high in effect.intervals())
+    return fixed and all(within)
 
 
 def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
@@ -315,7 +365,7 @@ def _zoomed(
         values = np.linspace(low, high, _POINTS)
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
         shapes = [replace(term, effect=replace(term.effect, **field)) for field in fields]
-        gains = np.array([gain_of(evidence, shape, weighed) for shape in shapes])
+        gains = gains_of(evidence, shapes, weighed)
         top = int(np.argmax(gains))
         term = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
@@ -335,8 +385,20 @@ def _vertex(before: float, top: float, after: float) -> float:
 
 def gain_of(evidence: LinearizedModel, candidate: Candidate, weighed: Array) -> float:
     """Decrease of chi square by a candidate."""
-    columns = columns_of(candidate, evidence)
-    return float(free_decrease(evidence.information(columns), columns.T @ weighed)[0])
+    return float(gains_of(evidence, [candidate], weighed)[0])
+
+
+def gains_of(evidence: LinearizedModel, candidates: Sequence[Candidate], weighed: Array) -> Array:
+    """Decrease of chi square by each of some candidates, (c,); weighed some at a time."""
+    gains = [np.zeros(0)]
+    for k, alike in groupby(candidates, lambda candidate: len(candidate.rows)):
+        own = list(alike)
+        for first in range(0, len(own), AT_A_TIME):
+            columns = [columns_of(c, evidence) for c in own[first : first + AT_A_TIME]]
+            every = np.concatenate(columns, axis=1)
+            along = (every.T @ weighed).reshape(-1, k, 1)
+            gains.append(free_decrease(evidence.information_of_each(every, k), along)[:, 0])
+    return np.concatenate(gains)
 
 
 def _reshaped(term: Candidate, values: Array) -> Candidate:

@@ -42,7 +42,7 @@ from delta_calibration.estimation.positive import solved
 Array = NDArray[np.float64]
 
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
-_AT_A_TIME = 8  # shapes
+AT_A_TIME = 8  # shapes
 
 Weights = tuple[tuple[str, float], ...]  # causes, and how much likelier each is than the average
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
@@ -162,8 +162,8 @@ class Weighed:
         weighed = self.weighed if len(shapes) > 1 else self.weighed[:, :1]
         for k, alike in groupby(shapes, lambda group: len(group[0].rows)):
             groups = list(alike)
-            for first in range(0, len(groups), _AT_A_TIME):
-                some = groups[first : first + _AT_A_TIME]
+            for first in range(0, len(groups), AT_A_TIME):
+                some = groups[first : first + AT_A_TIME]
                 columns = [columns_of(group[0], self.evidence) for group in some]
                 every = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
                 b = (every.T @ weighed).reshape(len(some), k, -1)

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from delta_calibration.diagnosis.candidates import Candidate, columns_of, subsets
+from delta_calibration.diagnosis.candidates import Candidate, columns_of
 from delta_calibration.diagnosis.constants import (
     LACKING,
     LOOKED_AT,
@@ -25,7 +25,7 @@ from delta_calibration.diagnosis.constants import (
     RIVAL,
     SWAPS,
 )
-from delta_calibration.diagnosis.fitted import Fitted, beside, gain_of
+from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, sizes
 from delta_calibration.diagnosis.model_selection import (
     Worth,
@@ -176,7 +176,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     worth = Worth(together, here, model.noise_degrees)
     if len(named) < count:
         sets.append(named)
-    sets += [reshaped for i in range(count) for reshaped in _reshaped(model, i)]
+    sets += model.in_other_shapes
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)
         least = together.fit(kept)[1]
@@ -198,47 +198,11 @@ def _refined(fits: _Fits, model: Fitted, short: tuple[Score, ...]) -> Fitted:
     together can follow the second order of a gear.
     """
     while model.misfit > LACKING:
-        sets = [shaped for i in range(len(model.terms)) for shaped in _reshaped(model, i)]
-        refined = _likeliest(fits, sets, short, model)
+        refined = _likeliest(fits, model.in_other_shapes, short, model)
         if not model.misfit - refined.misfit > REMAINS * (model.misfit - 1):
             break
         model = refined
     return model
-
-
-def _reshaped(model: Fitted, i: int) -> list[tuple[Candidate, ...]]:
-    """The terms with one in its best other shape, out of reach of its own, if nearly as good.
-
-    About the fit that stands: where a term's own shape was chosen, others were not in it yet.
-    """
-    terms, term = model.terms, model.terms[i]
-    if term.effect is None or term.unexplained:
-        return []
-    at, evidence = model.evidence.at, beside(model.evidence, (*terms[:i], *terms[i + 1 :]))
-    others = [
-        candidate
-        for other in term.effect.refinements(at)
-        if not other.missing(at) and not _reached(term.effect, other)
-        for candidate in subsets(other)
-        if candidate.location == term.location
-    ]
-    if not others:
-        return []
-    weighed = evidence.weigh(evidence.column)
-    enough = NEARLY * gain_of(evidence, term, weighed)
-    gain, k = max((gain_of(evidence, other, weighed), k) for k, other in enumerate(others))
-    return [(*terms[:i], others[k], *terms[i + 1 :])] if gain > enough else []
-
-
-def _reached(effect: Effect, other: Effect) -> bool:
-    """Whether another shape lies within the intervals of an effect, or is a value's own."""
-    if effect.refined(np.zeros(len(effect.parameters))) is not effect:
-        return True
-    searched = {name for name, _, _ in effect.intervals()}
-    own, shape = effect.settings, other.settings
-    fixed = all(shape[name] == own[name] for name in own if name not in searched)
-    within = (low <= getattr(other, name) <= high for name, low, high in effect.intervals())
-    return fixed and all(within)
 
 
 def _likeliest(

@@ -29,22 +29,23 @@ def whitened(missed: Array, jacobian: Array, whiten: Array, basis: Array) -> tup
         whiten: (n, d, d).
         basis: d(theta)/dz, (P, F).
     """
-    n, d, size = jacobian.shape
-    count = basis.shape[1]
-    scaled, flat = np.zeros((n * d, count)), jacobian.reshape(n * d, size)
-    entry, unknown = np.nonzero(basis)  # a scale for each unknown, and little else
-    for row in range(n * d):
-        for i in range(len(entry)):
-            scaled[row, unknown[i]] += flat[row, entry[i]] * basis[entry[i], unknown[i]]
+    n, d, count = jacobian.shape[0], jacobian.shape[1], basis.shape[1]
     residual, rows = np.zeros((n, d)), np.zeros((n * d, count))
+    entry, unknown = np.nonzero(basis)  # a scale for each unknown, and little else
+    size = np.array([basis[entry[i], unknown[i]] for i in range(len(entry))])
+    scaled = np.empty((d, count))
     for row in range(n):
+        scaled[:] = 0.0
+        for j in range(d):
+            for i in range(len(entry)):
+                scaled[j, unknown[i]] += jacobian[row, j, entry[i]] * size[i]
         for i in range(d):
             for j in range(d):
                 weight = whiten[row, i, j]
                 if weight != 0.0:
                     residual[row, i] += weight * missed[row, j]
                     for k in range(count):
-                        rows[row * d + i, k] += weight * scaled[row * d + j, k]
+                        rows[row * d + i, k] += weight * scaled[j, k]
     return residual, rows
 
 
