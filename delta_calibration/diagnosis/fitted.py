@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _ZOOMS, _POINTS, _STEPS = 3, 9, 8
+_SAME = 1e-9  # share of a decrease of chi square that is rounding
 _NOTHING = np.zeros(0, dtype=np.int64)
 
 
@@ -265,7 +266,7 @@ class Fitted(ABC):
         evidence = beside(self.evidence, (*terms[:i], *terms[i + 1 :]))
         weighed = evidence.weigh(evidence.column)
         gains = gains_of(evidence, others, weighed)
-        best = int(np.argmax(gains))
+        best = _first_of_the_best(gains)
         return others[best] if gains[best] > NEARLY * gain_of(evidence, term, weighed) else None
 
     def sharpened(self) -> tuple[Candidate, ...]:
@@ -366,7 +367,7 @@ def _zoomed(
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
         shapes = [replace(term, effect=replace(term.effect, **field)) for field in fields]
         gains = gains_of(evidence, shapes, weighed)
-        top = int(np.argmax(gains))
+        top = _first_of_the_best(gains)
         term = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
     best = float(values[top])
@@ -375,6 +376,11 @@ def _zoomed(
     field: dict[str, Any] = {name: best}
     effect: Effect = replace(cast(Any, term.effect), **field)
     return replace(term, effect=effect)
+
+
+def _first_of_the_best(gains: Array) -> int:
+    """The first that does as much as the best: rounding must not choose among steps in one gap."""
+    return int(np.argmax(gains >= gains.max() * (1 - _SAME)))
 
 
 def _vertex(before: float, top: float, after: float) -> float:
