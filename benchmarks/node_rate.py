@@ -32,7 +32,15 @@ import numpy as np
 
 from delta_calibration.calibration_file import save_calibration
 from delta_calibration.robot import load_robot
-from node_processes import Processes, given, identified, motion, processes, with_effects
+from node_processes import (
+    PATIENCE_S,
+    Processes,
+    given,
+    identified,
+    motion,
+    processes,
+    with_effects,
+)
 
 COPYING, EVENTS, RAW = "copying", "copying by events", "raw"
 PLAY: tuple[Mapping[str, object], float] = ({}, 4e-4)  # [rad]
@@ -51,7 +59,8 @@ SPACE = {way: "/" + way.replace(" ", "_") for way in WAYS}
 RATES = (1000, 1500, 2000, 2500, 3000, 4000, 5000)
 RATE_S = 2.0  # [s] at each of the rates
 SILENCE_S = 3.0  # [s] after which a listener has heard all
-SETTLE_S = 2.0  # [s] for processes to find one another
+SETTLE_S = 2.0  # [s] for a listener to find all nodes
+TOLD_S = 0.2  # [s] before a turn, for a node to hear of the conditions
 BEGIN_S = 0.1  # [s] of a turn that is not counted: after a pause a node is not in its stride
 KEPT_UP = 0.98  # of the rate, that the commander itself has to manage
 NODE = "delta_calibration.ros.calibration_node"
@@ -94,24 +103,36 @@ def command(plan: str, out: str) -> int:
                 if way in EFFECTS
             }
 
-        def tell(self) -> None:
-            """The conditions that effects go by."""
+        def tell(self, way: str) -> None:
+            """The conditions that effects go by: without them a node takes longer, and says so."""
             arm, held = Temperature(temperature=24.0), InertiaStamped()
             arm.header.frame_id, held.inertia.m = "arm", 1.0
-            for temperature, payload in self.around.values():
-                temperature.publish(arm)
-                payload.publish(held)
+            for publisher, message in zip(self.around.get(way, ()), (arm, held), strict=False):
+                publisher.publish(message)
+
+        def find_all(self) -> None:
+            """Wait until every node listens: what is told before that, it never hears."""
+            told = [publisher for pair in self.around.values() for publisher in pair]
+            until = time.monotonic() + PATIENCE_S
+            while missing := [
+                publisher.topic_name
+                for publisher in (*self.way.values(), *told)
+                if not publisher.get_subscription_count()
+            ]:
+                if time.monotonic() > until:
+                    raise RuntimeError(f"nobody listens to {', '.join(missing)}")
+                time.sleep(0.1)
+            time.sleep(SETTLE_S)
 
         def start(self) -> None:
-            time.sleep(SETTLE_S)
+            self.find_all()
             take_priority(BEFORE)
-            self.tell()
-            time.sleep(SETTLE_S)
             sent = []
             for block, entry in enumerate(plan.split(",")):
                 way, seconds, rate = entry.split(":")
+                self.tell(way)
+                time.sleep(TOLD_S)
                 sent += self.block(block, way, float(seconds), float(rate))
-                time.sleep(0.2)
             np.save(out, np.array(sent))
             self.finish()
 

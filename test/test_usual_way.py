@@ -27,7 +27,7 @@ from delta_calibration.cell.command_path import (
     STALE,
 )
 from delta_calibration.cell.joint_bytes import Layout, stamp_of
-from delta_calibration.cell.usual import MARK
+from delta_calibration.cell.usual import MARK, UsualWay
 from delta_calibration.compensation import CommandStatus
 from delta_calibration.data import Poses, collect
 from delta_calibration.estimation import Identification, identify
@@ -350,6 +350,19 @@ def test_what_is_known_runs_out(files: dict[str, Path]) -> None:
     assert not any(went[9:15])
     assert desk.path.counts[CommandStatus.MISSING_CONDITION.value] == 6
     assert all(went[17:])
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_node_has_gone_the_short_way_before_its_first_command(
+    files: dict[str, Path], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What compiled code takes to load, no command waits for, whatever the model goes by."""
+    taken, take = [], UsualWay.take
+    monkeypatch.setattr(
+        UsualWay, "take", lambda *given: taken.append(take(*given) is not None) or taken[-1]
+    )
+    CalibrationSession(Settings("srbd", calibration=str(files[name])))
+    assert taken == [True]
 
 
 def test_the_short_way_waits_for_a_trajectory_under_way(files: dict[str, Path]) -> None:

@@ -233,7 +233,10 @@ def wire_of(layout: Layout, message: bytes, names: Sequence[str]) -> Any:
 
 
 def warm_up(compensator: JointCompensator) -> None:
-    """Take the delay of the first usual command now: what is compiled on first use is loaded."""
+    """Take the delay of the first usual command now: what is compiled on first use is loaded.
+
+    Once while nothing is known of what effects go by, and once while all of it is.
+    """
     names = compensator.robot.joints.names
     path, around = CommandPath(), Surroundings(len(names))
     way = UsualWay(names, path, around)
@@ -242,15 +245,24 @@ def warm_up(compensator: JointCompensator) -> None:
     path.enable(True)
     path.ramp.seconds = 0.0
     given = Bytes(names, "given").message
-    for k in range(3):
+    for k in range(6):
+        if k == 3:
+            _tell_all(around, compensator.sensors)
         around.moved(q, k)
         at = around.at(q, 0.0) if compensator.needs_conditions else None
         path.send(q + 1e-3 * k, k, 1e-3 * k, at=at)
-    message = given(q, (0, 5))
+    message = given(q, (0, 9))
     layout = Layout.of(message)
     if layout is not None:
         way.learn(layout, message)
         way.take(message, 0.01)
+
+
+def _tell_all(around: Surroundings, sensors: Sequence[str]) -> None:
+    """Something for each of the conditions that a command may be given under."""
+    around.carries(0.0, np.zeros(3), 0.0)
+    for part in sensors:
+        around.is_warm(part, 20.0, 0.0)
 
 
 def _kernel() -> Any:

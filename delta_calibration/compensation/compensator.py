@@ -136,6 +136,12 @@ class JointCompensator:
         """Whether the answer depends on more than the command: direction, payload, speed ..."""
         return bool(self._effects)
 
+    @cached_property
+    def sensors(self) -> tuple[str, ...]:
+        """Parts whose temperature the model goes by."""
+        told = (effect.settings.get(SENSOR) for effect in self._effects)
+        return tuple(dict.fromkeys(str(sensor) for sensor in told if sensor))
+
     @property
     def by(self) -> str:
         """What finds the geometry's corrections: one of `METHODS`."""
@@ -252,8 +258,7 @@ class JointCompensator:
         """Whether all that any effect could need of one command's conditions is known."""
         if not self._effects:
             return True
-        sensors = (effect.settings.get(SENSOR) for effect in self._effects)
-        heard = all(not sensor or sensor in at.temperature_parts for sensor in sensors)
+        heard = set(self.sensors).issubset(at.temperature_parts)
         numbers = (at.payload[0], *at.payload_centre[0], *at.temperature[0])
         return heard and all(map(isfinite, numbers))
 
