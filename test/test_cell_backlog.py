@@ -57,6 +57,17 @@ def test_a_pause_of_who_commands_is_no_loss(pause_s: float) -> None:
     assert not backlog.interrupted
 
 
+def test_a_process_may_wake_slowly_after_a_pause_of_who_commands() -> None:
+    """The first command is taken a little later than usual, the next ones right behind it."""
+    backlog, last = flowing()
+    begin_s, sent = last * 1e-3 + 6.0, []
+    for k, comes_s in enumerate((0.0015, 0.0016, 0.0021, 0.0031, 0.0041)):
+        stamp_s = begin_s + k * 1e-3
+        sent += backlog.take(k, round(stamp_s * 1e9), begin_s + comes_s)
+    assert sent == list(range(5))
+    assert backlog.lost == backlog.superseded == 0
+
+
 @pytest.mark.parametrize("period_s", [0.2, 2.0])
 def test_a_slow_stream_does_not_wait(period_s: float) -> None:
     backlog: Backlog[int] = Backlog()

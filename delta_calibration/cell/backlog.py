@@ -1,9 +1,10 @@
 """Commands that waited while the process stood still: the newest is sent, not the stale ones.
 
 Commands of a stream come as they are stamped. After a stop of the process those that waited come
-faster than that, all at once, or on a busy machine as fast as they can be taken, later than they
-usually do; and what the queue could not hold is gone. To send them all would drive the robot
-through a past that is over; only the last of such a burst goes on.
+later than they usually do and faster than they are stamped, all at once, or on a busy machine as
+fast as they can be taken; and what the queue could not hold is gone. To send them all would drive
+the robot through a past that is over; only the last of such a burst goes on. After a pause of who
+commands the first one comes no later than usual, and nothing is lost.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 STOP_S = 0.1  # [s] without a command, and the process may have stood still
-WAIT_S = 0.01  # [s] that the first command after a stop waits for newer ones
+WAIT_S = 0.01  # [s] that a late command after a stop waits for newer ones
 _STOP_PERIODS = 3.0  # of the stream: its own rhythm is no stop
 _KNOWN = 3  # steps from which on the stream's period is known
 _FASTER = 0.5  # a command that comes in less than this part of what the stamps say has waited
@@ -53,7 +54,7 @@ class Backlog(Generic[T]):
                 return ()
             return (*self.release(), command)
         self.interrupted = False
-        if self._stood_still(came_s):
+        if self._stood_still(came_s) and self._late(stamp_ns, now_s):
             self._missing = max(round(stamped_s / median(self._steps_s)) - 1, 0)
             self.waiting, self._burst = command, False
             return ()
