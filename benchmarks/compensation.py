@@ -154,7 +154,7 @@ def places(
     """Places of the tool (n, 3) [m] by the compiled chain, NaN where it cannot stand."""
     found = np.full(q.shape, np.nan)
     for row in range(len(q)):
-        begin(room)
+        begin(machine, room)
         if stands(machine, q[row], signals, room):
             found[row] = room.place
     return found

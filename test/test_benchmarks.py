@@ -1,0 +1,14 @@
+"""Benchmarks time what they say they time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import compensation
+
+
+def test_libraries_are_given_the_same_machine_as_the_swarm() -> None:
+    """Places by the compiled chain are those of the mechanism's own direct problem."""
+    task = compensation.make_task(20, 3)
+    found = compensation.fast_point(task.machine)(task.q)
+    np.testing.assert_allclose(found, compensation.point(task)(task.q), atol=1e-12)
