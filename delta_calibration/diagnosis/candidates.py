@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.columns import Columns, Plain, joined
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import Effect
 from delta_calibration.effects.unexplained import (
@@ -81,6 +82,18 @@ def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:
     # all of a map's, in their order, are taken as they are: a copy would cost as much memory again
     whole = rows == list(range(columns.shape[1]))
     return columns if whole else np.asarray(columns[:, rows])
+
+
+def all_columns(candidates: Sequence[Candidate], evidence: LinearizedModel) -> Columns:
+    """Those of some candidates one after the other, a map's as products, (d n, k)."""
+    return joined([_products_of(candidate, evidence) for candidate in candidates])
+
+
+def _products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
+    effect = candidate.effect
+    if isinstance(effect, Unexplained) and len(candidate.rows) == len(effect.parameters):
+        return evidence.product(effect)
+    return Plain(columns_of(candidate, evidence))
 
 
 def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, all_columns, bounds_of
 from delta_calibration.diagnosis.constants import SHADOW
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import (
@@ -71,18 +71,17 @@ class JointFit:
     def of(cls, evidence: LinearizedModel, scores: Sequence[Score]) -> JointFit:
         """Of the candidates of these scores."""
         candidates = tuple(score.candidate for score in scores)
-        columns = [columns_of(c, evidence) for c in candidates]
-        every = np.concatenate(columns, axis=1)
+        every = all_columns(candidates, evidence)
         bounds = [bounds_of(c) for c in candidates]
-        information = evidence.information(every)
-        begin = tuple(np.cumsum([0, *(c.shape[1] for c in columns)]).tolist())
+        information = evidence.information_of(every)
+        begin = tuple(np.cumsum([0, *(len(c.rows) for c in candidates)]).tolist())
         own = [slice(*span) for span in pairwise(begin)]
         return cls(
             candidates=candidates,
             tries=np.array([score.tries for score in scores]),
             chances=tuple(Chance.of(information[span, span]) for span in own),
             information=information,
-            b=(every.T @ evidence.weigh(evidence.column))[:, 0],
+            b=every.along(evidence.weigh(evidence.column))[:, 0],
             lower=np.concatenate([low for low, _ in bounds]),
             upper=np.concatenate([high for _, high in bounds]),
             begin=begin,

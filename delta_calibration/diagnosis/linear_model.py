@@ -26,10 +26,12 @@ from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions, Paths, Survey, joined
+from delta_calibration.diagnosis.columns import Columns, Plain, Product
 from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.signals import Signals, all_asked, recorded, standing
+from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.estimation import (
     Known,
     Linear,
@@ -211,9 +213,13 @@ class LinearizedModel:
 
     def information(self, a: Array) -> Array:
         """<a, a> of columns (d n, k), (k, k)."""
-        shared = self.rest.seen(a)
-        along = self._rooted(self._along(a, shared))
-        return np.asarray(a.T @ a - shared.T @ shared - along.T @ along)
+        return self.information_of(Plain(a))
+
+    def information_of(self, a: Columns) -> Array:
+        """The same of columns that may be products, (k, k)."""
+        shared = self.rest.seen_of(a)
+        along = self._rooted((a.along(self._flat) - shared.T @ self._shared).T)
+        return np.asarray(a.inner() - shared.T @ shared - along.T @ along)
 
     def information_of_each(self, a: Array, k: int) -> Array:
         """The same of each k of columns (d n, L k) by themselves, (L, k, k)."""
@@ -257,6 +263,11 @@ class LinearizedModel:
         columns = effect.columns_of(self._signals(effect), by_stage=slope)
         own = columns if effect.free_form else None  # a map's are hundreds of megabytes: in place
         return np.multiply(columns, effect.parameters.prior, out=own).reshape(self.size, -1)
+
+    def product(self, effect: Unexplained) -> Product:
+        """The columns of a smooth map, as products of its functions and what they move."""
+        functions = effect.functions(self._signals(effect))
+        return Product(self.by_stage(effect.stage), functions * effect.parameters.prior[0])
 
     def by_stage(self, stage: Stage) -> Array:
         """How the whitened reading goes with what a stage hands on, (n, d, size of the stage)."""

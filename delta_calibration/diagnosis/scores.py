@@ -33,7 +33,13 @@ from scipy.linalg.lapack import dpotrf
 from scipy.special import chdtrc, fdtrc  # of one number scipy.stats asks much first
 from scipy.stats import chi2, f
 
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, typical_of
+from delta_calibration.diagnosis.candidates import (
+    Candidate,
+    all_columns,
+    bounds_of,
+    columns_of,
+    typical_of,
+)
 from delta_calibration.diagnosis.constants import DECADES, EULER
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import SPREAD
@@ -164,8 +170,12 @@ class Weighed:
             groups = list(alike)
             for first in range(0, len(groups), AT_A_TIME):
                 some = groups[first : first + AT_A_TIME]
+                if len(some) == 1:  # of a map there is one
+                    one = all_columns([some[0][0]], self.evidence)
+                    yield some, self.evidence.information_of(one)[None], one.along(weighed)[None]
+                    continue
                 columns = [columns_of(group[0], self.evidence) for group in some]
-                every = columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
+                every = np.concatenate(columns, axis=1)
                 b = (every.T @ weighed).reshape(len(some), k, -1)
                 yield some, self.evidence.information_of_each(every, k), b
 

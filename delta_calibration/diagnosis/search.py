@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, all_columns
 from delta_calibration.diagnosis.constants import (
     LACKING,
     LOOKED_AT,
@@ -217,10 +217,10 @@ def _likeliest(
 
     def likely(fit: Fitted) -> float:
         """ln B by chi square per degree of freedom: fits may set other poses aside."""
-        columns = np.concatenate([columns_of(m, fit.evidence) for m in fit.terms], axis=1)
+        columns = all_columns(fit.terms, fit.evidence)
         value = np.concatenate([fit.scaled(m) for m in fit.terms])
         gain = samples * (bare.misfit - fit.misfit)
-        information = fit.evidence.information(columns)
+        information = fit.evidence.information_of(columns)
         price = price_of(information, value, sizes(fit.terms))
         price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.terms)
         price += sum(_price_of_choice(m, fit) for m in fit.terms)

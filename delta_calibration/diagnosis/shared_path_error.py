@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
+from delta_calibration.diagnosis.columns import Columns
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -100,6 +101,11 @@ class SharedPathError:
         """s(x) of columns (3 n, k), (r, k)."""
         parts = [root @ (own.T @ x[at]) for at, own, root in self._blocks]
         return np.concatenate([np.zeros((0, x.shape[1])), *parts])
+
+    def seen_of(self, x: Columns) -> Array:
+        """The same of columns that may be products, (r, k)."""
+        parts = [root @ x.rows(at).along(own).T for at, own, root in self._blocks]
+        return np.concatenate([np.zeros((0, x.width)), *parts])
 
     @property
     def samples(self) -> tuple[slice, ...]:

@@ -379,6 +379,10 @@ class StageTerms:
         """What they add with these values (k,) at every sample, (n, size)."""
         return np.asarray(_terms().shifts(self.table, signals.rows, values, self.size))
 
+    def firsts(self, signals: Signals, values: Array) -> Array:
+        """What each term adds to the first of the rows that it moves, (n, terms)."""
+        return np.asarray(_terms().firsts(self.table, signals.rows, values))
+
     def columns(self, signals: Signals, values: Array, by_stage: Array | None = None) -> Array:
         """Derivatives by their values (k,), (n, d, k), see `Effect.columns_of`."""
         through = np.eye(self.size)[None] if by_stage is None else np.ascontiguousarray(by_stage)

@@ -33,7 +33,7 @@ import numpy as np
 
 from delta_calibration.data import Conditions
 from delta_calibration.effects import signals
-from delta_calibration.effects.base import SPREAD, Array, Effect, Stage
+from delta_calibration.effects.base import SPREAD, Array, Effect, Stage, terms_of
 from delta_calibration.effects.regressor import (
     ANGLE,
     CLOCK,
@@ -46,7 +46,7 @@ from delta_calibration.effects.regressor import (
     temperature,
 )
 from delta_calibration.effects.remedy import MEASURE, Remedy
-from delta_calibration.effects.signals import NOTHING, Places
+from delta_calibration.effects.signals import NOTHING, Places, Signals
 from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.effects.time_course import HOUR
 from delta_calibration.model.symbols import Symbol, exp, maximum, square, where
@@ -245,6 +245,11 @@ class Unexplained(Effect):
     def law(self) -> Callable[..., Any]:  # type: ignore[override]
         """Of a bump or of a plane."""
         return _bump if self.centres else _plane
+
+    def functions(self, signals: Signals) -> Array:
+        """What moves every joint, by a weight of its own each, at each sample, (n, F)."""
+        weights = np.ones(len(self.parameters))
+        return terms_of((self,), signals.places).firsts(signals, weights)
 
     def terms(self, places: Places) -> Iterator[Term]:
         """One for each feature, which moves every joint by a weight of its own."""

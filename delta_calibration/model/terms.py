@@ -215,6 +215,20 @@ def shifts(table: Table, signals: Array, values: Array, size: int) -> Array:
     return found
 
 
+@compiled()
+def firsts(table: Table, signals: Array, values: Array) -> Array:
+    """What each term adds at every sample to the first of the rows that it moves, (n, terms)."""
+    found, work = np.zeros((len(signals), len(table.law))), table.work.copy()
+    for row in range(len(signals)):
+        term = busy_from(table, 0, signals[row])
+        while term < len(table.law):
+            evaluate(table, term, signals[row], values, work)
+            span = table.span[term]
+            found[row, term] = work[span[W_AT] + span[F_AT]]
+            term = busy_from(table, term + 1, signals[row])
+    return found
+
+
 @compiled(borrows=True)
 def _columns(
     table: Table, signals: Array, values: Array, by_stage: Array, work: Array, found: Array
