@@ -110,6 +110,14 @@ TABLES = {
         ",q1,q2,q3,x,y,z,rms,rms\n",
         lambda q, y, k: f"{k}," + numbers(np.r_[deg_mm(q, y), 0.01, 0.02]),
     ),
+    "a day without a time": Written(
+        "Date;A1;A2;A3;X;Y;Z\n",
+        lambda q, y, k: "26.11.2026;" + numbers(deg_mm(q, y), ",", ";"),
+    ),
+    "a time with parts of a second and a zone": Written(
+        "time,A1,A2,A3,X,Y,Z\n",
+        lambda q, y, k: f"2026-11-26T08:{k:02d}:00.250Z," + numbers(deg_mm(q, y)),
+    ),
     "seconds that no unit says": Written(
         "Time,q1,q2,q3,x,y,z\n", lambda q, y, k: f"{20 * k}," + numbers(deg_mm(q, y))
     ),
@@ -180,6 +188,25 @@ def test_ten_rows_and_reasons_are_shown_and_the_mapping_is_written(
     assert mapping["delimiter"] == ";"
     assert mapping["table"]["decimal"] == ","
     assert mapping["position"]["unit"] == "mm"
+
+
+@pytest.mark.parametrize(
+    ("place", "written"), [("X,Y,Z", False), ("X [mm],Y [mm],Height Z [m]", True)]
+)
+def test_heights_that_hardly_vary_in_mm_are_read_in_m_or_in_doubt(
+    place: str, written: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Heights in m beside x and y in mm; 24 of 45 stops are at one height."""
+    lines = (Path(__file__).parents[1] / "bags" / "srbd_plain.csv").read_text().splitlines()
+    cells = [line.split(",") for line in lines[4:]]
+    rows = [",".join([*row[1:6], f"{float(row[6]) / 1e3:.7f}"]) for row in cells]
+    file, out = tmp_path / "table.csv", tmp_path / "session"
+    file.write_text("\n".join([f"A1,A2,A3,{place}", *rows, ""]), encoding="utf-8")
+    assert guess(file, "srbd", "--out", str(out)) == int(not written)
+    said = capsys.readouterr().out
+    assert ("in doubt: X, Y, Z in mm, mm, m match better than all in mm" in said) is not written
+    assert ("in deg, the point in mm, mm, m: " in said) is written
+    assert out.exists() is written
 
 
 def test_programs_read_what_is_proposed(

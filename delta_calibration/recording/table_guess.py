@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 _Numbers = TypeVar("_Numbers", float, Array)
 
 _LIES = 0.03  # of the points' spread: a median miss under which the drawing lies on them
+_BETTER = 0.9  # of the miss of one unit for x, y and z: what mixed units are looked at for
 _CLEARLY = 3.0  # times the best: what another reading has to miss by
 _ZEROS = 48  # of a turn: zeros of all joints that are tried
 _ALIKE = 3  # of them: where more do as well as the best, the points do not tell the zero
@@ -51,7 +52,7 @@ _PLACE = re.compile(
 _MEANT = ("goal", "target", "nominal", "soll", "cmd", "command", "ref")  # where it was to go
 _TURN = re.compile(r"(?:quat|rot|q|orientation)[ _.-]*([xyzw])$")
 _OTHERS = {
-    "time": re.compile(rf"({CLOCK}|date|datetime)$"),
+    "time": re.compile(rf"({CLOCK}|date|datetime|datum|uhrzeit|zeitstempel)$"),
     "payload": re.compile(r"(payload|load|mass|last|masse|zuladung)$"),
 }
 _SIDE = re.compile(r"(direction|side|approach|seite|richtung)$")
@@ -183,9 +184,14 @@ def _by_names(table: FoundTable, robot: Robot) -> _Found:
     units = {bare_name(name)[1] for name in found.joints} - {""}
     known = ANGLES if robot.joints.unit == "rad" else LENGTHS
     found.joint_unit = units.pop() if len(units) == 1 and units <= set(known) else ""
-    told = [bare_name(name)[1] for name in found.place]
-    found.place_units = told if told and all(unit in LENGTHS for unit in told) else []
+    found.place_units = list(_told_units(found.place))
     return found
+
+
+def _told_units(place: Sequence[str]) -> tuple[str, ...]:
+    """Units of a point by the names of its columns; none if one of them has none."""
+    told = tuple(bare_name(name)[1] for name in place)
+    return told if all(unit in LENGTHS for unit in told) else ()
 
 
 def _numbered(bare: Mapping[str, str], robot: Robot) -> list[str]:
@@ -222,7 +228,7 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
         )
     share, joints, place, joint_unit, place_units = tried[0]
     found.joints, found.place = list(joints), list(place)
-    open_units = not (found.joint_unit and found.place_units)
+    open_units = not (found.joint_unit and _told_units(place))
     found.joint_unit, found.place_units = joint_unit, list(place_units)
     if not np.isfinite(share) or share > _LIES:
         if _by_count(table, robot, found, tried):
@@ -251,13 +257,29 @@ def _by_mixed_units(
     """The readings, first one whose x, y and z differ in unit if that is clearly better.
 
     Coordinates that vary little hardly show in which unit they are: a reading by one unit that
-    matches is held against those of the same columns, one that does not against all.
+    matches is held against those of the same columns, one that does not against all. One in
+    which a coordinate is in a larger unit and that is better at all makes the units a doubt:
+    numbers in m that are read in mm are flat, and flat is nearly right.
     """
     share, joints, place, joint_unit, _ = tried[0]
     known = _Found(list(joints), list(place), joint_unit) if share <= _LIES else found
     mixed = [units for units in product(_POINT_UNITS, repeat=3) if len(set(units)) > 1]
-    best = min(_readings(table, robot, known, mixed), key=lambda one: one[0])
-    return [best, *tried] if best[0] * _CLEARLY < share else tried
+    readings = sorted(_readings(table, robot, known, mixed), key=lambda one: one[0])
+    best = readings[0]
+    if best[0] * _CLEARLY < share:
+        return [best, *tried]
+    larger = next((one for one in readings if _all_larger(one[4], tried[0][4])), best)
+    if larger[0] < _BETTER * share <= _BETTER * _LIES:
+        found.doubts.append(
+            f"{', '.join(place)} in {', '.join(larger[4])} match better than all in "
+            f"{tried[0][4][0]}: look at the units"
+        )
+    return tried
+
+
+def _all_larger(units: Sequence[str], than: Sequence[str]) -> bool:
+    """Whether no unit of a point is smaller than another reading's, and one is larger."""
+    return all(LENGTHS[one] >= LENGTHS[other] for one, other in zip(units, than, strict=True))
 
 
 def _by_count(table: FoundTable, robot: Robot, found: _Found, tried: Sequence[_Reading]) -> bool:
@@ -337,7 +359,6 @@ def _readings(
     joint_units = (
         [found.joint_unit] if found.joint_unit else (["deg", "rad"] if turning else ["mm", "m"])
     )
-    place_units = [tuple(found.place_units)] if found.place_units else units
     every = [name for name in table.names if np.isfinite(table.column(name)).mean() > 0.9]
     points = [name for name in every if not bare_name(name)[0].startswith(_MEANT)]
     joints = [tuple(found.joints)] if found.joints else list(_runs(every, count, found.place))
@@ -345,6 +366,7 @@ def _readings(
         for p in [tuple(found.place)] if found.place else list(_runs(points, 3, j)):
             if set(j) & set(p):
                 continue
+            place_units = [told] if (told := tuple(found.place_units) or _told_units(p)) else units
             for ju, pu in product(joint_units, place_units):
                 yield _share(table, robot, j, p, ju, pu), j, p, ju, pu
 
@@ -514,8 +536,15 @@ _FORMATS = (
     "%Y-%m-%d %H:%M:%S",
     "%Y-%m-%dT%H:%M:%S",
     "%d.%m.%Y %H:%M:%S",
+    "%Y-%m-%d %H:%M:%S.%f",
+    "%Y-%m-%dT%H:%M:%S.%f",
+    "%Y-%m-%dT%H:%M:%S%z",
+    "%Y-%m-%dT%H:%M:%S.%f%z",
+    "%d.%m.%Y %H:%M:%S.%f",
     "%H:%M:%S",
+    "%H:%M:%S.%f",
 )
+_DAY = re.compile(r"\d{4}-\d{1,2}-\d{1,2}|\d{1,2}[./]\d{1,2}[./]\d{2,4}")  # without a time
 
 
 def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, Any]:
@@ -538,6 +567,9 @@ def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, A
             )
         return {"time": {"column": name, "unit": "s"}}
     texts = [row[column].strip() for row in table.text if not is_gap(row[column])]
+    if all(_DAY.fullmatch(each) for each in texts):
+        found.sure.append(f"{name}: a day without a time of day; it is left out")
+        return {}
     for form in _FORMATS:
         try:
             times = [datetime.strptime(each, form) for each in texts]
