@@ -231,7 +231,11 @@ class Limits:
 class Workspace:
     """Where it works: a box of tool points, and how far the platform turns there."""
 
-    centre: Array = place(shape=(3,), about="centre of the box of tool points, in the base frame")
+    centre: Array = place(
+        shape=(3,),
+        about="centre of the box of tool points to measure in, in the base frame; without this "
+        "section a Delta with arms is measured in the region of `srbd`",
+    )
     size: Array = quantity("mm", least=0.0, most=1e4, shape=(3,), about="edge lengths of that box")
     turn: float = angle(
         default=0.0, about="largest rotation of the platform about each axis it can turn about"

@@ -77,6 +77,18 @@ def test_an_entry_in_another_unit_is_named(name, path, value, said) -> None:
     assert [doubt for doubt in doubts if said in doubt], doubts
 
 
+def test_a_small_delta_without_a_workspace_is_told_to_add_one() -> None:
+    """Half the size of the paper's, which reaches none of its region."""
+    data = robot_document("srbd")[1]
+    sizes = {"base_radius_mm": 100.0, "platform_radius_mm": 30.0, "arm_mm": 160.0, "rod_mm": 425.0}
+    small = {**data, "geometry": {**data["geometry"], **sizes}}
+    (doubt,) = review(robot_from(small, "small.yaml"), small).doubts
+    assert "small.yaml has no section `workspace`: add one (centre_mm and size_mm" in doubt
+    box = {"centre_mm": [0.0, 0.0, -370.0], "size_mm": [300.0, 300.0, 100.0]}
+    boxed = {**small, "workspace": box}
+    assert review(robot_from(boxed, "small.yaml"), boxed).doubts == ()
+
+
 def test_limits_in_radians_and_a_machine_in_metres_are_named() -> None:
     data = robot_document("srbd")[1]
     joints = {
@@ -546,3 +558,20 @@ def test_a_file_that_is_no_urdf_is_refused(text, said, tmp_path: Path) -> None:
     (tmp_path / "x.urdf").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=said):
         robot_from_urdf(tmp_path / "x.urdf")
+
+
+def test_a_workspace_is_asked_for_and_its_size_once_there_is_a_centre(tmp_path: Path) -> None:
+    """Without one a Delta of another size than `srbd` cannot be planned for."""
+    out = tmp_path / "mine.yaml"
+    typed = "mine\n"
+    for entry in entries("six_rod_delta"):
+        given = value_at(robot_document("srbd")[1], entry.path)
+        if entry.path == ("workspace", "centre_mm"):
+            typed += "0, 0, -700\n\n400, 400, 100\n"  # the size is needed: Enter is refused
+        elif given is not None or entry.path in OFFERED:
+            typed += "\n"
+    done = run("new", "--like", "srbd", "--out", out, typed=typed)
+    assert done.exit_code == 0, done.output
+    assert "workspace.centre_mm [mm] [none]" in done.output
+    box = robot_document(str(out))[1]["workspace"]
+    assert box == {"centre_mm": [0, 0, -700], "size_mm": [400, 400, 100]}

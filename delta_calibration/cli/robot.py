@@ -330,7 +330,8 @@ def _asked(
     """The file with what somebody says of an entry; `offered` is what leaving it out means."""
     proposed = value_at(data, entry.path)
     left_out = (offered or OFFERED.get(entry.path)) if proposed is None else None
-    if proposed is None and not entry.required and left_out is None:
+    begun = bool(entry.within) and value_at(data, (entry.within,)) is not None
+    if proposed is None and not (entry.required or begun) and left_out is None:
         return data
     unit = f" [{entry.unit}]" if entry.unit else ""
     about = f"\n{entry.about}" if entry.about else ""
@@ -342,7 +343,8 @@ def _asked(
             return data
         return with_value(data, entry.path, _for_joints(entry, entry.read(said), data))
 
-    return _prompted(text, read, left_out or _written(proposed))
+    default = "" if proposed is None else _written(proposed)
+    return _prompted(text, read, left_out or default)
 
 
 def _for_joints(entry: Entry, value: Any, data: dict[str, Any]) -> Any:

@@ -42,6 +42,7 @@ OFFERED: Mapping[tuple[str, ...], str] = {
     ("joints", "sign"): "1 for all",
     ("joints", "zero_deg"): "0 for all",
     ("joints", "zero_mm"): "0 for all",
+    ("workspace", "centre_mm"): "none",
     ("geometry", "links[]", "zero_deg"): "0",
     ("geometry", "links[]", "parallel"): "false",
     ("geometry", "links[]", "mass_kg"): "0",
