@@ -154,8 +154,18 @@ def test_what_is_not_stated_is_said_so(cell: Path) -> None:
     assert "no tolerance was given" in said
     assert "serial X-9" in said
     assert re.search(r"measured in simulated time; issued 20\d\d-", said)
-    assert "Not in the budget, because nothing was stated: tracker along the beam" in said
+    assert "Not in the budget, because it was not stated: tracker along the beam" in said
     assert content(cell / "bare.json")["decision"] is None
+
+
+def test_what_is_stated_in_part_is_not_said_to_be_missing_altogether() -> None:
+    """A thermometer's uncertainty is worth nothing without the machine's expansion."""
+    about = read_about(None, {"ambient.u_temperature_k": 0.5, "instrument.u_along_um": 1.0})
+    assert about.gaps == (
+        "tracker across the beam, its certificate",
+        "reflector",
+        "temperature (machine.expansion_um_per_m_k missing)",
+    )
 
 
 @pytest.mark.parametrize(("tolerance", "decision"), [("0.012", "not decided"), ("1e-4", "fail")])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from calendar import monthrange
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
@@ -86,18 +86,29 @@ class About:
 
     @property
     def silent(self) -> tuple[str, ...]:
-        """Contributions to the budget that nothing was stated of, and that are not in it."""
+        """Contributions to the budget that are not in it, because an entry was not stated."""
+        return tuple(name for name, missing, _ in self._asked() if missing)
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """The same for people; of what was stated in part, with what is missing."""
+        return tuple(
+            f"{name} ({' and '.join(missing)} missing)" if len(missing) < count else name
+            for name, missing, count in self._asked()
+            if missing
+        )
+
+    def _asked(self) -> Iterator[tuple[str, tuple[str, ...], int]]:
+        """Each contribution by certificates: what is missing of it, and how much it takes."""
         asked = (
             (("instrument", "u_along_um"),),
             (("instrument", "u_across_um"),),
             (("instrument", "u_reflector_um"),),
             (("ambient", "u_temperature_k"), ("machine", "expansion_um_per_m_k")),
         )
-        return tuple(
-            name
-            for name, entries in zip(STATED, asked, strict=True)
-            if any(self.number(*keys) is None for keys in entries)
-        )
+        for name, entries in zip(STATED, asked, strict=True):
+            missing = tuple(".".join(keys) for keys in entries if self.number(*keys) is None)
+            yield name, missing, len(entries)
 
 
 def read_about(path: Path | None, options: Mapping[str, Any]) -> About:

@@ -188,7 +188,7 @@ def budget_section(certificate: Certificate) -> Section:
         figures(UM * float(np.sqrt(np.nanmean(radius**2))), 2)
         for radius in (budget.of_points, budget.of_corrected)
     ]
-    silent = certificate.about.silent
+    gaps = certificate.about.gaps
     caption = (
         "Standard uncertainties along the axes of the base in µm, root mean square of all "
         "measured poses. Kind as in the GUM: A from the statistics of this session, B from "
@@ -200,9 +200,7 @@ def budget_section(certificate: Certificate) -> Section:
         caption += (
             f" ({budget.widen:.2f} times the normal radius, because held-out errors are larger)"
         )
-    text = (
-        (f"Not in the budget, because nothing was stated: {', '.join(silent)}.",) if silent else ()
-    )
+    text = (f"Not in the budget, because it was not stated: {', '.join(gaps)}.",) if gaps else ()
     table = Table(
         "budget",
         "",
