@@ -344,6 +344,10 @@ def test_one_limit_stands_for_all_joints_and_an_interrupted_file_is_kept(tmp_pat
         (("new", "--like", "srbd", "--yes", "--out", "/proc/r.yaml"), "/proc/r.yaml: cannot be"),
         (("reference", "--out", "/proc/r.md"), "/proc/r.md: cannot be"),
         (
+            ("draw", "srbd", "--out", "r.gif"),
+            "r.gif: the ending selects the format: .svg, .png, .pdf",
+        ),
+        (
             ("draw", "srbd", "--out", "r.svg", "--dimensions", "/proc/d"),
             "/proc/d: cannot be created",
         ),

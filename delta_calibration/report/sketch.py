@@ -33,6 +33,7 @@ _SENSE = 0.35  # [rad] that a joint is shown to turn by
 _SEEN = 0.6  # of a way's longest projection, that shows it
 _LONG_SENSE = 4.7  # [rad] the same where its link lies along the axis
 _SHARE = 0.16  # of the machine's size: a slide's arrow, a frame's axes
+_ENDINGS = (".svg", ".png", ".pdf")
 _WIDE, _TALL = 15.0, 6.2  # [inch]
 
 
@@ -101,8 +102,14 @@ def write_sketch(robot: Robot, path: Path, before: Robot | None = None, changed:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    """No date in the file: the same robot gives the same drawing."""
-    return {"Date": None} if path.suffix == ".svg" else {}
+    """No date in the file: the same robot gives the same drawing.
+
+    Raises:
+        InputError: another kind of file than SVG, PNG and PDF.
+    """
+    if path.suffix.lower() not in _ENDINGS:
+        raise InputError(f"{path}: the ending selects the format: {', '.join(_ENDINGS)}")
+    return {"Date": None} if path.suffix.lower() == ".svg" else {}
 
 
 def _title(robot: Robot) -> str:
