@@ -85,6 +85,7 @@ def test_decimal_commas_are_not_guessed(cell, tmp_path, capsys) -> None:
     path = write(tmp_path / "t.csv", german(poses))
     _, said = bring(path, mapping_of(delimiter=";"), capsys, 2)
     assert "is not a finite number; decimals take a point, thousands take nothing" in said
+    assert "in the mapping: `table: {decimal: ','}`" in said
     other = {"delimiter": ",", "table": {"decimal": ","}}
     _, said = bring(path, mapping_of(**other), capsys, 2)
     assert "table: decimal ',' is not allowed with delimiter ','" in said

@@ -34,6 +34,7 @@ _LATEST = float(2**31)  # [s] a ROS stamp ends there
 _SHOWN = 6  # texts of a column in a message, at most
 _APART = 0.5e-3  # [m] that reflectors lie at most from their places among each other
 _YEAR = re.compile(r"%[YyGcDFxsj]")  # directives of a time that has a date
+_COMMA = re.compile(r"[+-]?[\d.' ]*\d,\d+")  # perhaps a decimal comma
 _NOT_UNIT = 1e-2  # of a quaternion's length that rounding does not explain
 
 
@@ -136,6 +137,13 @@ def _filled(row: Row, name: str) -> bool:
 def _number(row: Row, name: str) -> float:
     if not _filled(row, name):
         raise row.wrong(name, "is missing; `missing: skip` in the mapping leaves such rows out")
+    if _COMMA.fullmatch((row.text[name] or "").strip()):
+        raise row.wrong(
+            name,
+            "is not a finite number; decimals take a point, thousands take nothing: -1234.5; "
+            "if the comma is a decimal mark, say so in the mapping: `table: {decimal: ','}`, for "
+            "a second file below `join` (--mapping-out writes the mapping of a preset)",
+        )
     return row.number(name)
 
 
