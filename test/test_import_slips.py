@@ -5,6 +5,8 @@ Tables of simulated robots, spoilt in one way each.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -117,6 +119,18 @@ def test_joints_in_another_unit(cell, capsys, where, columns, large):
         assert f"likely {units[1]}, {place}" in text
     assert f": q{joints[0] + 1}: " in text
     assert "inf" not in text
+
+
+def test_heights_in_another_unit_that_a_plane_of_most_rows_hides(capsys, tmp_path):
+    """In m, said to be in mm: 24 of 45 rows are at one height, and fit whatever it is."""
+    robot = load_robot("srbd")
+    lines = (Path(__file__).parents[1] / "bags" / "srbd_plain.csv").read_text().splitlines()
+    table = np.array([[float(cell) for cell in line.split(",")[1:]] for line in lines[4:]])
+    spoiled = spoilt(table, np.arange(len(table)), [5], 1e-3)
+    message = said(capsys, (tmp_path, robot, table), spoiled)
+    assert "line 2: z: " in message
+    assert "cannot be in mm: the measured point is 99." in message
+    assert "likely m, as in all rows" in message
 
 
 def test_a_left_handed_frame(cell, capsys):

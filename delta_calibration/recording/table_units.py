@@ -26,6 +26,7 @@ _HOPELESS = 0.03  # of the points' spread: a median miss that is looked into
 _UNKNOWN = 0.15  # the same that is said, if nothing explains it
 _FAR = 15.0  # times the median miss, and
 _WIDE = 0.03  # of the points' spread: a row that misses by more than both is looked into
+_MANY = 0.1  # share of such rows from which a column may be in another unit in all of them
 _LOOKED_INTO = 50  # such rows at most
 _BETTER = 0.1  # of the miss: what another reading may leave
 _AS_GOOD = 3.0  # times the best: readings that leave no more cannot be told apart
@@ -59,6 +60,7 @@ def _require_reach(
     some = slice(None, None, -(-len(rows) // _MOST))
     stated = Placed.on(robot, [_part(way, some)])
     if stated is not None and stated.share <= _HOPELESS:
+        _require_heights(numbers, mapping, stated, rows)
         _require_rows(numbers, mapping, stated, rows)
         return []
     miss, share = (stated.typical, stated.share) if stated else (np.inf, np.inf)
@@ -107,6 +109,30 @@ def _off(miss: float) -> str:
     )
 
 
+def _require_heights(
+    numbers: TableNumbers, mapping: TableMapping, stated: Placed, rows: Rows
+) -> None:
+    """Refuse a column in another unit where most rows lie in a plane that hides it."""
+    way = numbers.command[rows], numbers.position[rows]
+    some = slice(None, None, -(-len(rows) // _MOST))
+    far = _far(stated, way)
+    if far.mean() < _MANY:
+        return
+    for slip in unit_slips(mapping):
+        placed = _with(stated.robot, _part(way, some), slip, mixed=False)
+        if placed is None or placed.share > _AS_GOOD * stated.share:
+            continue
+        if _far(placed, slip.meant(way)).mean() < _BETTER * far.mean():
+            miss = float(np.median(stated.missed(way)[far]))
+            raise _mixed_up(numbers, mapping, rows, placed, slip, miss)
+
+
+def _far(placed: Placed, way: Way) -> NDArray[np.bool_]:
+    """Rows that miss by more than a machine is off its drawing, (n,)."""
+    limit = max(_FAR * placed.typical, _WIDE * placed.spread)
+    return np.asarray(placed.missed(way) > limit)
+
+
 def _require_rows(
     numbers: TableNumbers, mapping: TableMapping, stated: Placed, rows: Rows
 ) -> None:
@@ -114,8 +140,7 @@ def _require_rows(
     way = numbers.command[rows], numbers.position[rows]
     missed = stated.missed(way)
     enough = _enough(stated, missed)
-    far = np.flatnonzero(missed > max(_FAR * stated.typical, _WIDE * stated.spread))
-    far = far[:_LOOKED_INTO]
+    far = np.flatnonzero(_far(stated, way))[:_LOOKED_INTO]
     slips = [*unit_slips(mapping)]
     left = np.array([stated.missed(slip.meant(_part(way, far))) for slip in slips])
     for k, row in enumerate(far.tolist()):
