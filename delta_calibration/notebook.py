@@ -33,7 +33,8 @@ from delta_calibration.compensation import JointCompensator, methods_for, requir
 from delta_calibration.data import Session as Recording
 from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import Diagnosis, diagnose
-from delta_calibration.errors import InputError
+from delta_calibration.doctor import Mistake, check
+from delta_calibration.errors import InputError, MistakeError
 from delta_calibration.estimation import Identification, doubts, identify
 from delta_calibration.plans.target_file import NAME, PLACE, TURN, commanded_columns
 from delta_calibration.recording import Topics, read_session
@@ -86,6 +87,15 @@ class Session:
         """Poses at rest and readings in motion."""
         return survey(self.recorded, self.robot.joints.names, self.robot.commanded.joint_size)
 
+    @cached_property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        """Mistakes of units, wiring, clocks and frames, as `delta-cal check` finds them."""
+        return tuple(check(self.recorded, self.robot).found)
+
+    def _warn(self) -> None:
+        for mistake in self.mistakes:
+            warn(mistake.sentence(), stacklevel=3)
+
     def to_frame(self) -> pd.DataFrame:
         """A row a pose at rest: time, joints, measured point, readings, payload, temperatures."""
         poses, names = self.survey.poses, self.robot.joints.names
@@ -99,19 +109,21 @@ class Session:
         return _frame(columns)
 
     def fit(self, seed: int = 0) -> Identified:
-        """What the machine really is, as `delta-cal fit`.
+        """What the machine really is, as `delta-cal fit`; warns of mistakes in the session.
 
         Raises:
             CalibrationError: too few poses, nothing that can be set.
         """
+        self._warn()
         return Identified(self, identify(self.survey.poses, self.robot, self.model, seed))
 
     def diagnose(self, seed: int = 0, calibration: Calibration | None = None) -> Diagnosed:
-        """What the calibrated model gets wrong, as `delta-cal diagnose`.
+        """What the calibrated model gets wrong, as `delta-cal diagnose`; warns as a fit.
 
         Raises:
             CalibrationError: as a fit.
         """
+        self._warn()
         found = diagnose(self.survey, self.robot, self.model, seed=seed, calibration=calibration)
         return Diagnosed(self, found)
 
@@ -205,8 +217,13 @@ class Identified:
         """
         return _commands(self.calibration, targets, method, payload, temperature)
 
-    def save(self, path: str | Path) -> None:
-        """Write the calibration file."""
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the calibration file.
+
+        Raises:
+            MistakeError: the session was recorded with a mistake, and `force` is not given.
+        """
+        _require_sound(self.session, force=force)
         save_calibration(Path(path), self.found, self.session.robot, self.session.survey.poses)
 
     def _repr_html_(self) -> str:
@@ -273,8 +290,13 @@ class Diagnosed:
         """The same as `Identified.compensate`, by the extended model."""
         return _commands(self.calibration, targets, method, payload, temperature)
 
-    def save(self, path: str | Path) -> None:
-        """Write the calibration file, extended by what was found."""
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the calibration file, extended by what was found.
+
+        Raises:
+            MistakeError: the session was recorded with a mistake, and `force` is not given.
+        """
+        _require_sound(self.session, force=force)
         found, robot = self.diagnosis.identification, self.session.robot
         save_calibration(Path(path), found, robot, self.session.survey.poses)
 
@@ -290,6 +312,16 @@ class Diagnosed:
             told = f"{', '.join(values)} ({sure(finding.confidence)} sure)"
             rows[named(finding.called())] = named(told)
         return _page(named(verdict.sentence()), rows, self.diagnosis.doubts)
+
+
+def _require_sound(session: Session, *, force: bool) -> None:
+    """Refuse to write a calibration of a session that was recorded with a mistake."""
+    if session.mistakes and not force:
+        named = ", ".join(dict.fromkeys(mistake.mistake for mistake in session.mistakes))
+        raise MistakeError(
+            f"{session.recorded.source}: no calibration is written from a session with {named}: "
+            "`delta-cal check` explains it; force=True writes the calibration anyway"
+        )
 
 
 def _commands(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.data import collect
-from delta_calibration.errors import InputError
+from delta_calibration.errors import InputError, MistakeError
 from delta_calibration.estimation import identify
 from delta_calibration.notebook import Identified, Session, open_session
 
@@ -65,6 +66,23 @@ def test_commands_put_the_identified_machine_on_the_targets(found: Identified) -
     assert np.isnan(table[f"{names[0]}_rad"].iloc[2])
     again = found.compensate(table)
     assert list(again["status"]) == list(table["status"])
+
+
+def test_a_session_with_a_mistake_is_warned_of_and_not_saved(
+    session: Session, tmp_path: Path
+) -> None:
+    """Commands in degrees; the fit goes by the encoders, the calibration is not written."""
+    command = session.recorded.command
+    degrees = replace(command, position=np.degrees(command.position))
+    wrong = Session(session.robot, replace(session.recorded, command=degrees))
+    with pytest.warns(UserWarning, match="unit_degrees in joint_command"):
+        found = wrong.fit()
+    out = tmp_path / "c.yaml"
+    with pytest.raises(MistakeError, match=r"no calibration is written .* with unit_degrees"):
+        found.save(out)
+    assert not out.exists()
+    found.save(out, force=True)
+    load_calibration(out, session.robot)
 
 
 def test_commands_are_those_of_the_verb(tmp_path: Path) -> None:
