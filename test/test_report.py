@@ -17,6 +17,7 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("plotly", reason="needs the extra [report]")
 
 from delta_calibration.accuracy import IsoReport, IsoValue
+from delta_calibration.cli.main import run
 from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.verdict import Estimate
@@ -25,6 +26,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.iso9283 import STANDARD
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.plans import make_plan
+from delta_calibration.recording import read_session, write_session
 from delta_calibration.region import Region
 from delta_calibration.report import (
     build_page,
@@ -478,3 +480,21 @@ def test_a_narrow_map_has_few_level_ticks() -> None:
 
     assert ticks(wide, high) == {"nticks": 3, "tickangle": 0}
     assert ticks(high, wide) == {"nticks": 7, "tickangle": 0}
+
+
+def test_a_mistake_in_the_session_is_told_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A tracker that was moved by 10 mm: the page told of a drift of the tracker."""
+    recorded = read_session(Path(__file__).parents[1] / "bags" / "srbd_plain")
+    tracker = recorded.tracker
+    place = tracker.position.copy()
+    place[len(place) // 2 :] += [0.006, -0.008, 0.0]
+    moved = replace(recorded, tracker=replace(tracker, position=place))
+    write_session(tmp_path / "moved", moved, {})
+    page = tmp_path / "page.html"
+    assert run(["report", str(tmp_path / "moved"), "--robot", "srbd", "--out", str(page)]) == 0
+    assert "warning: tracker_moved in tracker (10.0" in capsys.readouterr().out
+    text = page.read_text(encoding="utf-8")
+    first = text.index("Mistake in the session")
+    assert text.index("tracker_moved in tracker (10.0", first) < text.index("What is wrong", first)

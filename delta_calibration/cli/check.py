@@ -120,8 +120,8 @@ def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
 
 def warn_of_mistakes(
     session: Session, robot: Robot, robot_file: str, force: bool, out: bool
-) -> None:
-    """Warn of what a check of the session finds, before it is fitted.
+) -> tuple[Mistake, ...]:
+    """Warn of what a check of the session finds, before it is fitted, and return it.
 
     Args:
         session: as recorded.
@@ -143,3 +143,4 @@ def warn_of_mistakes(
             f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: `delta-cal check` "
             "explains it and corrects it (--fix); --force writes the calibration anyway"
         )
+    return checked.found

@@ -119,7 +119,7 @@ def command(
     calibration = None if in_force is None else load_calibration(in_force, robot)
     population = population_in(priors_file, robot, model)
     recorded = read_session(session, Topics.from_options(topics))
-    warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
+    mistakes = warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration, population)
@@ -138,7 +138,7 @@ def command(
         for line in write_law(law_file, found, session.name):
             click.echo(line)
     if report_file is not None:
-        made = report_on(session, recorded, found, robot, seed, calibration)
+        made = report_on(session, recorded, found, robot, seed, calibration, mistakes=mistakes)
         write_page(report_file, made)
         click.echo(f"written: {report_file}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,9 +10,11 @@ from delta_calibration.accuracy import IsoReport, evaluate
 from delta_calibration.calibration import Calibration
 from delta_calibration.data import Session, collect, match
 from delta_calibration.diagnosis import Diagnosis
+from delta_calibration.doctor import Mistake
 from delta_calibration.errors import CalibrationError
 from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
 from delta_calibration.report import Report, hash_of, report_of, session_provenance
+from delta_calibration.report.document import Statement
 from delta_calibration.robot import Robot
 
 
@@ -23,6 +26,7 @@ def report_on(
     seed: int,
     calibration: Calibration | None = None,
     cycles: tuple[Path, Session] | None = None,
+    mistakes: Sequence[Mistake] = (),
 ) -> Report:
     """The report of a diagnosed session, ISO 9283 within where its cycles were recorded.
 
@@ -34,6 +38,7 @@ def report_on(
         seed: of the diagnosis.
         calibration: in force while it was recorded, if one was.
         cycles: another session, with the standard's cycles; the same one where not given.
+        mistakes: found in the session; the page tells them first.
 
     Raises:
         RecordingError: a file of the session cannot be read.
@@ -44,7 +49,12 @@ def report_on(
     if cycles is not None:
         also, of_cycles = cycles
         provenance = replace(provenance, cycles=also.name, cycles_sha256=hash_of(also))
-    return report_of(found, robot, provenance, _standard(of_cycles, robot, calibration))
+    made = report_of(found, robot, provenance, _standard(of_cycles, robot, calibration))
+    if not mistakes:
+        return made
+    told = ". ".join(mistake.sentence() for mistake in mistakes)
+    first = Statement("Mistake in the session", f"{told}. What follows is not to be trusted.")
+    return replace(made, statements=(first, *made.statements))
 
 
 def _standard(session: Session, robot: Robot, calibration: Calibration | None) -> IsoReport | str:

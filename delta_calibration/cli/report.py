@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
@@ -70,7 +71,8 @@ def command(
 
     The page starts with the verdict. Below it: the error over the workspace and along the line of
     the Delta paper, what points to the cause, the evidence, what the data cannot determine, noise,
-    ISO 9283 if its cycles were recorded, and the origin of every number.
+    ISO 9283 if its cycles were recorded, and the origin of every number. Mistakes that `check`
+    finds in SESSION are told first.
     """
     require_folder(out)
     require_libraries()
@@ -79,10 +81,11 @@ def command(
     known = Topics.from_options(topics)
     recorded = read_session(session, known)
     standard = None if cycles is None else (cycles, read_session(cycles, known))
+    mistakes = warn_of_mistakes(recorded, robot, robot_file, force=False, out=False)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
-    made = report_on(session, recorded, found, robot, seed, calibration, standard)
+    made = report_on(session, recorded, found, robot, seed, calibration, standard, mistakes)
     click.echo(f"verdict: {made.sentence}")
     write(made, out, figures, numbers)
 
