@@ -268,6 +268,8 @@ def _explain(error: ValidationError) -> str:
             return f"{at}{found!r} is not allowed; {bound} {rule:g} is expected"
         case "minItems" | "maxItems":
             return f"{at}{len(found)} values found, {rule} are expected"
+        case "uniqueItems":
+            return f"{at}{found!r} is not allowed; each value only once is expected"
         case "anyOf" | "oneOf":  # what is wrong by the form that has the kind of value found
             near = [e for e in error.context or () if e.validator != "type"]
             return _explain(near[0]) if near else f"{at}{error.message}"

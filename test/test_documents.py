@@ -74,7 +74,7 @@ def test_the_file_as_it_is_is_read(tmp_path):
         ),
         ("schema: 1", "schema: 2", r"schema: 2 is not allowed; it must be 1"),
         ("arm_centre: 0.45", "arm_centre: 1.45", r"masses\.arm_centre: 1\.45 .* at most 1 "),
-        ("[joint_1, joint_2, joint_3]", "[a, b, b]", r"joints\.names: .*non-unique"),
+        ("[joint_1, joint_2, joint_3]", "[a, b, b]", r"joints\.names: .* only once"),
         ("  arm_mm: 320.0", "  arm_mm: 3_20.0", r"line \d+, column 11: 3_20\.0 is no number"),
         ("  arm_mm: 320.0", "  arm_mm: 3_20", r"line \d+, column 11: 3_20 is no number"),
         ("name: srbd", "name: [", r"not valid YAML: line \d+, column \d+: "),
