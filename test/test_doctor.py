@@ -200,6 +200,20 @@ def test_no_calibration_is_written_over_a_mistake(
     assert not out.exists()
 
 
+def test_fix_is_not_promised_where_nothing_explains_the_session(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = case_of("linear_delta").session
+    tracker = session.tracker
+    flat = replace(tracker, position=tracker.position * [1.0, 1.0, 1e-3])
+    write_session(tmp_path / "flat", replace(session, tracker=flat))
+    out = tmp_path / "calibration.yaml"
+    assert run(["fit", str(tmp_path / "flat"), "--robot", "linear_delta", "--out", str(out)]) == 1
+    said = capsys.readouterr().err
+    assert "with wrong_robot: `delta-cal check` explains it; --force" in said
+    assert not out.exists()
+
+
 def test_by_force_it_is(tmp_path: Path) -> None:
     """A moved tracker leaves a session that can be fitted, badly."""
     case, out = case_of("linear_delta"), tmp_path / "calibration.yaml"

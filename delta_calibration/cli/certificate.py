@@ -163,7 +163,7 @@ def _require_sound(recorded: Session, robot: Robot, robot_file: str) -> None:
     except MistakeError as error:
         raise MistakeError(
             f"{recorded.source}: a session with a mistake cannot be certified: `delta-cal check` "
-            "explains it and corrects it (--fix)"
+            "explains it, and --fix corrects it if it is known well enough"
         ) from error
 
 

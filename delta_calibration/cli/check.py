@@ -141,6 +141,7 @@ def warn_of_mistakes(
         raise MistakeError(
             f"{session.source}: no calibration is written from a session with "
             f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: `delta-cal check` "
-            "explains it and corrects it (--fix); --force writes the calibration anyway"
+            f"explains it{' and corrects it (--fix)' if checked.resolved else ''}; --force writes "
+            "the calibration anyway"
         )
     return checked.found
