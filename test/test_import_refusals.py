@@ -300,6 +300,17 @@ MAPPINGS = {
         {"rotation": {"columns": ["x", "y", "z"], "form": "rpy", "unit": "deg"}},
         "rotation: missing key axes with form rpy",
     ),
+    "one axis twice in a row": (
+        {
+            "rotation": {
+                "columns": ["x", "y", "z"],
+                "form": "euler",
+                "unit": "deg",
+                "axes": "ZZX",
+            }
+        },
+        "rotation.axes: 'ZZX' is not allowed; three of x, y and z, or of X, Y and Z, no two alike",
+    ),
     "quaternion of three": (
         {"rotation": {"columns": ["x", "y", "z"], "form": "quaternion_xyzw"}},
         "rotation.columns: 3 values found, 4 are expected",
