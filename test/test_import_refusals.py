@@ -157,6 +157,8 @@ def test_times_have_to_rise(cell, capsys):
     assert "line 3: t: '2' is 0.001 s after line 2; stops are 1.1 s apart or more" in said
     formed = mapping_of(time={"column": "t", "unit": "format", "format": "%H:%M"})
     assert "is not of the form '%H:%M'" in refused(capsys, folder, head, at([1, 2]), formed)
+    formed["time"]["format"] = "%d.%d"  # one part twice
+    assert "is not of the form '%d.%d'" in refused(capsys, folder, head, at([1, 2]), formed)
 
 
 def test_gaps_and_repeats_may_be_left_out(cell, capsys):

@@ -200,7 +200,7 @@ def _moment(row: Row, name: str, form: str) -> float:
     """Seconds since 1970; a time of day without a date is taken for one of the first day."""
     try:
         moment = datetime.strptime((row.text[name] or "").strip(), form)
-    except ValueError:
+    except (ValueError, re.error):  # the latter where the form has one part twice
         raise row.wrong(name, f"is not of the form {form!r}") from None
     if not _YEAR.search(form):
         moment = moment.replace(year=1970)
