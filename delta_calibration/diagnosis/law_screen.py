@@ -16,7 +16,7 @@ A law is charged as a cause of the catalogue is (`scores.py`): its values share 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +33,7 @@ from delta_calibration.model.terms import Term, columns, table_of
 Array = NDArray[np.float64]
 
 _AT_A_TIME = 32  # laws, whose columns are in memory together
+_KEPT = 100e6  # bytes of functions that are in memory together
 _NO_COLUMN = 1e-12  # of a displacement, under which it is none
 
 Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
@@ -87,17 +88,17 @@ class Screen:
         self._count = int(good.sum())
 
     def cases(self, laws: Sequence[FoundLaw]) -> list[Case]:
-        """Each law's case by itself."""
+        """Each law's case by itself; those of one wording, whatever moves, one after the other."""
         pairs = [tuple(self.pairs(law)) for law in laws]
-        self._evaluate([pair for own in pairs for pair in own])
-        alike: dict[int, list[int]] = {}
-        for i, own in enumerate(pairs):
-            alike.setdefault(len(own), []).append(i)
+        worded: dict[Hashable, list[int]] = {}
+        for i, law in enumerate(laws):
+            worded.setdefault((law.of, law.function, law.by), []).append(i)
         found: dict[int, Case] = {}
-        for rows in alike.values():
-            for begin in range(0, len(rows), _AT_A_TIME):
-                some = rows[begin : begin + _AT_A_TIME]
+        for rows in worded.values():
+            self._evaluate([pair for i in rows for pair in pairs[i]])
+            for some in _batches(rows, pairs):
                 found.update(zip(some, self._cases([pairs[i] for i in some]), strict=True))
+            self._forget()
         return [found[i] for i in range(len(laws))]
 
     def case(self, laws: Sequence[FoundLaw]) -> Case:
@@ -109,6 +110,7 @@ class Screen:
     def signal(self, laws: Sequence[FoundLaw], case: Case) -> Array:
         """What they make of the whitened readings at their most likely values, (d n,)."""
         pairs = [pair for law in laws for pair in self.pairs(law)]
+        self._evaluate(pairs)
         made = (
             v * self._factor(moved).moved * self._functions[taken][:, None]
             for v, (moved, taken) in zip(case.value * case.size, pairs, strict=True)
@@ -168,17 +170,22 @@ class Screen:
 
     def _evaluate(self, pairs: Sequence[Column]) -> None:
         """What is not known yet of some columns: their functions, and these with the nuisance."""
+        self._find([taken for _, taken in pairs])
         groups: dict[Moved, list[Taken]] = {}
         for moved, taken in dict.fromkeys(pairs):
             if (moved, taken) not in self._nuisance:
                 groups.setdefault(moved, []).append(taken)
-        self._find([taken for some in groups.values() for taken in some])
         for moved, some in groups.items():
             factor = self._factor(moved)
             f = np.stack([self._functions[taken] for taken in some])
             keys = [(moved, taken) for taken in some]
             self._nuisance.update(zip(keys, f @ factor.nuisance, strict=True))
             self._shared.update(zip(keys, self._shared_by(factor, f), strict=True))
+
+    def _forget(self) -> None:
+        """Let go of the functions, where they take much memory: a grammar has many thousands."""
+        if len(self._functions) * 8 * len(self.evidence) > _KEPT:
+            self._functions.clear()
 
     def _find(self, taken: Sequence[Taken]) -> None:
         """Functions at all samples, (n,) each, of what is not known yet."""
@@ -190,3 +197,13 @@ class Screen:
         table, one = table_of([(law, terms, 0)]), np.eye(1)[None]
         values = columns(table, self.signals.rows, np.ones(len(new)), one)[:, 0]
         self._functions.update(zip(new, np.ascontiguousarray(values.T), strict=True))
+
+
+def _batches(rows: Sequence[int], pairs: Sequence[Sequence[Column]]) -> Iterator[list[int]]:
+    """Some of the laws at a time, each time with as many columns."""
+    alike: dict[int, list[int]] = {}
+    for i in rows:
+        alike.setdefault(len(pairs[i]), []).append(i)
+    for own in alike.values():
+        for begin in range(0, len(own), _AT_A_TIME):
+            yield own[begin : begin + _AT_A_TIME]
