@@ -28,7 +28,10 @@ Array = NDArray[np.float64]
 class Columns(ABC):
     """k columns of d numbers for each of n samples."""
 
-    width: int  # k
+    @property
+    @abstractmethod
+    def width(self) -> int:
+        """How many there are, k."""
 
     @abstractmethod
     def along(self, y: Array) -> Array:
@@ -54,7 +57,7 @@ class Plain(Columns):
     values: Array  # (d n, k)
 
     @property
-    def width(self) -> int:  # type: ignore[override]
+    def width(self) -> int:
         """How many there are."""
         return int(self.values.shape[1])
 
@@ -83,7 +86,7 @@ class Product(Columns):
     functions: Array  # (n, F)
 
     @property
-    def width(self) -> int:  # type: ignore[override]
+    def width(self) -> int:
         """How many there are: F m."""
         return int(self.functions.shape[1] * self.moved.shape[2])
 
@@ -131,7 +134,7 @@ class Joined(Columns):
     parts: tuple[Columns, ...]
 
     @property
-    def width(self) -> int:  # type: ignore[override]
+    def width(self) -> int:
         """How many there are."""
         return self._begin[-1]
 
@@ -142,7 +145,8 @@ class Joined(Columns):
 
     def inner(self) -> Array:
         """X' X, (k, k)."""
-        found, spans = np.empty((self.width, self.width)), list(map(slice, *self._spans))
+        found = np.empty((self.width, self.width))
+        spans = [slice(*span) for span in pairwise(self._begin)]
         for i, own in enumerate(spans):
             found[own, own] = self.parts[i].inner()
             for part, span in zip(self.parts[:i], spans[:i], strict=True):
@@ -163,11 +167,6 @@ class Joined(Columns):
     def _begin(self) -> tuple[int, ...]:
         """Where the columns of each begin, and where all end."""
         return tuple(np.cumsum([0, *(part.width for part in self.parts)]).tolist())
-
-    @property
-    def _spans(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        begin, end = zip(*pairwise(self._begin), strict=True)
-        return begin, end
 
 
 def joined(parts: Sequence[Columns]) -> Columns:
