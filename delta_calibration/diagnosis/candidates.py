@@ -91,7 +91,8 @@ def all_columns(candidates: Sequence[Candidate], evidence: LinearizedModel) -> C
 
 def _products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
     effect = candidate.effect
-    if isinstance(effect, Unexplained) and len(candidate.rows) == len(effect.parameters):
+    whole = effect is not None and len(candidate.rows) == len(effect.parameters)
+    if effect is not None and effect.by_functions and whole:
         return evidence.product(effect)
     return Plain(columns_of(candidate, evidence))
 

@@ -31,7 +31,6 @@ from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.signals import Signals, all_asked, recorded, standing
-from delta_calibration.effects.unexplained import Unexplained
 from delta_calibration.estimation import (
     Known,
     Linear,
@@ -264,8 +263,8 @@ class LinearizedModel:
         own = columns if effect.free_form else None  # a map's are hundreds of megabytes: in place
         return np.multiply(columns, effect.parameters.prior, out=own).reshape(self.size, -1)
 
-    def product(self, effect: Unexplained) -> Product:
-        """The columns of a smooth map, as products of its functions and what they move."""
+    def product(self, effect: Effect) -> Product:
+        """The columns of an effect that moves its whole stage by functions, as products."""
         functions = effect.functions(self._signals(effect))
         return Product(self.by_stage(effect.stage), functions * effect.parameters.prior[0])
 

@@ -76,6 +76,9 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
     # whether it is any function of what it moves with: what it could draw as well is a part of it
     free_form: ClassVar[bool] = False
+    by_functions: ClassVar[bool] = (
+        False  # whether each function moves all rows of its stage, see `functions`
+    )
     asks_pose: ClassVar[bool] = False  # whether what is `missing` depends on the pose as well
     # whether it changes by hundredths of what it moves the tool by: no steps, no steep slopes
     gentle: ClassVar[bool] = False
@@ -181,6 +184,14 @@ class Effect(ABC):
         """
         at = self.about if values is None else np.ascontiguousarray(values)
         return terms_of((self,), signals.places).columns(signals, at, by_stage)
+
+    def functions(self, signals: Signals) -> Array:
+        """Functions of the sample, (n, F), by each of which it moves all rows of its stage.
+
+        Of an effect that is `by_functions`: its parameters are the weights of the rows, those of
+        one function after those of another.
+        """
+        raise NotImplementedError(f"{self.cause} is not made of functions")
 
     @property
     def stands(self) -> bool:

@@ -102,6 +102,7 @@ class Unexplained(Effect):
     called: ClassVar[str] = "smooth map"
     stage: ClassVar[Stage] = Stage.DRIVE
     free_form: ClassVar[bool] = True
+    by_functions: ClassVar[bool] = True
 
     family: str = POSITION
     # all in the joints' unit
