@@ -233,7 +233,7 @@ def wire_of(layout: Layout, message: bytes, names: Sequence[str]) -> Any:
 
 
 def warm_up(compensator: JointCompensator) -> None:
-    """Take the delay of the first usual command now: what is compiled on first use is loaded.
+    """Load what is compiled on first use, so that the first usual command need not wait for it.
 
     Once while nothing is known of what effects go by, and once while all of it is.
     """

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class Columns(ABC):
-    """k columns of d numbers for each of n samples."""
+    """Some columns, k: each has d numbers for each of n samples."""
 
     @property
     @abstractmethod
@@ -35,15 +35,15 @@ class Columns(ABC):
 
     @abstractmethod
     def along(self, y: Array) -> Array:
-        """X' y of columns y (d n, j), (k, j)."""
+        """Products X' y with other columns y (d n, j), (k, j)."""
 
     @abstractmethod
     def inner(self) -> Array:
-        """X' X, (k, k)."""
+        """Products X' X of these columns with each other, (k, k)."""
 
     @abstractmethod
     def across(self, other: Columns) -> Array:
-        """X' Z of other columns, (k, l)."""
+        """Products X' Z with l others of any kind, (k, l)."""
 
     @abstractmethod
     def rows(self, own: slice) -> Columns:

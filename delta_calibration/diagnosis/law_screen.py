@@ -183,7 +183,7 @@ class Screen:
             self._shared.update(zip(keys, self._shared_by(factor, f), strict=True))
 
     def _forget(self) -> None:
-        """Let go of the functions, where they take much memory: a grammar has many thousands."""
+        """Drop the functions kept so far if they take more memory than `_KEPT`."""
         if len(self._functions) * 8 * len(self.evidence) > _KEPT:
             self._functions.clear()
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
-from delta_calibration.diagnosis.columns import Columns
+from delta_calibration.diagnosis.columns import Columns, Plain
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -99,8 +99,7 @@ class SharedPathError:
 
     def seen(self, x: Array) -> Array:
         """s(x) of columns (3 n, k), (r, k)."""
-        parts = [root @ (own.T @ x[at]) for at, own, root in self._blocks]
-        return np.concatenate([np.zeros((0, x.shape[1])), *parts])
+        return self.seen_of(Plain(x))
 
     def seen_of(self, x: Columns) -> Array:
         """The same of columns that may be products, (r, k)."""

@@ -76,9 +76,8 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
     # whether it is any function of what it moves with: what it could draw as well is a part of it
     free_form: ClassVar[bool] = False
-    by_functions: ClassVar[bool] = (
-        False  # whether each function moves all rows of its stage, see `functions`
-    )
+    # whether it moves all rows of its stage by each of some `functions`
+    by_functions: ClassVar[bool] = False
     asks_pose: ClassVar[bool] = False  # whether what is `missing` depends on the pose as well
     # whether it changes by hundredths of what it moves the tool by: no steps, no steep slopes
     gentle: ClassVar[bool] = False

@@ -248,7 +248,7 @@ class Unexplained(Effect):
         return _bump if self.centres else _plane
 
     def functions(self, signals: Signals) -> Array:
-        """What moves every joint, by a weight of its own each, at each sample, (n, F)."""
+        """Its bumps, or products of condition and joint, at each sample, (n, F)."""
         weights = np.ones(len(self.parameters))
         return terms_of((self,), signals.places).firsts(signals, weights)
 
