@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 from scipy.stats import chi2, f_oneway, kstest, multivariate_normal
 
@@ -318,6 +319,23 @@ def test_parts_are_disjoint_cover_and_lie_together(evidence) -> None:
         assert (
             len(np.unique(cross_validation.scattered(evidence)[(cells == cell).all(axis=1)])) == 1
         )
+
+
+@pytest.mark.parametrize("name", ["five_axis", "scara", "srbd", "ur10"])
+def test_sectors_are_alike_wherever_a_machine_works(name) -> None:
+    """The five-axis machine works in an upright plane, which about z is two bearings."""
+    robot = load_robot(name)
+    mechanism = robot.commanded
+    plan = make_plan("identify", robot, count=100, both_sides=False)
+    place = mechanism.position(mechanism.forward(plan.joint, mechanism.parameters.nominal))
+    bearing = cross_validation.bearings(place)
+    assert len(np.unique(np.round(bearing, 6))) > 50  # of two it was on the five-axis machine
+    turned = place @ Rotation.from_euler("z", 0.3).as_matrix().T  # whatever x is called
+    before, after = (cross_validation.bearings(each) for each in (place, turned))
+    if name == "five_axis":
+        np.testing.assert_allclose(np.sin(after), np.sin(before), atol=1e-9)
+    else:
+        np.testing.assert_allclose(np.mod(after - before, 2 * np.pi), 0.3)
 
 
 def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:

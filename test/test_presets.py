@@ -13,6 +13,7 @@ from delta_calibration.data import collect
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.recording.presets import presets
+from delta_calibration.recording.table_source import Form, _by_marks
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
 
@@ -100,6 +101,25 @@ def test_joints_and_points_are_joined_by_name(
     assert len(mixed) == len(order) - head
     assert both(tmp_path, (by, joints(by, q)), (of, shuffled), "--by", "name") == 0
     require_same(tmp_path, q, y)
+
+
+@pytest.mark.parametrize("of", ["leica", "faro"])
+def test_an_export_of_a_computer_with_decimal_commas(
+    of: str, tmp_path: Path, measured: tuple[np.ndarray, np.ndarray], capsys
+) -> None:
+    q, y = measured
+    text = points(of, y).replace(".", ",")
+    assert both(tmp_path, ("kuka", joints("kuka", q)), (of, text), "--by", "name") == 0
+    assert "decimals have a comma in it" in capsys.readouterr().out
+    require_same(tmp_path, q, y)
+
+
+@pytest.mark.parametrize("mixed", ["1,234", "0,5;1.25"])
+def test_a_comma_that_may_be_another_mark_is_no_decimal_one(mixed: str) -> None:
+    rows = [cell.split(";") for cell in ("P1;7;8", f"P2;{mixed};9")]
+    form = Form.of({"preset": "leica"}, ",", "mapping")
+    assert form.either
+    assert _by_marks(form, rows, Path("points.csv")) == (form, ())
 
 
 def test_rows_of_a_fanuc_program_and_of_points_are_joined_in_order(

@@ -19,6 +19,7 @@ from delta_calibration.diagnosis.scores import change, most_likely
 Array = NDArray[np.float64]
 
 _CELL = 0.05  # [m]
+_FLAT = 0.05  # of its width: a workspace that is thinner seen from above is an upright plane
 _DRAWS = 400
 
 
@@ -48,9 +49,21 @@ class Gain:
 
 def sectors(evidence: LinearizedModel) -> NDArray[np.int64]:
     """Sector of the workspace that each sample lies in, (n,): equal numbers of poses in each."""
-    place = evidence.chain.mechanism.position(evidence.pose)
-    bearing = np.arctan2(place[:, 1], place[:, 0])
+    bearing = bearings(evidence.chain.mechanism.position(evidence.pose))
     return _parts(bearing, bearing[: evidence.poses])
+
+
+def bearings(place: Array) -> Array:
+    """Direction in which places (n, 3) [m] of the base's frame lie, (n,) [rad].
+
+    About z; of a machine that works in an upright plane, in that plane about its middle: about z
+    all places would have one of two bearings.
+    """
+    about = place - place.mean(axis=0)
+    _, spread, ways = np.linalg.svd(about[:, :2], full_matrices=False)
+    if spread[1] >= _FLAT * spread[0] or not np.ptp(place[:, 2]):
+        return np.asarray(np.arctan2(place[:, 1], place[:, 0]))
+    return np.asarray(np.arctan2(about[:, 2], about[:, :2] @ ways[0]))
 
 
 def stretches(evidence: LinearizedModel) -> NDArray[np.int64]:

@@ -33,6 +33,9 @@ _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff",
 _LIKELY = ["utf_16_le", "utf_16_be", "cp1252", "gb18030", "shift_jis", "euc_kr"]
 _MOST_ROWS, _MOST_CELLS = 1 << 20, 50_000_000  # of a sheet, empty ones between others as well
 _PREAMBLE = 200  # lines that may stand before the names of the columns
+_WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_WITH_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 _GAPS = ("", "nan", "na", "n/a", "#n/a", "null", "none")  # as programs write them
 
 
@@ -52,6 +55,8 @@ class Form:
         first_line: line that the numbers begin in, from 1, where `columns` are said.
         more: whether columns behind those of `columns` are left out.
         pattern: of a row, where the file is no table: each of its groups is a column.
+        either: whether decimals may have a comma: an instrument's program writes them as its
+            computer does.
     """
 
     delimiter: str = ","
@@ -65,6 +70,7 @@ class Form:
     first_line: int = 0
     more: bool = False
     pattern: str = ""
+    either: bool = False
 
     @classmethod
     def of(cls, entry: Mapping[str, Any], delimiter: str, where: str) -> Form:
@@ -76,6 +82,7 @@ class Form:
         own = {"delimiter": delimiter, **entry}
         if "preset" in entry:
             own |= preset(own.pop("preset"))["table"]
+            own["either"] = "decimal" not in own and own["delimiter"] != ","
         if "pattern" in own:
             own["columns"] = tuple(re.compile(own["pattern"]).groupindex)
         form = cls(**{**own, "columns": tuple(own.get("columns", ()))})
@@ -171,10 +178,31 @@ def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -
     twice = sorted({name for name in names if found.count(name) > 1})
     if twice:
         raise InputError(f"{path}: column {', '.join(twice)} is there twice")
+    form, said = _by_marks(form, [cells for _, cells in lines[head + 1 :]], path)
+    notes = (*notes, *said)
     rows = tuple(_row(path, line, cells, found, form) for line, cells in lines[head + 1 :])
     if not rows:
         raise InputError(f"{path}: no points in it")
     return Source(rows, notes)
+
+
+def _by_marks(
+    form: Form, rows: Sequence[Sequence[str]], path: Path
+) -> tuple[Form, tuple[str, ...]]:
+    """The form with decimal commas, where it may have them and has, and a note of it.
+
+    `1,234` alone may be a thousand, and beside a number with a point a comma is no decimal mark.
+    """
+    if not form.either:
+        return form, ()
+    cells = [cell.strip() for row in rows for cell in row]
+    commas = [cell for cell in cells if _WITH_COMMA.fullmatch(cell)]
+    if all(_THOUSANDS.fullmatch(cell) for cell in commas) or any(
+        map(_WITH_POINT.fullmatch, cells)
+    ):
+        return form, ()
+    said = f"{path.name}: decimals have a comma in it ({commas[0]})"
+    return replace(form, decimal=","), (said,)
 
 
 def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
