@@ -161,6 +161,15 @@ def tracker_unit(case, size):
     return Made(points(case.session, lambda p: p * factor), name, ("tracker",))
 
 
+@kind
+def coordinate_unit(case, size):
+    """Heights in mm beside metres; y in inches."""
+    axis, factor, name = ((2, 1e3, "unit_mm"), (1, 1 / 0.0254, "unit_inch"))[size]
+    by = np.ones(3)
+    by[axis] = factor
+    return Made(points(case.session, lambda p: p * by), name, ("tracker",), "xyz"[axis])
+
+
 # Wiring.
 
 

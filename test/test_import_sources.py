@@ -124,6 +124,13 @@ def test_a_workbook_is_read(cell, plain, tmp_path, capsys) -> None:
     assert "is no workbook (xlsx)" in said
 
 
+def test_a_sheet_of_a_text_is_refused(cell, tmp_path, capsys) -> None:
+    head, rows = stops(cell[2])
+    path = write(tmp_path / "t.csv", [",".join(head), *(",".join(row) for row in rows)])
+    _, said = bring(path, mapping_of(table={"sheet": "Run 1"}), capsys, 2)
+    assert "t.csv: sheet 'Run 1' of the mapping: it is a text, no workbook" in said
+
+
 def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, capsys) -> None:
     path = tmp_path / "bomb.xlsx"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -103,6 +103,18 @@ def test_joints_and_points_are_joined_by_name(
     require_same(tmp_path, q, y)
 
 
+@pytest.mark.parametrize("by", ["kuka", "abb", "fanuc"])
+def test_a_guess_knows_a_program(
+    by: str, tmp_path: Path, measured: tuple[np.ndarray, np.ndarray], capsys
+) -> None:
+    path = tmp_path / "points.dat"
+    path.write_text(joints(by, measured[0]), encoding="utf-8")
+    assert run(["import", str(path), "--robot", "ur10", "--guess"]) == 2
+    said = capsys.readouterr().err
+    assert f"its rows are those of preset {by}: --preset {by}" in said
+    assert said.count("--preset") == 1
+
+
 @pytest.mark.parametrize("of", ["leica", "faro"])
 def test_an_export_of_a_computer_with_decimal_commas(
     of: str, tmp_path: Path, measured: tuple[np.ndarray, np.ndarray], capsys

@@ -42,6 +42,7 @@ from delta_calibration.robot import Robot, load_robot
 
 PATH = click.Path(path_type=Path)
 _KINDS = (".html", ".pdf", ".json", ".xml")
+_FIRST = {".xml": 0, ".pdf": 1}  # in which order files are written
 
 
 @click.command("certificate", short_help="a calibration certificate to sign (PDF, HTML, DCC)")
@@ -189,8 +190,8 @@ def _write(certificate: Certificate, outs: tuple[Path, ...], dcc_schema: Path | 
     page = page_of_certificate(certificate)
     click.echo(page.sentence)
     beside = {out.with_suffix(".json") for out in outs}
-    for path in sorted({*outs, *beside}, key=lambda path: (path.suffix != ".xml", path)):
-        # a DCC first: where it is refused, no other file is written
+    for path in sorted({*outs, *beside}, key=lambda path: (_FIRST.get(path.suffix, 2), path)):
+        # those that may be refused first: no other file is written then
         if path.suffix == ".html":
             write_page(path, page)
         elif path.suffix == ".pdf":

@@ -59,6 +59,25 @@ def unit_of_tracker() -> Iterator[Change]:
         )
 
 
+def unit_of_coordinates() -> Iterator[Change]:
+    """One or two coordinates of the points in a unit that is not SI: heights in mm beside m."""
+    for which in (*combinations(range(3), 1), *combinations(range(3), 2)):
+        for mistake, unit, factor in LENGTHS:
+            by = np.ones(3)
+            by[list(which)] = factor
+            part = ", ".join(AXES[k] for k in which)
+            yield Change(
+                mistake,
+                (TRACKER,),
+                of_points(lambda p, by=by: p / by),  # type: ignore[misc]
+                f"`unit: {unit}` for {part} of the position in the mapping of a table, or publish "
+                f"metres (divide {part} by {factor:.10g}; --fix does)",
+                part=part,
+                value=factor,
+                unit=f"{unit}/m",
+            )
+
+
 def orders_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
     """Two joints in each other's place, or all of them backwards."""
     names = robot.joints.names

@@ -175,7 +175,8 @@ class Trial:
         yield from hypotheses.signs_of_joints(self.robot, streams)
 
     def _others(self) -> Iterator[Change]:
-        """Readings a row beside their joints; other robots and files."""
+        """Coordinates in two units, readings a row beside their joints; other robots and files."""
+        yield from hypotheses.unit_of_coordinates()
         yield from self._shifts()
         if self.document is not None:
             yield from robot_file.edited_files(self.document, self.source)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
+from delta_calibration.recording.presets import presets
 from delta_calibration.recording.table_source import Form, is_gap, lines_of_file, sheets_of
 from delta_calibration.texts import number_of
 
@@ -84,9 +86,11 @@ def found_table(path: Path) -> FoundTable:
     Of a workbook it is the sheet with most numbers.
 
     Raises:
-        InputError: no such file, or no table in it.
+        InputError: no such file, a robot's program, or no table in it.
     """
     sheets = sheets_of(path)
+    for program in () if sheets else _programs(path):
+        raise InputError(f"{path}: its rows are those of preset {program}: --preset {program}")
     best = _best(path, _plain_forms(sheets), workbook=bool(sheets))
     if not sheets:
         best = _best(path, _grouped_forms(best), best)
@@ -103,6 +107,15 @@ def found_table(path: Path) -> FoundTable:
         form = replace(form, columns=names, first_line=lines[first][0])
     text = tuple(map(tuple, rows))
     return FoundTable(form, names, named, number, text, lines[first][0], last < len(lines))
+
+
+def _programs(path: Path) -> Iterator[str]:
+    """Presets of robot programs that a file has rows of."""
+    for name, each in presets().items():
+        if "pattern" in each["table"]:
+            with suppress(InputError):
+                lines_of_file(path, Form.of({"preset": name}, ",", name))
+                yield name
 
 
 @dataclass(frozen=True)

@@ -211,6 +211,8 @@ def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[s
     notes: tuple[str, ...] = ()
     if data.startswith(_WORKBOOK):
         lines = list(_sheet(path, data, form))
+    elif form.sheet:
+        raise InputError(f"{path}: sheet {form.sheet!r} of the mapping: it is a text, no workbook")
     else:
         text, notes = _text(path, data, form)
         lines = list(_matches(path, text, form) if form.pattern else _cut(path, text, form))
