@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.geometry import align
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.plans import make_plan
-from delta_calibration.plans.points import tool_points
+from delta_calibration.plans.box import largest_box
+from delta_calibration.plans.points import joints_toward, tool_points, usable
 from delta_calibration.report.sketch import Pose, _driven, _motion
 from delta_calibration.robot import known_robots, load_robot, robot_document, robot_from
 from other_drives import other_document
@@ -579,3 +581,61 @@ def test_a_workspace_is_asked_for_and_its_size_once_there_is_a_centre(tmp_path: 
     assert "workspace.centre_mm [mm] [none]" in done.output
     box = robot_document(str(out))[1]["workspace"]
     assert box == {"centre_mm": [0, 0, -700], "size_mm": [400, 400, 100]}
+
+
+def small_delta() -> str:
+    """Answers for a desk Delta, a quarter as large as the one whose values are proposed."""
+    own = {"base_radius_mm": "50", "platform_radius_mm": "14", "arm_mm": "0.08\n80"}
+    own |= {"rod_mm": "212", "half_width_mm": "10"}
+    typed = "desk\n"
+    for entry in entries("six_rod_delta"):
+        given = value_at(robot_document("srbd")[1], entry.path)
+        if given is not None or entry.path in OFFERED or entry.path[0] == "workspace":
+            typed += own.get(entry.path[-1], "") + "\n"
+    return typed
+
+
+def test_a_workspace_is_proposed_for_a_machine_of_another_size(tmp_path: Path) -> None:
+    """And an answer that is in another unit is asked for once more."""
+    out = tmp_path / "desk.yaml"
+    done = run("new", "--like", "srbd", "--out", out, typed=small_delta())
+    assert done.exit_code == 0, done.output
+    assert "geometry.arm_mm: 0.08 beside the proposed 320.0: is it in mm?" in done.output
+    robot = load_robot(out)
+    assert robot.dimensions.arm == pytest.approx(0.08)
+    assert robot.workspace is not None
+    assert np.all(robot.workspace.size > 0.03)
+    assert len(make_plan("identify", robot)) > 0
+
+
+def test_an_answer_that_is_given_twice_is_meant(tmp_path: Path) -> None:
+    out = tmp_path / "mine.yaml"
+    typed = "mine\n200\n55\n2\n2\n" + "\n" * 40
+    done = run("new", "--like", "srbd", "--out", out, typed=typed)
+    assert done.output.count("is it in mm?") == 1
+    assert value_at(robot_document(str(out))[1], ("geometry", "arm_mm")) == 2
+
+
+@pytest.mark.parametrize("name", ["srbd", "linear_delta", "scara", "five_axis"])
+def test_a_machine_can_be_measured_all_over_its_largest_box(name: str) -> None:
+    """At places of it by lot, by joints that bring the tool there; one a third larger has none."""
+    robot = load_robot(name)
+    box, rng = largest_box(robot), np.random.default_rng(3)
+    place = box.centre + rng.uniform(-0.5, 0.5, (300, 3)) * box.size
+    joint = joints_toward(robot, place)
+    inside = (joint > robot.joints.lower) & (joint < robot.joints.upper)
+    assert inside.all(axis=1).mean() > 0.98
+    corner = np.array(list(product((-0.5, 0.5), repeat=3))) * box.size
+    assert not usable(robot, box.centre + 1.3 * corner).all()
+
+
+def test_a_check_proposes_the_workspace_that_is_wanting(tmp_path: Path) -> None:
+    data = robot_document("srbd")[1]
+    half = {key: value / 4 for key, value in data["geometry"].items()}
+    file = tmp_path / "desk.yaml"
+    file.write_text(commented({**data, "geometry": half}), encoding="utf-8")
+    done = run("check", file)
+    assert "its workspace cannot be used for measuring" in done.output
+    assert re.search(
+        r"`workspace: \{'centre_mm': \[.*\], 'size_mm': \[.*\]\}` can be", done.output
+    )

@@ -27,6 +27,8 @@ from delta_calibration.drafting import (
 )
 from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.mechanisms import MECHANISMS
+from delta_calibration.plans import make_plan
+from delta_calibration.plans.box import largest_box, written
 from delta_calibration.robot import Robot, load_robot, robot_document, robot_from
 
 ROBOT = click.argument("robot_file", metavar="FILE|NAME", shell_complete=robots)
@@ -36,8 +38,10 @@ PER_JOINT = {  # lists that have a value for each joint
     for key in ("lower_deg", "upper_deg", "lower_mm", "upper_mm", "sign", "zero_deg", "zero_mm")
 }
 _NAMES = ("joints", "names")
+_WORKSPACE = ("workspace", "centre_mm")
 _TRIES = 5  # answers to a question, after which nobody seems to read what is wrong with them
 _Answer = TypeVar("_Answer")
+_RATIO = {"mm": 100.0, "degrees": 40.0}  # of metres beside mm, and radians beside degrees
 _GROWN = 1.25  # that a dimension is drawn with beside what the file says
 
 
@@ -268,6 +272,8 @@ def _answered(
     try:
         for entry in entries(str(data["mechanism"])):
             parts = list(parts_of(entry))
+            if entry.path == _WORKSPACE:
+                data = _with_room(data)
             if parts:
                 data = _asked_one_by_one(entry, parts, data)
             else:
@@ -280,6 +286,22 @@ def _answered(
             err=True,
         )
         raise
+    return data
+
+
+def _with_room(data: dict[str, Any]) -> dict[str, Any]:
+    """The file with a workspace to propose, where its own or the usual one cannot be measured in.
+
+    A machine without a box that can be, or that is not there yet, is asked without a proposal.
+    """
+    try:
+        robot = robot_from(data, str(data["name"]))
+        try:
+            make_plan("identify", robot)
+        except CalibrationError:
+            return {**data, "workspace": data.get("workspace", {}) | written(largest_box(robot))}
+    except CalibrationError:
+        pass
     return data
 
 
@@ -337,14 +359,30 @@ def _asked(
     about = f"\n{entry.about}" if entry.about else ""
     seen = f"\n(picture: {picture})" if picture else ""
     text = f"{about}{seen}\n{entry.name}{unit}"
+    doubted: list[str] = []  # answers that are taken if they are given once more
 
     def read(said: str) -> dict[str, Any]:
         if said == left_out:
             return data
-        return with_value(data, entry.path, _for_joints(entry, entry.read(said), data))
+        value = _for_joints(entry, entry.read(said), data)
+        if said not in doubted and _other_unit(entry.unit, value, proposed):
+            doubted.append(said)
+            raise InputError(
+                f"{entry.name}: {said} beside the proposed {_written(proposed)}: is it in "
+                f"{entry.unit}? Give it once more if it is"
+            )
+        return with_value(data, entry.path, value)
 
     default = "" if proposed is None else _written(proposed)
     return _prompted(text, read, left_out or default)
+
+
+def _other_unit(unit: str, value: Any, proposed: Any) -> bool:
+    """Whether lengths or angles are as small or large beside those proposed as in another unit."""
+    if unit not in _RATIO or value is None or proposed is None:
+        return False
+    ours, theirs = (float(np.abs(np.asarray(v, dtype=float)).max()) for v in (value, proposed))
+    return 0.0 < ours * _RATIO[unit] < theirs or 0.0 < theirs * _RATIO[unit] < ours
 
 
 def _for_joints(entry: Entry, value: Any, data: dict[str, Any]) -> Any:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from delta_calibration.documents import Document
 from delta_calibration.errors import CalibrationError
 from delta_calibration.plans import make_plan
+from delta_calibration.plans.box import largest_box, written
 from delta_calibration.plans.points import tool_points
 from delta_calibration.robot import Robot
 
@@ -60,8 +61,17 @@ def review(robot: Robot, data: Document) -> Review:
     try:
         figures, more = _figures(robot)
     except CalibrationError as error:
-        return Review((), (*doubts, f"its workspace cannot be used for measuring: {error}"))
+        said = f"its workspace cannot be used for measuring: {error}{_proposed(robot)}"
+        return Review((), (*doubts, said))
     return Review(figures, (*doubts, *more))
+
+
+def _proposed(robot: Robot) -> str:
+    """A workspace that can be used, in words; nothing where there is none."""
+    try:
+        return f"; `workspace: {written(largest_box(robot))}` can be"
+    except CalibrationError:
+        return ""
 
 
 # --- what each entry says

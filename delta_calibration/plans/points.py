@@ -178,8 +178,8 @@ def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gene
             f"only {len(points)} of {wanted} points could be placed up to {1e3 * widest:.0f} mm "
             f"from the axis at z {1e3 * (PLANE + LOW):.0f} to {1e3 * (PLANE + HIGH):.0f} mm, the "
             f"region of `srbd`, which is used because {robot.source} has no section `workspace`: "
-            "add one (centre_mm and size_mm of the box to measure in), or choose a "
-            "smaller radius"
+            "add one (centre_mm and size_mm of the box to measure in; `delta-cal robot check` "
+            "proposes it), or choose a smaller radius"
         )
     return points[:wanted]
 

@@ -1,0 +1,100 @@
+"""The box that a machine can be measured in, found from its dimensions and limits alone."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from delta_calibration.errors import InputError
+from delta_calibration.plans.points import tool_points, usable
+from delta_calibration.robot import Robot, Workspace
+
+Array = NDArray[np.float64]
+
+_DRAWS = 11  # of the joints' ranges, as a power of two
+_FLAT = 1e-6  # [m] extent of the tool's places along an axis, under which there is none
+_WIDE = 0.7  # share of the places whose extents give the proportions of the boxes tried
+_SHAPES = (0.5, 1.0, 2.0)  # times those, each axis by itself
+_CENTRES = 12
+_HALVINGS = 6  # of the size of a box: to 2 % of the largest
+_LATTICE = 4  # points of a box along each edge that have to be usable
+_STEP = 0.01  # [m] that sides and centres are rounded to
+_BETTER = 1.05  # times the box before: places are drawn by lot, and the middle comes first
+_FEWEST = 20  # usable places of those drawn
+
+
+def largest_box(robot: Robot) -> Workspace:
+    """About the largest box whose points the tool can be measured at without turning.
+
+    Tool points of joints all over their ranges are the centres tried; a box counts if a lattice
+    of its points is within reach and limits and away from singularities.
+
+    Args:
+        robot: its dimensions, limits and tool.
+
+    Raises:
+        InputError: there is hardly a place that it can be measured at.
+    """
+    places = _places(robot)
+    deep = np.ptp(places, axis=0) >= _FLAT
+    low, high = np.quantile(places, [0.5 - _WIDE / 2, 0.5 + _WIDE / 2], axis=0)
+    shapes = {tuple(s) for s in (high - low) * deep * list(product(_SHAPES, repeat=3))}
+    best, volume = None, 0.0
+    for centre in _centres(places):
+        for shape in map(np.array, sorted(shapes)):
+            whole = float(np.prod(shape[deep]))
+            least = (_BETTER * volume / whole) ** (1 / deep.sum())
+            size = np.floor(shape * _share(robot, centre, shape, least) / _STEP) * _STEP
+            held = float(np.prod(size[deep]))
+            if held > _BETTER * volume:
+                best, volume = Workspace(centre, size), held
+    if best is None:
+        raise InputError(f"{robot.source}: no box of {1e3 * _STEP:.0f} mm or more is within reach")
+    return best
+
+
+def written(box: Workspace) -> dict[str, list[float]]:
+    """As a robot file has it, to the millimetre."""
+    of = {"centre_mm": box.centre, "size_mm": box.size}
+    return {key: np.round(1e3 * value).tolist() for key, value in of.items()}
+
+
+def _places(robot: Robot) -> Array:
+    """Tool points (n, 3) [m] that are usable, of joints evenly over their ranges."""
+    joints = robot.joints
+    share = qmc.Sobol(len(joints.names), scramble=False).random_base2(_DRAWS)
+    point = tool_points(robot, joints.lower + share * (joints.upper - joints.lower))
+    point = point[np.isfinite(point).all(axis=1)]
+    point = point[usable(robot, point)]
+    if len(point) < _FEWEST:
+        raise InputError(
+            f"{robot.source}: hardly a place is within reach, limits and limits.condition"
+        )
+    return point
+
+
+def _centres(places: Array) -> Array:
+    """Centres of boxes that are tried, (k, 3) [m]: from low to high in the middle, and aside."""
+    middle = np.median(places, axis=0)
+    height = np.quantile(places[:, 2], (np.arange(_CENTRES) + 0.5) / _CENTRES)
+    upright = np.column_stack([np.tile(middle[:2], (_CENTRES, 1)), height])
+    aside = places[:: len(places) // _CENTRES]  # of an arm the middle is inside itself
+    centres = np.round(np.concatenate([upright, aside]) / _STEP) * _STEP
+    return np.where(np.ptp(places, axis=0) < _FLAT, middle, centres)
+
+
+def _share(robot: Robot, centre: Array, size: Array, least: float) -> float:
+    """The largest share of a box about a centre that is usable throughout; 0 under `least`."""
+    edge = np.linspace(-0.5, 0.5, _LATTICE)
+    lattice = np.unique(np.array(list(product(edge, repeat=3))) * size, axis=0)
+    low, high = least, 1.0
+    if low >= high or not usable(robot, centre + np.stack([0 * size, *(low * lattice)])).all():
+        return 0.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        good = usable(robot, centre + middle * lattice).all()
+        low, high = (middle, high) if good else (low, middle)
+    return low
