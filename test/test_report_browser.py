@@ -95,11 +95,28 @@ def test_a_window_made_narrow_draws_again(chrome: Browser, page: Path) -> None:
     assert chrome.run(width) < NARROW < before
 
 
+def test_a_square_picture_has_no_empty_frame_in_a_narrow_window(
+    chrome: Browser, page: Path
+) -> None:
+    """Correlations, whose names take half of the width, and no more names than lines of text."""
+    opened(chrome, page, NARROW)
+    chrome.settle(0.5)
+    high, drawn, names = chrome.run(
+        "(() => { const p = document.getElementById('plot-correlations-0');"
+        "const box = (s) => p.querySelector(s).getBoundingClientRect();"
+        "return [box('.main-svg').height, box('.heatmaplayer').height,"
+        "p.querySelectorAll('.ytick').length]; })()"
+    )
+    assert high < drawn + 90
+    assert names * 14 < drawn
+
+
 def test_names_are_text(chrome: Browser, page: Path) -> None:
     opened(chrome, page, WIDE)
     text = chrome.run("document.body.innerText + document.querySelector('main').textContent")
     for name in JOINTS:
         assert name in text
+    assert not any(f"joint_{k}" in text for k in (1, 2, 3))
     assert chrome.run("document.querySelectorAll('.plot script, .plot img, .plot a').length") == 0
 
 

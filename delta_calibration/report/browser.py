@@ -69,17 +69,25 @@ def plot_of(panel: Panel) -> dict[str, Any]:
         layout["yaxis"] |= _few_names(panel.y)  # as high as it is wide
         layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
         layout["xaxis"] |= {"constrain": "domain", "tickangle": 0, **_few_across(panel)}
+        if 0 < (shape := _shape(panel)) < np.inf:
+            layout["meta"] = {"shape": shape}  # the page makes it no higher than it need be
     return {"data": marks, "layout": layout}
 
 
-def _few_across(panel: Panel) -> dict[str, Any]:
-    """Fewer ticks along x where a panel of one scale is much higher than wide."""
+def _shape(panel: Panel) -> float:
+    """How high what is drawn is over how wide; 0 of a line along x, or of none."""
     drawn = [mark for mark in panel.marks if isinstance(mark, Points | Line | Field)]
     wide, high = (
         _extent(np.concatenate(each)) if each else 0.0
         for each in ([mark.x for mark in drawn], [mark.y for mark in drawn])
     )
-    return {"nticks": max(_LEAST, round(_TICKED * min(wide / high, 1.0)))} if high > 0 else {}
+    return high / wide if wide > 0 else np.inf if high > 0 else 0.0
+
+
+def _few_across(panel: Panel) -> dict[str, Any]:
+    """Fewer ticks along x where a panel of one scale is much higher than wide."""
+    shape = _shape(panel)
+    return {"nticks": max(_LEAST, round(_TICKED * min(1 / shape, 1.0)))} if shape > 0 else {}
 
 
 def _extent(values: Array) -> float:

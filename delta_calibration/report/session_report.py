@@ -89,7 +89,9 @@ def report_of(
         statements=tuple(
             replace(each, answer=robot.named(each.answer)) for each in statements(verdict)
         ),
-        key_figures=key_figures(verdict),
+        key_figures=tuple(
+            replace(each, note=robot.named(each.note)) for each in key_figures(verdict)
+        ),
         sections=(
             *(section.renamed(robot.named) for section in told),
             standard_section(iso),
