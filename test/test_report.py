@@ -284,6 +284,16 @@ def test_axes_have_units(report: Report) -> None:
                 assert axis.names or (axis.title.endswith("]") and "[" in axis.title), shown.name
 
 
+def test_key_figures_have_the_robot_s_own_names() -> None:
+    verdict = found().verdict
+    model = replace(verdict.extended, model="geometry + frame + backlash at joint_2")
+    made = report_of(
+        replace(found(), verdict=replace(verdict, extended=model)), HOSTILE, PROVENANCE
+    )
+    notes = {key.name: key.note for key in made.key_figures}
+    assert notes["extended"].endswith(f"backlash at {JOINTS[1]}")
+
+
 def test_plotly_takes_every_panel(report: Report) -> None:
     objects = pytest.importorskip("plotly.graph_objects")
     for shown in report.figures():
