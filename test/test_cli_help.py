@@ -14,21 +14,41 @@ from click.testing import CliRunner
 
 from delta_calibration.cli.main import VERBS, group, run
 from delta_calibration.cli.options import robots
-from delta_calibration.cli.overview import PURPOSES
+from delta_calibration.cli.overview import TOLD
 from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.simulation import draw_machine, hideable_causes
 
 ROOT = Path(__file__).parents[1]
-EXAMPLES = {verb: text for part in PURPOSES.values() for verb, text in part.items()}
+EXAMPLES = {verb: told.example for verb, told in TOLD.items()}
 
 
 def test_help_shows_every_verb_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--help"]) == 0
     said = capsys.readouterr().out
-    assert "More:" not in said, "a verb without a purpose: add it to cli/overview.py"
     for verb in VERBS:
+        assert f"{verb:<12}{TOLD[verb].about}\n" in said
         assert f"$ delta-cal {verb} {EXAMPLES[verb]}" in said
     assert max(map(len, said.splitlines())) < 100
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        ("run(['--help'])", "identify the real geometry"),
+        ("print([c.value for c in group.shell_complete(click.Context(group), 'fi')])", "['fit']"),
+    ],
+)
+def test_help_and_completion_load_no_verb(call: str, told: str) -> None:
+    """What they tell of the verbs would take seconds with all that the verbs need."""
+    code = (
+        "import click, sys; from delta_calibration.cli.main import group, run;"
+        f"{call}; sys.exit('numpy' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert told in done.stdout
 
 
 @pytest.mark.parametrize("verb", VERBS)

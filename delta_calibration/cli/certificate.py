@@ -45,7 +45,7 @@ _KINDS = (".html", ".pdf", ".json", ".xml")
 _FIRST = {".xml": 0, ".pdf": 1}  # in which order files are written
 
 
-@click.command("certificate", short_help="a calibration certificate to sign (PDF, HTML, DCC)")
+@click.command("certificate")
 @SESSION
 @robot_option
 @click.option(

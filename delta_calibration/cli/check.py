@@ -22,7 +22,7 @@ from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.robot import Robot, robot_document
 
 
-@click.command("check", short_help="find mistakes in units, wiring, clocks and frames")
+@click.command("check")
 @SESSION
 @robot_option
 @click.option(

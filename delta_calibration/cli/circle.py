@@ -55,7 +55,7 @@ PRINTED = "-"  # in the place of a file: to standard output
 _BALLBAR = 1.0  # [um]
 
 
-@click.command("circle", short_help="how round circles are, what spoils them, what to do first")
+@click.command("circle")
 @SESSION
 @robot_option
 @click.option(

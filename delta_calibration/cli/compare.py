@@ -29,7 +29,7 @@ from delta_calibration.robot import load_robot
 KINDS = (".yaml", ".yml", ".json")
 
 
-@click.command("compare", short_help="how calibrations or verdicts drift over months")
+@click.command("compare")
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option(
     "--robot",

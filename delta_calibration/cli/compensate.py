@@ -50,7 +50,7 @@ REFUSE, NOMINAL, BLEND = "refuse", "nominal", "blend"
 OUTSIDE = (BLEND, NOMINAL, REFUSE)
 
 
-@click.command("compensate", short_help="corrected joint commands for a list of targets")
+@click.command("compensate")
 @robot_option
 @calibration_option("Calibration file of this robot, from `fit` or `diagnose`.", required=True)
 @click.option(

@@ -10,7 +10,7 @@ from delta_calibration.errors import InputError
 _PROGRAM, _VARIABLE = "delta-cal", "_DELTA_CAL_COMPLETE"
 
 
-@click.command("completion", short_help="let the shell complete verbs, options and names")
+@click.command("completion")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def command(shell: str) -> None:
     """Print a script that lets SHELL complete delta-cal commands with the Tab key.

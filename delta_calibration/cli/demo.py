@@ -46,7 +46,7 @@ _FILES = ("calibration.yaml", "extended.yaml", "verdict.json", "summary.json", "
 _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 
 
-@click.command("demo", short_help="a live simulated cell, from measurement to compensation")
+@click.command("demo")
 @click.option("--robot", "robot_file", default="srbd", show_default=True, metavar="FILE|NAME")
 @click.option(
     "--out",

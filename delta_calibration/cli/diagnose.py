@@ -49,7 +49,7 @@ _FILE = click.Path(path_type=Path)
 _VALUES = 16  # of a cause that are told, the clearest of them
 
 
-@click.command("diagnose", short_help="name the causes of the errors that calibration leaves")
+@click.command("diagnose")
 @SESSION
 @robot_option
 @in_force_option

@@ -31,7 +31,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)  # of C
 _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # that a source may include by this name
 
 
-@click.command("export", short_help="hand the identified machine to other controllers")
+@click.command("export")
 @robot_option
 @calibration_option("Calibration file of this robot, from `fit` or `diagnose`.", required=True)
 @click.option(

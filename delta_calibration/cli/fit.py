@@ -46,7 +46,7 @@ _SHOWN = 5  # of a long list, without -v
 _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawing to be listed
 
 
-@click.command("fit", short_help="identify the real geometry of the machine")
+@click.command("fit")
 @SESSION
 @robot_or_machine_option
 @known_machine_option("the results of its earlier sessions are used.")

@@ -41,7 +41,7 @@ class _Verbs(click.Group):
         return super().parse_args(ctx, args)
 
 
-@click.group("fleet", cls=_Verbs, short_help="work through many machines on a cluster")
+@click.group("fleet", cls=_Verbs)
 def command() -> None:
     """Check, fit and diagnose the sessions of many machines, and report what they have in common.
 

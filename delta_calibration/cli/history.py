@@ -38,9 +38,7 @@ _FILE = click.Path(path_type=Path)
 _MACHINE = click.option("--machine", required=True, metavar="NAME", help="Name of the machine.")
 
 
-@click.group(
-    "history", short_help="keep the sessions of a machine and report what changed, and when"
-)
+@click.group("history")
 def command() -> None:
     """Keep the sessions of a machine together and report what changed between them.
 

@@ -38,7 +38,7 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
         context.exit()
 
 
-@click.command("import", short_help="make a session from your own table (CSV, Excel)")
+@click.command("import")
 @click.argument("table", type=_FILE)
 @click.option(
     "--mapping",

@@ -12,7 +12,7 @@ from delta_calibration.robot import Joints, load_robot
 from delta_calibration.wording import moment
 
 
-@click.command("info", short_help="topics, rates and origin of a session")
+@click.command("info")
 @SESSION
 @click.option(
     "--robot",

@@ -25,7 +25,7 @@ from delta_calibration.robot import load_robot
 _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
 
 
-@click.command("iso9283", short_help="accuracy and repeatability by the standard's criteria")
+@click.command("iso9283")
 @SESSION
 @robot_option
 @calibration_option(

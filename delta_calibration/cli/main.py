@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 import click
+from click.shell_completion import CompletionItem
 
 from delta_calibration import __version__
-from delta_calibration.cli.overview import write_verbs
+from delta_calibration.cli.overview import TOLD, write_verbs
 from delta_calibration.errors import CalibrationError
 
 VERBS = (
@@ -75,7 +76,13 @@ class Verbs(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The verbs by purpose, an example of each."""
-        write_verbs(formatter, VERBS, lambda verb: self.get_command(ctx, verb))
+        write_verbs(formatter, VERBS)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Verbs that begin so, without loading them."""
+        verbs = [verb for verb in VERBS if verb.startswith(incomplete)]
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        return [*(CompletionItem(verb, help=TOLD[verb].about) for verb in verbs), *options]
 
 
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})

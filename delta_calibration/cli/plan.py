@@ -46,7 +46,7 @@ from delta_calibration.robot import Robot
 _STOPS = 20  # of --separate, where --count is not given
 
 
-@click.command("plan", short_help="plan where to measure, from which side and with what load")
+@click.command("plan")
 @robot_or_machine_option
 @click.option(
     "--name",

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 _MM = 1e3
 
 
-@click.command("printer", short_help="calibrate a Delta printer from its own probe (Klipper)")
+@click.command("printer")
 @click.argument("config", type=click.Path(path_type=Path))
 @click.option(
     "--noise-um",

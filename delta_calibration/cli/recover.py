@@ -9,7 +9,7 @@ import click
 from delta_calibration.recording.recovery import recover
 
 
-@click.command("recover", short_help="repair a recording that was cut off")
+@click.command("recover")
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of the repaired bag."

@@ -16,7 +16,7 @@ from delta_calibration.processes import child_environment
 from delta_calibration.recording import inspect_session
 
 
-@click.command("replay", short_help="play a session on its topics, with /clock")
+@click.command("replay")
 @SESSION
 @click.option(
     "--rate",

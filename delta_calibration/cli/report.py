@@ -36,7 +36,7 @@ from delta_calibration.robot import load_robot
 PATH = click.Path(path_type=Path)
 
 
-@click.command("report", short_help="a one-page report on a session, to read and sign")
+@click.command("report")
 @SESSION
 @robot_option
 @click.option("--out", type=PATH, required=True, help="HTML page to write; it opens offline.")

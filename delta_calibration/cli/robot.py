@@ -49,7 +49,7 @@ class UnansweredError(InputError):
     """A question that was not answered."""
 
 
-@click.group("robot", short_help="write, check and draw a robot file")
+@click.group("robot")
 def command() -> None:
     """Write, check and draw the file that describes a robot."""
 

@@ -14,7 +14,7 @@ from delta_calibration.errors import InputError
 _MEGABYTE = 1 << 20
 
 
-@click.command("serve", short_help="do all of this on a page in the browser")
+@click.command("serve")
 @click.option(
     "--data",
     type=click.Path(path_type=Path, file_okay=False),

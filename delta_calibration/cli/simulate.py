@@ -86,7 +86,6 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
 
 @click.command(
     "simulate",
-    short_help="record a session of a simulated machine with errors",
     epilog=_CAUSES,
 )
 @robot_option

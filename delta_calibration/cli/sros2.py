@@ -10,7 +10,7 @@ from delta_calibration.access import policy, rights
 from delta_calibration.cli.options import write_or_print
 
 
-@click.command("sros2", short_help="write an SROS 2 policy with the permissions of the nodes")
+@click.command("sros2")
 @click.option(
     "--policy", "_", is_flag=True, help="Write the policy (XML, format 0.2.0); the only choice."
 )

@@ -12,7 +12,7 @@ from delta_calibration.description import describe, urdf
 from delta_calibration.robot import load_robot
 
 
-@click.command("urdf", short_help="the robot as URDF, for RViz and Foxglove")
+@click.command("urdf")
 @robot_option
 @click.option(
     "--calibration",
