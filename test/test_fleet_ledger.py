@@ -56,6 +56,12 @@ def entry(number: int, **more: object) -> Entry:
     return Entry(**values)
 
 
+@pytest.mark.parametrize("verdict", [None, {**VERDICT, "extended": {"held_out_rms_mm": 0.02}}])
+def test_the_error_that_is_told_is_that_of_a_fit(verdict: dict[str, object] | None) -> None:
+    """Of all sessions alike: one that was diagnosed has the error of held-out sectors as well."""
+    assert entry(0, verdict=verdict).error_left_mm == 0.015
+
+
 def test_a_result_is_written_once(url: str) -> None:
     with open_store(url, make=True) as store:
         ledger = Ledger(store)

@@ -86,7 +86,7 @@ def test_an_update_leaves_the_verdict_before_it_and_counts_as_measured() -> None
     before = known("a", verdict(("backlash", "joint_1")), ago=100)
     update = Measured("new", DAY - timedelta(days=2), None, 0.012, 0.01, 12, is_update=True)
     now = standing(Known("a", "srbd", (*before.sessions, update)), DAY, LATELY)
-    assert (now.state, now.held_out_mm, now.last) == (CAUSE, 0.012, update.began)
+    assert (now.state, now.error_left_mm, now.last) == (CAUSE, 0.012, update.began)
     assert now.stake_mm == pytest.approx(0.04)
     fine = known("a", verdict(), ago=100)
     assert standing(Known("a", "srbd", (*fine.sessions, update)), DAY, LATELY).state == FINE

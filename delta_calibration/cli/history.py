@@ -182,8 +182,8 @@ def list_(machine: str | None, url: str) -> None:
             click.echo(table(("machine", "robot", "sessions"), rows))
             return
         entries = store.sessions(machine)
-    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(e.held_out_mm), e.found) for e in entries]
-    click.echo(table(("session", "began", "held-out error [mm]", "found"), lines))
+    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(e.error_left_mm), e.found) for e in entries]
+    click.echo(table(("session", "began", "error left [mm]", "found"), lines))
 
 
 @command.command("show")
@@ -214,7 +214,7 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
         f"{machine}, session {name!r} of {entry.began:%Y-%m-%d %H:%M}\n"
         f"path: {entry.path}\nsha256: {entry.sha256}\n"
         f"added: {entry.added:%Y-%m-%d %H:%M} by {entry.added_by}\n"
-        f"held-out error: {mm(entry.held_out_mm)} mm; {entry.found}"
+        f"error left: {mm(entry.error_left_mm)} mm; {entry.found}"
     )
     if verdict_file is not None:
         if entry.verdict is None:
@@ -264,7 +264,7 @@ def report(machine: str, url: str, out: Path) -> None:
     require_folder(out)
     require_libraries()
     with opened(url) as store:
-        errors = [(e.id, e.began, e.held_out_mm) for e in store.sessions(machine)]
+        errors = [(e.id, e.began, e.error_left_mm) for e in store.sessions(machine)]
     found = _changes(machine, url)
     write_page(out, page_of_history(machine, found, errors))
     click.echo(plain("\n".join((*found.sentences(), f"written: {out}"))))

@@ -42,7 +42,7 @@ class Measured:
     id: str
     began: datetime
     verdict: Mapping[str, Any] | None
-    held_out_mm: float  # by its own fit
+    error_left_mm: float  # by its own fit
     noise_mm: float  # of a pose
     poses: int
     is_update: bool = False  # fitted with what was known before; its verdict is that of before
@@ -70,7 +70,7 @@ class Standing:
     to_do: str
     last: datetime
     sessions: int
-    held_out_mm: float
+    error_left_mm: float
     stake_mm: float
     findings: tuple[Mapping[str, Any], ...]  # of the last verdict, causes beyond the dimensions
     changes: tuple[Mapping[str, Any], ...]  # lately
@@ -107,7 +107,7 @@ def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
         to_do,
         last.began,
         len(known.sessions),
-        last.held_out_mm,
+        last.error_left_mm,
         stake,
         findings,
         changes,

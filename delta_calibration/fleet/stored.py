@@ -39,7 +39,7 @@ def _measured(entry: Entry) -> Measured:
         entry.id,
         entry.began,
         entry.verdict,
-        entry.held_out_mm,
+        entry.error_left_mm,
         float(calibration["noise"]["floor_mm"]),
         int(calibration["provenance"]["poses"]),
         entry.is_update,

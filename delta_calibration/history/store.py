@@ -118,10 +118,11 @@ class Entry:
         return f"found: {', '.join(named) or 'nothing beyond geometry'}"
 
     @property
-    def held_out_mm(self) -> float:
-        """Error that its model leaves on data it has not seen [mm]."""
-        if self.verdict is not None:
-            return float(self.verdict["extended"]["held_out_rms_mm"])
+    def error_left_mm(self) -> float:
+        """Error that its model leaves at places it has not seen, as a fit tells it [mm].
+
+        Of every session, diagnosed or not: a verdict's held-out errors are of whole sectors.
+        """
         return float(self.calibration["residuals"]["full"]["error_left_rms_mm"])
 
     def require_unchanged(self) -> None:

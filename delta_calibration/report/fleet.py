@@ -96,7 +96,7 @@ def page_of_fleet(
                     "state": each.state,
                     "why": each.why,
                     "at_stake_mm": each.stake_mm,
-                    "held_out_rms_mm": each.held_out_mm,
+                    "error_left_rms_mm": each.error_left_mm,
                     "last": each.last.isoformat(),
                 }
                 for each in fleet
@@ -209,19 +209,19 @@ def _frequent(fleet: Sequence[Standing]) -> tuple[Table, ...]:
 
 
 def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
-    """Held-out error of each machine's last session over its age, by state."""
-    every, marks = [each.held_out_mm for each in fleet], []
+    """Error left of each machine's last session over its age, by state."""
+    every, marks = [each.error_left_mm for each in fleet], []
     for state, symbol in zip(STATES, SYMBOLS, strict=True):
         here = [each for each in fleet if each.state == state]
         if here:
             age = np.array([(day - each.last).total_seconds() / 86400 for each in here])
-            error = np.array([each.held_out_mm for each in here])
+            error = np.array([each.error_left_mm for each in here])
             told = tuple(f"{each.machine}: {each.why}" for each in here)
             marks.append(Points(state, age, error, _COLOUR[state], symbol, 6.0, told=told))
     panel = Panel(
         "",
         Axis("days since the last session", low=0.0),
-        Axis("held-out error [mm]", log=max(every) > _WIDE * min(every)),
+        Axis("error left [mm]", log=max(every) > _WIDE * min(every)),
         tuple(marks),
         tall=1.2,
     )
@@ -236,7 +236,7 @@ def _all(fleet: Sequence[Standing]) -> Table:
             each.state,
             f"{each.last:%Y-%m-%d}",
             str(each.sessions),
-            mm(each.held_out_mm),
+            mm(each.error_left_mm),
             mm(each.stake_mm) if each.stake_mm else NO_VALUE,
             each.why,
         )
@@ -247,7 +247,7 @@ def _all(fleet: Sequence[Standing]) -> Table:
         "state",
         "last",
         "sessions",
-        "held-out error [mm]",
+        "error left [mm]",
         "at stake [mm]",
         "why",
     )

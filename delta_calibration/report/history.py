@@ -39,7 +39,7 @@ def page_of_history(
     Args:
         machine: its name.
         found: its sessions and what changed between them.
-        errors: id, begin and held-out error [mm] of each session by its own fit, in order of time.
+        errors: id, begin and error left [mm] of each session by its own fit, in order of time.
     """
     count, began = len(found.changes), [when for _, when, _ in errors]
     return Report(
@@ -139,7 +139,7 @@ def _course(sessions: tuple[str, ...], changes: Sequence[Change]) -> Panel:
 
 def _sessions(errors: Sequence[tuple[str, datetime, float]]) -> Table:
     rows = tuple((name, f"{when:%Y-%m-%d %H:%M}", mm(error)) for name, when, error in errors)
-    head = ("session", "began", "held-out error [mm]")
+    head = ("session", "began", "error left [mm]")
     return Table("sessions", "Each by its own fit", head, rows, words=(0, 1))
 
 
