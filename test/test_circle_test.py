@@ -26,6 +26,7 @@ from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
 from delta_calibration.diagnosis import Model, calibrated, diagnose
 from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.effects import Effect, catalogue
 from delta_calibration.errors import DataError
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
@@ -235,6 +236,20 @@ def test_dimensions_that_circles_do_not_show_have_no_share_in_the_geometry() -> 
     outlier = scatter_of(calibrated(survey(session, ROBOT.joints.names), ROBOT).beside).outlier
     assert outlier is not None
     assert 0.0 <= outlier.share <= 1.0
+
+
+def clean_delta(seed: int) -> tuple[Model, tuple[Effect, ...]]:
+    """A machine without a cause, by its circles, and what could be tried."""
+    delta = load_robot("srbd")
+    session = simulate_session(draw_machine(delta, seed), make_plan("circles", delta), seed)
+    start = calibrated(survey(session, delta.joints.names), delta)
+    return start, catalogue(delta, start.problem.chain.mechanism)
+
+
+def test_the_reflector_is_on_the_floor_that_circles_show() -> None:
+    """36 stops prefer a floor 6 cm off, circles the one where it is, by 230 of chi square."""
+    start, _ = clean_delta(1300018)
+    assert np.abs(start.theta[start.layout.offset]).max() < 0.01
 
 
 def test_a_session_without_circles_is_refused() -> None:
