@@ -28,6 +28,7 @@ from delta_calibration.diagnosis import Model, calibrated, diagnose
 from delta_calibration.diagnosis.constants import LEAST_SURE
 from delta_calibration.diagnosis.findings import HeldOutModels, of_term
 from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.residual_tests import audit
 from delta_calibration.diagnosis.rivals import standing
 from delta_calibration.diagnosis.scan import scanned
 from delta_calibration.diagnosis.search import SearchResult
@@ -255,6 +256,14 @@ def test_the_reflector_is_on_the_floor_that_circles_show() -> None:
     """36 stops prefer a floor 6 cm off, circles the one where it is, by 230 of chi square."""
     start, _ = clean_delta(1300018)
     assert np.abs(start.theta[start.layout.offset]).max() < 0.01
+
+
+def test_a_small_p_is_not_that_of_few_draws() -> None:
+    """Of 20 000 draws four leave neighbours as alike; some 200 say that one in a million does."""
+    session = simulate_session(draw_machine(ROBOT, 1400158), make_plan("circles", ROBOT), 1400158)
+    start = calibrated(survey(session, ROBOT.joints.names), ROBOT)
+    p = audit(start.beside, start.noise_degrees, np.random.default_rng(5)).p["moran_joints"]
+    assert 5e-5 < p < 1e-3
 
 
 def test_what_chance_explains_as_well_is_not_named() -> None:

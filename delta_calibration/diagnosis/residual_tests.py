@@ -36,7 +36,8 @@ Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n,
 
 _DRAWS = 200
 _MORE = 20  # times as many more
-_CLOSE = 20.0  # factor from ALPHA within which these are made
+_CLOSE = 20.0  # factor above ALPHA within which these are made
+_FAR = 1000.0  # the same below: tails of a few draws may be that much too short
 _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
@@ -70,7 +71,7 @@ def audit(
     asked, every = _asked(evidence), evidence.left()
     chance = _drawn(evidence, asked, rng)
     p = _probabilities(every, asked, chance, noise_degrees)
-    if ALPHA / _CLOSE < len(p) * min(p.values()) < ALPHA * _CLOSE:
+    if ALPHA / _FAR < len(p) * min(p.values()) < ALPHA * _CLOSE:
         more = [chance, *(_drawn(evidence, asked, rng) for _ in range(_MORE))]
         chance = [np.concatenate(each, axis=1) for each in zip(*more, strict=True)]
         p = _probabilities(every, asked, chance, noise_degrees)
