@@ -36,6 +36,7 @@ from delta_calibration.bench.cases import (
 from delta_calibration.bench.flow import Said, answered, arguments, begun, ended, first_steps
 from delta_calibration.bench.guard import HEADERS, Secrets
 from delta_calibration.bench.runner import Runner
+from delta_calibration.bench.shown import files
 from delta_calibration.bench.state import Bench
 from delta_calibration.bench.upload import Dropped, take_all
 from delta_calibration.cli.main import group
@@ -429,6 +430,16 @@ def test_few_places_are_fitted_with_the_history_of_their_machine(tmp_path: Path)
     assert done == ["check", "fit", "update"]  # over a mistake: not kept
     done, last = walk(case(waiting=first_steps(BAG, "")), tmp_path, {"fit": 1})
     assert (done, last.state) == (["check", "fit"], FAILED)
+
+
+def test_the_calibration_of_an_update_is_not_called_geometry_only(tmp_path: Path) -> None:
+    (tmp_path / "calibration.yaml").write_text("")
+    (tmp_path / "fit.out").write_text("")
+    assert files(tmp_path) == [("calibration.yaml", "Calibration, geometry only")]
+    (tmp_path / "update.out").write_text("carried over from 12 sessions: geometry and backlash")
+    ((_, said),) = files(tmp_path)
+    assert "the history" in said
+    assert "geometry only" not in said
 
 
 def test_a_mistake_is_asked_about_and_mended(tmp_path: Path) -> None:

@@ -25,7 +25,14 @@ from delta_calibration.circle_test.circles import circular_deviation, circular_h
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
 from delta_calibration.diagnosis import Model, calibrated, diagnose
+from delta_calibration.diagnosis.constants import LEAST_SURE
+from delta_calibration.diagnosis.findings import HeldOutModels, of_term
 from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.residual_tests import audit
+from delta_calibration.diagnosis.rivals import standing
+from delta_calibration.diagnosis.scan import scanned
+from delta_calibration.diagnosis.search import SearchResult
+from delta_calibration.effects import Effect, catalogue
 from delta_calibration.errors import DataError
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
@@ -235,6 +242,41 @@ def test_dimensions_that_circles_do_not_show_have_no_share_in_the_geometry() -> 
     outlier = scatter_of(calibrated(survey(session, ROBOT.joints.names), ROBOT).beside).outlier
     assert outlier is not None
     assert 0.0 <= outlier.share <= 1.0
+
+
+def clean_delta(seed: int) -> tuple[Model, tuple[Effect, ...]]:
+    """A machine without a cause, by its circles, and what could be tried."""
+    delta = load_robot("srbd")
+    session = simulate_session(draw_machine(delta, seed), make_plan("circles", delta), seed)
+    start = calibrated(survey(session, delta.joints.names), delta)
+    return start, catalogue(delta, start.problem.chain.mechanism)
+
+
+def test_the_reflector_is_on_the_floor_that_circles_show() -> None:
+    """36 stops prefer a floor 6 cm off, circles the one where it is, by 230 of chi square."""
+    start, _ = clean_delta(1300018)
+    assert np.abs(start.theta[start.layout.offset]).max() < 0.01
+
+
+def test_a_small_p_is_not_that_of_few_draws() -> None:
+    """Of 20 000 draws four leave neighbours as alike; some 200 say that one in a million does."""
+    session = simulate_session(draw_machine(ROBOT, 1400158), make_plan("circles", ROBOT), 1400158)
+    start = calibrated(survey(session, ROBOT.joints.names), ROBOT)
+    p = audit(start.beside, start.noise_degrees, np.random.default_rng(5)).p["moran_joints"]
+    assert 5e-5 < p < 1e-3
+
+
+def test_what_chance_explains_as_well_is_not_named() -> None:
+    """A give of a joint that came in for another cause foretells half of little, at p = 0.7."""
+    (start, every), rng = clean_delta(1200141), np.random.default_rng(0)
+    effects = tuple(effect for effect in every if effect.cause == "joint_compliance")
+    scan = scanned(start, effects, rng)
+    score = next(s for s in scan.scores if s.candidate.label == "joint_compliance at joint_1")
+    term = score.candidate
+    model = start.fitted((term,)).rested()
+    found = SearchResult(model, replace(scan, tests=130), scan, (score,))
+    assert standing(model, term, found.tried).confidence > LEAST_SURE
+    assert of_term(found, term, HeldOutModels(model), rng) is None
 
 
 def test_a_session_without_circles_is_refused() -> None:

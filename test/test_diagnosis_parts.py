@@ -416,6 +416,23 @@ def test_an_audit_is_quiet_where_there_is_noise(evidence) -> None:
     assert (p.mean(axis=0) < 0.85).all()
 
 
+def test_p_of_likeness_is_as_rare_as_it_says() -> None:
+    """Products of 60 neighbours have tails heavier than normal: an excess of 0.3."""
+    rng = np.random.default_rng(1)
+    draws = np.concatenate([_likeness(rng) for _ in range(11)])
+    reference, others = draws[:20_000], draws[20_000:]
+    at = np.linspace(3.0, 4.5, 301) * reference.std()
+    p = np.array([residual_tests._beyond(float(own), reference, 0.0) for own in at])
+    rare = 3.3e-4
+    beyond = np.mean(others > np.interp(-rare, -p, at))
+    assert rare / 1.7 < beyond < 1.7 * rare
+
+
+def _likeness(rng: np.random.Generator) -> np.ndarray:
+    left = rng.standard_normal((20_000, 60))
+    return np.sum(left * np.roll(left, 1, axis=1), axis=1)
+
+
 @pytest.mark.parametrize("shown", ["position", "joints", "direction", "time", "tails"])
 def test_an_audit_says_what_structure_moves_with(wide, shown: str) -> None:
     """Put into noise: waves in space, one sign a side, a slow walk, noise of the wrong kind."""

@@ -33,6 +33,7 @@ DOWNLOADS = {
     "certificate.json": "Certificate, for programs",
     MAPPING: "Mapping of the table",
 }
+_UPDATE = "Calibration, fitted with what the history says; causes found before are in it"
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,9 @@ def columns(folder: Path) -> dict[str, Any]:
 
 def files(folder: Path) -> list[tuple[str, str]]:
     """Name and meaning of every file that can be taken."""
-    return [(name, said) for name, said in DOWNLOADS.items() if (folder / name).is_file()]
+    update = {"calibration.yaml": _UPDATE} if told(folder, "update") else {}
+    every = {**DOWNLOADS, **update}
+    return [(name, said) for name, said in every.items() if (folder / name).is_file()]
 
 
 def outputs(folder: Path) -> list[tuple[str, str]]:

@@ -166,7 +166,11 @@ class HeldOutModels:
 def of_term(
     found: SearchResult, term: Candidate, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a term; None where held-out data or its rivals leave nothing of it."""
+    """What is said of a term; None where held-out data or its rivals leave nothing of it.
+
+    Nor where chance would do: a cause that came in for another, or beside one that is gone, may
+    have been significant there and be so no more.
+    """
     model = found.model
     rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
@@ -176,7 +180,8 @@ def of_term(
         return None
     tried = found.tried
     stand = standing(model, term, tried)
-    if not term.unexplained and stand.confidence < LEAST_SURE:
+    log_p = _log_p(found, term, stand.signal, tried)
+    if not term.unexplained and (stand.confidence < LEAST_SURE or log_p > np.log(ALPHA)):
         return None
     items = _items(model, term)
     spread, of_shape = spread_of(evidence, model, term)
@@ -186,7 +191,7 @@ def of_term(
         model.values(term),
         spread,
         stand,
-        _log_p(found, term, stand.signal, tried),
+        log_p,
         sector,
         separated_by(evidence, term, stand.equivalents),
     )

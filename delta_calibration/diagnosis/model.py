@@ -32,6 +32,7 @@ _ROUNDS = 4
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
 _SETTLING = 2  # steps at a new offset of the reflector
+_OTHER_FLOOR = 6.0  # of chi square by which the reflector's place in the file has to be better
 _LITTLE = 0.1  # decrease of chi square ahead that is not worth a step
 
 
@@ -118,12 +119,13 @@ class Model(Fitted):
         """The machine without terms, its reflector where poses and paths together have it.
 
         Where the platform hardly tilts, an offset has a second floor of nearly the same error on
-        the poses. The readings in motion tell which is the right one; about the wrong one
-        they would show structure that is none.
+        the poses, centimetres off or more. The readings in motion tell which is the right one;
+        about the wrong one they would show structure that is none.
         """
-        if not (len(self.survey.paths) and self.strayed and self.misfit < LACKING):
+        if not (len(self.survey.paths) and self.misfit < LACKING):
             return self
-        return min((self, self._as_filed()), key=lambda model: model.cost_ahead)
+        filed = self._as_filed()
+        return filed if filed.cost_ahead < self.cost_ahead - _OTHER_FLOOR else self
 
     @property
     def cost_ahead(self) -> float:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import chi2, pearson3, skew
+from scipy.stats import chi2, kurtosis, norm, pearson3, skew
 
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.constants import ALPHA, SLIGHT, SLIGHT_MOVING
@@ -36,7 +36,8 @@ Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n,
 
 _DRAWS = 200
 _MORE = 20  # times as many more
-_CLOSE = 20.0  # factor from ALPHA within which these are made
+_CLOSE = 20.0  # factor above ALPHA within which these are made
+_FAR = 1000.0  # the same below: tails of a few draws may be that much too short
 _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
 _APART = 10.0  # [rad] that directions are set apart by
@@ -70,7 +71,7 @@ def audit(
     asked, every = _asked(evidence), evidence.left()
     chance = _drawn(evidence, asked, rng)
     p = _probabilities(every, asked, chance, noise_degrees)
-    if ALPHA / _CLOSE < len(p) * min(p.values()) < ALPHA * _CLOSE:
+    if ALPHA / _FAR < len(p) * min(p.values()) < ALPHA * _CLOSE:
         more = [chance, *(_drawn(evidence, asked, rng) for _ in range(_MORE))]
         chance = [np.concatenate(each, axis=1) for each in zip(*more, strict=True)]
         p = _probabilities(every, asked, chance, noise_degrees)
@@ -172,7 +173,18 @@ def _beyond(own: float, drawn: Array, allowed: float) -> float:
     if drawn.std() == 0:
         return 1.0
     far = (own - allowed - drawn.mean()) / drawn.std()
-    return float(pearson3.sf(far, skew(drawn)))  # not normal: skew
+    skewed = float(skew(drawn))
+    return float(pearson3.sf(far, skewed)) + _of_tails(far, float(kurtosis(drawn)), skewed)
+
+
+def _of_tails(far: float, heavy: float, skewed: float) -> float:
+    """What tails heavier than Pearson's of this skewness add to p (Edgeworth's fourth moment).
+
+    Without it p of 3 in 10 000 come twice as often: Moran's I of a hundred poses has an excess of
+    0.2.
+    """
+    more = max(0.0, heavy - 1.5 * skewed**2)
+    return float(norm.pdf(far) * max(0.0, far**3 - 3 * far) * more / 24)
 
 
 def _along(path: Index) -> Near:
