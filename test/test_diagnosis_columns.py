@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -14,9 +15,12 @@ from delta_calibration.diagnosis.candidates import (
     columns_of,
     dimensions,
     maps,
+    products_of,
     subsets,
 )
 from delta_calibration.diagnosis.columns import Plain, Product, joined
+from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
@@ -50,19 +54,59 @@ def test_products_are_those_of_the_columns(kinds) -> None:
         assert columns.width == out.shape[1]
         np.testing.assert_allclose(columns.along(y), out.T @ y, atol=1e-12)
         np.testing.assert_allclose(columns.inner(), out.T @ out, atol=1e-12)
-        some = slice(2 * D, 9 * D)
-        np.testing.assert_allclose(columns.rows(some).along(y[some]), out[some].T @ y[some])
+        np.testing.assert_allclose(columns.dense, out, atol=1e-12)
+        values = np.random.default_rng(6).standard_normal((out.shape[1], 3))
+        np.testing.assert_allclose(columns.times(values), out @ values, atol=1e-12)
+        each = out.reshape(N, D, -1)
+        np.testing.assert_allclose(columns.squares(D), np.sum(each**2, axis=(1, 2)))
+        for some in (slice(2, 9), np.array([1, 7, 4]), np.arange(N) % 3 == 0):
+            part = each[some].reshape(-1, out.shape[1])
+            np.testing.assert_allclose(columns.part(some, D).dense, part, atol=1e-12)
+        m, f = np.random.default_rng(7).standard_normal((N, D)), np.linspace(-1.0, 2.0, N)
+        along = (m * f[:, None]).ravel() @ out
+        np.testing.assert_allclose(f @ columns.through(m), along, atol=1e-12)
+        root = np.linspace(0.0, 2.0, N)[:, None, None]
+        heavy = (root * each).reshape(out.shape)
+        np.testing.assert_allclose(columns.weighed(root).dense, heavy, atol=1e-12)
     for (columns, out), (other, beside) in product(kinds, kinds):
         np.testing.assert_allclose(columns.across(other), out.T @ beside, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["srbd", "five_axis"])
-def test_maps_and_names_together_have_the_information_of_their_columns(name: str) -> None:
-    """Of a session with motions, whose readings share errors, under every kind of map."""
+@cache
+def evidence_of(name: str) -> LinearizedModel:
+    """Of a session with motions, whose readings share errors."""
     robot = load_robot(name)
     plan = make_plan("rich", robot, count=20, seed=3)
     session = simulate_session(draw_machine(robot, 3), plan, 3)
-    evidence = calibrated(survey(session, robot.joints.names), robot).evidence
+    return calibrated(survey(session, robot.joints.names), robot).evidence
+
+
+def test_a_map_beside_the_geometry_is_there_as_its_columns_would_be() -> None:
+    """Never multiplied out: products, values, draws, degrees of freedom, parts of samples."""
+    evidence = evidence_of("five_axis")
+    effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
+    mapped = next(group[0] for group in maps(evidence, effect))
+    kept, prior = products_of(mapped, evidence), np.full(len(mapped.rows), 0.04)
+    assert isinstance(kept, Product)
+    one, two = (evidence.beside(x, prior) for x in (kept, Plain(columns_of(mapped, evidence))))
+    rows = np.flatnonzero(np.arange(len(evidence)) % 3 != 1)
+    for a, b in ((one, two), (one.take(rows), two.take(rows))):
+        assert a.degrees == pytest.approx(b.degrees, rel=1e-9)
+        assert a.misfit == pytest.approx(b.misfit, rel=1e-9)
+        np.testing.assert_allclose(a.best(), b.best(), atol=1e-7)
+        np.testing.assert_allclose(a.left(), b.left(), atol=1e-7)
+        drawn = [of.draw(3, np.random.default_rng(1)) for of in (a, b)]
+        np.testing.assert_allclose(*drawn, atol=1e-8)
+        np.testing.assert_allclose(a.weigh(a.column), b.weigh(b.column), atol=1e-8)
+    fewer = [without_geometry(of) for of in (one, two)]
+    assert len(fewer[0].precision) == len(one.precision) - evidence.geometry.shape[1]
+    np.testing.assert_allclose(fewer[0].best(), fewer[1].best(), atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["srbd", "five_axis"])
+def test_maps_and_names_together_have_the_information_of_their_columns(name: str) -> None:
+    """Of every kind of map."""
+    robot, evidence = load_robot(name), evidence_of(name)
     assert evidence.rest.samples
     effects = catalogue(robot, evidence.chain.mechanism)
     slightest = [group[0] for group in maps(evidence, effects[0])]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.columns import Columns
 from delta_calibration.diagnosis.constants import LEARNABLE, PARTS, SURE_QUANTILE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import change, most_likely
@@ -65,15 +66,15 @@ def scattered(evidence: LinearizedModel) -> NDArray[np.int64]:
     return np.asarray((cell @ np.array([1, 2, 4])) % PARTS)
 
 
-def learnable(evidence: LinearizedModel, columns: Array, part: NDArray[np.int64]) -> bool:
-    """Whether each part leaves enough of what sets the columns (d n, k) to the others."""
-    whole = np.diag(evidence.information(columns))
+def learnable(evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]) -> bool:
+    """Whether each part leaves enough of what sets k columns to the others."""
+    whole = np.diag(evidence.information_of(columns))
     for number in np.unique(part):
         others = np.flatnonzero(part != number)
         known = 0 * whole
         if others.size:
-            own = evidence.part(columns, others)
-            known = np.diag(evidence.take(others).information(own))
+            own = columns.part(others, evidence.coordinates)
+            known = np.diag(evidence.take(others).information_of(own))
         if (known < LEARNABLE * whole).any():
             return False
     return True
@@ -100,7 +101,10 @@ def held_out(
 
 
 def foretold(
-    evidence: LinearizedModel, columns: Array, bounds: tuple[Array, Array], part: NDArray[np.int64]
+    evidence: LinearizedModel,
+    columns: Columns,
+    bounds: tuple[Array, Array],
+    part: NDArray[np.int64],
 ) -> float:
     """Share of what columns explain that they foretell, 1 where nothing but noise is in the way.
 
@@ -112,7 +116,7 @@ def foretold(
 
     Args:
         evidence: of all samples.
-        columns: of an explanation, (d n, k).
+        columns: of an explanation, k.
         bounds: of its values, (k,) each.
         part: what is held out together, (n,).
     """
@@ -122,15 +126,16 @@ def foretold(
     for number in np.unique(part):
         others = np.flatnonzero(part != number)
         if others.size:
-            known, along = _products(evidence.take(others), evidence.part(columns, others))
+            own = columns.part(others, evidence.coordinates)
+            known, along = _products(evidence.take(others), own)
             v = most_likely(known, along, *bounds)
             total += change(information, b, v) - change(known, along, v)
     return total / max(change(information, b, value), 1e-300)
 
 
-def _products(evidence: LinearizedModel, columns: Array) -> tuple[Array, Array]:
-    b = columns.T @ evidence.weigh(evidence.column)
-    return evidence.information(columns), b[:, 0]
+def _products(evidence: LinearizedModel, columns: Columns) -> tuple[Array, Array]:
+    b = columns.along(evidence.weigh(evidence.column))
+    return evidence.information_of(columns), b[:, 0]
 
 
 def gain(

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import (
     Candidate,
+    all_columns,
     bounds_of,
     columns_of,
     shape_columns,
@@ -301,8 +302,8 @@ def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedM
     """The evidence with some explanations taken for possible."""
     if not terms:
         return evidence
-    columns = np.concatenate([columns_of(m, evidence) for m in terms], axis=1)
-    return evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    columns = all_columns(terms, evidence)
+    return evidence.beside(columns, np.full(columns.width, PRECISION))
 
 
 def _reached(effect: Effect, other: Effect) -> bool:

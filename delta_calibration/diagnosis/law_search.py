@@ -23,6 +23,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, maps
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.constants import (
     COMPARED_LAWS,
     COMPLETE,
@@ -302,12 +303,12 @@ def _holds(
     rng: np.random.Generator,
 ) -> bool:
     """Whether the parts of the data foretell each other by it, and a map adds nothing to it."""
-    columns = np.concatenate([evidence.columns(p) for p in guess.with_sizes()], axis=1)
-    free = np.full(columns.shape[1], -np.inf), np.full(columns.shape[1], np.inf)
+    columns = Plain(np.hstack([evidence.columns(p) for p in guess.with_sizes()]))
+    free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
     every = (sectors(evidence), stretches(evidence), scattered(evidence))
     parts = [part for part in every if learnable(evidence, columns, part)]
     shares = [foretold(evidence, columns, free, part) for part in parts]
     if not shares or min(shares) < LAW_FORETOLD:
         return False
-    beside = evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    beside = evidence.beside(columns, np.full(columns.width, PRECISION))
     return _best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes
