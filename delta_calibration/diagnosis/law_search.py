@@ -45,7 +45,7 @@ from delta_calibration.diagnosis.cross_validation import (
     stretches,
 )
 from delta_calibration.diagnosis.law_grammar import Grammar
-from delta_calibration.diagnosis.law_screen import Case, Screen
+from delta_calibration.diagnosis.law_screen import Case, Reshaped, Screen
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, Weighed, log_bayes, most_likely
 from delta_calibration.effects import Effect, Stage
@@ -240,15 +240,16 @@ def _best_shape(
         return parts, now
     low, high = (np.array([interval[k] for interval in parts[i].searched]) for k in (1, 2))
 
-    def shaped(unit: Array) -> tuple[FoundLaw, ...]:
+    def shaped(unit: Array) -> FoundLaw:
         values = low + np.clip(unit, 0.0, 1.0) * (high - low)
         fields: Any = dict(zip(names, values.tolist(), strict=True))
-        return (*parts[:i], replace(parts[i], **fields), *parts[i + 1 :])
+        return replace(parts[i], **fields)
 
+    every = Reshaped(screen, parts, i)
     start = (np.array([getattr(parts[i], name) for name in names]) - low) / (high - low)
     simplex = np.vstack([start, *(np.clip(start + d, 0, 1) for d in _spread(start))])
     result = minimize(
-        lambda unit: -screen.case(shaped(unit)).log_bayes,
+        lambda unit: -every.case(shaped(unit)).log_bayes,
         start,
         method="Nelder-Mead",
         bounds=[(0.0, 1.0)] * len(names),
@@ -260,8 +261,10 @@ def _best_shape(
         },
     )
     better = shaped(result.x)
-    case = screen.case(better)
-    return (better, case) if case.log_bayes > now.log_bayes else (parts, now)
+    case = every.case(better)
+    if not case.log_bayes > now.log_bayes:
+        return parts, now
+    return (*parts[:i], better, *parts[i + 1 :]), case
 
 
 def _spread(start: Array) -> Array:

@@ -163,15 +163,6 @@ class LinearizedModel:
         return np.asarray(self.possible.across(a) - self._shared.T @ shared)
 
     @property
-    def projected(self) -> Array:
-        """C^-1 A, (n, d, A)."""
-        return self.rest.without(self.possible.dense).reshape(*self.residual.shape, -1)
-
-    def solved(self, along: Array) -> Array:
-        """(A^T C^-1 A + P)^-1 of columns (A, k)."""
-        return np.asarray(cho_solve(self._factor, along))
-
-    @property
     def geometry(self) -> Array:
         """Whitened columns of the mechanism's dimensions in units of their priors, (d n, p)."""
         return self.nuisance.reshape(self.size, -1)[:, self.chain.layout.geometry]
