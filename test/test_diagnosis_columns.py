@@ -120,3 +120,16 @@ def test_maps_and_names_together_have_the_information_of_their_columns(name: str
     size = np.sqrt(np.outer(np.diag(whole), np.diag(whole)))
     found, expected = evidence.information_of(kept), evidence.information(every)
     assert np.abs((found - expected) / size).max() < 1e-10
+
+
+def test_all_but_some_samples_are_those_that_remain() -> None:
+    """Their sums are what is left of those of all; what they say is what they say alone."""
+    evidence = evidence_of("five_axis")
+    effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
+    mapped = next(group[0] for group in maps(evidence, effect))
+    evidence = evidence.beside(products_of(mapped, evidence), np.full(len(mapped.rows), 0.04))
+    rows = np.flatnonzero(np.arange(len(evidence)) % 5 == 2)
+    some, alone = evidence.but(rows), evidence.take(np.delete(np.arange(len(evidence)), rows))
+    length = np.sqrt(np.diag(alone.normal) + 0.04)
+    assert np.abs((some.normal - alone.normal) / np.outer(length, length)).max() < 1e-12
+    np.testing.assert_allclose(some.best(), alone.best(), atol=1e-7)

@@ -124,8 +124,7 @@ def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:
     missed = np.full((evidence.poses, 3), np.nan)
     for number in np.unique(part[rows]):
         own = rows[part[rows] == number]
-        others = np.setdiff1d(np.arange(len(evidence)), np.flatnonzero(part == number))
-        best = evidence.take(others).best(misfit)
+        best = evidence.but(np.flatnonzero(part == number)).best(misfit)
         missed[own] = evidence.take(own).missed(best)
     return missed
 

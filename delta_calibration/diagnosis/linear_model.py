@@ -138,9 +138,14 @@ class LinearizedModel:
         return self.rest.seen_of(self.possible)
 
     @cached_property
+    def _inner(self) -> Array:
+        """A^T A, (A, A)."""
+        return self.possible.inner()
+
+    @cached_property
     def normal(self) -> Array:
         """A^T C^-1 A, (A, A)."""
-        return np.asarray(self.possible.inner() - self._shared.T @ self._shared)
+        return np.asarray(self._inner - self._shared.T @ self._shared)
 
     @cached_property
     def _factor(self) -> tuple[Array, bool]:
@@ -190,6 +195,13 @@ class LinearizedModel:
             others=tuple(each.part(rows, self.coordinates) for each in self.others),
             stood=None if self.stood is None else (self.stood[0][rows], self.stood[1][rows]),
         )
+
+    def but(self, rows: NDArray[np.intp]) -> LinearizedModel:
+        """The evidence of all samples but some, whose part is taken from what all sum up to."""
+        others = self.take(np.delete(np.arange(len(self)), rows))
+        own = self.possible.part(rows, self.coordinates)
+        vars(others)["_inner"] = self._inner - own.inner()
+        return others
 
     def beside(self, columns: Columns, precision: Array) -> LinearizedModel:
         """The same evidence with more taken for possible: k columns, their priors' (k,)."""
