@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -21,7 +22,10 @@ from delta_calibration.diagnosis.candidates import (
 from delta_calibration.diagnosis.columns import Plain, Product, joined
 from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.effects import catalogue
+from delta_calibration.diagnosis.model import Model
+from delta_calibration.diagnosis.scores import Weighed
+from delta_calibration.diagnosis.set_aside import set_aside
+from delta_calibration.effects import Stage, catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
@@ -73,12 +77,37 @@ def test_products_are_those_of_the_columns(kinds) -> None:
 
 
 @cache
-def evidence_of(name: str) -> LinearizedModel:
-    """Of a session with motions, whose readings share errors."""
+def fit_of(name: str) -> Model:
+    """To a session with motions, whose readings share errors."""
     robot = load_robot(name)
     plan = make_plan("rich", robot, count=20, seed=3)
     session = simulate_session(draw_machine(robot, 3), plan, 3)
-    return calibrated(survey(session, robot.joints.names), robot).evidence
+    return calibrated(survey(session, robot.joints.names), robot)
+
+
+def evidence_of(name: str) -> LinearizedModel:
+    """The evidence of that fit."""
+    return fit_of(name).evidence
+
+
+def test_evidence_that_was_let_go_comes_back() -> None:
+    fit = fit_of("five_axis")
+    before = fit.evidence
+    fit.forget()
+    assert "evidence" not in vars(fit)
+    np.testing.assert_allclose(fit.evidence.residual, before.residual, atol=1e-9)
+    np.testing.assert_allclose(fit.evidence.by_joints, before.by_joints, atol=1e-9)
+
+
+def test_a_fit_that_set_nothing_aside_is_that_to_everything() -> None:
+    fit = fit_of("five_axis")
+    assert fit.everything() is fit
+    weight = fit.cell.weight.copy()
+    weight[4] = 0.0
+    fewer = replace(fit, cell=replace(fit.cell, weight=weight))
+    assert not fewer.evidence.believed[4]
+    assert fewer.everything().evidence.believed[4]
+    np.testing.assert_array_equal(set_aside(fewer.evidence, fewer.everything().evidence), [4])
 
 
 def test_a_map_beside_the_geometry_is_there_as_its_columns_would_be() -> None:
@@ -133,3 +162,31 @@ def test_all_but_some_samples_are_those_that_remain() -> None:
     length = np.sqrt(np.diag(alone.normal) + 0.04)
     assert np.abs((some.normal - alone.normal) / np.outer(length, length)).max() < 1e-12
     np.testing.assert_allclose(some.best(), alone.best(), atol=1e-7)
+
+
+def test_a_map_of_another_size_is_scored_as_if_its_own_products_were_known() -> None:
+    """All sizes share the products of one: value, gain, evidence and chance of each."""
+    evidence = evidence_of("five_axis")
+    effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
+    weighed = Weighed.of(evidence, np.inf, 4, np.random.default_rng(3))
+    sizes = next(iter(maps(evidence, effect)))
+    together = weighed.explore([sizes])
+    for candidate, score in zip(sizes, together, strict=True):
+        (alone,) = weighed.explore([[candidate]])
+        assert score.gain == pytest.approx(alone.gain, rel=1e-9)
+        assert score.log_bayes == pytest.approx(alone.log_bayes, rel=1e-9)
+        assert score.log_p == pytest.approx(alone.log_p, rel=1e-6)
+        np.testing.assert_allclose(score.value, alone.value, atol=1e-6)
+        assert np.shares_memory(score.information, together[0].information)
+
+
+def test_what_was_recorded_is_what_the_standing_machine_has_of_it() -> None:
+    evidence = fit_of("five_axis").evidence
+    effects = catalogue(load_robot("five_axis"), evidence.chain.mechanism)
+    moving = [e for e in effects if not e.stands and e.stage is not Stage.MEASUREMENT]
+    before = [replace(evidence).columns(effect) for effect in moving]
+    known = replace(evidence)
+    assert len(known.standing) == len(known)
+    for effect, columns in zip(moving, before, strict=True):
+        np.testing.assert_array_equal(known.columns(effect), columns)
+    assert "_as_recorded" not in vars(known)

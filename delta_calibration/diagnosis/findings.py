@@ -75,7 +75,7 @@ class HeldOutModels:
         self.scattered = scattered(evidence)
         self.poses = (np.arange(len(evidence)) < evidence.poses) & evidence.believed
         self.aside = np.zeros_like(self.poses)
-        self.aside[set_aside(model)] = True
+        self.aside[set_aside(evidence, self.whole)] = True
         self.frame = held_out(without_geometry(evidence), self.sectors)
         self._known: dict[tuple[int, ...], HeldOut] = {}
 

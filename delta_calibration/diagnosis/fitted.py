@@ -161,6 +161,11 @@ class Fitted(ABC):
         base = self.problem.layout.base
         return np.flatnonzero(~placing(self.problem)[base])
 
+    def forget(self) -> None:
+        """Let go of its evidence, as large as the session; it is gathered anew when asked for."""
+        for name in ("evidence", "beside"):
+            vars(self).pop(name, None)
+
     @cached_property
     def beside(self) -> LinearizedModel:
         """What is left to explain beside the terms."""

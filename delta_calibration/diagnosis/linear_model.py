@@ -211,7 +211,9 @@ class LinearizedModel:
     def weigh(self, b: Array) -> Array:
         """V^-1 b of columns (d n, j)."""
         z = cho_solve(self._factor, self.along(Plain(b)))
-        return self.rest.without(b - self.possible.times(z))
+        left = self.possible.times(z)
+        np.subtract(b, left, out=left)
+        return self.rest.without(left)
 
     def information(self, a: Array) -> Array:
         """<a, a> of columns (d n, k), (k, k)."""
@@ -253,8 +255,11 @@ class LinearizedModel:
         z = np.zeros((len(known), count))
         z[known] = rng.standard_normal((int(known.sum()), count))
         z[known] /= np.sqrt(self.precision[known])[:, None]
-        noise = rng.standard_normal((self.size, count)) * self._believed
-        return np.asarray(noise + self.rest.draw(count, rng) + self.possible.times(z))
+        drawn = rng.standard_normal((self.size, count))
+        drawn *= self._believed  # all draws of a session are a hundred megabytes: in place
+        drawn += self.rest.draw(count, rng)
+        drawn += self.possible.times(z)
+        return drawn
 
     @cached_property
     def _believed(self) -> Array:
@@ -300,9 +305,20 @@ class LinearizedModel:
             return self.standing
         return self.chain.signals(self.at, self.theta, self.pose, effect.robot)
 
-    @cached_property
+    @property
     def _recorded(self) -> Signals:
+        """As recorded: those of the machine as it stands hold it, once they are known."""
+        known = vars(self).get("standing") if self._stands else None
+        return self._as_recorded if known is None else known
+
+    @cached_property
+    def _as_recorded(self) -> Signals:
         return recorded(self.chain.mechanism, self.at)
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it is known how the machine stands, and what it carries."""
+        return self.stood is not None and self.robot is not None
 
     @cached_property
     def _read(self) -> Signals:
@@ -314,8 +330,9 @@ class LinearizedModel:
         if self.stood is None or self.robot is None:
             return self.chain.signals(self.at, self.theta, self.pose, self.robot)
         (joint, geometry), mechanism = self.stood, self.chain.mechanism
-        asked = all_asked(mechanism)
-        return standing(self._recorded, self.robot, mechanism, self.pose, geometry, asked, joint)
+        asked, known = all_asked(mechanism), self._as_recorded
+        vars(self).pop("_as_recorded", None)  # as large as the session, and all of it is in these
+        return standing(known, self.robot, mechanism, self.pose, geometry, asked, joint)
 
     @property
     def believed(self) -> NDArray[np.bool_]:

@@ -151,6 +151,8 @@ class Model(Fitted):
     def everything(self) -> Model:
         """The same fit, with poses that it set aside as gross errors to be looked at again."""
         weight = self.cell.weight
+        if (weight > 0).all():
+            return self
         cell = replace(self.cell, weight=np.where(weight > 0, weight, 1.0))
         return replace(self, cell=cell, seen=None)
 
