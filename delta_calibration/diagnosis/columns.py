@@ -141,8 +141,22 @@ class Product(Columns):
         return np.asarray(self.functions.T @ moved.reshape(n, -1)).reshape(self.width, -1)
 
     def inner(self) -> Array:
-        """X' X, (k, k)."""
-        return self._products(self)
+        """X' X, (k, k): by 2 m_j . m_k = |m_j + m_k|^2 - |m_j|^2 - |m_k|^2, half the work."""
+        moved, count = self.moved, self.functions.shape[1]
+        m = moved.shape[2]
+        found = np.empty((count, m, count, m))
+        for j in range(m):
+            own = found[:, j, :, j] = self._squared(moved[:, :, j])
+            for k in range(j):
+                both = self._squared(moved[:, :, j] + moved[:, :, k])
+                found[:, j, :, k] = (both - own - found[:, k, :, k]) / 2
+                found[:, k, :, j] = found[:, j, :, k]
+        return found.reshape(self.width, self.width)
+
+    def _squared(self, moved: Array) -> Array:
+        """Products of functions, weighed by what they move each sample by, (n, d)."""
+        weighed = np.sqrt(np.einsum("nd,nd->n", moved, moved))[:, None] * self.functions
+        return np.asarray(weighed.T @ weighed)
 
     def across(self, other: Columns) -> Array:
         """X' Z, (k, l)."""
