@@ -109,7 +109,7 @@ class Plain(Columns):
     def through(self, m: Array) -> Array:
         """m . x by sample, (n, k)."""
         each = self.values.reshape(*m.shape, self.width)
-        return np.asarray(np.einsum("nd,ndk->nk", m, each))
+        return np.asarray(np.einsum("nc,nck->nk", m, each))
 
     def part(self, samples: Samples, d: int) -> Plain:
         """Those of some of the samples."""
@@ -155,7 +155,7 @@ class Product(Columns):
 
     def _squared(self, moved: Array) -> Array:
         """Products of functions, weighed by what they move each sample by, (n, d)."""
-        weighed = np.sqrt(np.einsum("nd,nd->n", moved, moved))[:, None] * self.functions
+        weighed = np.sqrt(np.einsum("nc,nc->n", moved, moved))[:, None] * self.functions
         return np.asarray(weighed.T @ weighed)
 
     def across(self, other: Columns) -> Array:
@@ -177,7 +177,7 @@ class Product(Columns):
 
     def through(self, m: Array) -> Array:
         """m . x by sample, (n, k)."""
-        moved = np.einsum("nd,ndm->nm", m, self.moved)
+        moved = np.einsum("nc,ncm->nm", m, self.moved)
         return np.asarray(self.functions[:, :, None] * moved[:, None]).reshape(len(m), -1)
 
     def part(self, samples: Samples, d: int) -> Product:
