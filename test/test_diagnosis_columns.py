@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -14,10 +16,16 @@ from delta_calibration.diagnosis.candidates import (
     columns_of,
     dimensions,
     maps,
+    products_of,
     subsets,
 )
 from delta_calibration.diagnosis.columns import Plain, Product, joined
-from delta_calibration.effects import catalogue
+from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.model import Model
+from delta_calibration.diagnosis.scores import Weighed
+from delta_calibration.diagnosis.set_aside import set_aside
+from delta_calibration.effects import Stage, catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
@@ -50,19 +58,84 @@ def test_products_are_those_of_the_columns(kinds) -> None:
         assert columns.width == out.shape[1]
         np.testing.assert_allclose(columns.along(y), out.T @ y, atol=1e-12)
         np.testing.assert_allclose(columns.inner(), out.T @ out, atol=1e-12)
-        some = slice(2 * D, 9 * D)
-        np.testing.assert_allclose(columns.rows(some).along(y[some]), out[some].T @ y[some])
+        np.testing.assert_allclose(columns.dense, out, atol=1e-12)
+        values = np.random.default_rng(6).standard_normal((out.shape[1], 3))
+        np.testing.assert_allclose(columns.times(values), out @ values, atol=1e-12)
+        each = out.reshape(N, D, -1)
+        np.testing.assert_allclose(columns.squares(D), np.sum(each**2, axis=(1, 2)))
+        for some in (slice(2, 9), np.array([1, 7, 4]), np.arange(N) % 3 == 0):
+            part = each[some].reshape(-1, out.shape[1])
+            np.testing.assert_allclose(columns.part(some, D).dense, part, atol=1e-12)
+        m, f = np.random.default_rng(7).standard_normal((N, D)), np.linspace(-1.0, 2.0, N)
+        along = (m * f[:, None]).ravel() @ out
+        np.testing.assert_allclose(f @ columns.through(m), along, atol=1e-12)
+        root = np.linspace(0.0, 2.0, N)[:, None, None]
+        heavy = (root * each).reshape(out.shape)
+        np.testing.assert_allclose(columns.weighed(root).dense, heavy, atol=1e-12)
     for (columns, out), (other, beside) in product(kinds, kinds):
         np.testing.assert_allclose(columns.across(other), out.T @ beside, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["srbd", "five_axis"])
-def test_maps_and_names_together_have_the_information_of_their_columns(name: str) -> None:
-    """Of a session with motions, whose readings share errors, under every kind of map."""
+@cache
+def fit_of(name: str) -> Model:
+    """To a session with motions, whose readings share errors."""
     robot = load_robot(name)
     plan = make_plan("rich", robot, count=20, seed=3)
     session = simulate_session(draw_machine(robot, 3), plan, 3)
-    evidence = calibrated(survey(session, robot.joints.names), robot).evidence
+    return calibrated(survey(session, robot.joints.names), robot)
+
+
+def evidence_of(name: str) -> LinearizedModel:
+    """The evidence of that fit."""
+    return fit_of(name).evidence
+
+
+def test_evidence_that_was_let_go_comes_back() -> None:
+    fit = fit_of("five_axis")
+    before = fit.evidence
+    fit.forget()
+    assert "evidence" not in vars(fit)
+    np.testing.assert_allclose(fit.evidence.residual, before.residual, atol=1e-9)
+    np.testing.assert_allclose(fit.evidence.by_joints, before.by_joints, atol=1e-9)
+
+
+def test_a_fit_that_set_nothing_aside_is_that_to_everything() -> None:
+    fit = fit_of("five_axis")
+    assert fit.everything() is fit
+    weight = fit.cell.weight.copy()
+    weight[4] = 0.0
+    fewer = replace(fit, cell=replace(fit.cell, weight=weight))
+    assert not fewer.evidence.believed[4]
+    assert fewer.everything().evidence.believed[4]
+    np.testing.assert_array_equal(set_aside(fewer.evidence, fewer.everything().evidence), [4])
+
+
+def test_a_map_beside_the_geometry_is_there_as_its_columns_would_be() -> None:
+    """Never multiplied out: products, values, draws, degrees of freedom, parts of samples."""
+    evidence = evidence_of("five_axis")
+    effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
+    mapped = next(group[0] for group in maps(evidence, effect))
+    kept, prior = products_of(mapped, evidence), np.full(len(mapped.rows), 0.04)
+    assert isinstance(kept, Product)
+    one, two = (evidence.beside(x, prior) for x in (kept, Plain(columns_of(mapped, evidence))))
+    rows = np.flatnonzero(np.arange(len(evidence)) % 3 != 1)
+    for a, b in ((one, two), (one.take(rows), two.take(rows))):
+        assert a.degrees == pytest.approx(b.degrees, rel=1e-9)
+        assert a.misfit == pytest.approx(b.misfit, rel=1e-9)
+        np.testing.assert_allclose(a.best(), b.best(), atol=1e-7)
+        np.testing.assert_allclose(a.left(), b.left(), atol=1e-7)
+        drawn = [of.draw(3, np.random.default_rng(1)) for of in (a, b)]
+        np.testing.assert_allclose(*drawn, atol=1e-8)
+        np.testing.assert_allclose(a.weigh(a.column), b.weigh(b.column), atol=1e-8)
+    fewer = [without_geometry(of) for of in (one, two)]
+    assert len(fewer[0].precision) == len(one.precision) - evidence.geometry.shape[1]
+    np.testing.assert_allclose(fewer[0].best(), fewer[1].best(), atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["srbd", "five_axis"])
+def test_maps_and_names_together_have_the_information_of_their_columns(name: str) -> None:
+    """Of every kind of map."""
+    robot, evidence = load_robot(name), evidence_of(name)
     assert evidence.rest.samples
     effects = catalogue(robot, evidence.chain.mechanism)
     slightest = [group[0] for group in maps(evidence, effects[0])]
@@ -76,3 +149,44 @@ def test_maps_and_names_together_have_the_information_of_their_columns(name: str
     size = np.sqrt(np.outer(np.diag(whole), np.diag(whole)))
     found, expected = evidence.information_of(kept), evidence.information(every)
     assert np.abs((found - expected) / size).max() < 1e-10
+
+
+def test_all_but_some_samples_are_those_that_remain() -> None:
+    """Their sums are what is left of those of all; what they say is what they say alone."""
+    evidence = evidence_of("five_axis")
+    effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
+    mapped = next(group[0] for group in maps(evidence, effect))
+    evidence = evidence.beside(products_of(mapped, evidence), np.full(len(mapped.rows), 0.04))
+    rows = np.flatnonzero(np.arange(len(evidence)) % 5 == 2)
+    some, alone = evidence.but(rows), evidence.take(np.delete(np.arange(len(evidence)), rows))
+    length = np.sqrt(np.diag(alone.normal) + 0.04)
+    assert np.abs((some.normal - alone.normal) / np.outer(length, length)).max() < 1e-12
+    np.testing.assert_allclose(some.best(), alone.best(), atol=1e-7)
+
+
+def test_a_map_of_another_size_is_scored_as_if_its_own_products_were_known() -> None:
+    """All sizes share the products of one: value, gain, evidence and chance of each."""
+    evidence = evidence_of("five_axis")
+    effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
+    weighed = Weighed.of(evidence, np.inf, 4, np.random.default_rng(3))
+    sizes = next(iter(maps(evidence, effect)))
+    together = weighed.explore([sizes])
+    for candidate, score in zip(sizes, together, strict=True):
+        (alone,) = weighed.explore([[candidate]])
+        assert score.gain == pytest.approx(alone.gain, rel=1e-9)
+        assert score.log_bayes == pytest.approx(alone.log_bayes, rel=1e-9)
+        assert score.log_p == pytest.approx(alone.log_p, rel=1e-6)
+        np.testing.assert_allclose(score.value, alone.value, atol=1e-6)
+        assert np.shares_memory(score.information, together[0].information)
+
+
+def test_what_was_recorded_is_what_the_standing_machine_has_of_it() -> None:
+    evidence = fit_of("five_axis").evidence
+    effects = catalogue(load_robot("five_axis"), evidence.chain.mechanism)
+    moving = [e for e in effects if not e.stands and e.stage is not Stage.MEASUREMENT]
+    before = [replace(evidence).columns(effect) for effect in moving]
+    known = replace(evidence)
+    assert len(known.standing) == len(known)
+    for effect, columns in zip(moving, before, strict=True):
+        np.testing.assert_array_equal(known.columns(effect), columns)
+    assert "_as_recorded" not in vars(known)

@@ -27,6 +27,7 @@ from delta_calibration.diagnosis import (
     scores,
 )
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, maps, subsets
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.joint_fit import as_score
 from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Weighed
@@ -380,7 +381,9 @@ def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense
         v = learned(others)[1]
         total += fallen(every, v) - fallen(others, v)
     share = total / fallen(every, learned(every)[1])
-    assert cross_validation.foretold(proper, X, free, part) == pytest.approx(share, rel=1e-6)
+    assert cross_validation.foretold(proper, Plain(X), free, part) == pytest.approx(
+        share, rel=1e-6
+    )
 
 
 def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
@@ -391,10 +394,10 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
     noise = evidence.draw(1, np.random.default_rng(13))
     signal = columns @ np.full((3, 1), 2.0)
     everywhere = with_residual(evidence, noise + signal)
-    assert cross_validation.foretold(everywhere, columns, bounds, part) > 0.8
+    assert cross_validation.foretold(everywhere, Plain(columns), bounds, part) > 0.8
     here = np.repeat(part == 2, 3)[:, None]
     somewhere = with_residual(evidence, noise + 3 * signal * here)
-    assert cross_validation.foretold(somewhere, columns, bounds, part) < 0.25
+    assert cross_validation.foretold(somewhere, Plain(columns), bounds, part) < 0.25
 
 
 # What is left, and what cannot be told

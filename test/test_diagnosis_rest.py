@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from delta_calibration.data import Conditions, at_rest
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 
 RNG = np.random.default_rng(1)
@@ -65,6 +66,10 @@ def test_inner_products_are_those_under_the_covariance(rest, covariance) -> None
     solved = np.linalg.solve(covariance, x)
     np.testing.assert_allclose(rest.without(x), solved, atol=1e-12)
     np.testing.assert_allclose(rest.inner(x), x.T @ solved, atol=1e-12)
+    seen = rest.seen(x)
+    twice = x.T @ solved - seen.T @ (rest.weak[:, None] * seen)
+    np.testing.assert_allclose(twice, solved.T @ solved, atol=1e-12)
+    assert rest.taken(Plain(x)) == pytest.approx(np.sum(x**2) - np.sum(solved**2))
     assert rest.degrees == pytest.approx(len(covariance) - np.trace(np.linalg.inv(covariance)))
 
 

@@ -19,12 +19,18 @@ from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
 from delta_calibration.diagnosis.law_grammar import Grammar
-from delta_calibration.diagnosis.law_screen import Screen
+from delta_calibration.diagnosis.law_screen import Reshaped, Screen
 from delta_calibration.diagnosis.law_search import signals_of
 from delta_calibration.diagnosis.verdict import FoundEquation
 from delta_calibration.effects import catalogue
 from delta_calibration.effects.catalogue import effect_named
-from delta_calibration.effects.found_law import FOUND_LAW, FoundLaw, Quantity, Target
+from delta_calibration.effects.found_law import (
+    FOUND_LAW,
+    FUNCTIONS,
+    FoundLaw,
+    Quantity,
+    Target,
+)
 from delta_calibration.errors import InputError
 from delta_calibration.export.effect_file import effect_file, require_effect_name
 from delta_calibration.report.verdict_file import verdict_of
@@ -52,19 +58,44 @@ def start_fixture():
 
 
 def test_products_are_those_of_the_evidence(start) -> None:
-    """Worked out factor by factor, and by the columns of each law."""
+    """Worked out shape by shape, and by the columns of each law as it is compiled."""
     evidence = start.evidence
     signals = signals_of(evidence, ROBOT)
     every = list(Grammar(ROBOT, evidence, signals).laws())
-    laws = [every[i] for i in np.linspace(0, len(every) - 1, 25).astype(int)]
+    of_each = {law.function: law for law in every}.values()
+    laws = [*(every[i] for i in np.linspace(0, len(every) - 1, 25).astype(int)), *of_each]
+    assert {law.function for law in laws} == set(FUNCTIONS)
     screen = Screen(evidence, signals)
-    for law, case in zip(laws, screen.cases(laws), strict=True):
+    cases = screen.cases(every)
+    for law, case in zip(laws, (cases[every.index(law)] for law in laws), strict=True):
         sized = replace(law, typical=tuple(case.size.tolist()))
         columns = evidence.columns(sized)
         information = evidence.information(columns)
         assert case.information == pytest.approx(information, abs=1e-9 * np.abs(information).max())
         signal = columns @ case.value
         assert screen.signal([law], case) == pytest.approx(signal, abs=1e-9 * np.abs(signal).max())
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_law_in_another_shape_is_what_all_together_are(start, number: int) -> None:
+    """What does not change of it is kept; the case is that of the columns anew."""
+    evidence = start.evidence
+    screen = Screen(evidence, signals_of(evidence, ROBOT))
+    targets = [Target(f"joint_{j + 1}", f"dq_{j + 1}", ((j, 1.0),), "rad", j) for j in range(3)]
+    wave = FoundLaw(ROBOT, MECHANISM, targets=tuple(targets[:2]), function="wave", scale=3.0)
+    ramp = replace(wave, targets=tuple(targets[2:]), function="ramp", scale=2.0, middle=0.1)
+    laws = (wave, ramp, replace(ramp, by=Quantity("direction")))
+    every = Reshaped(screen, laws, number)
+    for scale in (1.0, 4.5):
+        other = replace(laws[number], scale=scale)
+        found = every.case(other)
+        expected = screen.case((*laws[:number], other, *laws[number + 1 :]))
+        assert found.log_bayes == pytest.approx(expected.log_bayes, rel=1e-8)
+        assert found.gain == pytest.approx(expected.gain, rel=1e-8)
+        np.testing.assert_allclose(found.size, expected.size)
+        np.testing.assert_allclose(found.value, expected.value, rtol=1e-6)
+        largest = np.abs(expected.information).max()
+        np.testing.assert_allclose(found.information, expected.information, atol=1e-9 * largest)
 
 
 def test_a_law_goes_into_a_file_and_comes_back(start) -> None:

@@ -78,18 +78,21 @@ def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:
     rows = list(candidate.rows)
     if candidate.effect is None:
         return np.asarray(evidence.geometry[:, rows])
-    columns = evidence.columns(candidate.effect)
-    # all of a map's, in their order, are taken as they are: a copy would cost as much memory again
-    whole = rows == list(range(columns.shape[1]))
-    return columns if whole else np.asarray(columns[:, rows])
+    return np.asarray(evidence.columns(candidate.effect)[:, rows])
 
 
 def all_columns(candidates: Sequence[Candidate], evidence: LinearizedModel) -> Columns:
     """Those of some candidates one after the other, a map's as products, (d n, k)."""
-    return joined([_products_of(candidate, evidence) for candidate in candidates])
+    return joined([products_of(candidate, evidence) for candidate in candidates])
 
 
-def _products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
+def moved_by(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:
+    """What it makes of the readings with values (k,) in units of its priors, (d n,)."""
+    return products_of(candidate, evidence).times(scaled[:, None])[:, 0]
+
+
+def products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
+    """Whitened columns of the candidate's free parameters, a map's as products, (d n, k)."""
     effect = candidate.effect
     whole = effect is not None and len(candidate.rows) == len(effect.parameters)
     if effect is not None and effect.by_functions and whole:
@@ -116,7 +119,7 @@ def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array
         ends = np.clip([at - step, at + step], low, high)
         fields: list[dict[str, Any]] = [{name: float(end)} for end in ends]
         shapes = (replace(candidate, effect=replace(effect, **field)) for field in fields)
-        before, after = (columns_of(shape, evidence) @ scaled for shape in shapes)
+        before, after = (moved_by(shape, evidence, scaled) for shape in shapes)
         spread = (high - low) / np.sqrt(12)  # of a uniform distribution
         columns.append(((after - before) * spread / np.ptp(ends))[:, None])
     return np.concatenate(columns, axis=1)

@@ -8,7 +8,8 @@ What is asked of its columns needs only sums over samples of small things,
 
     x_fj' y = sum phi_f (m_j . y)        x_fj' x_gk = sum phi_f phi_g (m_j . m_k)
 
-where the columns themselves are hundreds, each as long as the session.
+and what they make of values is moved once, whatever the functions, where the columns themselves
+are hundreds, each as long as the session.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Samples = slice | NDArray[Any]  # indices or a mask
 
 
 class Columns(ABC):
@@ -46,8 +49,29 @@ class Columns(ABC):
         """Products X' Z with l others of any kind, (k, l)."""
 
     @abstractmethod
-    def rows(self, own: slice) -> Columns:
-        """Some of the coordinates, those of whole samples."""
+    def times(self, values: Array) -> Array:
+        """What they make of values (k, j), X v, (d n, j)."""
+
+    @property
+    def dense(self) -> Array:
+        """Multiplied out, (d n, k)."""
+        return self.times(np.eye(self.width))
+
+    @abstractmethod
+    def squares(self, d: int) -> Array:
+        """Squared length of each sample's d numbers over all columns, (n,)."""
+
+    @abstractmethod
+    def through(self, m: Array) -> Array:
+        """What each sample gives to products with m f of any function f, m (n, d), (n, k)."""
+
+    @abstractmethod
+    def part(self, samples: Samples, d: int) -> Columns:
+        """Those of some of the samples, which have d numbers each."""
+
+    @abstractmethod
+    def weighed(self, root: Array) -> Columns:
+        """With the samples' weights changed, their roots (n, 1, 1)."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +97,29 @@ class Plain(Columns):
         """X' Z, (k, l)."""
         return np.asarray(other.along(self.values).T)
 
-    def rows(self, own: slice) -> Plain:
-        """Some of the coordinates."""
-        return Plain(self.values[own])
+    def times(self, values: Array) -> Array:
+        """X v, (d n, j)."""
+        return np.asarray(self.values @ values)
+
+    def squares(self, d: int) -> Array:
+        """Squared length of each sample, (n,)."""
+        each = self.values.reshape(len(self.values) // d, d * self.width)
+        return np.asarray(np.sum(each**2, axis=1))
+
+    def through(self, m: Array) -> Array:
+        """m . x by sample, (n, k)."""
+        each = self.values.reshape(*m.shape, self.width)
+        return np.asarray(np.einsum("nc,nck->nk", m, each))
+
+    def part(self, samples: Samples, d: int) -> Plain:
+        """Those of some of the samples."""
+        each = self.values.reshape(len(self.values) // d, d, self.width)[samples]
+        return Plain(each.reshape(len(each) * d, self.width))
+
+    def weighed(self, root: Array) -> Plain:
+        """With the samples' weights changed."""
+        each = root * self.values.reshape(len(root), len(self.values) // len(root), self.width)
+        return Plain(each.reshape(self.values.shape))
 
 
 @dataclass(frozen=True)
@@ -97,8 +141,22 @@ class Product(Columns):
         return np.asarray(self.functions.T @ moved.reshape(n, -1)).reshape(self.width, -1)
 
     def inner(self) -> Array:
-        """X' X, (k, k)."""
-        return self._products(self)
+        """X' X, (k, k): by 2 m_j . m_k = |m_j + m_k|^2 - |m_j|^2 - |m_k|^2, half the work."""
+        moved, count = self.moved, self.functions.shape[1]
+        m = moved.shape[2]
+        found = np.empty((count, m, count, m))
+        for j in range(m):
+            own = found[:, j, :, j] = self._squared(moved[:, :, j])
+            for k in range(j):
+                both = self._squared(moved[:, :, j] + moved[:, :, k])
+                found[:, j, :, k] = (both - own - found[:, k, :, k]) / 2
+                found[:, k, :, j] = found[:, j, :, k]
+        return found.reshape(self.width, self.width)
+
+    def _squared(self, moved: Array) -> Array:
+        """Products of functions, weighed by what they move each sample by, (n, d)."""
+        weighed = np.sqrt(np.einsum("nc,nc->n", moved, moved))[:, None] * self.functions
+        return np.asarray(weighed.T @ weighed)
 
     def across(self, other: Columns) -> Array:
         """X' Z, (k, l)."""
@@ -106,11 +164,29 @@ class Product(Columns):
             return self._products(other)
         return np.asarray(other.across(self).T)
 
-    def rows(self, own: slice) -> Product:
-        """Some of the coordinates."""
-        d = self.moved.shape[1]
-        samples = slice(own.start // d, own.stop // d)
+    def times(self, values: Array) -> Array:
+        """X v, (d n, j): how much of each joint the functions make, then what that moves."""
+        n, d, m = self.moved.shape
+        each = self.functions @ values.reshape(self.functions.shape[1], -1)
+        return np.asarray(self.moved @ each.reshape(n, m, -1)).reshape(n * d, -1)
+
+    def squares(self, d: int) -> Array:
+        """Squared length of each sample, (n,)."""
+        moved = np.sum(self.moved**2, axis=(1, 2))
+        return np.asarray(moved * np.sum(self.functions**2, axis=1))
+
+    def through(self, m: Array) -> Array:
+        """m . x by sample, (n, k)."""
+        moved = np.einsum("nc,ncm->nm", m, self.moved)
+        return np.asarray(self.functions[:, :, None] * moved[:, None]).reshape(len(m), -1)
+
+    def part(self, samples: Samples, d: int) -> Product:
+        """Those of some of the samples."""
         return Product(self.moved[samples], self.functions[samples])
+
+    def weighed(self, root: Array) -> Product:
+        """With the samples' weights changed."""
+        return Product(root * self.moved, self.functions)
 
     def _products(self, other: Product) -> Array:
         """X' Z, by the pairs of joints; those of one machine are the same both ways round."""
@@ -159,9 +235,27 @@ class Joined(Columns):
         parts = [part.across(other) for part in self.parts]
         return np.concatenate([np.zeros((0, other.width)), *parts])
 
-    def rows(self, own: slice) -> Joined:
-        """Some of the coordinates."""
-        return Joined(tuple(part.rows(own) for part in self.parts))
+    def times(self, values: Array) -> Array:
+        """X v, (d n, j)."""
+        spans = [slice(*span) for span in pairwise(self._begin)]
+        made = (p.times(values[span]) for p, span in zip(self.parts, spans, strict=True))
+        return np.asarray(sum(made))
+
+    def squares(self, d: int) -> Array:
+        """Squared length of each sample, (n,)."""
+        return np.asarray(sum(part.squares(d) for part in self.parts))
+
+    def through(self, m: Array) -> Array:
+        """m . x by sample, (n, k)."""
+        return np.concatenate([part.through(m) for part in self.parts], axis=1)
+
+    def part(self, samples: Samples, d: int) -> Joined:
+        """Those of some of the samples."""
+        return Joined(tuple(part.part(samples, d) for part in self.parts))
+
+    def weighed(self, root: Array) -> Joined:
+        """With the samples' weights changed."""
+        return Joined(tuple(part.weighed(root) for part in self.parts))
 
     @cached_property
     def _begin(self) -> tuple[int, ...]:

@@ -7,11 +7,13 @@ much nearer the predictions then are, between the error before and the noise, is
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.columns import Columns
 from delta_calibration.diagnosis.constants import LEARNABLE, PARTS, SURE_QUANTILE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import change, most_likely
@@ -78,18 +80,13 @@ def scattered(evidence: LinearizedModel) -> NDArray[np.int64]:
     return np.asarray((cell @ np.array([1, 2, 4])) % PARTS)
 
 
-def learnable(evidence: LinearizedModel, columns: Array, part: NDArray[np.int64]) -> bool:
-    """Whether each part leaves enough of what sets the columns (d n, k) to the others."""
-    whole = np.diag(evidence.information(columns))
-    for number in np.unique(part):
-        others = np.flatnonzero(part != number)
-        known = 0 * whole
-        if others.size:
-            own = evidence.part(columns, others)
-            known = np.diag(evidence.take(others).information(own))
-        if (known < LEARNABLE * whole).any():
-            return False
-    return True
+def learnable(evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]) -> bool:
+    """Whether each part leaves enough of what sets k columns to the others."""
+    whole = np.diag(evidence.information_of(columns))
+    if len(np.unique(part)) < 2:
+        return not (whole > 0).any()
+    every = _without_each(evidence, columns, part)
+    return all((np.diag(known) >= LEARNABLE * whole).all() for _, _, known in every)
 
 
 def held_out(
@@ -105,15 +102,18 @@ def held_out(
     square, misfit = np.full(len(evidence), np.nan), evidence.misfit
     whole = evidence if whole is None else whole
     for number in np.unique(part):
-        rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
-        if others.size:
-            missed = whole.take(rows).missed(evidence.take(others).best(misfit))
+        rows = np.flatnonzero(part == number)
+        if len(rows) < len(evidence):
+            missed = whole.take(rows).missed(evidence.but(rows).best(misfit))
             square[rows] = np.sum(missed**2, axis=1)
     return HeldOut(square, part)
 
 
 def foretold(
-    evidence: LinearizedModel, columns: Array, bounds: tuple[Array, Array], part: NDArray[np.int64]
+    evidence: LinearizedModel,
+    columns: Columns,
+    bounds: tuple[Array, Array],
+    part: NDArray[np.int64],
 ) -> float:
     """Share of what columns explain that they foretell, 1 where nothing but noise is in the way.
 
@@ -125,25 +125,40 @@ def foretold(
 
     Args:
         evidence: of all samples.
-        columns: of an explanation, (d n, k).
+        columns: of an explanation, k.
         bounds: of its values, (k,) each.
         part: what is held out together, (n,).
     """
-    information, b = _products(evidence, columns)
+    information, b = evidence.information_of(columns), _along(evidence, columns)
     value = most_likely(information, b, *bounds)
     total = 0.0
-    for number in np.unique(part):
-        others = np.flatnonzero(part != number)
-        if others.size:
-            known, along = _products(evidence.take(others), evidence.part(columns, others))
-            v = most_likely(known, along, *bounds)
-            total += change(information, b, v) - change(known, along, v)
+    for others, own, known in _without_each(evidence, columns, part):
+        along = _along(others, own)
+        v = most_likely(known, along, *bounds)
+        total += change(information, b, v) - change(known, along, v)
     return total / max(change(information, b, value), 1e-300)
 
 
-def _products(evidence: LinearizedModel, columns: Array) -> tuple[Array, Array]:
-    b = columns.T @ evidence.weigh(evidence.column)
-    return evidence.information(columns), b[:, 0]
+def _along(evidence: LinearizedModel, columns: Columns) -> Array:
+    return columns.along(evidence.weigh(evidence.column))[:, 0]
+
+
+def _without_each(
+    evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]
+) -> Iterator[tuple[LinearizedModel, Columns, Array]]:
+    """Without each part the evidence, its columns and their information, (k, k).
+
+    A part's products are taken from those of all, which are worked out once.
+    """
+    inner, across = columns.inner(), evidence.possible.across(columns)
+    for number in np.unique(part):
+        rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
+        if others.size:
+            held, known = (columns.part(own, evidence.coordinates) for own in (rows, others))
+            beside = evidence.possible.part(rows, evidence.coordinates)
+            left, shown = evidence.but(rows), across - beside.across(held)
+            seen = left.rest.seen_of(known)
+            yield left, known, left.left_of(inner - held.inner(), shown, seen)
 
 
 def gain(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.constants import NAMED, SAME
 from delta_calibration.diagnosis.contrast import Contrast, Pair
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -152,7 +153,8 @@ class Outlook:
     def _added(self, columns: Array, number: int) -> Products:
         """What one experiment tells of columns over all of them, (d n, k)."""
         rows = np.flatnonzero(self.number == number)
-        return Products.of(self.foreseen.take(rows), self.foreseen.part(columns, rows))
+        own = Plain(columns).part(rows, self.foreseen.coordinates)
+        return Products.of(self.foreseen.take(rows), own.values)
 
 
 def prepared(evidence: LinearizedModel) -> LinearizedModel:
@@ -184,6 +186,7 @@ def _thinned(evidence: LinearizedModel) -> LinearizedModel:
         whiten=root * thin.whiten,
         residual=root[..., 0] * thin.residual,
         nuisance=root * thin.nuisance,
+        others=tuple(each.weighed(root) for each in thin.others),
         rest=thin.rest.scaled(root),
         by_joints=root * thin.by_joints,
         by_geometry=root * thin.by_geometry,

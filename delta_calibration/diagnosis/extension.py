@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import shape_columns
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.fitted import without_effects
 from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -99,7 +100,7 @@ def covariance_of(model: Model, shapes: bool = True) -> Array:
     searched = model.terms if shapes else ()
     signals = [shape_columns(m, model.evidence, model.scaled(m)) for m in searched]
     opened = np.concatenate([np.zeros((evidence.size, 0)), *signals], axis=1)
-    known, size = evidence.beside(opened, np.ones(opened.shape[1])), len(evidence.precision)
+    known, size = evidence.beside(Plain(opened), np.ones(opened.shape[1])), len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
     whole[base, base] = problem.basis[base, base]
@@ -123,8 +124,7 @@ def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:
     missed = np.full((evidence.poses, 3), np.nan)
     for number in np.unique(part[rows]):
         own = rows[part[rows] == number]
-        others = np.setdiff1d(np.arange(len(evidence)), np.flatnonzero(part == number))
-        best = evidence.take(others).best(misfit)
+        best = evidence.but(np.flatnonzero(part == number)).best(misfit)
         missed[own] = evidence.take(own).missed(best)
     return missed
 
@@ -133,7 +133,9 @@ def _missed(evidence: LinearizedModel, model: Model) -> Missed:
     """What every pose was missed by, as if the fit had taken up nothing of it."""
     poses, rows = model.survey.poses, _counted(evidence)
     root = np.sqrt(max(1.0, evidence.misfit))
-    slope, residual = evidence.nuisance[rows] / root, evidence.residual[rows] / root
+    residual = evidence.residual[rows] / root
+    columns = evidence.possible.part(rows, evidence.coordinates)
+    slope = columns.dense.reshape(*residual.shape, -1) / root
     found = studentized(evidence.known(root**2), slope, residual, poses.place[rows])
     colour = root * np.linalg.inv(evidence.whiten[rows, :3, :3])
     return Missed(

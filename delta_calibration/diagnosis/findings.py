@@ -12,8 +12,10 @@ from delta_calibration.diagnosis.candidates import (
     Candidate,
     bounds_of,
     columns_of,
+    products_of,
     shape_columns,
 )
+from delta_calibration.diagnosis.columns import Columns, Plain
 from delta_calibration.diagnosis.constants import (
     ALPHA,
     BEYOND,
@@ -73,7 +75,7 @@ class HeldOutModels:
         self.scattered = scattered(evidence)
         self.poses = (np.arange(len(evidence)) < evidence.poses) & evidence.believed
         self.aside = np.zeros_like(self.poses)
-        self.aside[set_aside(model)] = True
+        self.aside[set_aside(evidence, self.whole)] = True
         self.frame = held_out(without_geometry(evidence), self.sectors)
         self._known: dict[tuple[int, ...], HeldOut] = {}
 
@@ -95,9 +97,9 @@ class HeldOutModels:
         return Held(name, self.mm(held), whole)
 
     def gain(
-        self, before: HeldOut, after: HeldOut, columns: Array, rng: np.random.Generator
+        self, before: HeldOut, after: HeldOut, columns: Columns, rng: np.random.Generator
     ) -> Gain:
-        """What the change is worth where its columns (d n, k) show."""
+        """What the change is worth where its columns show."""
         rows, noise = self._where(columns), self.evidence.variance
         place = np.round(self.evidence.chain.mechanism.position(self.evidence.pose) / 0.02)
         _, number = np.unique(place, axis=0, return_inverse=True)
@@ -105,7 +107,7 @@ class HeldOutModels:
         return replace(told, in_motion=rows is not self.poses)
 
     def of_term(
-        self, model: Fitted, term: Candidate, columns: Array, rng: np.random.Generator
+        self, model: Fitted, term: Candidate, columns: Columns, rng: np.random.Generator
     ) -> Gain | None:
         """What a term adds to the rest; None where held-out data do not bear it out.
 
@@ -146,15 +148,15 @@ class HeldOutModels:
         without, with_ = (self.terms(of, self.sectors).rms(rows) for of in (fewer, terms))
         return with_ <= without
 
-    def _where(self, columns: Array) -> NDArray[np.bool_]:
+    def _where(self, columns: Columns) -> NDArray[np.bool_]:
         """The poses; the paths where the columns show in motion only.
 
         What does to a path as its own rest error does shows at rest: a drift between two stops.
         """
-        shown = self.evidence.rest.without(columns)
-        size = np.sum(shown.reshape(len(self.evidence), -1) ** 2, axis=1)
-        moving = self.evidence.believed & ~self.poses
-        if moving.any() and size[self.poses].mean() < MOVING**2 * size[moving].mean():
+        evidence, size = self.evidence, columns.squares(self.evidence.coordinates)
+        moving = evidence.believed & ~self.poses
+        taken = evidence.rest.taken(columns) / max(1, int(moving.sum()))
+        if moving.any() and size[self.poses].mean() < MOVING**2 * (size[moving].mean() - taken):
             return moving
         return self.poses
 
@@ -174,7 +176,7 @@ def of_term(
     model = found.model
     rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
-    columns = columns_of(term, evidence)
+    columns = products_of(term, evidence)
     sector = held.of_term(model, term, columns, rng)
     if sector is None:
         return None
@@ -208,18 +210,18 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
     By the residuals, with what its shape leaves open, and by what its conditions leave open (GUM,
     types A and B).
     """
-    columns = columns_of(term, evidence)
+    columns = products_of(term, evidence)
     shapes = shape_columns(term, evidence, model.scaled(term))
     misfit, count = max(1.0, model.misfit), shapes.shape[1]
-    values = evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    values = evidence.beside(columns, np.full(columns.width, PRECISION))
     open_shape = np.linalg.inv(values.information(shapes) / misfit + np.eye(count))
-    evidence = evidence.beside(shapes, np.ones(count))
-    normal = evidence.information(columns) + PRECISION * np.eye(columns.shape[1])
+    evidence = evidence.beside(Plain(shapes), np.ones(count))
+    normal = evidence.information_of(columns) + PRECISION * np.eye(columns.width)
     variance = np.diag(np.linalg.inv(normal)) * misfit
     doubt = None if term.effect is None else term.effect.doubt()
     if doubt is not None:
         moved = evidence.columns(doubt)[:, list(term.rows)] @ model.scaled(term)
-        off = np.linalg.solve(normal, columns.T @ evidence.weigh(moved[:, None]))[:, 0]
+        off = np.linalg.solve(normal, columns.along(evidence.weigh(moved[:, None])))[:, 0]
         variance = variance + off**2
     return np.sqrt(variance), np.sqrt(np.diag(open_shape))
 
@@ -258,8 +260,8 @@ def of_dimension(
     evidence = at_scatter(beside(held.evidence, model.terms), tau)
     bare = without_geometry(held.evidence)
     columns = columns_of(candidate, evidence)
-    alone = held_out(bare.beside(columns, np.full(1, PRECISION)), held.sectors)
-    sector = held.gain(held.frame, alone, columns, rng)
+    alone = held_out(bare.beside(Plain(columns), np.full(1, PRECISION)), held.sectors)
+    sector = held.gain(held.frame, alone, Plain(columns), rng)
     signal = columns @ np.array([outlier.value])
     others = [s for s in found.first.scores if s.candidate.cause != candidate.cause]
     length = outlier.value**2 * outlier.information
@@ -337,7 +339,7 @@ def _of_nuisance(
         np.sqrt(np.diag(spread)),
         Rivalry(named(length) * -float(np.expm1(log_p)), (), length),
         log_p,
-        held.gain(before, held.terms((), held.sectors), columns, rng),
+        held.gain(before, held.terms((), held.sectors), Plain(columns), rng),
         None,
     )
     return replace(finding, action=action_of(term, held.mm(held.terms((), held.sectors))))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from delta_calibration.chain import Chain
 from delta_calibration.diagnosis.candidates import (
     Candidate,
+    all_columns,
     bounds_of,
     columns_of,
     shape_columns,
@@ -159,6 +160,11 @@ class Fitted(ABC):
         """Entries of the nuisance that are errors of the machine, not how it is placed."""
         base = self.problem.layout.base
         return np.flatnonzero(~placing(self.problem)[base])
+
+    def forget(self) -> None:
+        """Let go of its evidence, as large as the session; it is gathered anew when asked for."""
+        for name in ("evidence", "beside"):
+            vars(self).pop(name, None)
 
     @cached_property
     def beside(self) -> LinearizedModel:
@@ -301,8 +307,8 @@ def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedM
     """The evidence with some explanations taken for possible."""
     if not terms:
         return evidence
-    columns = np.concatenate([columns_of(m, evidence) for m in terms], axis=1)
-    return evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    columns = all_columns(terms, evidence)
+    return evidence.beside(columns, np.full(columns.width, PRECISION))
 
 
 def _reached(effect: Effect, other: Effect) -> bool:

@@ -145,10 +145,9 @@ def offset_rows(evidence: LinearizedModel) -> NDArray[np.int64]:
 
 def without(evidence: LinearizedModel, rows: NDArray[np.int64]) -> LinearizedModel:
     """The evidence with some of the nuisance as the drawing has it."""
-    kept = np.setdiff1d(np.arange(len(evidence.precision)), rows)
-    return replace(
-        evidence, nuisance=evidence.nuisance[:, :, kept], precision=evidence.precision[kept]
-    )
+    kept = np.setdiff1d(np.arange(evidence.nuisance.shape[2]), rows)
+    precision = np.delete(evidence.precision, rows)
+    return replace(evidence, nuisance=evidence.nuisance[:, :, kept], precision=precision)
 
 
 def without_geometry(evidence: LinearizedModel) -> LinearizedModel:

@@ -144,7 +144,8 @@ def as_score(term: Candidate, tried: Sequence[Score]) -> Score:
     """A term to be weighed again, charged with what the search for its cause has cost."""
     tries = max((s.tries for s in tried if s.candidate.same_cause(term)), default=1.0)
     k = len(term.rows)
-    return Score(term, np.zeros(k), np.zeros((k, k)), 0.0, 0.0, tries, np.inf)
+    nothing = np.broadcast_to(0.0, (k, k))
+    return Score(term, np.zeros(k), nothing, np.ones(k), 0.0, 0.0, tries, np.inf)
 
 
 def shadow(candidate: Candidate, gain: float) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
 from delta_calibration.diagnosis.constants import (
     KNOWN,
     LEAST_SURE,
@@ -385,9 +385,9 @@ def _laws(
 def _chance_of_map(model: Fitted, term: Candidate, asked: int) -> float:
     """p of as much as a map explains beside the others, times everything that was asked."""
     evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
-    columns = columns_of(term, evidence)
-    information = evidence.information(columns)
-    along = columns.T @ evidence.weigh(evidence.column)
+    columns = products_of(term, evidence)
+    information = evidence.information_of(columns)
+    along = columns.along(evidence.weigh(evidence.column))
     value = most_likely(information, along[:, 0], *bounds_of(term))
     gain = decrease(information, along[:, 0], value)
     log_p = Chance.of(information).log_p(gain, model.noise_degrees) + float(np.log(asked))
@@ -409,7 +409,7 @@ def _mapped(model: Fitted, term: Candidate, tests: Mapping[str, float | None]) -
     bends with it elsewhere are not in the errors that people see.
     """
     evidence = model.evidence
-    moved = (columns_of(term, evidence) @ model.scaled(term)).reshape(evidence.residual.shape)
+    moved = moved_by(term, evidence, model.scaled(term)).reshape(evidence.residual.shape)
     alone = replace(evidence, residual=moved)
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
     shift = alone.missed(alone.best(model.misfit))[rows]

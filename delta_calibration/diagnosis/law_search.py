@@ -23,6 +23,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, maps
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.constants import (
     COMPARED_LAWS,
     COMPLETE,
@@ -44,7 +45,7 @@ from delta_calibration.diagnosis.cross_validation import (
     stretches,
 )
 from delta_calibration.diagnosis.law_grammar import Grammar
-from delta_calibration.diagnosis.law_screen import Case, Screen
+from delta_calibration.diagnosis.law_screen import Case, Reshaped, Screen
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, Weighed, log_bayes, most_likely
 from delta_calibration.effects import Effect, Stage
@@ -239,15 +240,16 @@ def _best_shape(
         return parts, now
     low, high = (np.array([interval[k] for interval in parts[i].searched]) for k in (1, 2))
 
-    def shaped(unit: Array) -> tuple[FoundLaw, ...]:
+    def shaped(unit: Array) -> FoundLaw:
         values = low + np.clip(unit, 0.0, 1.0) * (high - low)
         fields: Any = dict(zip(names, values.tolist(), strict=True))
-        return (*parts[:i], replace(parts[i], **fields), *parts[i + 1 :])
+        return replace(parts[i], **fields)
 
+    every = Reshaped(screen, parts, i)
     start = (np.array([getattr(parts[i], name) for name in names]) - low) / (high - low)
     simplex = np.vstack([start, *(np.clip(start + d, 0, 1) for d in _spread(start))])
     result = minimize(
-        lambda unit: -screen.case(shaped(unit)).log_bayes,
+        lambda unit: -every.case(shaped(unit)).log_bayes,
         start,
         method="Nelder-Mead",
         bounds=[(0.0, 1.0)] * len(names),
@@ -259,8 +261,10 @@ def _best_shape(
         },
     )
     better = shaped(result.x)
-    case = screen.case(better)
-    return (better, case) if case.log_bayes > now.log_bayes else (parts, now)
+    case = every.case(better)
+    if not case.log_bayes > now.log_bayes:
+        return parts, now
+    return (*parts[:i], better, *parts[i + 1 :]), case
 
 
 def _spread(start: Array) -> Array:
@@ -302,12 +306,12 @@ def _holds(
     rng: np.random.Generator,
 ) -> bool:
     """Whether the parts of the data foretell each other by it, and a map adds nothing to it."""
-    columns = np.concatenate([evidence.columns(p) for p in guess.with_sizes()], axis=1)
-    free = np.full(columns.shape[1], -np.inf), np.full(columns.shape[1], np.inf)
+    columns = Plain(np.hstack([evidence.columns(p) for p in guess.with_sizes()]))
+    free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
     every = (sectors(evidence), stretches(evidence), scattered(evidence))
     parts = [part for part in every if learnable(evidence, columns, part)]
     shares = [foretold(evidence, columns, free, part) for part in parts]
     if not shares or min(shares) < LAW_FORETOLD:
         return False
-    beside = evidence.beside(columns, np.full(columns.shape[1], PRECISION))
+    beside = evidence.beside(columns, np.full(columns.width, PRECISION))
     return _best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes

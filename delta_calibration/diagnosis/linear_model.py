@@ -25,8 +25,9 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
-from delta_calibration.data import Conditions, Paths, Survey, joined
-from delta_calibration.diagnosis.columns import Columns, Plain, Product
+from delta_calibration.data import Conditions, Paths, Survey
+from delta_calibration.data import joined as all_of
+from delta_calibration.diagnosis.columns import Columns, Plain, Product, joined
 from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
@@ -43,6 +44,7 @@ from delta_calibration.estimation import (
 )
 from delta_calibration.geometry import rotations
 from delta_calibration.robot import Robot
+from delta_calibration.theta import Layout
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -82,15 +84,16 @@ class LinearizedModel:
     pose: Array  # (n, k) of the platform
     whiten: Array  # (n, d, d) [1/m], with the root of the robust weight in it
     residual: Array  # (n, d) whitened, at z = 0
-    nuisance: Array  # (n, d, A)
+    nuisance: Array  # (n, d, A) of what every calibration fits
     rest: SharedPathError  # errors that the paths' samples share
-    precision: Array  # (A,) of z: 1 / variance of its prior, 0 where it has none
+    precision: Array  # (A,) of all z: 1 / variance of its prior, 0 where it has none
     poses: int  # how many of the samples are poses
     by_joints: Array  # (n, d, m) whitened d(reading) by the joint angles behind the drives
     by_geometry: Array  # (n, d, p) the same by geometry
     by_base: Array  # (n, d, 6) the same by shift [m] and turn [rad] of the base
     seen: Conditions  # with readings as the model has them before the measurement effects
     robot: Robot | None = None  # whose masses the machine carries; else each effect's own
+    others: tuple[Columns, ...] = ()  # nuisance beside that: of explanations taken for possible
     # (n, m) joints behind the drives and (n, p) dimensions as it stands, where these are known
     stood: tuple[Array, Array] | None = None
     # what else could be measured, in words, and its evidence; None where that is to be foreseen
@@ -125,22 +128,28 @@ class LinearizedModel:
         return np.asarray(np.linalg.solve(root, whitened[:, : self.axes, None])[..., 0])
 
     @cached_property
-    def _flat(self) -> Array:
-        return self.nuisance.reshape(self.size, -1)
+    def possible(self) -> Columns:
+        """All of the nuisance, A."""
+        return joined([Plain(self.nuisance.reshape(self.size, -1)), *self.others])
 
     @cached_property
     def _shared(self) -> Array:
         """What of the nuisance looks like rest errors, (r, A)."""
-        return self.rest.seen(self._flat)
+        return self.rest.seen_of(self.possible)
 
     @cached_property
-    def _normal(self) -> Array:
+    def _inner(self) -> Array:
+        """A^T A, (A, A)."""
+        return self.possible.inner()
+
+    @cached_property
+    def normal(self) -> Array:
         """A^T C^-1 A, (A, A)."""
-        return np.asarray(self._flat.T @ self._flat - self._shared.T @ self._shared)
+        return np.asarray(self._inner - self._shared.T @ self._shared)
 
     @cached_property
     def _factor(self) -> tuple[Array, bool]:
-        factor: tuple[Array, bool] = cho_factor(self._normal + np.diag(self.precision))
+        factor: tuple[Array, bool] = cho_factor(self.normal + np.diag(self.precision))
         return factor
 
     def _rooted(self, along: Array) -> Array:
@@ -150,23 +159,18 @@ class LinearizedModel:
         rooted = solve_triangular(factor, along, trans=trans, lower=lower, check_finite=False)
         return np.asarray(rooted)
 
-    def _along(self, a: Array, shared: Array) -> Array:
-        """A^T C^-1 a of columns (d n, k) that look like rest errors (r, k)."""
-        return np.asarray(self._flat.T @ a - self._shared.T @ shared)
+    def along(self, a: Columns) -> Array:
+        """A^T C^-1 a of k columns, (A, k)."""
+        return self._along(a, self.rest.seen_of(a))
 
-    @property
-    def projected(self) -> Array:
-        """C^-1 A, (n, d, A)."""
-        return self.rest.without(self._flat).reshape(self.nuisance.shape)
-
-    def solved(self, along: Array) -> Array:
-        """(A^T C^-1 A + P)^-1 of columns (A, k)."""
-        return np.asarray(cho_solve(self._factor, along))
+    def _along(self, a: Columns, shared: Array) -> Array:
+        """The same of columns that look like rest errors (r, k)."""
+        return np.asarray(self.possible.across(a) - self._shared.T @ shared)
 
     @property
     def geometry(self) -> Array:
         """Whitened columns of the mechanism's dimensions in units of their priors, (d n, p)."""
-        return self._flat[:, self.chain.layout.geometry]
+        return self.nuisance.reshape(self.size, -1)[:, self.chain.layout.geometry]
 
     @property
     def column(self) -> Array:
@@ -188,27 +192,28 @@ class LinearizedModel:
             by_geometry=self.by_geometry[rows],
             by_base=self.by_base[rows],
             seen=self.seen.take(rows),
+            others=tuple(each.part(rows, self.coordinates) for each in self.others),
             stood=None if self.stood is None else (self.stood[0][rows], self.stood[1][rows]),
         )
 
-    def part(self, columns: Array, rows: NDArray[np.intp]) -> Array:
-        """Some samples' part of columns (d n, k)."""
-        each = columns.reshape(len(self), self.coordinates, -1)[rows]
-        return each.reshape(len(rows) * self.coordinates, -1)
+    def but(self, rows: NDArray[np.intp]) -> LinearizedModel:
+        """The evidence of all samples but some, whose part is taken from what all sum up to."""
+        others = self.take(np.delete(np.arange(len(self)), rows))
+        own = self.possible.part(rows, self.coordinates)
+        vars(others)["_inner"] = self._inner - own.inner()
+        return others
 
-    def beside(self, columns: Array, precision: Array) -> LinearizedModel:
-        """The same evidence with more taken for possible: columns (d n, k), their priors' (k,)."""
-        added = columns.reshape(len(self), self.coordinates, -1)
-        return replace(
-            self,
-            nuisance=np.concatenate([self.nuisance, added], axis=-1),
-            precision=np.concatenate([self.precision, precision]),
-        )
+    def beside(self, columns: Columns, precision: Array) -> LinearizedModel:
+        """The same evidence with more taken for possible: k columns, their priors' (k,)."""
+        precision = np.concatenate([self.precision, precision])
+        return replace(self, others=(*self.others, columns), precision=precision)
 
     def weigh(self, b: Array) -> Array:
         """V^-1 b of columns (d n, j)."""
-        z = cho_solve(self._factor, self._along(b, self.rest.seen(b)))
-        return self.rest.without(b - self._flat @ z)
+        z = cho_solve(self._factor, self.along(Plain(b)))
+        left = self.possible.times(z)
+        np.subtract(b, left, out=left)
+        return self.rest.without(left)
 
     def information(self, a: Array) -> Array:
         """<a, a> of columns (d n, k), (k, k)."""
@@ -216,14 +221,23 @@ class LinearizedModel:
 
     def information_of(self, a: Columns) -> Array:
         """The same of columns that may be products, (k, k)."""
-        shared = self.rest.seen_of(a)
-        along = self._rooted((a.along(self._flat) - shared.T @ self._shared).T)
-        return np.asarray(a.inner() - shared.T @ shared - along.T @ along)
+        return self.left_of(a.inner(), self.possible.across(a), self.rest.seen_of(a))
+
+    def left_of(self, inner: Array, across: Array, shared: Array) -> Array:
+        """<a, a> of k columns by their products, (k, k).
+
+        Args:
+            inner: with each other, (k, k).
+            across: of the nuisance with them, (A, k).
+            shared: what of them looks like rest errors, (r, k).
+        """
+        along = self._rooted(across - self._shared.T @ shared)
+        return np.asarray(inner - shared.T @ shared - along.T @ along)
 
     def information_of_each(self, a: Array, k: int) -> Array:
         """The same of each k of columns (d n, L k) by themselves, (L, k, k)."""
         shared = self.rest.seen(a)
-        parts, signs = (a, shared, self._rooted(self._along(a, shared))), (1, -1, -1)
+        parts, signs = (a, shared, self._rooted(self._along(Plain(a), shared))), (1, -1, -1)
         spans = [slice(begin, begin + k) for begin in range(0, a.shape[1], k)]
         return np.array(
             [
@@ -238,10 +252,14 @@ class LinearizedModel:
         What has no prior is left out of the draw: it is projected out again anyway.
         """
         known = self.precision > 0
-        spread = self._flat[:, known] / np.sqrt(self.precision[known])
-        z = rng.standard_normal((int(known.sum()), count))
-        noise = rng.standard_normal((self.size, count)) * self._believed
-        return np.asarray(noise + self.rest.draw(count, rng) + spread @ z)
+        z = np.zeros((len(known), count))
+        z[known] = rng.standard_normal((int(known.sum()), count))
+        z[known] /= np.sqrt(self.precision[known])[:, None]
+        drawn = rng.standard_normal((self.size, count))
+        drawn *= self._believed  # all draws of a session are a hundred megabytes: in place
+        drawn += self.rest.draw(count, rng)
+        drawn += self.possible.times(z)
+        return drawn
 
     @cached_property
     def _believed(self) -> Array:
@@ -252,8 +270,8 @@ class LinearizedModel:
     @cached_property
     def degrees(self) -> float:
         """Degrees of freedom of the residuals: coordinates that count less what the data set."""
-        twice = self.rest.without(self._flat)
-        taken = self.rest.degrees + np.trace(cho_solve(self._factor, twice.T @ twice))
+        twice = self.normal - (self._shared.T * self.rest.weak) @ self._shared
+        taken = self.rest.degrees + np.trace(cho_solve(self._factor, twice))
         return float(self._believed.sum() - taken)
 
     def columns(self, effect: Effect) -> Array:
@@ -287,9 +305,20 @@ class LinearizedModel:
             return self.standing
         return self.chain.signals(self.at, self.theta, self.pose, effect.robot)
 
-    @cached_property
+    @property
     def _recorded(self) -> Signals:
+        """As recorded: those of the machine as it stands hold it, once they are known."""
+        known = vars(self).get("standing") if self._stands else None
+        return self._as_recorded if known is None else known
+
+    @cached_property
+    def _as_recorded(self) -> Signals:
         return recorded(self.chain.mechanism, self.at)
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it is known how the machine stands, and what it carries."""
+        return self.stood is not None and self.robot is not None
 
     @cached_property
     def _read(self) -> Signals:
@@ -301,8 +330,9 @@ class LinearizedModel:
         if self.stood is None or self.robot is None:
             return self.chain.signals(self.at, self.theta, self.pose, self.robot)
         (joint, geometry), mechanism = self.stood, self.chain.mechanism
-        asked = all_asked(mechanism)
-        return standing(self._recorded, self.robot, mechanism, self.pose, geometry, asked, joint)
+        asked, known = all_asked(mechanism), self._as_recorded
+        vars(self).pop("_as_recorded", None)  # as large as the session, and all of it is in these
+        return standing(known, self.robot, mechanism, self.pose, geometry, asked, joint)
 
     @property
     def believed(self) -> NDArray[np.bool_]:
@@ -321,8 +351,8 @@ class LinearizedModel:
 
     def known(self, misfit: float = 1.0) -> Known:
         """What residuals, of noise as much larger, and priors know of the nuisance z."""
-        along = self._along(self.column, self.rest.seen(self.column))[:, 0]
-        return Known(self._normal / misfit, along / misfit, self.precision)
+        along = self.along(Plain(self.column))[:, 0]
+        return Known(self.normal / misfit, along / misfit, self.precision)
 
     def best(
         self, misfit: float = 1.0, held: Index | None = None, values: Array | None = None
@@ -334,8 +364,8 @@ class LinearizedModel:
             held: entries that are to have given values.
             values: these.
         """
-        right = self._along(self.column, self.rest.seen(self.column))[:, 0]
-        normal = self._normal + max(1.0, misfit) * np.diag(self.precision)
+        right = self.along(Plain(self.column))[:, 0]
+        normal = self.normal + max(1.0, misfit) * np.diag(self.precision)
         if held is None or values is None or not held.size:
             return np.asarray(cho_solve(cho_factor(normal), right))
         free = np.setdiff1d(np.arange(len(right)), held)
@@ -347,7 +377,7 @@ class LinearizedModel:
 
     def cost(self, z: Array, misfit: float = 1.0) -> float:
         """What `best` makes least: chi square of readings and priors at a nuisance z, (A,)."""
-        r = self.column - self._flat @ z[:, None]
+        r = self.column - self.possible.times(z[:, None])
         return float(self.rest.inner(r)[0, 0] + max(1.0, misfit) * np.sum(self.precision * z**2))
 
     @property
@@ -376,7 +406,7 @@ class LinearizedModel:
 
     def _left(self, z: Array) -> Array:
         """Residuals less nuisance z and what rest errors these paths then seem to have, (n, d)."""
-        left = self.rest.without(self.column - self._flat @ z[:, None])
+        left = self.rest.without(self.column - self.possible.times(z[:, None]))
         return left.reshape(self.residual.shape)
 
 
@@ -395,11 +425,13 @@ def gather(
     chain, poses, paths, at = problem.chain, survey.poses, survey.paths, survey.conditions
     whiten_paths, count = np.zeros((0, 3, 3)), len(poses)
     (about,) = problem.about(theta, None if guess is None else guess[:count])
+    about = less_effects(about, problem.layout, theta)
     if len(paths):
         moving = _in_motion(paths, chain, theta, None if guess is None else guess[count:])
         whiten_paths = _whiten_paths(paths, moving.by_joints, cell)
         turning = _TURNING * chain.mechanism.joint_size
         whiten_paths = _believed(whiten_paths, moving.missed, paths, turning) * whiten_paths
+        moving = less_effects(moving, problem.layout, theta)
         about = _one_after_the_other(about, moving)
     size, d = chain.mechanism.joint_size, about.missed.shape[1]
     apart = ~on_the_way(survey)
@@ -431,9 +463,19 @@ def _one_after_the_other(first: Linear, second: Linear) -> Linear:
         np.concatenate([first.missed, widened(second.missed, d)]),
         np.concatenate([first.by_theta, widened(second.by_theta, d)]),
         np.concatenate([first.by_joints, widened(second.by_joints, d)]),
-        joined(first.at, second.at),
+        all_of(first.at, second.at),
         stood,
     )
+
+
+def less_effects(about: Linear, layout: Layout, theta: Array) -> Linear:
+    """What is missed as if the model had no effects, and how that goes with the rest of theta.
+
+    A map's columns are hundreds, each as long as the session: they are dropped as early as can be.
+    """
+    own = layout.effects
+    missed = about.missed + about.by_theta[..., own] @ theta[own]
+    return replace(about, missed=missed, by_theta=about.by_theta[..., layout.base].copy())
 
 
 def linearized_about(
@@ -450,24 +492,22 @@ def linearized_about(
         problem: the model's scales and priors; what is not free in it is held.
         theta: of the problem, (P,); all is linear about it.
         at: conditions of the n samples.
-        about: what is missed there.
+        about: what is missed there, without the effects (`less_effects`).
         whiten: (n, d, d), with the root of the robust weight in it.
         rest: errors that samples share.
     """
-    layout = problem.layout
-    base, own = layout.base, layout.effects
+    layout, base = problem.layout, problem.layout.base
     free = problem.free[base]
-    columns = (whiten @ about.by_theta[..., base]).reshape(-1, base.stop - base.start)
+    columns = (whiten @ about.by_theta).reshape(-1, base.stop - base.start)
     columns = (columns @ (problem.basis[base, base] * free)).reshape(*about.missed.shape, -1)
     z = np.linalg.solve(problem.basis, theta - problem.theta0)[base]
-    off = about.missed + about.by_theta[..., own] @ theta[own]
     return LinearizedModel(
         chain=problem.chain,
         theta=theta[layout.chain],
         at=at,
         pose=about.pose,
         whiten=whiten,
-        residual=(whiten @ off[..., None])[..., 0] + columns @ z,
+        residual=(whiten @ about.missed[..., None])[..., 0] + columns @ z,
         nuisance=columns,
         rest=rest,
         precision=np.where(free, problem.has_prior[base], 1.0),

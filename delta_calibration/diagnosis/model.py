@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data import Survey
-from delta_calibration.diagnosis.candidates import Candidate, columns_of, typical_of
+from delta_calibration.diagnosis.candidates import Candidate, products_of, typical_of
 from delta_calibration.diagnosis.constants import FAIR, LACKING, QUIETER, STRAYED
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
@@ -153,6 +153,8 @@ class Model(Fitted):
     def everything(self) -> Model:
         """The same fit, with poses that it set aside as gross errors to be looked at again."""
         weight = self.cell.weight
+        if (weight > 0).all():
+            return self
         cell = replace(self.cell, weight=np.where(weight > 0, weight, 1.0))
         return replace(self, cell=cell, seen=None)
 
@@ -293,9 +295,9 @@ def _shows_at_rest(model: Model, term: Candidate) -> NDArray[np.bool_]:
     if not len(model.survey.paths):
         return np.ones(len(term.rows), dtype=bool)
     evidence = model.evidence
-    whole = np.diag(evidence.information(columns_of(term, evidence)))
+    whole = np.diag(evidence.information_of(products_of(term, evidence)))
     resting = evidence.take(np.arange(evidence.poses))
-    alone = np.diag(resting.information(columns_of(term, resting)))
+    alone = np.diag(resting.information_of(products_of(term, resting)))
     return np.asarray(alone > FAIR * whole)
 
 

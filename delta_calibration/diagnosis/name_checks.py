@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, moved_by, products_of
 from delta_calibration.diagnosis.constants import CLEAR, REMAINS, SHADOWED
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.rivals import reached
@@ -54,7 +54,7 @@ def unexplained(model: Fitted) -> float:
 def signal_of(model: Fitted, term: Candidate) -> float:
     """lambda of a term: squared length of its signal beside the others."""
     evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
-    signal = columns_of(term, evidence) @ model.scaled(term)
+    signal = moved_by(term, evidence, model.scaled(term))
     return float(signal @ evidence.weigh(signal[:, None])[:, 0])
 
 
@@ -62,9 +62,9 @@ def _in_the_shadow(model: Fitted, term: Candidate, other: Candidate) -> bool:
     """Whether a free form explains more than a term and could have made most of its signal."""
     rest = tuple(m for m in model.terms if m is not term and m is not other)
     evidence = beside(model.evidence, rest)
-    signal = columns_of(term, evidence) @ model.scaled(term)
-    weighed = evidence.weigh(signal[:, None])[:, 0]
-    columns = columns_of(other, evidence)
-    drawn = reached(evidence.information(columns), columns.T @ weighed)
+    signal = moved_by(term, evidence, model.scaled(term))
+    weighed = evidence.weigh(signal[:, None])
+    columns = products_of(other, evidence)
+    drawn = reached(evidence.information_of(columns), columns.along(weighed)[:, 0])
     less = signal_of(model, term) < signal_of(model, other)
-    return less and drawn > SHADOWED * float(signal @ weighed)
+    return less and drawn > SHADOWED * float(signal @ weighed[:, 0])

@@ -22,7 +22,11 @@ from scipy.stats import chi2
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.constants import GROSS
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
-from delta_calibration.diagnosis.linear_model import LinearizedModel, linearized_about
+from delta_calibration.diagnosis.linear_model import (
+    LinearizedModel,
+    less_effects,
+    linearized_about,
+)
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.diagnosis.stacking import apart, stacked, weighted
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -188,6 +192,7 @@ class Observed(Fitted):
         spread = 1.0 if resting else measured.repeatability
         size = problem.chain.mechanism.joint_size
         rest = SharedPathError.of(path, at, whiten @ about.by_joints * spread, size)
+        about = less_effects(about, problem.layout, self.theta)
         return linearized_about(problem, self.theta, at, about, whiten, rest)
 
 

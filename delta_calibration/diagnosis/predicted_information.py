@@ -23,6 +23,7 @@ from scipy.spatial.distance import cdist
 
 from delta_calibration.chain import Chain, read_at
 from delta_calibration.data import Conditions, joined
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.linear_model import LinearizedModel, by_base
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 
@@ -157,8 +158,9 @@ class Products:
     def of(cls, evidence: LinearizedModel, columns: Array) -> Products:
         """Of columns (d n, k); nuisance beyond what all samples share is projected out."""
         size, every = evidence.chain.layout.base.stop, len(evidence.precision)
-        nuisance = evidence.nuisance.reshape(len(columns), -1)
-        whole = evidence.rest.inner(np.concatenate([nuisance, columns], axis=1))
+        across = evidence.along(Plain(columns))
+        own = evidence.rest.inner(columns)
+        whole = np.block([[evidence.normal, across], [across.T, own]])
         others = np.arange(size, every)
         kept = np.r_[:size, every : len(whole)]
         normal = whole[np.ix_(kept, kept)]

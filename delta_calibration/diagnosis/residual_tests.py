@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
 
-_DRAWS = 200
+_DRAWS, _AT_A_TIME = 200, 50
 _MORE = 20  # times as many more
 _CLOSE = 20.0  # factor above ALPHA within which these are made
 _FAR = 1000.0  # the same below: tails of a few draws may be that much too short
@@ -117,11 +117,16 @@ def _drawn(
     drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
     found = []
     for one in asked:
-        chance = drawn[one.rows]
-        square = np.sum(chance**2, axis=(0, 1))
-        alike = _moran(chance, one.near) if one.near[1].any() else np.zeros(_DRAWS)
-        found.append(np.stack([square, alike]))
+        some = (slice(begin, begin + _AT_A_TIME) for begin in range(0, _DRAWS, _AT_A_TIME))
+        parts = [_square_and_likeness(drawn[one.rows, :, own], one.near) for own in some]
+        found.append(np.concatenate(parts, axis=1))
     return found
+
+
+def _square_and_likeness(chance: Array, near: Near) -> Array:
+    """Chi square and Moran's I of draws (n, d, draws), (2, draws)."""
+    square = np.sum(chance**2, axis=(0, 1))
+    return np.stack([square, _moran(chance, near) if near[1].any() else 0 * square])
 
 
 def _probabilities(

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, columns_of, moved_by
 from delta_calibration.diagnosis.constants import KNOWN, NAMING, SAME, SEPARATED
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score
@@ -48,7 +48,7 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
     """How a term stands against everything that was tried in its place."""
     rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
-    signal = columns_of(term, evidence) @ model.scaled(term)
+    signal = moved_by(term, evidence, model.scaled(term))
     others = [s for s in tried if not s.candidate.same_cause(term)]
     others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])

@@ -80,7 +80,8 @@ class Score:
 
     candidate: Candidate
     value: Array  # (k,) most likely, in units of the priors
-    information: Array  # (k, k)
+    information: Array  # (k, k) in `units`: a map's is that of all its sizes
+    units: Array  # (k,) of the priors
     gain: float  # D
     log_bayes: float  # ln B, less the price of the search
     tries: float
@@ -92,7 +93,8 @@ class Score:
 
         Of most candidates nobody asks for it, and of a map it takes longer than all else.
         """
-        log_p = Chance.of(self.information).log_p(self.gain, self.noise_degrees)
+        information = _scaled(self.information, self.units)
+        log_p = Chance.of(information).log_p(self.gain, self.noise_degrees)
         return min(0.0, log_p + float(np.log(self.tries)))
 
     @property
@@ -108,7 +110,8 @@ class _Best:
     gain: float
     candidate: Candidate
     value: Array  # (k,)
-    information: Array  # (k, k)
+    information: Array  # (k, k) in `units`
+    units: Array  # (k,) of the priors
     b: Array  # (k,)
     chance: Array  # (draws,)
     shapes: int
@@ -149,11 +152,13 @@ class Weighed:
             whole = groups[0][0]
             for i, same in enumerate(zip(*groups, strict=True)):
                 rows = np.searchsorted(whole.rows, same[0].rows)
-                own, along = information[:, rows[:, None], rows], b[:, rows]
+                own, along = information, b
+                if len(rows) < len(whole.rows):
+                    own, along = information[:, rows[:, None], rows], b[:, rows]
+                units = np.ones(len(rows))
                 if same[0].effect is not whole.effect:
-                    ratio = (typical_of(same[0]) / typical_of(whole)[rows])[:, None]
-                    own, along = ratio * own * ratio.T, ratio * along
-                here = _best_of(same, own, along)
+                    units = typical_of(same[0]) / typical_of(whole)[rows]
+                here = _best_of(same, own, along, units)
                 best[i] = best[i].or_better(here) if i in best else here
         return [self._charged(each) for each in best.values()]
 
@@ -183,33 +188,35 @@ class Weighed:
         tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0
         if best.candidate.effect is not None:
             tries /= dict(self.weights).get(best.candidate.cause, 1.0)
-        return self.score(best.candidate, best.value, best.information, best.b, tries)
+        return self._score(best, tries)
 
-    def score(
-        self, candidate: Candidate, value: Array, information: Array, b: Array, tries: float
-    ) -> Score:
+    def _score(self, best: _Best, tries: float) -> Score:
         """The case of a candidate at its most likely values."""
-        gain = decrease(information, b, value)
+        candidate, value, b = best.candidate, best.value, best.b
+        information = _scaled(best.information, best.units)
         spans = [slice(0, len(value))] if candidate.sized else []
         return Score(
             candidate=candidate,
             value=value,
-            information=information,
-            gain=gain,
+            information=best.information,
+            units=best.units,
+            gain=decrease(information, b, value),
             log_bayes=log_bayes(information, b, value, spans) - float(np.log(tries)),
             tries=tries,
             noise_degrees=self.noise_degrees,
         )
 
 
-def _best_of(shapes: Sequence[Candidate], information: Array, b: Array) -> _Best:
+def _best_of(shapes: Sequence[Candidate], products: Array, b: Array, units: Array) -> _Best:
     """The best of some shapes of an explanation, and what chance makes of any.
 
     Args:
         shapes: of as many parameters each, (L,).
-        information: of their parameters, (L, k, k).
+        products: information of their parameters in some units, (L, k, k).
         b: along their columns, of the residuals and of each draw, (L, k, 1 + draws).
+        units: those units, (k,).
     """
+    information, b = _scaled(products, units), units[:, None] * b
     own, drawn = b[..., 0], b[..., 1:]
     every = zip(information, own, map(bounds_of, shapes), strict=True)
     value = np.array([most_likely(g, along, *bounds) for g, along, bounds in every])
@@ -217,7 +224,13 @@ def _best_of(shapes: Sequence[Candidate], information: Array, b: Array) -> _Best
     top = int(np.argmax(gain))
     chance = free_decrease(information, drawn).max(axis=0) if drawn.size else np.zeros(0)
     best = max(0.0, float(gain[top]))
-    return _Best(best, shapes[top], value[top], information[top], own[top], chance, len(shapes))
+    found = products[top], units, own[top], chance, len(shapes)
+    return _Best(best, shapes[top], value[top], *found)
+
+
+def _scaled(information: Array, units: Array) -> Array:
+    """Information (..., k, k) in units of the priors; itself where these are its own."""
+    return information if (units == 1).all() else units[:, None] * information * units
 
 
 def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Array:

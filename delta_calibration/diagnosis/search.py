@@ -226,7 +226,11 @@ def _likeliest(
         price += sum(_price_of_choice(m, fit) for m in fit.terms)
         return gain / 2 - price
 
-    return max([*known, *fits.of(sets)], key=likely)
+    best = max([*known, *fits.of(sets)], key=likely)
+    for fit in fits.known.values():
+        if not any(fit is kept for kept in (best, bare, *known)):
+            fit.forget()
+    return best
 
 
 def _price_of_choice(term: Candidate, fit: Fitted) -> float:

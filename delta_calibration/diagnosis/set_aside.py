@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.residual_tests import misses_alike
 
 Array = NDArray[np.float64]
@@ -34,7 +35,8 @@ class Aside:
             model: the machine with its terms.
             rng: of the draws of the test.
         """
-        whole, rows = model.everything().beside, set_aside(model)
+        every = model.everything()
+        whole, rows = every.beside, set_aside(model.evidence, every.evidence)
         if not rows.size:
             return cls(None, 0.0, None)
         missed = whole.missed(model.beside.best(model.misfit))[rows]
@@ -47,7 +49,6 @@ class Aside:
         )
 
 
-def set_aside(model: Fitted) -> NDArray[np.intp]:
-    """Rows of the poses that a fit has set aside as unlike the model."""
-    own, every = model.evidence, model.everything().evidence
+def set_aside(own: LinearizedModel, every: LinearizedModel) -> NDArray[np.intp]:
+    """Rows of the poses that a fit has set aside as unlike it, and that another believes."""
     return np.flatnonzero((every.believed & ~own.believed)[: own.poses])

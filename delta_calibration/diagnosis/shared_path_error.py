@@ -103,8 +103,21 @@ class SharedPathError:
 
     def seen_of(self, x: Columns) -> Array:
         """The same of columns that may be products, (r, k)."""
-        parts = [root @ x.rows(at).along(own).T for at, own, root in self._blocks]
+        every = zip(self.samples, self._blocks, strict=True)
+        d = self.own.shape[1]
+        parts = [root @ x.part(rows, d).along(own).T for rows, (_, own, root) in every]
         return np.concatenate([np.zeros((0, x.width)), *parts])
+
+    @property
+    def weak(self) -> Array:
+        """1 / (1 + L), (r,): with it (C^-1 a)^T C^-1 b = a^T C^-1 b - s(a)^T weak s(b)."""
+        parts = [np.sum(root**2, axis=1) for _, _, root in self._blocks]
+        return np.concatenate([np.zeros(0), *parts])
+
+    def taken(self, x: Columns) -> float:
+        """By how much columns are shorter, all their squares together, as C^-1 x than as x."""
+        seen = self.seen_of(x)
+        return float(np.sum((1 + self.weak[:, None]) * seen**2))
 
     @property
     def samples(self) -> tuple[slice, ...]:

@@ -80,6 +80,7 @@ def weighted(evidence: LinearizedModel, kept: Array) -> LinearizedModel:
         whiten=root * evidence.whiten,
         residual=root[..., 0] * evidence.residual,
         nuisance=root * evidence.nuisance,
+        others=tuple(each.weighed(root) for each in evidence.others),
         rest=evidence.rest.scaled(root),
         by_joints=by_joints,
         by_geometry=root * evidence.by_geometry,

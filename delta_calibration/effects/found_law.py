@@ -11,7 +11,7 @@ form (`diagnosis/law_grammar.py`); one that holds is written as an effect of its
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -19,24 +19,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from delta_calibration.effects import signals
-from delta_calibration.effects.base import Effect, Interval, Setting, Stage
+from delta_calibration.effects.base import Array, Effect, Interval, Setting, Stage
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import NOTHING, Places
 from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.model.symbols import (
-    Symbol,
-    absolute,
-    cos,
-    exp,
-    maximum,
-    minimum,
-    sign,
-    sin,
-    tanh,
-    where,
-)
+from delta_calibration.model import symbols
+from delta_calibration.model.symbols import Symbol, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
@@ -46,6 +36,22 @@ ACROSS = "across"  # the place along a bearing in the plane: two numbers, x and 
 FORCE, TORQUE, TEMPERATURE = "force", "torque", "temperature"
 
 LINE, SQUARE, CUBE, SINE, COSINE, SIDE, SOFT, BEYOND, SETTLED, DRAG, FADING, RAMP = range(1, 13)
+# each function of u, in the words of symbols as of numbers (numpy)
+_FORMS: Mapping[int, Callable[[Any, Any], Any]] = {
+    LINE: lambda u, words: u,
+    SQUARE: lambda u, words: u * u,
+    CUBE: lambda u, words: u * u * u,
+    SINE: lambda u, words: words.sin(u),
+    COSINE: lambda u, words: words.cos(u),
+    SIDE: lambda u, words: words.sign(u),
+    SOFT: lambda u, words: words.tanh(u),
+    BEYOND: lambda u, words: words.maximum(u, 0.0),
+    SETTLED: lambda u, words: 1 - words.exp(-words.maximum(u, 0.0)),
+    DRAG: lambda u, words: u * words.absolute(u),
+    FADING: lambda u, words: words.exp(-words.maximum(u, 0.0)),
+    RAMP: lambda u, words: words.minimum(words.maximum(u, 0.0), 1.0),
+}
+Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
 # what a law may be made of: terms of each, a value each
 FUNCTIONS: Mapping[str, tuple[int, ...]] = {
     "line": (LINE,),
@@ -342,25 +348,10 @@ class FoundLaw(Effect):
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """w v f((u - middle) scale) (s - s_0)."""
-        u = (c[0] * s[0] + c[1] * s[1] - c[3]) * c[4]
-        ahead = maximum(u, 0.0)
-        values = {
-            LINE: u,
-            SQUARE: u * u,
-            CUBE: u * u * u,
-            SINE: sin(u),
-            COSINE: cos(u),
-            SIDE: sign(u),
-            SOFT: tanh(u),
-            BEYOND: ahead,
-            SETTLED: 1 - exp(-ahead),
-            DRAG: u * absolute(u),
-            FADING: exp(-ahead),
-            RAMP: minimum(ahead, 1.0),
-        }
+        u = _of(s, c)
         f = 0.0
-        for kind, value in values.items():
-            f = f + where(c[2] == kind, value, 0.0)
+        for kind, form in _FORMS.items():
+            f = f + where(c[2] == kind, form(u, symbols), 0.0)
         return v[0] * c[7] * f * where(c[5] > 0, s[2] - c[6], 1.0)
 
     def terms(self, places: Places) -> Iterator[Term]:
@@ -372,9 +363,7 @@ class FoundLaw(Effect):
                     value = t * len(self.kinds) + i
                     yield Term(taken, (value,), (row,), (*constants, weight))
 
-    def factor(
-        self, places: Places, target: Target, kind: int
-    ) -> tuple[tuple[int, ...], tuple[float, ...]]:
+    def factor(self, places: Places, target: Target, kind: int) -> Taken:
         """Signals and constants of one function at a target, but for its weight."""
         joints = self.mechanism.joints
         first = self.of.places(places, target, joints)
@@ -388,6 +377,23 @@ class FoundLaw(Effect):
             offset, counts = self.by.middle, 1.0
         middle = self.middle + self.of.middle
         return (*first, second), (*weights, float(kind), middle, self.scale, counts, offset)
+
+
+def function_of(taken: Taken, rows: Array) -> Array:
+    """One function at each sample, (n,), by numpy: thousands of them are asked for once each.
+
+    Args:
+        taken: what `FoundLaw.factor` gives.
+        rows: signals of the samples, (S, n).
+    """
+    (first, other, second), c = taken
+    f = _FORMS[int(c[2])](_of((rows[first], rows[other]), c), np)
+    return np.asarray(f * (rows[second] - c[6]) if c[5] > 0 else f)
+
+
+def _of(s: Any, c: Any) -> Any:
+    """u less its middle, in its scale."""
+    return (c[0] * s[0] + c[1] * s[1] - c[3]) * c[4]
 
 
 def _said(quantity: Quantity | None) -> str:

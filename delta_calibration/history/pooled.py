@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data import Survey
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.diagnose import calibrated
 from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -160,7 +161,7 @@ def _alone(
     alone = without_geometry(evidence)
     for effect in visit:
         extra = evidence.columns(effect)
-        alone = alone.beside(extra, np.full(extra.shape[1], SPREAD**-2.0))
+        alone = alone.beside(Plain(extra), np.full(extra.shape[1], SPREAD**-2.0))
     return alone, columns
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions, at_rest
-from delta_calibration.diagnosis.candidates import Candidate, columns_of
+from delta_calibration.diagnosis.candidates import Candidate, moved_by
 from delta_calibration.diagnosis.diagnose import Diagnosis
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.region import Region
@@ -78,7 +78,7 @@ class Judged:
         """What a term moves readings by, (n, 3) [m] in the tracker's frame."""
         evidence = self.evidence
         best = self.diagnosis.model.values(term) / _priors(term, self.diagnosis)
-        whitened = (columns_of(term, evidence) @ best).reshape(evidence.residual.shape)
+        whitened = moved_by(term, evidence, best).reshape(evidence.residual.shape)
         return evidence.metres(whitened[rows], rows)
 
     def left(self) -> Array:
