@@ -660,6 +660,16 @@ def test_answers_are_kept_where_the_search_of_a_workspace_is_interrupted(
     assert value_at(robot_document(str(out))[1], ("geometry", "arm_mm")) == 80
 
 
+@pytest.mark.parametrize("size", [[0.0, 0.0, 0.0], [0.6, 0.6, 0.2]])
+def test_a_workspace_that_is_a_point_is_in_doubt(tmp_path: Path, size: list[float]) -> None:
+    file = tmp_path / "point.yaml"
+    box = {"centre_mm": [0.0, 0.0, -711.0], "size_mm": size}
+    file.write_text(commented({**robot_document("srbd")[1], "workspace": box}), encoding="utf-8")
+    done = run("check", file)
+    assert f"workspace.size_mm: {max(size):g} mm at its widest" in done.output
+    assert "`workspace: {'centre_mm': [" in done.output
+
+
 def test_a_check_proposes_the_workspace_that_is_wanting(tmp_path: Path) -> None:
     data = robot_document("srbd")[1]
     half = {key: value / 4 for key, value in data["geometry"].items()}
