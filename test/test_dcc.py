@@ -137,6 +137,17 @@ def require_model(element: ElementTree.Element) -> None:
         require_model(child)
 
 
+def test_none_is_written_beside_a_refused_pdf(
+    cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The font of the PDF lacks a letter of the operator's name."""
+    given = [str(cell / "session"), "--robot", "srbd", "--about", str(cell / "about.yaml")]
+    outs = [word for end in ("xml", "pdf") for word in ("--out", str(tmp_path / f"c.{end}"))]
+    assert run(["certificate", *given, *outs, "--operator", "\u5f20"]) == 2
+    assert "no letters \u5f20" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_it_is_built_as_the_schema_says(cell: Path) -> None:
     root = ElementTree.parse(cell / "certificate.xml").getroot()
     assert root.tag == f"{DCC}digitalCalibrationCertificate"

@@ -339,6 +339,22 @@ def test_sectors_are_alike_wherever_a_machine_works(name) -> None:
         np.testing.assert_allclose(np.mod(after - before, 2 * np.pi), 0.3)
 
 
+@pytest.mark.parametrize("way", [(1.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.3, 0.5, 0.8)])
+def test_sectors_of_a_line_lie_one_behind_the_other(way: tuple[float, float, float]) -> None:
+    """Through the axis it has two bearings about z, and rounding would part one of them."""
+    along = np.linspace(-0.4, 0.4, 50)
+    rounding = np.random.default_rng(1).uniform(-1e-13, 1e-13, (50, 3))
+    place = along[:, None] * way + (0.0, 0.0, -0.7) + rounding
+    bearing = cross_validation.bearings(place)
+    assert abs(np.diff(np.sign(np.diff(bearing)))).sum() == 0
+
+
+def test_sectors_of_a_single_place_are_one() -> None:
+    for count in (1, 7):
+        bearing = cross_validation.bearings(np.tile([0.1, 0.2, -0.7], (count, 1)))
+        np.testing.assert_allclose(bearing, bearing[0])
+
+
 def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
     """Ridge regression by rows on what is left; its own readings may be anything."""
     part = cross_validation.sectors(evidence)

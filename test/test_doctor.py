@@ -90,6 +90,18 @@ def test_two_mistakes_are_both_named() -> None:
     ]
 
 
+@pytest.mark.parametrize("robot", ["linear_delta", "ur10"])
+def test_coordinates_in_two_units_and_a_left_handed_frame_are_both_named(robot: str) -> None:
+    """The heights in mm, and x of the other sign."""
+    case = case_of(robot)
+    given = case.session.tracker.position * (-1.0, 1.0, 1e3)
+    session = replace(case.session, tracker=replace(case.session.tracker, position=given))
+    found = check(session, case.robot).found
+    assert [(m.mistake, m.part) for m in found if m.mistake == "unit_mm"] == [("unit_mm", "z")]
+    assert len(found) == 2
+    assert "wrong_robot" not in {m.mistake for m in found}
+
+
 @pytest.mark.parametrize("robot", ["srbd", "ur10"])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_joints_from_one_other_zero_are_named_with_their_direction(

@@ -111,8 +111,34 @@ def test_a_guess_knows_a_program(
     path.write_text(joints(by, measured[0]), encoding="utf-8")
     assert run(["import", str(path), "--robot", "ur10", "--guess"]) == 2
     said = capsys.readouterr().err
-    assert f"its rows are those of preset {by}: --preset {by}" in said
+    assert f"its rows are those of preset {by}: --preset {by}, without --guess" in said
     assert said.count("--preset") == 1
+
+
+def test_a_guess_names_the_option_of_the_second_table(
+    tmp_path: Path, measured: tuple[np.ndarray, np.ndarray], capsys
+) -> None:
+    for name, text in (
+        ("p.csv", points("leica", measured[1])),
+        ("k.dat", joints("kuka", measured[0])),
+    ):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    given = [str(tmp_path / "p.csv"), "--guess", "--join", str(tmp_path / "k.dat")]
+    assert run(["import", *given, "--robot", "ur10"]) == 2
+    assert (
+        "k.dat: its rows are those of preset kuka: --join-preset kuka" in capsys.readouterr().err
+    )
+
+
+def test_a_table_that_quotes_a_program_is_a_table(
+    tmp_path: Path, measured: tuple[np.ndarray, np.ndarray], capsys
+) -> None:
+    q, y = measured
+    rows = [",".join(f"{v:.6f}" for v in row) for row in np.hstack([np.degrees(q), 1e3 * y])]
+    head = "# from DECL E6AXIS P1={A1 10.0,A2 -90.0}\nA1,A2,A3,A4,A5,A6,X,Y,Z\n"
+    (tmp_path / "t.csv").write_text(lines(rows, head), encoding="utf-8")
+    assert run(["import", str(tmp_path / "t.csv"), "--robot", "ur10", "--guess"]) == 0
+    assert "columns A1, A2, A3, A4, A5, A6, by their names" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("of", ["leica", "faro"])
@@ -126,12 +152,33 @@ def test_an_export_of_a_computer_with_decimal_commas(
     require_same(tmp_path, q, y)
 
 
+def test_a_point_s_name_says_nothing_of_decimals(
+    tmp_path: Path, measured: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """1.1 to 1.16 are names of points beside decimal commas."""
+    q, y = measured
+    text = re.sub(r"(?m)^P(\d+)", r"1.\1", points("leica", y).replace(".", ","))
+    assert both(tmp_path, ("kuka", joints("kuka", q)), ("leica", text), "--by", "row") == 0
+    require_same(tmp_path, q, y)
+
+
+@pytest.mark.parametrize("of", ["polyworks", "spatialanalyzer"])
+def test_decimal_commas_between_columns_that_commas_part_are_refused(
+    of: str, tmp_path: Path, measured: tuple[np.ndarray, np.ndarray], capsys
+) -> None:
+    """Columns behind the last are left out: whole millimetres would be read."""
+    q, y = measured
+    text = points(of, y).replace(".", ",")
+    assert both(tmp_path, ("kuka", joints("kuka", q)), (of, text), "--by", "name") == 2
+    assert "are its decimals parted by commas" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("mixed", ["1,234", "0,5;1.25"])
 def test_a_comma_that_may_be_another_mark_is_no_decimal_one(mixed: str) -> None:
-    rows = [cell.split(";") for cell in ("P1;7;8", f"P2;{mixed};9")]
+    cells = ["7", "8", *mixed.split(";"), "9"]
     form = Form.of({"preset": "leica"}, ",", "mapping")
     assert form.either
-    assert _by_marks(form, rows, Path("points.csv")) == (form, ())
+    assert _by_marks(form, cells, Path("points.csv")) == (form, ())
 
 
 def test_rows_of_a_fanuc_program_and_of_points_are_joined_in_order(

@@ -111,6 +111,22 @@ def test_a_square_picture_has_no_empty_frame_in_a_narrow_window(
     assert names * 14 < drawn
 
 
+def test_a_window_made_wide_draws_as_if_it_had_been(chrome: Browser, page: Path) -> None:
+    """No picture stays low, and no name away, after a narrow window."""
+    look = (
+        "(() => { const p = document.getElementById('plot-correlations-0');"
+        "return [p.clientHeight, p.querySelector('.main-svg').getBoundingClientRect().height,"
+        "p.querySelectorAll('.ytick').length]; })()"
+    )
+    opened(chrome, page, WIDE)
+    chrome.settle(0.5)
+    wanted = chrome.run(look)
+    for width in (NARROW, WIDE):
+        chrome.resize(width, TALL)
+        chrome.settle(1.0)
+    assert chrome.run(look) == wanted
+
+
 def test_names_are_text(chrome: Browser, page: Path) -> None:
     opened(chrome, page, WIDE)
     text = chrome.run("document.body.innerText + document.querySelector('main').textContent")

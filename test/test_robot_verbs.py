@@ -29,7 +29,7 @@ from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.geometry import align
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.plans import make_plan
-from delta_calibration.plans.box import largest_box
+from delta_calibration.plans.box import largest_box, written
 from delta_calibration.plans.points import joints_toward, tool_points, usable
 from delta_calibration.report.sketch import Pose, _driven, _motion
 from delta_calibration.robot import known_robots, load_robot, robot_document, robot_from
@@ -616,7 +616,7 @@ def test_an_answer_that_is_given_twice_is_meant(tmp_path: Path) -> None:
     assert value_at(robot_document(str(out))[1], ("geometry", "arm_mm")) == 2
 
 
-@pytest.mark.parametrize("name", ["srbd", "linear_delta", "scara", "five_axis"])
+@pytest.mark.parametrize("name", ["srbd", "linear_delta", "scara", "five_axis", "cdpr8"])
 def test_a_machine_can_be_measured_all_over_its_largest_box(name: str) -> None:
     """At places of it by lot, by joints that bring the tool there; one a third larger has none."""
     robot = load_robot(name)
@@ -627,6 +627,47 @@ def test_a_machine_can_be_measured_all_over_its_largest_box(name: str) -> None:
     assert inside.all(axis=1).mean() > 0.98
     corner = np.array(list(product((-0.5, 0.5), repeat=3))) * box.size
     assert not usable(robot, box.centre + 1.3 * corner).all()
+
+
+def test_a_box_is_no_larger_than_a_robot_file_may_say() -> None:
+    """A SCARA of arms of six metres reaches twelve."""
+    data = robot_document("scara")[1]
+    geometry = data["geometry"]
+    geometry["links"] = [{**a, "length_mm": 12 * a["length_mm"]} for a in geometry["links"]]
+    geometry["tool_mm"] = [6000.0, 0.0, 0.0]
+    box = written(largest_box(robot_from(data, "large")))
+    robot_from({**data, "workspace": box}, "large")
+    assert max(box["size_mm"]) > 8000
+
+
+def test_numbers_that_are_none_are_refused_at_once() -> None:
+    """And one beyond all floats, which has no upper bound in the schema."""
+    for entry in entries("six_rod_delta"):
+        for typed in (".nan", ".inf", "1" + "0" * 400):
+            with pytest.raises(InputError):
+                entry.read(typed)
+
+
+def test_answers_are_kept_where_the_search_of_a_workspace_is_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("delta_calibration.cli.robot.largest_box", interrupted)
+    out = tmp_path / "desk.yaml"
+    run("new", "--like", "srbd", "--out", out, typed=small_delta())
+    assert value_at(robot_document(str(out))[1], ("geometry", "arm_mm")) == 80
+
+
+@pytest.mark.parametrize("size", [[0.0, 0.0, 0.0], [0.6, 0.6, 0.2]])
+def test_a_workspace_that_is_a_point_is_in_doubt(tmp_path: Path, size: list[float]) -> None:
+    file = tmp_path / "point.yaml"
+    box = {"centre_mm": [0.0, 0.0, -711.0], "size_mm": size}
+    file.write_text(commented({**robot_document("srbd")[1], "workspace": box}), encoding="utf-8")
+    done = run("check", file)
+    assert f"workspace.size_mm: {max(size):g} mm at its widest" in done.output
+    assert "`workspace: {'centre_mm': [" in done.output
 
 
 def test_a_check_proposes_the_workspace_that_is_wanting(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from delta_calibration.report import (
     examined_by,
     examined_fit,
     page_of_certificate,
+    pdf_of,
     read_about,
     require_libraries,
     require_valid,
@@ -42,7 +43,6 @@ from delta_calibration.robot import Robot, load_robot
 
 PATH = click.Path(path_type=Path)
 _KINDS = (".html", ".pdf", ".json", ".xml")
-_FIRST = {".xml": 0, ".pdf": 1}  # in which order files are written
 
 
 @click.command("certificate")
@@ -190,12 +190,14 @@ def _write(certificate: Certificate, outs: tuple[Path, ...], dcc_schema: Path | 
     page = page_of_certificate(certificate)
     click.echo(page.sentence)
     beside = {out.with_suffix(".json") for out in outs}
-    for path in sorted({*outs, *beside}, key=lambda path: (_FIRST.get(path.suffix, 2), path)):
-        # those that may be refused first: no other file is written then
+    # what may be refused comes before any file is written, and a DCC that its schema may refuse
+    # before the others
+    made = {path: pdf_of(page) for path in outs if path.suffix == ".pdf"}
+    for path in sorted({*outs, *beside}, key=lambda path: (path.suffix != ".xml", path)):
         if path.suffix == ".html":
             write_page(path, page)
         elif path.suffix == ".pdf":
-            write_pdf(path, page)
+            write_pdf(path, made[path])
         elif path.suffix == ".xml":
             write_dcc(path, certificate)
         else:

@@ -278,7 +278,7 @@ def _answered(
                 data = _asked_one_by_one(entry, parts, data)
             else:
                 data = _asked(entry, data, shown.get(entry.path))
-    except (click.Abort, UnansweredError):
+    except (click.Abort, KeyboardInterrupt, UnansweredError):
         write_text(out, commented(data))
         click.echo(
             f"\nstopped; the answers so far are in {out}. To go on: "

@@ -59,13 +59,22 @@ def bearings(place: Array) -> Array:
     """Direction in which places (n, 3) [m] of the base's frame lie, (n,) [rad].
 
     About z; of a machine that works in an upright plane, in that plane about its middle: about z
-    all places would have one of two bearings.
+    all places would have one of two bearings. Of places on a line it is how far along [m].
     """
     about = place - place.mean(axis=0)
-    _, spread, ways = np.linalg.svd(about[:, :2], full_matrices=False)
-    if spread[1] >= _FLAT * spread[0] or not np.ptp(place[:, 2]):
+    spread, ways = _spread(about)
+    if spread[1] < _FLAT * spread[0]:
+        return np.asarray(about @ ways[0])
+    spread, ways = _spread(about[:, :2])
+    if spread[1] >= _FLAT * spread[0]:
         return np.asarray(np.arctan2(place[:, 1], place[:, 0]))
     return np.asarray(np.arctan2(about[:, 2], about[:, :2] @ ways[0]))
+
+
+def _spread(about: Array) -> tuple[Array, Array]:
+    """How far places (n, d) [m] lie about their middle, largest first, and in which directions."""
+    square, ways = np.linalg.eigh(about.T @ about)
+    return np.sqrt(np.maximum(square[::-1], 0.0)), ways.T[::-1]
 
 
 def stretches(evidence: LinearizedModel) -> NDArray[np.int64]:

@@ -48,6 +48,7 @@ _TRIED = 80  # stops
 _GRID = 48
 _SHIFTS = 8  # rows of a table by which joints and readings may be apart
 _UPRIGHT = 0.9
+_MIXED = 5.0  # times: what coordinates in two units make extents differ by; a workspace is rounder
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Trial:
             self._best([*discrete, *self._others()], discrete)
             or self._moved()
             or self._best([*self._offsets()], ())
-            or self._best([*self._pairs(discrete)], ())
+            or self._best([*self._pairs(discrete), *self._mixed(discrete)], ())
         )
 
     def _best(self, changes: Sequence[Change], alike: Sequence[Change]) -> Answer | None:
@@ -243,6 +244,22 @@ class Trial:
         for one, other in combinations(changes, 2):
             if not (one.mistake == other.mistake and one.streams == (TRACKER,)):
                 yield Pair.of(one, other)
+
+    def _mixed(self, changes: Sequence[Change]) -> Iterator[Change]:
+        """Coordinates in two units and another mistake, where the points' extents look like it."""
+        wide = _extents(self.few)
+        for one in hypotheses.unit_of_coordinates():
+            told = _extents(one.undo(self.few))
+            if wide[-1] > _MIXED * told[-1] and told[-1] < _MIXED * told[-2]:
+                yield from (Pair.of(one, other) for other in changes)
+
+
+def _extents(session: Session) -> Array:
+    """Of the points along the tracker's axes, (3,) [m], from the smallest to the largest."""
+    tracker = session.tracker
+    if tracker is None or not tracker.position.size:
+        return np.zeros(3)
+    return np.sort(np.ptp(tracker.position, axis=0))
 
 
 @dataclass(frozen=True)

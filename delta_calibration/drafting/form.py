@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import StringIO
@@ -47,6 +48,7 @@ OFFERED: Mapping[tuple[str, ...], str] = {
     ("geometry", "links[]", "parallel"): "false",
     ("geometry", "links[]", "mass_kg"): "0",
 }
+_LARGEST = sys.float_info.max
 _WIDTH, _INDENT, _COLUMN = 110, 2, 40
 _HOW_JOINTS_READ = """
 ## How joint readings are defined
@@ -146,9 +148,16 @@ class Entry:
             value = YAML(typ="safe", pure=True).load(f"[{text}]" if many else text)
         except YAMLError as error:
             raise InputError(f"{self.name}: {text!r} cannot be read; {self.allowed}") from error
-        if not Draft202012Validator(self.schema).is_valid(value):
+        if not (_finite(value) and Draft202012Validator(self.schema).is_valid(value)):
             raise InputError(f"{self.name}: {text} is not allowed; {self.allowed}")
         return value
+
+
+def _finite(value: Any) -> bool:
+    """Whether all numbers in a value are: no bound of a schema refuses `.nan`."""
+    if isinstance(value, list):
+        return all(map(_finite, value))
+    return not isinstance(value, int | float) or abs(value) <= _LARGEST
 
 
 _KINDS = {"number": "number", "string": "text", "object": "section"}

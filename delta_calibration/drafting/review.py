@@ -57,7 +57,7 @@ def review(robot: Robot, data: Document) -> Review:
         data: as the file has it.
     """
     doubts = [*_lengths(data), *_angles(data), *_ranges(robot, data), *_tolerances(robot, data)]
-    doubts += _noise(data)
+    doubts += [*_noise(data), *_room(robot, data)]
     try:
         figures, more = _figures(robot)
     except CalibrationError as error:
@@ -155,6 +155,19 @@ def _noise(data: Document) -> Iterator[str]:
         value = float(data["tracker"][key])
         if not _LEAST_NOISE_UM <= value <= _MOST_NOISE_UM:
             yield f"tracker.{key}: {value:.6g} um; trackers have some 1 to 100 um"
+
+
+def _room(robot: Robot, data: Document) -> Iterator[str]:
+    """A workspace that is hardly more than a point; a planar robot's is flat."""
+    if robot.workspace is None:
+        return
+    sizes = [abs(v) for _, unit, v in entries(data["geometry"], "geometry") if unit == "mm"]
+    widest = 1e3 * float(robot.workspace.size.max())
+    if widest < _TINY_PART * max(sizes, default=0.0):
+        yield (
+            f"workspace.size_mm: {widest:.6g} mm at its widest, hardly more than a point; was it "
+            f"written in metres?{_proposed(robot)}"
+        )
 
 
 # --- the machine in figures

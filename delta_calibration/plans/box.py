@@ -21,8 +21,10 @@ _SHAPES = (0.5, 1.0, 2.0)  # times those, each axis by itself
 _CENTRES = 12
 _HALVINGS = 6  # of the size of a box: to 2 % of the largest
 _LATTICE = 4  # points of a box along each edge that have to be usable
+_MOST = 10.0  # [m] of a side, and of a centre from the base, that a robot file may have
 _STEP = 0.01  # [m] that sides and centres are rounded to
 _BETTER = 1.05  # times the box before: places are drawn by lot, and the middle comes first
+_EDGES = tuple(_MOST / 2**k for k in range(6))  # [m] of cubes about a place
 _FEWEST = 20  # usable places of those drawn
 
 
@@ -41,7 +43,8 @@ def largest_box(robot: Robot) -> Workspace:
     places = _places(robot)
     deep = np.ptp(places, axis=0) >= _FLAT
     low, high = np.quantile(places, [0.5 - _WIDE / 2, 0.5 + _WIDE / 2], axis=0)
-    shapes = {tuple(s) for s in (high - low) * deep * list(product(_SHAPES, repeat=3))}
+    tried = np.minimum((high - low) * deep * list(product(_SHAPES, repeat=3)), _MOST)
+    shapes = {tuple(shape) for shape in tried}
     best, volume = None, 0.0
     for centre in _centres(places):
         for shape in map(np.array, sorted(shapes)):
@@ -59,15 +62,21 @@ def largest_box(robot: Robot) -> Workspace:
 def written(box: Workspace) -> dict[str, list[float]]:
     """As a robot file has it, to the millimetre."""
     of = {"centre_mm": box.centre, "size_mm": box.size}
-    return {key: np.round(1e3 * value).tolist() for key, value in of.items()}
+    return {key: (np.round(1e3 * value) + 0.0).tolist() for key, value in of.items()}  # no -0.0
 
 
 def _places(robot: Robot) -> Array:
-    """Tool points (n, 3) [m] that are usable, of joints evenly over their ranges."""
+    """Tool points (n, 3) [m] that are usable, of joints evenly over their ranges.
+
+    Cables do not meet at lengths that are drawn each by itself: points about one where they do.
+    """
     joints = robot.joints
     share = qmc.Sobol(len(joints.names), scramble=False).random_base2(_DRAWS)
     point = tool_points(robot, joints.lower + share * (joints.upper - joints.lower))
     point = point[np.isfinite(point).all(axis=1)]
+    if 0 < len(point) < _FEWEST:
+        cube = qmc.Sobol(3, scramble=False).random_base2(_DRAWS - 2) - 0.5
+        point = np.concatenate([point[0] + edge * cube for edge in _EDGES])
     point = point[usable(robot, point)]
     if len(point) < _FEWEST:
         raise InputError(
@@ -83,7 +92,8 @@ def _centres(places: Array) -> Array:
     upright = np.column_stack([np.tile(middle[:2], (_CENTRES, 1)), height])
     aside = places[:: len(places) // _CENTRES]  # of an arm the middle is inside itself
     centres = np.round(np.concatenate([upright, aside]) / _STEP) * _STEP
-    return np.where(np.ptp(places, axis=0) < _FLAT, middle, centres)
+    centres = np.where(np.ptp(places, axis=0) < _FLAT, middle, centres)
+    return np.asarray(centres[np.abs(centres).max(axis=1) <= _MOST])
 
 
 def _share(robot: Robot, centre: Array, size: Array, least: float) -> float:

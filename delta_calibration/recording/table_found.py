@@ -80,20 +80,28 @@ class FoundTable:
         return form
 
 
-def found_table(path: Path) -> FoundTable:
+def found_table(path: Path, option: str = "--preset") -> FoundTable:
     """The table in a file: cut so that most cells are numbers in lines of the same length.
 
     Of a workbook it is the sheet with most numbers.
+
+    Args:
+        path: of the file.
+        option: that takes the preset of a robot's program.
 
     Raises:
         InputError: no such file, a robot's program, or no table in it.
     """
     sheets = sheets_of(path)
-    for program in () if sheets else _programs(path):
-        raise InputError(f"{path}: its rows are those of preset {program}: --preset {program}")
     best = _best(path, _plain_forms(sheets), workbook=bool(sheets))
     if not sheets:
         best = _best(path, _grouped_forms(best), best)
+        least = 0 if best is None else best.last - best.first
+        for program in _programs(path, least):
+            raise InputError(
+                f"{path}: its rows are those of preset {program}: {option} {program}, without "
+                "--guess"
+            )
     if best is None:
         raise InputError(f"{path}: no table in it: no lines of numbers in columns")
     form, lines, first, last = best.form, best.lines, best.first, best.last
@@ -109,13 +117,16 @@ def found_table(path: Path) -> FoundTable:
     return FoundTable(form, names, named, number, text, lines[first][0], last < len(lines))
 
 
-def _programs(path: Path) -> Iterator[str]:
-    """Presets of robot programs that a file has rows of."""
+def _programs(path: Path, least: int) -> Iterator[str]:
+    """Presets of robot programs that a file has rows of: as many as it has of a table, or more.
+
+    A table may quote a line of a program.
+    """
     for name, each in presets().items():
         if "pattern" in each["table"]:
             with suppress(InputError):
-                lines_of_file(path, Form.of({"preset": name}, ",", name))
-                yield name
+                if len(lines_of_file(path, Form.of({"preset": name}, ",", name))) >= least:
+                    yield name
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,7 @@ def guessed(
     """
     table = found_table(path)
     if other is not None:
-        table = paired(table, found_table(other.file), path, other, beside)
+        table = paired(table, found_table(other.file, "--join-preset"), path, other, beside)
     found = _by_names(table, robot)
     _by_robot(path, table, robot, found, other is not None)
     mapping = _mapping(table, robot, found)

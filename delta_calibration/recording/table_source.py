@@ -55,8 +55,7 @@ class Form:
         first_line: line that the numbers begin in, from 1, where `columns` are said.
         more: whether columns behind those of `columns` are left out.
         pattern: of a row, where the file is no table: each of its groups is a column.
-        either: whether decimals may have a comma: an instrument's program writes them as its
-            computer does.
+        either: whether decimals may have a comma: a program writes them as its computer does.
     """
 
     delimiter: str = ","
@@ -82,7 +81,7 @@ class Form:
         own = {"delimiter": delimiter, **entry}
         if "preset" in entry:
             own |= preset(own.pop("preset"))["table"]
-            own["either"] = "decimal" not in own and own["delimiter"] != ","
+            own["either"] = "decimal" not in own
         if "pattern" in own:
             own["columns"] = tuple(re.compile(own["pattern"]).groupindex)
         form = cls(**{**own, "columns": tuple(own.get("columns", ()))})
@@ -178,7 +177,7 @@ def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -
     twice = sorted({name for name in names if found.count(name) > 1})
     if twice:
         raise InputError(f"{path}: column {', '.join(twice)} is there twice")
-    form, said = _by_marks(form, [cells for _, cells in lines[head + 1 :]], path)
+    form, said = _by_marks(form, _mapped(lines[head + 1 :], found, names), path)
     notes = (*notes, *said)
     rows = tuple(_row(path, line, cells, found, form) for line, cells in lines[head + 1 :])
     if not rows:
@@ -186,16 +185,25 @@ def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -
     return Source(rows, notes)
 
 
-def _by_marks(
-    form: Form, rows: Sequence[Sequence[str]], path: Path
-) -> tuple[Form, tuple[str, ...]]:
+def _mapped(
+    lines: Sequence[tuple[int, list[str]]], found: Sequence[str], names: Sequence[str]
+) -> list[str]:
+    """Cells of the columns that are asked for: a point's name may be `1.2` or `1,2`."""
+    return [
+        cell.strip()
+        for _, cells in lines
+        for name, cell in zip(found, cells, strict=False)
+        if name in names
+    ]
+
+
+def _by_marks(form: Form, cells: Sequence[str], path: Path) -> tuple[Form, tuple[str, ...]]:
     """The form with decimal commas, where it may have them and has, and a note of it.
 
     `1,234` alone may be a thousand, and beside a number with a point a comma is no decimal mark.
     """
-    if not form.either:
+    if not form.either or form.delimiter == ",":
         return form, ()
-    cells = [cell.strip() for row in rows for cell in row]
     commas = [cell for cell in cells if _WITH_COMMA.fullmatch(cell)]
     if all(_THOUSANDS.fullmatch(cell) for cell in commas) or any(
         map(_WITH_POINT.fullmatch, cells)
@@ -216,10 +224,31 @@ def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[s
     else:
         text, notes = _text(path, data, form)
         lines = list(_matches(path, text, form) if form.pattern else _cut(path, text, form))
+        _require_points(path, form, lines)
     lines = [line for line in lines if line[0] >= form.first_line]
+    if form.more:
+        lines = [(line, cells[: len(form.columns)]) for line, cells in lines]
     if not lines:
         raise InputError(f"{path}: no points in it")
     return lines, notes
+
+
+def _require_points(path: Path, form: Form, lines: Sequence[tuple[int, list[str]]]) -> None:
+    """Refuse decimal commas where commas part the columns, and those behind are left out.
+
+    `P1,2788,6823,-518,7024` would be a point of whole millimetres, with more columns.
+    """
+    rows = [(line, cells) for line, cells in lines if line >= form.first_line]
+    if not (form.either and form.more and form.delimiter == "," and rows):
+        return
+    longer = all(len(cells) > len(form.columns) for _, cells in rows)
+    if longer and not any(_WITH_POINT.fullmatch(cell.strip()) for _, row in rows for cell in row):
+        line, cells = rows[0]
+        raise InputError(
+            f"{path}: line {line}: {len(cells)} values, but {len(form.columns)} columns, and no "
+            "decimal point in the file: are its decimals parted by commas, as its columns are? "
+            "Export it with decimal points, or with another mark between columns"
+        )
 
 
 def lines_of_file(path: Path, form: Form) -> list[tuple[int, list[str]]]:
@@ -254,7 +283,7 @@ def _cut(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]]]:
         for cells in reader:
             comment = form.comment and cells and cells[0].startswith(form.comment)
             if any(cell.strip() for cell in cells) and not comment:
-                yield reader.line_num, cells[: len(form.columns)] if form.more else cells
+                yield reader.line_num, cells
     except csv.Error as error:
         raise InputError(f"{path}: line {reader.line_num}: {error}") from error
 

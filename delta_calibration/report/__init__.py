@@ -23,7 +23,7 @@ from delta_calibration.report.glossary import GLOSSARY
 from delta_calibration.report.missing import require_libraries
 from delta_calibration.report.numbers import write_numbers
 from delta_calibration.report.page import build_page, page_of, write_page
-from delta_calibration.report.pdf import write_pdf
+from delta_calibration.report.pdf import pdf_of, write_pdf
 from delta_calibration.report.picture import write_figures
 from delta_calibration.report.provenance import Provenance, hash_of, session_provenance
 from delta_calibration.report.session_report import report_of
@@ -51,6 +51,7 @@ __all__ = [
     "hash_of",
     "page_of",
     "page_of_certificate",
+    "pdf_of",
     "read_about",
     "read_calibration",
     "read_verdict",

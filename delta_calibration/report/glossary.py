@@ -63,11 +63,11 @@ TERMS: tuple[tuple[str, str], ...] = (
         (
             "Of a diagnosis, its verdict and its report: the same distance over the same poses, "
             "but whole sectors of the workspace are held out, five by the bearing about z (of a "
-            "machine that works in an upright plane, about the middle of that plane). It is "
-            "larger than the error left, because the model has to predict a region it has not "
-            "seen. For a single cause: with and without that cause, with all others in the "
-            "model; from readings in motion if the cause only shows in motion; for a smooth "
-            "map, cells are held out instead of sectors."
+            "machine that works in an upright plane, about the middle of that plane; of places "
+            "on a line, along it). It is larger than the error left, because the model has to "
+            "predict a region it has not seen. For a single cause: with and without that cause, "
+            "with all others in the model; from readings in motion if the cause only shows in "
+            "motion; for a smooth map, cells are held out instead of sectors."
         ),
     ),
     (

@@ -29,19 +29,18 @@ _MANY = 8  # columns from which a table is set smaller
 _TIGHT = 6.3  # [pt]
 
 
-def write_pdf(path: Path, report: Report) -> None:
-    """Write a report as PDF (A4), whole or not at all.
+def write_pdf(path: Path, content: bytes) -> None:
+    """Write what `pdf_of` made, whole or not at all.
 
     Raises:
-        InputError: fpdf2 or matplotlib is not installed, or the file cannot be written.
+        InputError: the file cannot be written.
     """
-    content = pdf_of(report)
     with written_whole(path) as beside:
         beside.write_bytes(content)
 
 
 def pdf_of(report: Report) -> bytes:
-    """A report as PDF.
+    """A report as PDF (A4).
 
     Raises:
         InputError: fpdf2 or matplotlib is not installed, or the font lacks a letter.

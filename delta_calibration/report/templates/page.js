@@ -13,7 +13,8 @@
   const draw = (id, width) => {
     const place = document.getElementById(id);
     const plot = plots[id];
-    const layout = {...plot.layout, width: Math.floor(width || place.clientWidth)};
+    const layout = structuredClone(plot.layout); // Plotly writes into what it is given
+    layout.width = Math.floor(width || place.clientWidth);
     drawn.set(id, layout.width);
     return Plotly.react(place, plot.data, layout, config).then(() => fit(place, plot));
   };
