@@ -33,7 +33,7 @@ from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
-from delta_calibration.report import read_about
+from delta_calibration.report import pdf, read_about
 from delta_calibration.report.certificate_figures import planes_of
 from delta_calibration.report.decision import Decision, decided, of_all
 from delta_calibration.robot import load_robot
@@ -287,11 +287,15 @@ def test_another_ending_is_refused_before_any_work(
 
 
 def test_a_letter_that_the_font_lacks_is_refused(
-    cell: Path, capsys: pytest.CaptureFixture[str]
+    cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """And the files of its fonts are closed then as well."""
+    made, new = [], pdf._new
+    monkeypatch.setattr(pdf, "_new", lambda report: made.append(new(report)) or made[-1])
     assert run(certify(cell, None, "letters.pdf", more=("--operator", "\u5f20"))) == 2
     assert "no letters \u5f20" in capsys.readouterr().err
     assert not (cell / "letters.pdf").exists()
+    assert [font.ttfont.reader for font in made[0].fonts.values()] == [None, None]
 
 
 def test_decisions_by_the_standard() -> None:

@@ -46,7 +46,12 @@ def pdf_of(report: Report) -> bytes:
         InputError: fpdf2 or matplotlib is not installed, or the font lacks a letter.
     """
     pdf = _new(report)
-    _require_letters(pdf, report)
+    try:
+        _require_letters(pdf, report)
+    except InputError:
+        for font in pdf.fonts.values():  # else their files stay open: `output` would close them
+            font.ttfont.close()
+        raise
     _head(pdf, report)
     for number, section in enumerate(report.sections, start=1):
         _section(pdf, number, section)
