@@ -177,6 +177,15 @@ def test_parts_scatter_by_their_tolerances():
     np.testing.assert_allclose(doubled - nominal.nominal, 2 * (g[7] - nominal.nominal), atol=1e-15)
 
 
+@pytest.mark.parametrize(("name", "off"), [("srbd", 1e-3), ("scara", 1e-4)])
+def test_the_reflector_is_no_further_off_than_the_file_expects(name, off):
+    """Else every clean machine shows a place of the reflector that its prior calls impossible."""
+    robot = load_robot(name)
+    machines = (draw_machine(robot, seed) for seed in range(100))
+    missed = [m.chain.split(m.theta)[1] - robot.tracker.reflector_offset for m in machines]
+    assert kstest(np.ravel(missed) / off, "norm").pvalue > 0.01
+
+
 def test_the_tracker_stands_about_3_m_off():
     distance = [
         np.linalg.norm(machine.chain.split(machine.theta)[2].translation)

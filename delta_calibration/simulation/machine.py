@@ -17,6 +17,7 @@ from delta_calibration.simulation.hidden import Causes, hide
 Array = NDArray[np.float64]
 
 _DISTANCE = 3.0  # [m] of the tracker from the robot's base
+_REFLECTOR = 1e-3  # [m] that it is usually mounted off its place; less where a file knows better
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,8 @@ def draw_machine(
     place = _DISTANCE * beam + 0.1 * rng.standard_normal(3)
     tracker = robot.tracker
     chain = Chain(mechanism, tracker.reflector_offset, tracker.reflector_offset_prior)
-    offset = tracker.reflector_offset + 1e-3 * scatter * rng.standard_normal(3)
+    off = scatter * min(_REFLECTOR, tracker.reflector_offset_prior)
+    offset = tracker.reflector_offset + off * rng.standard_normal(3)
     theta = chain.join(parameters.nominal + scatter * drawn, offset, Frame(rotation, place))
     causes = hide(robot, chain, hidden, seed)
     theta[chain.layout.dimensions] += causes.shift
