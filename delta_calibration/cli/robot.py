@@ -299,6 +299,7 @@ def _with_room(data: dict[str, Any]) -> dict[str, Any]:
         try:
             make_plan("identify", robot)
         except CalibrationError:
+            click.echo("\nlooking for a workspace within reach ...")
             return {**data, "workspace": data.get("workspace", {}) | written(largest_box(robot))}
     except CalibrationError:
         pass

@@ -100,11 +100,17 @@ def _share(robot: Robot, centre: Array, size: Array, least: float) -> float:
     """The largest share of a box about a centre that is usable throughout; 0 under `least`."""
     edge = np.linspace(-0.5, 0.5, _LATTICE)
     lattice = np.unique(np.array(list(product(edge, repeat=3))) * size, axis=0)
+    corner = (np.abs(lattice) == np.abs(lattice).max(axis=0)).all(axis=1)
+
+    def good(share: float) -> bool:
+        """Whether all of it is usable; its corners first, as what is out of reach is so there."""
+        parts = (share * each for each in (lattice[corner], lattice[~corner], 0 * size[None]))
+        return all(usable(robot, centre + part).all() for part in parts)
+
     low, high = least, 1.0
-    if low >= high or not usable(robot, centre + np.stack([0 * size, *(low * lattice)])).all():
+    if low >= high or not good(low):
         return 0.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        good = usable(robot, centre + middle * lattice).all()
-        low, high = (middle, high) if good else (low, middle)
+        low, high = (middle, high) if good(middle) else (low, middle)
     return low
