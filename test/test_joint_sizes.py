@@ -203,4 +203,4 @@ def test_the_same_structure_gets_the_same_verdict(name: str) -> None:
     assert not said.findings
     assert said.unknown_structure.found
     assert 0.015 < said.unknown_structure.rms_mm < 0.1
-    assert 0.04 < said.calibrated.held_out_rms_mm < 0.1
+    assert 0.025 < said.calibrated.held_out_rms_mm < 0.1
