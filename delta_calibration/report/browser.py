@@ -69,7 +69,7 @@ def plot_of(panel: Panel) -> dict[str, Any]:
         layout["yaxis"] |= _few_names(panel.y)  # as high as it is wide
         layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
         layout["xaxis"] |= {"constrain": "domain", "tickangle": 0, **_few_across(panel)}
-        if 0 < (shape := _shape(panel)) < np.inf:
+        if panel.y.names and 0 < (shape := _shape(panel)) < np.inf:
             layout["meta"] = {"shape": shape}  # the page makes it no higher than it need be
     return {"data": marks, "layout": layout}
 
