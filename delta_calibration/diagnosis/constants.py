@@ -63,6 +63,8 @@ QUIETER = 0.8  # of the noise before, from which a smaller one is worth another 
 LACKING = 1.1  # misfit from which a model may lack a strong cause
 # standard deviations off its place in the file, from which the reflector may have been drawn away
 STRAYED = 1.0
+# of chi square by which readings in motion must favour the reflector's place in the file
+OTHER_FLOOR = 6.0
 FAIR = 0.1  # share of the information on a cause that poses at rest must hold to fit it there
 MOVING = 0.25  # a signal at rest this small beside the one in motion shows in motion only
 LEARNABLE = 0.2  # share of the information that must be left to learn from, of data held out

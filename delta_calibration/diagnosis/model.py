@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Survey
 from delta_calibration.diagnosis.candidates import Candidate, products_of, typical_of
-from delta_calibration.diagnosis.constants import FAIR, LACKING, QUIETER, STRAYED
+from delta_calibration.diagnosis.constants import FAIR, LACKING, OTHER_FLOOR, QUIETER, STRAYED
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -32,7 +32,6 @@ _ROUNDS = 4
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # of their typical sizes by which no parameter moves any more
 _SETTLING = 2  # steps at a new offset of the reflector
-_OTHER_FLOOR = 6.0  # of chi square by which the reflector's place in the file has to be better
 _LITTLE = 0.1  # decrease of chi square ahead that is not worth a step
 
 
@@ -125,7 +124,7 @@ class Model(Fitted):
         if not (len(self.survey.paths) and self.misfit < LACKING):
             return self
         filed = self._as_filed()
-        return filed if filed.cost_ahead < self.cost_ahead - _OTHER_FLOOR else self
+        return filed if filed.cost_ahead < self.cost_ahead - OTHER_FLOOR else self
 
     @property
     def cost_ahead(self) -> float:

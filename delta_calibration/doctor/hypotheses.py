@@ -47,35 +47,31 @@ def unit_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
 
 def unit_of_tracker() -> Iterator[Change]:
     """The tracker's points in a unit that is not SI."""
-    for mistake, unit, factor in LENGTHS:
-        yield Change(
-            mistake,
-            (TRACKER,),
-            of_points(lambda p, f=factor: p / f),  # type: ignore[misc]
-            f"`unit: {unit}` for the position in the mapping of a table, or publish metres "
-            f"(divide by {factor:.10g}; --fix does)",
-            value=factor,
-            unit=f"{unit}/m",
-        )
+    yield from _unit_of_points((0, 1, 2), "the position", None)
 
 
 def unit_of_coordinates() -> Iterator[Change]:
     """One or two coordinates of the points in a unit that is not SI: heights in mm beside m."""
     for which in (*combinations(range(3), 1), *combinations(range(3), 2)):
-        for mistake, unit, factor in LENGTHS:
-            by = np.ones(3)
-            by[list(which)] = factor
-            part = ", ".join(AXES[k] for k in which)
-            yield Change(
-                mistake,
-                (TRACKER,),
-                of_points(lambda p, by=by: p / by),  # type: ignore[misc]
-                f"`unit: {unit}` for {part} of the position in the mapping of a table, or publish "
-                f"metres (divide {part} by {factor:.10g}; --fix does)",
-                part=part,
-                value=factor,
-                unit=f"{unit}/m",
-            )
+        part = ", ".join(AXES[k] for k in which)
+        yield from _unit_of_points(which, f"{part} of the position", part)
+
+
+def _unit_of_points(which: tuple[int, ...], said: str, part: str | None) -> Iterator[Change]:
+    """Some coordinates of the tracker's points in a unit that is not SI."""
+    for mistake, unit, factor in LENGTHS:
+        by = np.ones(3)
+        by[list(which)] = factor
+        yield Change(
+            mistake,
+            (TRACKER,),
+            of_points(lambda p, by=by: p / by),  # type: ignore[misc]
+            f"`unit: {unit}` for {said} in the mapping of a table, or publish metres (divide "
+            f"{f'{part} ' if part else ''}by {factor:.10g}; --fix does)",
+            part=part,
+            value=factor,
+            unit=f"{unit}/m",
+        )
 
 
 def orders_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:

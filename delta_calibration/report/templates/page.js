@@ -44,7 +44,6 @@
 
   // As many names along y as lines of text that the height has.
   const fewer = ({tickvals, ticktext}, high) => {
-    if (!ticktext) return {};
     const step = Math.ceil(LINE * ticktext.length / high);
     const some = (all) => all.filter((_, k) => k % step === 0);
     return {"yaxis.tickvals": some(tickvals), "yaxis.ticktext": some(ticktext)};
