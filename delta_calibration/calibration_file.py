@@ -62,8 +62,13 @@ def save_calibration(path: Path, found: Identification, robot: Robot, poses: Pos
     Raises:
         ConfigError: the file cannot be written.
     """
+    write_document(path, document_of(found, robot, poses))
+
+
+def document_of(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:
+    """What the file of a calibration holds, as plain data."""
     content = _content(found, robot, poses)
-    write_document(path, {**content, _SEAL: content_hash(content)})
+    return {**content, _SEAL: content_hash(content)}
 
 
 def require_ours(path: Path) -> None:
@@ -107,38 +112,53 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
             with parameters that its model does not have.
     """
     data = read_document(path, lambda _: load_schema("calibration"))
+    return calibration_of(data, robot, str(path))
+
+
+def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibration:
+    """The calibration that a document holds, which was made for this robot.
+
+    Args:
+        data: what `document_of` gave, valid under its schema.
+        robot: what was calibrated.
+        source: where the document is from, as messages name it.
+
+    Raises:
+        ConfigError: not whole, changed after it was made, made for another robot, or with
+            parameters that its model does not have.
+    """
     content = {key: value for key, value in data.items() if key != _SEAL}
     if content_hash(content) != data[_SEAL]:
         raise ConfigError(
-            f"{path}: {_SEAL}: the file was changed or cut off after it was written; fit again"
+            f"{source}: {_SEAL}: the file was changed or cut off after it was written; fit again"
         )
     made_for = data["robot"]
     # files of before 0.2.0 name the hash of the whole robot file
     if made_for["sha256"] not in (robot.machine_hash, robot.hash):
         raise ConfigError(
-            f"{path}: robot: made for {made_for['name']!r} with hash {made_for['sha256'][:12]}, "
+            f"{source}: robot: made for {made_for['name']!r} with hash {made_for['sha256'][:12]}, "
             f"but {robot.source} is {robot.name!r} with hash {robot.machine_hash[:12]}; "
             "fit again with this robot file"
         )
     try:
         chain = chain_of(robot, data["model"])
     except ConfigError as error:
-        raise ConfigError(f"{path}: model: {error}") from error
-    chain, values = _with_effects(path, chain, robot, data.get("effects", []))
+        raise ConfigError(f"{source}: model: {error}") from error
+    chain, values = _with_effects(source, chain, robot, data.get("effects", []))
     try:
         expected = chain.parameters.names[chain.layout.base]
     except InputError as error:  # an effect that is there twice
-        raise ConfigError(f"{path}: effects: {error}") from error
+        raise ConfigError(f"{source}: effects: {error}") from error
     found = tuple(entry["name"] for entry in data["parameters"])
     if found != expected:
         odd = sorted(set(found) ^ set(expected)) or ["their order"]
         raise ConfigError(
-            f"{path}: parameters: not those of model {data['model']!r}: {', '.join(odd[:5])}"
+            f"{source}: parameters: not those of model {data['model']!r}: {', '.join(odd[:5])}"
         )
     theta = np.array([*(entry["value"] for entry in data["parameters"]), *values])
-    _require_possible(path, chain, chain.split(theta)[0])
+    _require_possible(source, chain, chain.split(theta)[0])
     region = data["region"]
-    lower, upper = _joint_range(path, region, robot)
+    lower, upper = _joint_range(source, region, robot)
     return Calibration(
         robot=robot,
         chain=chain,
@@ -150,12 +170,12 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
         held_out=float(data["residuals"]["full"]["error_left_rms_mm"]) * 1e-3,
         source=data["provenance"]["session"],
         seal=data[_SEAL],
-        uncertainty=_uncertainty(path, data, len(theta)),
+        uncertainty=_uncertainty(source, data, len(theta)),
         measured=data["provenance"].get("measured_sha256", ""),
     )
 
 
-def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty | None:
+def _uncertainty(source: str, data: Mapping[str, Any], size: int) -> Uncertainty | None:
     """What makes positions uncertain; None of a file that was written before it was told."""
     if "uncertainty" not in data:
         return None
@@ -164,11 +184,11 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
     try:
         rows = [[float(number) for number in row.split()] for row in told["factor_lower"]]
     except ValueError as error:
-        raise ConfigError(f"{path}: uncertainty: factor_lower: {error}") from error
+        raise ConfigError(f"{source}: uncertainty: factor_lower: {error}") from error
     whole = [len(row) for row in rows] == list(range(1, size + 1))
     if not (whole and all(np.isfinite(row).all() for row in rows)):
         raise ConfigError(
-            f"{path}: uncertainty: factor_lower: the lower triangle of {size} rows of finite "
+            f"{source}: uncertainty: factor_lower: the lower triangle of {size} rows of finite "
             "numbers is expected"
         )
     for k, row in enumerate(rows):
@@ -177,7 +197,7 @@ def _uncertainty(path: Path, data: Mapping[str, Any], size: int) -> Uncertainty 
     joints = len(data["region"]["joints_lower_rad"])
     if len(model["play"]) != joints:
         raise ConfigError(
-            f"{path}: uncertainty: model.play: {len(model['play'])} values found, {joints} are "
+            f"{source}: uncertainty: model.play: {len(model['play'])} values found, {joints} are "
             "expected"
         )
     return Uncertainty(
@@ -227,48 +247,48 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
     }
 
 
-def _require_possible(path: Path, chain: Chain, geometry: Array) -> None:
+def _require_possible(source: str, chain: Chain, geometry: Array) -> None:
     """Refuse dimensions that no machine has, or that cannot be put together at home."""
     mechanism = chain.mechanism
     for parameter, value in zip(mechanism.parameters, geometry.tolist(), strict=True):
         # A length is what cannot come out negative within its tolerance by far.
         if parameter.nominal > _FAR * parameter.prior and value <= 0.0:
             raise ConfigError(
-                f"{path}: parameters: {parameter.name} is {value:g} {parameter.unit}; "
+                f"{source}: parameters: {parameter.name} is {value:g} {parameter.unit}; "
                 "it has to be above 0"
             )
     with np.errstate(all="ignore"):
         pose = mechanism.forward(mechanism.home[None], geometry)
     if not np.isfinite(pose).all():
         raise ConfigError(
-            f"{path}: parameters: a {mechanism.name} of these dimensions has no pose at home, "
+            f"{source}: parameters: a {mechanism.name} of these dimensions has no pose at home, "
             f"joints at {mechanism.home.tolist()}"
         )
 
 
-def _joint_range(path: Path, region: Mapping[str, Any], robot: Robot) -> tuple[Array, Array]:
+def _joint_range(source: str, region: Mapping[str, Any], robot: Robot) -> tuple[Array, Array]:
     """Lowest and highest measured joints, (m,) each [rad]."""
     ends = []
     for key in ("joints_lower_rad", "joints_upper_rad"):
         if len(region[key]) != len(robot.joints.names):
             raise ConfigError(
-                f"{path}: region.{key}: {len(region[key])} values found, "
+                f"{source}: region.{key}: {len(region[key])} values found, "
                 f"{len(robot.joints.names)} are expected"
             )
         ends.append(np.array(region[key], dtype=float))
     if (ends[0] > ends[1]).any():
-        raise ConfigError(f"{path}: region: joints_lower_rad is above joints_upper_rad")
+        raise ConfigError(f"{source}: region: joints_lower_rad is above joints_upper_rad")
     return ends[0], ends[1]
 
 
 def _with_effects(
-    path: Path, chain: Chain, robot: Robot, entries: Sequence[Mapping[str, Any]]
+    source: str, chain: Chain, robot: Robot, entries: Sequence[Mapping[str, Any]]
 ) -> tuple[Chain, list[float]]:
     """The chain with the file's effects on the way, and their values in the order of theta."""
     effects: list[Effect] = []
     values: list[float] = []
     for number, entry in enumerate(entries):
-        where = f"{path}: effects[{number}]: {entry['cause']}"
+        where = f"{source}: effects[{number}]: {entry['cause']}"
         effect = _effect(where, entry, chain, robot)
         effects.append(effect)
         values += [float(p["value"]) for p in entry["parameters"]]

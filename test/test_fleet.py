@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import subprocess
@@ -28,6 +29,7 @@ import fsspec
 
 from delta_calibration.fleet.places import Machine, machines_in, robot_file
 from delta_calibration.fleet.run import Result, Settings, machines_of, run
+from delta_calibration.fleet.run import cluster as local_cluster
 from delta_calibration.fleet.work import There
 from delta_calibration.history.ledger import Compared, Failure, Ledger
 from delta_calibration.history.store import Entry, open_store
@@ -122,6 +124,12 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, dict[str, subprocess.Popen[by
             process.kill()
             process.wait()
         log.close()
+
+
+def test_a_local_cluster_has_as_many_workers_as_are_asked_for() -> None:
+    asked = (os.cpu_count() or 1) + 1  # another number than where none is given
+    with local_cluster(None, asked, 1.0) as client:
+        assert len(client.nthreads()) == asked
 
 
 class Disturbed(Heard):

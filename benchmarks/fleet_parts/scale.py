@@ -28,8 +28,10 @@ from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot
 from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
+from delta_calibration.threads import one_thread
 
 NOTHINGS = 300  # tasks that do nothing
+MACHINES, DAYS = 4, 24  # of the fleet that is fitted here
 WORKERS = (1, 8, 32, 128, 512)
 
 
@@ -57,26 +59,22 @@ def sessions(robot: Robot, folder: Path, machines: int, days: int) -> None:
 def throughput(robot: Robot, most: int) -> None:
     """Sessions a second by a local cluster of 1 to `most` workers, and a worker's memory."""
     with TemporaryDirectory() as place:
-        sessions(robot, Path(place) / "fleet", 4, 6)
+        sessions(robot, Path(place) / "fleet", MACHINES, DAYS)
         machines = machines_in(str(Path(place) / "fleet"), robot_file("srbd"))
+        first = Job("first", machines[0].sessions[0], machines[0].robot, frozenset(), None, True)
         for workers in range(1, most + 1):
             url = str(Path(place) / f"{workers}.sqlite")
             with open_store(url, make=True) as store, cluster(None, workers, 2.0) as client:
-                client.run(warm)
+                client.run(examine, first)  # what a worker loads once is no part of it
                 begun = perf_counter()
                 settings = Settings(quick=True, compare=False)
                 run(client, machines, Ledger(store), settings, lambda *_: None)
                 took = perf_counter() - begun
                 memory = max(client.run(peak_memory).values())
             print(
-                f"{workers} workers: {24 / took:.2f} sessions a second (fit only); "
+                f"{workers} workers: {MACHINES * DAYS / took:.2f} sessions a second (fit only); "
                 f"most memory of a worker {memory / 1e6:.0f} MB"
             )
-
-
-def warm() -> None:
-    """Load what the work needs."""
-    import delta_calibration.fleet.work  # noqa: F401 - that is all
 
 
 def peak_memory() -> float:
@@ -117,7 +115,8 @@ def _each(works: list[Callable[[], object]]) -> tuple[float, list[object]]:
     times, results = [], []
     for work in works:
         begun = process_time()
-        results.append(work())
+        with one_thread():  # as in a worker
+            results.append(work())
         times.append(process_time() - begun)
     return median(times), results
 

@@ -91,7 +91,7 @@ class Archive:
             return f"not added to the history of {self.machine}: {error}"
 
     def _added(self, session: Session, fitted: FittedCalibration) -> str:
-        from delta_calibration.history.adding import document_of, entry_of
+        from delta_calibration.history.adding import entry_of
         from delta_calibration.history.bags import bag_hash
         from delta_calibration.history.store import BY_NODE
 
@@ -113,7 +113,7 @@ class Archive:
                 str(bag),
                 digest,
                 fitted.poses,
-                document_of(lambda path: fitted.save(path, self.robot)),
+                fitted.document(self.robot),
                 verdict,
                 by=BY_NODE,
             )

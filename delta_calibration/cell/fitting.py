@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import (
+    document_of,
     from_diagnosis,
     from_identification,
     save_calibration,
-    save_extended,
 )
 from delta_calibration.data import Poses, Session, Survey, survey
 from delta_calibration.diagnosis import STEPS, Diagnosis, diagnose
@@ -67,10 +68,11 @@ class FittedCalibration:
         Raises:
             ConfigError: the file cannot be written.
         """
-        if self.diagnosis is None:
-            save_calibration(path, self.found, robot, self.poses)
-        else:
-            save_extended(path, self.diagnosis, robot, self.poses)
+        save_calibration(path, self.found, robot, self.poses)
+
+    def document(self, robot: Robot) -> dict[str, Any]:
+        """What its file would hold."""
+        return document_of(self.found, robot, self.poses)
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -80,7 +80,7 @@ def cluster(scheduler: str | None, workers: int | None, memory_gb: float) -> Ite
         limit = int(memory_gb * 1e9)
         with (
             LocalCluster(
-                workers,
+                n_workers=workers,
                 threads_per_worker=1,
                 memory_limit=limit,
                 dashboard_address="127.0.0.1:0",

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from delta_calibration.calibration_file import load_calibration, save_calibration, save_extended
+from delta_calibration.calibration_file import calibration_of, document_of
 from delta_calibration.data import Poses, Survey, survey
 from delta_calibration.diagnosis import Diagnosis
 from delta_calibration.documents import load_schema, read_document
@@ -60,14 +59,6 @@ def entry_of(
     )
 
 
-def document_of(save: Callable[[Path], None]) -> dict[str, Any]:
-    """The document of a calibration file, by what writes the file."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.yaml"
-        save(file)
-        return calibration_document(file)
-
-
 def calibration_document(path: Path) -> dict[str, Any]:
     """The document of a calibration file.
 
@@ -94,9 +85,9 @@ def made_of(
     """
     if diagnose is None:
         fitted = identify(seen.poses, robot, seed=seed)
-        return document_of(lambda file: save_calibration(file, fitted, robot, seen.poses)), None
+        return document_of(fitted, robot, seen.poses), None
     found = diagnose(seen, robot)
-    calibration = document_of(lambda file: save_extended(file, found, robot, seen.poses))
+    calibration = document_of(found.identification, robot, seen.poses)
     return calibration, found.verdict.as_dict()
 
 
@@ -119,7 +110,7 @@ def updated(
     expected = prospect(old, robot, new)
     poses = new.survey.poses
     found = identify(poses, robot, seed=seed, carried=expected.carried)
-    return expected, document_of(lambda file: save_calibration(file, found, robot, poses))
+    return expected, document_of(found, robot, poses)
 
 
 def newly(name: str, seen: Survey) -> Dated:
@@ -148,8 +139,5 @@ def dated(entry: Entry, robot: Robot, folder: Path) -> Dated:
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     if entry.is_update:
         return Dated(entry.id, entry.began, seen)
-    with tempfile.TemporaryDirectory() as own:
-        file = Path(own) / "calibration.json"
-        file.write_text(json.dumps(entry.calibration), encoding="utf-8")
-        calibration = load_calibration(file, robot)
+    calibration = calibration_of(entry.calibration, robot, f"history: {entry.id}")
     return Dated(entry.id, entry.began, seen, calibration.chain.effects)
