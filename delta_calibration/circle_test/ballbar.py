@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from delta_calibration.circle_test.circles import Circle, find_circles
 from delta_calibration.data import Conditions, at_rest, motion_of
+from delta_calibration.data.motion import largest_around
 from delta_calibration.diagnosis import Judgement, diagnose_observations
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.estimation import Measured, RadiusMeasured
@@ -149,7 +149,7 @@ def _motions(time: Array, tool: Array) -> tuple[Index, NDArray[np.bool_]]:
         return np.zeros(len(time), dtype=np.int64), np.zeros(len(time), dtype=bool)
     speed = np.linalg.norm(np.gradient(tool, time, axis=0), axis=1)
     period = float(np.median(np.diff(time)))
-    fastest = maximum_filter1d(speed, 2 * int(_AROUND / period) + 1)
+    fastest = largest_around(speed, int(_AROUND / period))
     moving = speed > _RESTING * np.maximum(fastest, 1e-9)
     broken = np.r_[True, (np.diff(moving.astype(int)) != 0) | (np.diff(time) > _AROUND)]
     return np.cumsum(broken) - 1, moving

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -65,6 +66,12 @@ def motion_of(time: Array, joint: Array, joint_size: float = 1.0) -> Motion:
     strokes = [_strokes(joint[:, j], TURNED * joint_size) for j in range(joint.shape[1])]
     direction, travel = (np.column_stack(columns) for columns in zip(*strokes, strict=True))
     return Motion(time, velocity, acceleration, direction, travel)
+
+
+def largest_around(value: Array, around: int) -> Array:
+    """Largest of each value (n,) and of as many as `around` before and behind it, (n,)."""
+    wide = np.pad(value, around, mode="edge")
+    return np.asarray(sliding_window_view(wide, 2 * around + 1).max(axis=1))
 
 
 def _derivatives(time: Array, joint: Array) -> tuple[Array, Array]:

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from delta_calibration.data.conditions import Conditions, joined
-from delta_calibration.data.motion import Motion, motion_of
+from delta_calibration.data.motion import Motion, largest_around, motion_of
 from delta_calibration.data.readings import Readings, Rejected, match
 from delta_calibration.data.still import StillMoments, find_still
 from delta_calibration.data.streams import PayloadStream, Session
@@ -271,7 +270,7 @@ def _blocks(
     velocity, _, direction, _ = motion.at(time)
     speed = np.linalg.norm(velocity, axis=1)
     period = float(np.median(np.diff(time))) if len(time) > 1 else _AROUND
-    resting |= speed < _RESTING * maximum_filter1d(speed, 2 * int(_AROUND / period) + 1)
+    resting |= speed < _RESTING * largest_around(speed, int(_AROUND / period))
     broken = np.r_[True, (np.diff(time) > _PAUSE) | (np.diff(resting.astype(int)) != 0)]
     path = np.cumsum(broken) - 1
     gone = np.abs(np.diff(joint, axis=0, prepend=joint[:1])).max(axis=1) / joint_size

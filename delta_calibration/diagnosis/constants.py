@@ -24,7 +24,7 @@ SPIKE = 6.0  # the same of a reading held against its neighbours on a path
 # Priors
 # a cause's size is flat in its logarithm over three decades of sizes that machines have
 DECADES = 1000.0
-KNOWN = 0.95  # of what acts as a cause of the catalogue does, so much is that cause
+NAMELESS = 0.05  # of what acts as a cause of the catalogue does, so much has no name
 COMPLETE = 0.95  # of structure with the likeliest law of the grammar, so much follows it
 PLAIN_WORDS = 4.0  # odds of a straight line against another function, of one quantity against two
 USUAL = 1000.0  # odds of what moves a stage on machines against what does not, as far as known
@@ -47,6 +47,7 @@ ELSEWHERE = 1e-5  # p from which a reflector's place is a finding: its prior is 
 NAMING = 25.0  # lambda at which a name is 63 % as sure as it can become
 SHADOW = 0.9  # share of what a map explains that a named cause must explain to be preferred
 SHADOWED = 0.5  # share of a cause's signal that a map makes as well, for it to be in its shadow
+KNOWN = 0.98  # most that a name is sure: of 196 names stated with 0.95 all were of the class
 REMAINS = 0.25  # share of what remains unexplained that a cause must explain at least
 SOME = 0.02  # share of what a cause explains that a map may explain beside it: no model is perfect
 # the same of a map that chance may have made, on machines that others measured as well

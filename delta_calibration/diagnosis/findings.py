@@ -112,9 +112,10 @@ class HeldOutModels:
         """What a term adds to the rest; None where held-out data do not bear it out.
 
         A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
-        time as far as each leaves enough to learn it from the others, and the predictions must
-        come nearer in metres. A map is no more than interpolation; it has to be worth its while
-        in metres where it interpolates, and must do no harm in sectors that it has not seen.
+        time as far as each leaves enough to learn it from the others. The predictions must not be
+        farther off in metres for sure; by chance they may be, where a cause shows in few of the
+        samples. A map is no more than interpolation; it has to be worth its while in metres where
+        it interpolates, and must do no harm in sectors that it has not seen.
         """
         rest = tuple(m for m in model.terms if m is not term)
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)
@@ -128,7 +129,7 @@ class HeldOutModels:
             return None
         before, after = self.terms(rest, part), self.terms(model.terms, part)
         held = self.gain(before, after, columns, rng)
-        good = held.low >= WORTH if term.unexplained else held.share > 0.0
+        good = held.low >= WORTH if term.unexplained else held.high > 0.0
         return held if good else None
 
     def foretells(

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
 from delta_calibration.diagnosis.constants import (
-    KNOWN,
     LEAST_SURE,
     LIKELIER,
     MOST,
     MUCH,
+    NAMELESS,
     PART_OF_A_MAP,
     PLAIN,
     SOME,
@@ -274,7 +274,7 @@ def _map_beside(finding: Finding, last: Scan) -> float:
         for s in last.scores
         if s.candidate.unexplained and s.gain > MUCH * finding.signal
     )
-    odds = (1 - KNOWN) / KNOWN * float(np.exp(min(max(some, default=-np.inf), PLAIN)))
+    odds = NAMELESS / (1 - NAMELESS) * float(np.exp(min(max(some, default=-np.inf), PLAIN)))
     return odds / (1 + odds)
 
 

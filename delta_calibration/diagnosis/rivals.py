@@ -3,7 +3,7 @@
 The confidence in a cause and those of its class is their share of the probability among all that
 was tried in their place, the other terms staying:
 
-    P = 0.95 (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
+    P = 0.98 (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
 c being chi square per degree of freedom. The first two factors are for what was not tried. Some
 causes that no catalogue has move the readings as one of it does: one in twenty. And a weak signal

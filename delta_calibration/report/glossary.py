@@ -105,7 +105,7 @@ TERMS: tuple[tuple[str, str], ...] = (
         "confidence",
         (
             "Probability that the name of a finding is right, against its rivals. It is never "
-            "stated above 95 %, because an unknown cause may have the same effect as a known one."
+            "stated above 98 %, because an unknown cause may have the same effect as a known one."
         ),
     ),
     (

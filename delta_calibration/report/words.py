@@ -105,6 +105,8 @@ def structure(unknown: UnknownStructure) -> str:
 
 
 def _share(finding: Finding) -> str:
+    if finding.gain <= 0.0:
+        return "no gain that held-out data show"
     return f"{100 * finding.gain:.0f} % of the avoidable error"
 
 
