@@ -6,15 +6,18 @@ counts. All are used again for all targets of a call. A place is judged by the w
 forward (backward_kernel.py).
 
 A mechanism may have a law of the places near a command (`Mechanism.nearby`). Without effects, in
-a box up to `LITTLE`, it gives the squared distances of all particles at once, in vector
-instructions. Products and sums are contracted there: distances only decide which place is the
-better one, the places themselves are rounded as numpy has it.
+a box up to `LITTLE`, where the machine can stand at the command itself, it gives the squared
+distances of all particles at once, in vector instructions. Products and sums are contracted
+there: distances only decide which place is the better one, the places themselves are rounded as
+numpy has it.
 
 Random numbers are drawn beforehand, by the same generator as in apso.py (numpy's Philox 4x64-10,
 counter-based), and read by every target from their beginning: no state is left to share.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +28,22 @@ from delta_calibration.compensation.backward_kernel import (
     begin,
     reached,
     scratch,
+    stands,
 )
 from delta_calibration.model.chain_constants import JOINT
-from delta_calibration.model.jit import call, compiled
-from delta_calibration.model.kernels import FULL, SETUP, Limbs, M, P, own_joint
+from delta_calibration.model.jit import call, compiled, record
+from delta_calibration.model.kernels import (
+    FULL,
+    NEAR,
+    SETUP,
+    M,
+    P,
+    closing,
+    copy_into,
+    factored,
+    own_joint,
+    place,
+)
 from delta_calibration.model.stand import Opening
 
 Array = NDArray[np.float64]
@@ -52,15 +67,41 @@ def _set_machine(nearby: Opening, machine: MachineRecord, particles: int, work: 
 
 @compiled(borrows=True)
 def _set_command(
-    limbs: Limbs, nearby: Opening, q: Array, goes: Array, tool: Array, work: Array
-) -> None:
-    """Tell the law which command the places are near, and where they are to be."""
-    for i in range(_SPACE):
-        work[len(q) + i] = goes[i] - tool[i]
+    machine: MachineRecord,
+    nearby: Opening,
+    signals: Array,
+    goes: Array,
+    work: Array,
+    room: Place,
+) -> bool:
+    """Tell the law which command the places are near, and where they are to be.
+
+    False where the machine cannot stand at the command, or not stiffly.
+    """
+    limbs, own, k = machine.body.limbs, room.state.room, len(room.x)
+    first = limbs.sizes[M]
+    q = signals[machine.stages.at[JOINT] : machine.stages.at[JOINT] + first]
+    begin(machine, room)
+    if not stands(machine, q, signals, room):
+        return False
+    place(limbs, room.state.joint, room.x, NEAR, own)
+    if len(own.f) != k or not factored(limbs, own):
+        return False
+    copy_into(work[first : first + _SPACE], goes)
+    copy_into(work[first + _SPACE : first + 2 * _SPACE], machine.aim.tool)
+    copy_into(work[first + 2 * _SPACE : first + 2 * _SPACE + k], room.x)
+    slope = work[first + 2 * _SPACE + k : nearby.at[0]]
+    for i in range(k):
+        for row in range(k):
+            own.f[row] = 1.0 if row == i else 0.0
+        closing(limbs, own)
+        for row in range(k):
+            slope[row * k + i] = own.step[row]
     for i in range(len(nearby.joints)):
         joint = nearby.joints[i]
         work[nearby.at[0] + i] = own_joint(limbs, joint, q[joint])
     call(nearby.law[SETUP], work)
+    return True
 
 
 @compiled(borrows=True)
@@ -158,6 +199,66 @@ def _move(
         x[i] = min(max(x[i] + step, -bound), bound)
 
 
+@record
+class Swarm(NamedTuple):
+    """A swarm of one target: joints by particles (j m,), and of each particle (m,)."""
+
+    x: Array  # places
+    v: Array
+    own: Array  # p_i
+    goal: Array
+    square: Array  # of the distance [m^2]
+    fitness: Array
+    bins: Index
+    counts: Index
+    there: Array  # (j,) a command
+
+
+@compiled(borrows=True)
+def _swarm(
+    machine: MachineRecord,
+    law: int,
+    work: Array,
+    signals: Array,
+    target: Array,
+    given: tuple[Array, Array, Array],
+    settings: Settings,
+    swarm: Swarm,
+    room: Place,
+    out: Array,
+) -> bool:
+    """Search one target, by the law of places nearby or, where that is 0, by the whole chain.
+
+    Whether it came within the tolerance. `given` are start, draws and gains, see `search`.
+    """
+    (start, draws, gains), bound, limbs = given, settings[0], machine.body.limbs
+    m, size = len(gains), len(start)
+    joints, iterations = size // m, len(draws) // (2 * size)
+    x, own, winner, at = swarm.x, swarm.own, 0, machine.stages.at[JOINT]
+    for i in range(size):
+        x[i], swarm.v[i], own[i] = start[i], 0.0, start[i]
+    for i in range(m):
+        swarm.fitness[i] = np.inf
+    out[joints + 1] = 0.0
+    for iteration in range(iterations + 1):
+        if law != 0:
+            call(law, work)  # not a number where there is no place
+        else:
+            q = signals[at : at + joints]
+            _squares(machine, q, signals, target, x, swarm.there, swarm.square, room)
+        winner, least = _remember(x, swarm.square, own, swarm.fitness)
+        out[joints] = np.sqrt(least)
+        out[joints + 1] += m
+        if out[joints] <= settings[1] or iteration == iterations:
+            break
+        w = _inertia(x, bound, gains, swarm.bins, swarm.counts)
+        _move(x, swarm.v, own, swarm.goal, draws, iteration, joints, winner, w, settings)
+    for k in range(joints):
+        out[k] = limbs.sense[k] * own[k * m + winner]
+        swarm.there[k] = signals[at + k] + out[k]
+    return bool(out[joints] <= settings[1])
+
+
 @compiled()
 def search(
     machine: MachineRecord,
@@ -171,6 +272,9 @@ def search(
 ) -> Array:
     """Corrections (0 to j - 1), distance [m] (j) and evaluations (j + 1) of each, (n, j + 2).
 
+    What the law of places nearby has found is asked of the whole chain; where that does not bear
+    it out, near a singular pose, or nothing was found, the chain is searched as well.
+
     Args:
         machine: with its effects.
         nearby: law of places near a command, where that is all that counts; else empty.
@@ -181,46 +285,36 @@ def search(
         gains: see `_inertia`, (m,).
         settings: bound, tolerance, velocity_fraction, cognitive, social.
     """
-    bound, tolerance = settings[0], settings[1]
-    limbs = machine.body.limbs
-    n, m, joints = len(signals), len(gains), limbs.sizes[M]
-    size, at = joints * m, machine.stages.at[JOINT]
-    iterations = len(draws) // (2 * size)
-    out = np.zeros((n, joints + 2))
-    near, first = len(nearby.law) > 0, nearby.at[4]  # the law takes the particles where they are
-    work, whole = np.zeros(first + 4 * size + 2 * m), np.empty(2 * m, dtype=np.int64)
-    x, square, fitness, rest = (
+    joints, m, size = machine.body.limbs.sizes[M], len(gains), len(start)
+    lawful, first = len(nearby.law) > 0, nearby.at[4]  # it takes the particles where they are
+    out, given = np.zeros((len(signals), joints + 2)), (start, draws, gains)
+    work, rest = np.zeros(first + size + m), np.zeros(3 * size + m)
+    swarm = Swarm(
         work[first : first + size],
-        work[first + size : first + size + m],
-        work[first + size + m : first + size + 2 * m],
-        work[first + size + 2 * m :],
+        rest[:size],
+        rest[size : 2 * size],
+        rest[2 * size : 3 * size],
+        work[first + size :],
+        rest[3 * size :],
+        np.empty(m, dtype=np.int64),
+        np.empty(m, dtype=np.int64),
+        np.empty(joints),
     )
-    v, own, goal = rest[:size], rest[size : 2 * size], rest[2 * size :]
-    bins, counts = whole[:m], whole[m:]
-    if near:
+    if lawful:
         _set_machine(nearby, machine, m, work)
-    room, there = scratch(machine, signals.shape[1]), np.empty(joints)
-    for row in range(n):
-        q, goes = signals[row, at : at + joints], target[row]
-        if near:
-            _set_command(limbs, nearby, q, goes, machine.aim.tool, work)
-        for i in range(size):
-            x[i], v[i], own[i] = start[i], 0.0, start[i]
-        for i in range(m):
-            fitness[i] = np.inf
-        winner = 0
-        for iteration in range(iterations + 1):
-            if near:
-                call(nearby.law[FULL], work)  # not a number where there is no place
-            else:
-                _squares(machine, q, signals[row], goes, x, there, square, room)
-            winner, least = _remember(x, square, own, fitness)
-            out[row, joints] = np.sqrt(least)
-            out[row, joints + 1] += m
-            if out[row, joints] <= tolerance or iteration == iterations:
-                break
-            w = _inertia(x, bound, gains, bins, counts)
-            _move(x, v, own, goal, draws, iteration, joints, winner, w, settings)
-        for k in range(joints):
-            out[row, k] = limbs.sense[k] * own[k * m + winner]
+    room = scratch(machine, signals.shape[1])
+    for row in range(len(signals)):
+        own, goes = signals[row], target[row]
+        law = 0
+        if lawful and _set_command(machine, nearby, own, goes, work, room):
+            law = nearby.law[FULL]
+        found = _swarm(machine, law, work, own, goes, given, settings, swarm, room, out[row])
+        if law == 0 or machine.exact:
+            continue
+        begin(machine, room)
+        error = reached(machine, swarm.there, own, goes, room)
+        if found and error <= settings[1]:
+            out[row, joints] = error
+        else:
+            _swarm(machine, 0, work, own, goes, given, settings, swarm, room, out[row])
     return out

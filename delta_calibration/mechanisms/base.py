@@ -118,10 +118,10 @@ class Mechanism(ABC):
     # constants as `equation`; without it the inverse problem starts at `home`.
     reaching: ClassVar[Any] = None
 
-    # nearby(d, q, g, c): place of the platform's centre [m] at joints q + d, d up to
-    # `symbols.LITTLE`, by joints, dimensions and constants of every limb (lists of them) as
-    # `opening`; for a platform that does not turn. A swarm evaluates it for all its particles at
-    # once, so that it should have no functions but roots of d.
+    # nearby(d, o, x, a, q, g, c): place of the platform's point o [m] at joints q + d, d up to
+    # `symbols.LITTLE`, by the pose x at q, the inverse a of f_x there, and joints, dimensions and
+    # constants of every limb (lists of them) as `opening`. A swarm evaluates it for all its
+    # particles at once, so that it should have no functions but roots of d.
     nearby: ClassVar[Any] = None
 
     @staticmethod
@@ -368,10 +368,13 @@ class Mechanism(ABC):
             return None
         count = len(self.limbs)
         known = tuple((name, count * size) for name, size in self._groups if name != "x")
-        groups = (("d", self.joints), ("t", 3), *known)
+        k = self.pose_size
+        about = ("t", 3), ("o", 3), ("x", k), ("a", k * k)
+        groups = (("d", self.joints), *about, *known)
         joints = tuple(limb.joints for limb in self.limbs)
         law = partial(_distance_nearby, own, known, joints)
-        return Law(f"{self.law_name}_nearby", groups, 1, law, ("t", "q", "g", "c"), lanes="d")
+        fixed = tuple(name for name, _ in groups[1:])
+        return Law(f"{self.law_name}_nearby", groups, 1, law, fixed, lanes="d")
 
     @cached_property
     def _reaching(self) -> Law | None:
@@ -781,11 +784,15 @@ def _distance_nearby(
     joints: tuple[tuple[int, ...], ...],
     d: Any,
     t: Any,
+    o: Any,
+    x: Any,
+    a: Any,
     *every: Any,
 ) -> Any:
-    """Squared distance from t of the place by a law that takes small changes of joints first."""
+    """Squared distance of a point o of the platform from t, by a law of its place near pose x."""
     changes = [symbols.column(*(d[joint] for joint in own)) for own in joints]
-    return symbols.square(_of_limbs(partial(law, changes), groups, len(joints), *every) - t)
+    near = partial(law, changes, o, x, symbols.matrix(a, x.shape[0]))
+    return symbols.square(_of_limbs(near, groups, len(joints), *every) - t)
 
 
 def _at_centre(point: Callable[[Any, Any], Any], x: Any, q: Any, g: Any) -> Any:

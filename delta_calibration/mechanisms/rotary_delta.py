@@ -67,10 +67,13 @@ class RotaryDelta(DeltaModel):
         return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
     @staticmethod
-    def nearby(d: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """The same where the arms are turned a little on from q."""
+    def nearby(
+        d: Symbol, o: Symbol, x: Symbol, a: Symbol, q: Symbol, g: Symbol, c: Symbol
+    ) -> Symbol:
+        """A point o of the platform where the arms are turned a little on from q."""
+        del x, a
         elbows = tuple(_turned_on(d[leg], q[leg], g[leg], c[leg]) for leg in range(LEGS))
-        return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
+        return o + lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:

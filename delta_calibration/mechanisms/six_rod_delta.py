@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from math import pi
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.mechanisms.delta_leg import (
+    LEGS,
     DeltaModel,
     arm_end,
     hinge_frame,
     leg_frame,
 )
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta, legs
-from delta_calibration.model.symbols import Symbol, column, rotation, square
+from delta_calibration.model.symbols import Symbol, column, little, rotation, square, tilt
 from delta_calibration.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -26,6 +28,7 @@ ELBOW, JOINT = slice(12, 14), slice(14, 16)  # one of each a side
 ELBOW_X, ELBOW_Z, LINE_X, LINE_Z = 16, 17, 18, 19
 SIDE = (-1.0, 1.0)  # which side of the leg's middle a rod is on, along the motor's axis
 _ALONG = (0.0, 1.0, 0.0)
+_STEPS = 4  # from a pose nearby: the last is off by less than 1e-11 m, `LITTLE` from the command
 
 
 class SixRodDelta(DeltaModel):
@@ -54,22 +57,27 @@ class SixRodDelta(DeltaModel):
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Squared length of the two rods of one leg less what it should be [m^2]."""
-        stand, hinge = leg_frame(c), hinge_frame(g[TILT_X : TILT_Z + 1])
-        elbow = stand @ (g[BASE] + arm_end(q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM]))
-        line = stand @ hinge @ hinge_frame(g[ELBOW_X : ELBOW_Z + 1]) @ column(*_ALONG)
-        crooked = stand @ hinge_frame(g[LINE_X : LINE_Z + 1]) @ column(*_ALONG)
-        middle, turn = x[0:3] - elbow, rotation(x[3:6])
-        gaps = []
-        for rod, side in enumerate(SIDE):
-            ball = stand @ g[PLATFORM] + side * g[JOINT][rod] * crooked
-            s = middle + turn @ ball - side * g[ELBOW][rod] * line
-            gaps.append(square(s) - (g[ROD] + side * g[MISMATCH] / 2) ** 2)
-        return column(*gaps)
+        return _gaps(_elbow(q, g, c), x[0:3], rotation(x[3:6]), g, c)
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Meeting point of the three spheres with the pairs' means, no tilt."""
         return column(RotaryDelta.opening(q, [_sphere(leg) for leg in g], c), 0, 0, 0)
+
+    @staticmethod
+    def nearby(
+        d: Symbol, o: Symbol, x: Symbol, a: Symbol, q: Symbol, g: Symbol, c: Symbol
+    ) -> Symbol:
+        """A point o of the platform: moved on by three spheres, then closed by the slope at x."""
+        spheres = [_sphere(leg) for leg in g]
+        on = RotaryDelta.nearby(d, x[0:3], x, a, q, spheres, c)
+        on = column(on - RotaryDelta.opening(q, spheres, c), x[3:6])
+        elbows = [_turned_on(d[leg], q[leg], g[leg], c[leg]) for leg in range(LEGS)]
+        for _ in range(_STEPS):
+            turn = tilt(on[3:6])
+            legs = zip(elbows, g, c, strict=True)
+            on -= a @ column(*(_gaps(elbow, on[0:3], turn, *own) for elbow, *own in legs))
+        return on[0:3] + tilt(on[3:6]) @ o
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
@@ -125,6 +133,31 @@ def alike(spheres: RotaryDelta, g: Array) -> tuple[SixRodDelta, Array]:
     leg[:, TILT_X : ROD + 1] = known[:, 3:]
     leg[:, [ELBOW_X, ELBOW_Z]] = -leg[:, [TILT_X, TILT_Z]]  # the pairs stay parallel
     return model, leg.reshape(-1)
+
+
+def _elbow(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
+    """Middle of a leg's elbow in the base [m]."""
+    return leg_frame(c) @ (g[BASE] + arm_end(q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM]))
+
+
+def _turned_on(d: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
+    """The same with the arm d [rad] on from q: it goes round the hinge."""
+    hinge, (cosine, sine) = leg_frame(c) @ g[BASE], little(d)
+    ahead, across = _elbow(q, g, c) - hinge, _elbow(q + pi / 2, g, c) - hinge
+    return hinge + cosine * ahead + sine * across
+
+
+def _gaps(elbow: Symbol, centre: Symbol, turn: Symbol, g: Symbol, c: Symbol) -> Symbol:
+    """Squared length of the two rods of a leg less what it should be [m^2]."""
+    stand, hinge = leg_frame(c), hinge_frame(g[TILT_X : TILT_Z + 1])
+    line = stand @ hinge @ hinge_frame(g[ELBOW_X : ELBOW_Z + 1]) @ column(*_ALONG)
+    crooked = stand @ hinge_frame(g[LINE_X : LINE_Z + 1]) @ column(*_ALONG)
+    gaps = []
+    for rod, side in enumerate(SIDE):
+        ball = stand @ g[PLATFORM] + side * g[JOINT][rod] * crooked
+        s = centre - elbow + turn @ ball - side * g[ELBOW][rod] * line
+        gaps.append(square(s) - (g[ROD] + side * g[MISMATCH] / 2) ** 2)
+    return column(*gaps)
 
 
 def _sphere(g: Symbol) -> Symbol:

@@ -100,6 +100,11 @@ def where(condition: Symbol, yes: Symbol, no: Symbol) -> Symbol:
     return _casadi().if_else(condition, yes, no)
 
 
+def matrix(entries: Symbol, width: int) -> Symbol:
+    """The matrix of so many columns whose entries, row by row, these are."""
+    return _casadi().reshape(entries, width, entries.shape[0] // width).T
+
+
 def dot(a: Symbol, b: Symbol) -> Symbol:
     """Inner product of two vectors."""
     return _casadi().dot(a, b)
