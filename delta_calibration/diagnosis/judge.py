@@ -370,7 +370,8 @@ def _unknown(
     size = {MOTION: left.in_motion, SET_ASIDE: aside.rms}.get(worst, left.excess)
     where = {MOTION: None, SET_ASIDE: aside.worst}.get(worst, left.worst)
     told = None if where is None else _around(where)
-    return UnknownStructure(True, told, moves_with(worst), MM * size, tests)
+    large = MM * size or None  # what is only alike among neighbours may add nothing to the noise
+    return UnknownStructure(True, told, moves_with(worst), large, tests)
 
 
 def _laws(

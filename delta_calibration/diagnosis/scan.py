@@ -11,7 +11,7 @@ import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, dimensions, maps, subsets
 from delta_calibration.diagnosis.constants import ALPHA, PLAIN
-from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Score, Weighed, Weights
 from delta_calibration.effects import Effect
@@ -83,12 +83,26 @@ def scan(
         weights: by how much some causes are likelier than the average; others are as likely.
     """
     weighed = replace(Weighed.of(evidence, noise_degrees, _DRAWS, rng), weights=weights)
-    questions = list(_questions(evidence, effects, used))
+    questions = [*_of_effects(evidence, effects, used), *_of_the_rest(evidence, effects, used)]
+    scores = _explored(weighed, questions)
+    return Scan(tuple(scores), len(scores))
+
+
+def reshaped(
+    model: Fitted, kept: Sequence[Candidate], effects: Sequence[Effect], rng: np.random.Generator
+) -> list[Score]:
+    """Causes of several shapes, each in its best one beside some of the terms; best first."""
+    evidence = beside(model.evidence, kept)
+    weighed = Weighed.of(evidence, model.noise_degrees, _DRAWS, rng)
+    shapes = [each for each in _of_effects(evidence, effects, kept) if len(each) > 1]
+    return _explored(weighed, shapes)
+
+
+def _explored(weighed: Weighed, questions: list[list[list[Candidate]]]) -> list[Score]:
     questions.sort(key=len, reverse=True)  # the long searches first, so that no thread waits
     with ThreadPoolExecutor(THREADS) as pool:
         scores = [score for some in pool.map(weighed.explore, questions) for score in some]
-    scores.sort(key=lambda score: -score.log_bayes)
-    return Scan(tuple(scores), len(scores))
+    return sorted(scores, key=lambda score: -score.log_bayes)
 
 
 def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
@@ -99,7 +113,7 @@ def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) 
     return scan(model.beside, effects, model.noise_degrees, rng, model.terms, weights)
 
 
-def _questions(
+def _of_effects(
     evidence: LinearizedModel, effects: Sequence[Effect], used: Sequence[Candidate]
 ) -> Iterator[list[list[Candidate]]]:
     """What to explore: for each effect its shapes, for each shape the whole and its parts."""
@@ -111,6 +125,12 @@ def _questions(
         ]
         if groups and groups[0]:
             yield groups
+
+
+def _of_the_rest(
+    evidence: LinearizedModel, effects: Sequence[Effect], used: Sequence[Candidate]
+) -> Iterator[list[list[Candidate]]]:
+    """The same of dimensions and maps."""
     for group in (*([one] for one in dimensions(evidence)), *maps(evidence, effects[0])):
         if not any(_covers(other, group[0]) for other in used):
             yield [group]

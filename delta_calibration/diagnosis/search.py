@@ -35,7 +35,7 @@ from delta_calibration.diagnosis.model_selection import (
     worth_it,
     worth_of,
 )
-from delta_calibration.diagnosis.scan import THREADS, Scan, scanned
+from delta_calibration.diagnosis.scan import THREADS, Scan, reshaped, scanned
 from delta_calibration.diagnosis.scores import Score, price_of
 from delta_calibration.effects import Effect
 
@@ -117,6 +117,8 @@ def find(
         else:
             if back is not None and here.left is not None and back[1].left is None:
                 model, here = back  # in a circle, each set by what the other makes of its shapes
+            if swaps and len(model.terms) > 1:
+                short.update(_other_shapes(model, effects, rng, tuple(short.values()), gone))
             swapped = _swapped(fits, model, here, tuple(short.values())) if swaps else model
             if swapped is model:
                 return SearchResult(model, first, here, tuple(short.values()))
@@ -150,6 +152,34 @@ def _pairs(
     pairs = sorted(combinations(range(len(scores)), 2), key=worth, reverse=True)
     good = [pair for pair in pairs[:LOOKED_AT] if worth(pair) > enough]
     return [tuple(scores[i].candidate for i in pair) for pair in good]
+
+
+def _other_shapes(
+    model: Fitted,
+    effects: Sequence[Effect],
+    rng: np.random.Generator,
+    short: tuple[Score, ...],
+    gone: tuple[Candidate, ...],
+) -> dict[str, Score]:
+    """Other causes, each in the shape in which it comes nearest to what a term does.
+
+    Beside the others: a step that was sought about a fit without them may be anywhere.
+    """
+    terms, every = model.terms, range(len(model.terms))
+    together = JointFit.of(model.evidence, [as_score(m, short) for m in terms])
+    best: dict[str, tuple[float, Score]] = {}
+    for i in every:
+        kept = tuple(j for j in every if j != i)
+        does = together.fit(every)[1] - together.fit(kept)[1]
+        for score in reshaped(model, [terms[j] for j in kept], effects, rng):
+            near, key = score.log_bayes - does, score.candidate.key
+            if key not in best or near > best[key][0]:
+                best[key] = near, score
+    return {
+        key: score
+        for key, (_, score) in best.items()
+        if not any(score.candidate.same_cause(m) for m in (*terms, *gone))
+    }
 
 
 def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
