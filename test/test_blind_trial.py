@@ -106,6 +106,14 @@ def test_a_law_that_explains_a_little_more_is_no_doubt_of_a_name():
     assert not said["unknown"]
 
 
+def test_a_tracker_that_moves_and_does_not_turn_is_no_map_over_time():
+    """A drift that may turn as well has six numbers, hardly fewer than a map of the readings."""
+    said = trial(315853, ("tracker_drift", 81.04))
+    (finding,) = said["findings"]
+    assert finding["cause"] == "tracker_drift"
+    assert not said["unknown"]
+
+
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_hidden_cause_is_named_and_its_model_predicts(cause: str):
     said = trial(1000 + CAUSES.index(cause), (cause, SIGNAL))

@@ -60,7 +60,10 @@ class Candidate:
     @property
     def key(self) -> str:
         """What tells it from others, whatever its shape."""
-        return f"{self.label} {self.rows}" if self.effect is None else self.label
+        effect, rows = self.effect, self.rows
+        located = self.location is not None
+        whole = effect is not None and (located or len(rows) == len(effect.parameters))
+        return self.label if whole else f"{self.label} {rows}"
 
     @property
     def shape(self) -> Hashable:
@@ -142,10 +145,13 @@ def bounds_of(candidate: Candidate) -> tuple[Array, Array]:
 
 
 def subsets(effect: Effect) -> Iterator[Candidate]:
-    """An effect at all joints and, where each has its own parameters, at one of them."""
-    items = effect.parameters.items
+    """An effect at all joints, in its parts and, where each has its own parameters, at one."""
+    items, names = effect.parameters.items, effect.parameters.names
     places = list(dict.fromkeys(p.location for p in items))
     yield Candidate(effect.cause, effect.kind, None, effect, tuple(range(len(items))))
+    for part in effect.parts:
+        rows = tuple(names.index(name) for name in part)
+        yield Candidate(effect.cause, effect.kind, None, effect, rows)
     if len(places) > 1:
         for place in places:
             rows = tuple(i for i, p in enumerate(items) if p.location == place)

@@ -236,6 +236,9 @@ class Effect(ABC):
         del thermometers
         return {}
 
+    # names of parameters that often act without the others: explanations of their own
+    parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
+
     @property
     def moves_with(self) -> str | None:
         """What a map that claims no cause moves with; None for an effect that is a cause."""

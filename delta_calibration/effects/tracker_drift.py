@@ -45,6 +45,8 @@ class TrackerDrift(Effect):
     limits: ClassVar[Limits] = LIMITS
     one_of: ClassVar[tuple[str, ...]] = EITHER
 
+    parts: ClassVar[tuple[tuple[str, ...], ...]] = (("shift_x", "shift_y", "shift_z"),)
+
     time_constant: float = 0.0  # [s]
     step_at: float = -1.0  # [s]; negative: no step
 
