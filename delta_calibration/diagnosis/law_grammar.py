@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.constants import TYPICAL_SHIFT
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects.base import Stage
 from delta_calibration.effects.found_law import (
@@ -44,6 +45,7 @@ _BEARINGS = 8  # of half a circle
 _WAVES = (4.0, 6.0, 8.0, 10.0)  # [rad/m] over the workspace
 _EXACT = 0.02  # of a displacement that dimensions of the machine have to make to stand for it
 _SMALL = 1e-3  # of the largest weight, under which a dimension takes no part
+_FARTHEST = 50.0  # tolerances; a dimension that needs more to show carries no law
 _COORDINATES = 3
 _MOVED = 1e-9  # of its unit, that a quantity has to change by
 
@@ -91,7 +93,7 @@ class Grammar:
         """Dimensions of a kind in all limbs, and each; what zeros of joints do, drives do."""
         kinds: dict[str, list[Target]] = {}
         for row, p in enumerate(self.evidence.chain.mechanism.parameters):
-            if p.cause == "joint_zero_offset":
+            if p.cause == "joint_zero_offset" or not self._shows(row, p.prior):
                 continue
             number = p.name.rstrip("ab").rsplit("_", 1)[-1]
             joint = int(number) - 1 if p.location and number.isdigit() else 0
@@ -390,6 +392,13 @@ class Grammar:
     @property
     def _frame(self) -> Frame:
         return self.evidence.chain.split(self.evidence.theta)[2]
+
+    def _shows(self, dimension: int, tolerance: float) -> bool:
+        """Whether a part so far off that nobody would mount it moves readings as a law does."""
+        rows = self._still
+        moved = self.evidence.metres(self.evidence.by_geometry[rows, :, dimension], rows)
+        shift = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+        return _FARTHEST * tolerance * shift > TYPICAL_SHIFT
 
     @cached_property
     def _still(self) -> NDArray[np.intp]:
