@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.optimize import brentq
 
 from blind import hide
+from blind.cables import _arc
 from blind.causes import CAUSES
 from blind.delta import DELTA, ROD_KG
 from blind.machine import Changed, assemble, drawing, manufactured
@@ -377,6 +379,22 @@ def test_clean_session_is_fitted_to_its_noise() -> None:
     assert 0.8 < fit.full.held_out_whitened < 1.25
     assert fit.full.held_out < 13e-6
     assert fit.frame_only.held_out > 10 * fit.full.held_out
+
+
+@pytest.mark.parametrize(("level", "rise"), [(3.0, 0.0), (3.0, 2.0), (1.0, 3.0)])
+def test_a_cable_hangs_as_a_catenary(level: float, rise: float) -> None:
+    """y = a cosh(x / a) through both ends, a the level pull over the weight; steep as well."""
+    weight, pull = 1.3, 40.0
+    chord = np.hypot(level, rise)
+    a = pull * level / chord / weight
+
+    def rises(begin: float) -> float:
+        return float(a * (np.cosh((level + begin) / a) - np.cosh(begin / a)) - rise)
+
+    begin = brentq(rises, -300.0, 300.0)
+    arc = a * (np.sinh((level + begin) / a) - np.sinh(begin / a))
+    hangs = _arc(np.array([[[level, 0.0, rise]]]), np.array([[pull]]), weight)[0, 0]
+    assert_allclose(hangs - chord, arc - chord, rtol=2e-3)
 
 
 def test_causes_add_up() -> None:

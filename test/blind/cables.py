@@ -51,11 +51,11 @@ def _arc(away: Array, pull: Array, weight: float) -> Array:
     """Length of a cable that hangs between its ends: the parabola's arc, by its own quadrature."""
     level = np.hypot(away[..., 0], away[..., 1])
     chord = np.linalg.norm(away, axis=-1)
-    bend = weight * chord / (pull * level) * level / chord  # of the slope, end to end, per metre
+    bend = weight * chord**2 / (pull * level)  # of the slope from end to end
     nodes, shares = np.polynomial.legendre.leggauss(8)
     total = np.zeros_like(chord)
     for node, share in zip(nodes, shares, strict=True):
-        slope = away[..., 2] / level + bend * chord * node / 2
+        slope = away[..., 2] / level + bend * node / 2
         total = total + share / 2 * level * np.sqrt(1 + slope**2)
     return total
 
