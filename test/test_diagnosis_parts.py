@@ -416,6 +416,17 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
     assert cross_validation.foretold(somewhere, Plain(columns), bounds, part) < 0.25
 
 
+def test_what_ends_at_its_bound_foretells_nothing(evidence) -> None:
+    """A gap that would have to be negative: nothing in all, a little in some of the parts."""
+    part = cross_validation.sectors(evidence)
+    columns = columns_of(candidate(evidence, "backlash"), evidence)[:, :1]
+    noise = evidence.draw(1, np.random.default_rng(14))
+    here = np.repeat(part == 2, 3)[:, None]
+    less = with_residual(evidence, noise + columns * np.where(here, 1.0, -2.0))
+    bounds = (np.zeros(1), np.full(1, np.inf))
+    assert cross_validation.foretold(less, Plain(columns), bounds, part) == 0.0
+
+
 # What is left, and what cannot be told
 
 

@@ -126,6 +126,8 @@ def foretold(
 ) -> float:
     """Share of what columns explain that they foretell, 1 where nothing but noise is in the way.
 
+    0 where they explain nothing, as of values at their bounds.
+
     Every part is predicted with the values v that the others give; with D the decrease of chi
     square, that of the part is what p(part | others, v) grows by, all that the nuisance may do
     taken into account:
@@ -145,7 +147,8 @@ def foretold(
         along = _along(others, own)
         v = most_likely(known, along, *bounds)
         total += change(information, b, v) - change(known, along, v)
-    return total / max(change(information, b, value), 1e-300)
+    whole = change(information, b, value)
+    return total / whole if whole > 0.0 else 0.0
 
 
 def _along(evidence: LinearizedModel, columns: Columns) -> Array:

@@ -175,6 +175,8 @@ def of_term(
     have been significant there and be so no more.
     """
     model = found.model
+    if not model.scaled(term).any():  # at a bound, where it does nothing
+        return None
     rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
     columns = products_of(term, evidence)
