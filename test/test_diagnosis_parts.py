@@ -417,12 +417,12 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
 
 
 def test_what_ends_at_its_bound_foretells_nothing(evidence) -> None:
-    """A gap that would have to be negative: nothing in all, a little in some of the parts."""
+    """A gap that would have to be negative in one of the parts, and so in all together."""
     part = cross_validation.sectors(evidence)
     columns = columns_of(candidate(evidence, "backlash"), evidence)[:, :1]
     noise = evidence.draw(1, np.random.default_rng(14))
     here = np.repeat(part == 2, 3)[:, None]
-    less = with_residual(evidence, noise + columns * np.where(here, 1.0, -2.0))
+    less = with_residual(evidence, noise + columns * np.where(here, -9.0, 1.0))
     bounds = (np.zeros(1), np.full(1, np.inf))
     assert cross_validation.foretold(less, Plain(columns), bounds, part) == 0.0
 
