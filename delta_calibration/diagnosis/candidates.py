@@ -149,8 +149,8 @@ def subsets(effect: Effect) -> Iterator[Candidate]:
     items, names = effect.parameters.items, effect.parameters.names
     places = list(dict.fromkeys(p.location for p in items))
     yield Candidate(effect.cause, effect.kind, None, effect, tuple(range(len(items))))
-    for part in effect.parts:
-        rows = tuple(names.index(name) for name in part)
+    for some in effect.alone:
+        rows = tuple(names.index(name) for name in some)
         yield Candidate(effect.cause, effect.kind, None, effect, rows)
     if len(places) > 1:
         for place in places:

@@ -6,7 +6,7 @@ was tried in their place, the other terms staying:
     P = 0.98 (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
 c being chi square per degree of freedom. The first two factors are for what was not tried. Some
-causes that no catalogue has move the readings as one of it does: one in twenty. And a weak signal
+causes that no catalogue has move the readings as one of it does: one in fifty. And a weak signal
 of any origin has something of some cause in it: names need lambda of 80 to 160.
 
 Two explanations are one class where the signal of the one, as found, lies within 18 degrees of

@@ -94,6 +94,7 @@ def reshaped(
     """Causes of several shapes, each in its best one beside some of the terms; best first."""
     evidence = beside(model.evidence, kept)
     weighed = Weighed.of(evidence, model.noise_degrees, _DRAWS, rng)
+    weighed = replace(weighed, weights=_weights(model, effects))
     shapes = [each for each in _of_effects(evidence, effects, kept) if len(each) > 1]
     return _explored(weighed, shapes)
 
@@ -107,10 +108,15 @@ def _explored(weighed: Weighed, questions: list[list[list[Candidate]]]) -> list[
 
 def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
     """What is left beside the terms of a model."""
-    weights: Weights = ()
-    if model.population is not None:
-        weights = model.population.weights([effect.cause for effect in effects])
+    weights = _weights(model, effects)
     return scan(model.beside, effects, model.noise_degrees, rng, model.terms, weights)
+
+
+def _weights(model: Fitted, effects: Sequence[Effect]) -> Weights:
+    """How much likelier each cause is in machines of this type, where that is known."""
+    if model.population is None:
+        return ()
+    return model.population.weights([effect.cause for effect in effects])
 
 
 def _of_effects(

@@ -94,6 +94,8 @@ class Effect(ABC):
     # as well be negative where its bounds allow that; and how the demonstrations show it.
     one_of: ClassVar[tuple[str, ...]] = ()
     either_sign: ClassVar[bool] = True
+    # names of parameters that often act without the others: explanations of their own
+    alone: ClassVar[tuple[tuple[str, ...], ...]] = ()
     demo: ClassVar[Demo | None] = None
     live_strength: ClassVar[float] = 0.0  # in the Delta's live demonstration; 0: not shown there
 
@@ -235,9 +237,6 @@ class Effect(ABC):
         """
         del thermometers
         return {}
-
-    # names of parameters that often act without the others: explanations of their own
-    parts: ClassVar[tuple[tuple[str, ...], ...]] = ()
 
     @property
     def moves_with(self) -> str | None:

@@ -44,8 +44,7 @@ class TrackerDrift(Effect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = LIMITS
     one_of: ClassVar[tuple[str, ...]] = EITHER
-
-    parts: ClassVar[tuple[tuple[str, ...], ...]] = (("shift_x", "shift_y", "shift_z"),)
+    alone: ClassVar[tuple[tuple[str, ...], ...]] = (("shift_x", "shift_y", "shift_z"),)
 
     time_constant: float = 0.0  # [s]
     step_at: float = -1.0  # [s]; negative: no step

@@ -75,8 +75,8 @@ class SixRodDelta(DeltaModel):
         elbows = [_turned_on(d[leg], q[leg], g[leg], c[leg]) for leg in range(LEGS)]
         for _ in range(_STEPS):
             turn = tilt(on[3:6])
-            legs = zip(elbows, g, c, strict=True)
-            on -= a @ column(*(_gaps(elbow, on[0:3], turn, *own) for elbow, *own in legs))
+            each = zip(elbows, g, c, strict=True)
+            on -= a @ column(*(_gaps(elbow, on[0:3], turn, *own) for elbow, *own in each))
         return on[0:3] + tilt(on[3:6]) @ o
 
     @staticmethod
