@@ -21,9 +21,11 @@ from delta_calibration.diagnosis.constants import (
     BEYOND,
     ELSEWHERE,
     FORETOLD,
+    LACKING,
     LEAST_SURE,
     MOST_OF,
     MOVING,
+    NAMED,
     WORTH,
 )
 from delta_calibration.diagnosis.cross_validation import (
@@ -112,10 +114,11 @@ class HeldOutModels:
         """What a term adds to the rest; None where held-out data do not bear it out.
 
         A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
-        time as far as each leaves enough to learn it from the others. The predictions must not be
-        farther off in metres for sure; by chance they may be, where a cause shows in few of the
-        samples. A map is no more than interpolation; it has to be worth its while in metres where
-        it interpolates, and must do no harm in sectors that it has not seen.
+        time as far as each leaves enough to learn it from the others, and the predictions must
+        come nearer in metres. Those by a strong signal that leaves nothing need only not be
+        farther off for sure: where it shows in few of the samples, chance decides which they are.
+        A map is no more than interpolation; it has to be worth its while in metres where it
+        interpolates, and must do no harm in sectors that it has not seen.
         """
         rest = tuple(m for m in model.terms if m is not term)
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)
@@ -129,8 +132,12 @@ class HeldOutModels:
             return None
         before, after = self.terms(rest, part), self.terms(model.terms, part)
         held = self.gain(before, after, columns, rng)
-        good = held.low >= WORTH if term.unexplained else held.high > 0.0
-        return held if good else None
+        if term.unexplained:
+            return held if held.low >= WORTH else None
+        value = model.scaled(term)
+        signal = float(value @ evidence.information_of(columns) @ value)
+        plain = signal >= NAMED and model.misfit <= LACKING
+        return held if held.share > 0.0 or (plain and held.high > 0.0) else None
 
     def foretells(
         self,
