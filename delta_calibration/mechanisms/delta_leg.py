@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from itertools import chain
+from math import pi
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.base import Limb, Mechanism
 from delta_calibration.mechanisms.stands import require_apart
-from delta_calibration.model.symbols import Symbol, about_z, column, cos, sin, tilt
+from delta_calibration.model.symbols import Symbol, about_z, column, cos, little, sin, tilt
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.sections import (
     angle,
@@ -215,6 +216,18 @@ def arm_end(angle: Symbol, hinge_tilt: Symbol, arm: Symbol) -> Symbol:
     """
     direction = column(cos(angle), 0, -sin(angle))
     return arm * (hinge_frame(hinge_tilt) @ direction)
+
+
+def elbow_of(c: Symbol, hinge: Symbol, *arm: Symbol) -> Symbol:
+    """Middle of a leg's elbow in the base [m]; hinge (3) [m] in its frame, arm as `arm_end`."""
+    return leg_frame(c) @ (hinge + arm_end(*arm))
+
+
+def turned_on(d: Symbol, c: Symbol, hinge: Symbol, angle: Symbol, *arm: Symbol) -> Symbol:
+    """The elbow with the arm d [rad] on, up to `symbols.LITTLE`: it goes round the hinge."""
+    about, (cosine, sine) = leg_frame(c) @ hinge, little(d)
+    ahead, across = (elbow_of(c, hinge, at, *arm) - about for at in (angle, angle + pi / 2))
+    return about + cosine * ahead + sine * across
 
 
 def hinge_frame(about: Symbol) -> Symbol:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
 from typing import ClassVar
 
 import numpy as np
@@ -11,9 +10,10 @@ from numpy.typing import NDArray
 from delta_calibration.mechanisms.delta_leg import (
     LEGS,
     DeltaModel,
-    arm_end,
+    elbow_of,
     hinge_frame,
     leg_frame,
+    turned_on,
 )
 from delta_calibration.mechanisms.spheres import lower_meeting_point, way_round
 from delta_calibration.model.symbols import (
@@ -21,7 +21,6 @@ from delta_calibration.model.symbols import (
     acos,
     atan2,
     column,
-    little,
     norm,
     square,
     wrapped,
@@ -58,12 +57,12 @@ class RotaryDelta(DeltaModel):
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """|x - e|^2 - l^2 of one leg [m^2]."""
-        return square(x - _elbow(q, g, c)) - g[ROD] ** 2
+        return square(x - elbow_of(*_arm(q, g, c))) - g[ROD] ** 2
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Lower meeting point of the three spheres about the elbows; closed form."""
-        elbows = tuple(_elbow(q[leg], g[leg], c[leg]) for leg in range(LEGS))
+        elbows = tuple(elbow_of(*_arm(q[leg], g[leg], c[leg])) for leg in range(LEGS))
         return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
     @staticmethod
@@ -72,13 +71,13 @@ class RotaryDelta(DeltaModel):
     ) -> Symbol:
         """A point o of the platform where the arms are turned a little on from q."""
         del x, a
-        elbows = tuple(_turned_on(d[leg], q[leg], g[leg], c[leg]) for leg in range(LEGS))
+        elbows = tuple(turned_on(d[leg], *_arm(q[leg], g[leg], c[leg])) for leg in range(LEGS))
         return o + lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Platform, elbows, and middles of the pairs of rods."""
-        elbows = [_elbow(q[leg], g[leg], c[leg]) for leg in range(LEGS)]
+        elbows = [elbow_of(*_arm(q[leg], g[leg], c[leg])) for leg in range(LEGS)]
         return column(x[0:3], *elbows, *((elbow + x[0:3]) / 2 for elbow in elbows))
 
     @staticmethod
@@ -113,18 +112,9 @@ def _way_round(c: Symbol) -> Symbol:
     return way_round(tuple((leg[0], leg[1]) for leg in c))
 
 
-def _elbow(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-    """Middle of a leg's elbow in the base, moved in by the platform's radius [m]."""
-    end = arm_end(q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM])
-    return leg_frame(c) @ (g[RADIAL : HEIGHT + 1] + end)
-
-
-def _turned_on(d: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-    """The elbow with the arm d [rad] on from q: it goes round the hinge."""
-    hinge = leg_frame(c) @ g[RADIAL : HEIGHT + 1]
-    cosine, sine = little(d)
-    ahead, across = _elbow(q, g, c) - hinge, _elbow(q + pi / 2, g, c) - hinge
-    return hinge + cosine * ahead + sine * across
+def _arm(q: Symbol, g: Symbol, c: Symbol) -> tuple[Symbol, ...]:
+    """Where a leg stands, its hinge, angle, tilt and length, as `elbow_of` takes them."""
+    return c, g[RADIAL : HEIGHT + 1], q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM]
 
 
 def outward(place: Symbol, tilt: Symbol, zero: Symbol, arm: Symbol, rod: Symbol) -> Symbol:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
 from typing import ClassVar
 
 import numpy as np
@@ -11,12 +10,13 @@ from numpy.typing import NDArray
 from delta_calibration.mechanisms.delta_leg import (
     LEGS,
     DeltaModel,
-    arm_end,
+    elbow_of,
     hinge_frame,
     leg_frame,
+    turned_on,
 )
 from delta_calibration.mechanisms.rotary_delta import RotaryDelta, legs
-from delta_calibration.model.symbols import Symbol, column, little, rotation, square, tilt
+from delta_calibration.model.symbols import Symbol, column, rotation, square, tilt
 from delta_calibration.parameters import Parameter
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class SixRodDelta(DeltaModel):
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Squared length of the two rods of one leg less what it should be [m^2]."""
-        return _gaps(_elbow(q, g, c), x[0:3], rotation(x[3:6]), g, c)
+        return _gaps(elbow_of(*_arm(q, g, c)), x[0:3], rotation(x[3:6]), g, c)
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
@@ -72,7 +72,7 @@ class SixRodDelta(DeltaModel):
         spheres = [_sphere(leg) for leg in g]
         on = RotaryDelta.nearby(d, x[0:3], x, a, q, spheres, c)
         on = column(on - RotaryDelta.opening(q, spheres, c), x[3:6])
-        elbows = [_turned_on(d[leg], q[leg], g[leg], c[leg]) for leg in range(LEGS)]
+        elbows = [turned_on(d[leg], *_arm(q[leg], g[leg], c[leg])) for leg in range(LEGS)]
         for _ in range(_STEPS):
             turn = tilt(on[3:6])
             each = zip(elbows, g, c, strict=True)
@@ -135,16 +135,9 @@ def alike(spheres: RotaryDelta, g: Array) -> tuple[SixRodDelta, Array]:
     return model, leg.reshape(-1)
 
 
-def _elbow(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-    """Middle of a leg's elbow in the base [m]."""
-    return leg_frame(c) @ (g[BASE] + arm_end(q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM]))
-
-
-def _turned_on(d: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-    """The same with the arm d [rad] on from q: it goes round the hinge."""
-    hinge, (cosine, sine) = leg_frame(c) @ g[BASE], little(d)
-    ahead, across = _elbow(q, g, c) - hinge, _elbow(q + pi / 2, g, c) - hinge
-    return hinge + cosine * ahead + sine * across
+def _arm(q: Symbol, g: Symbol, c: Symbol) -> tuple[Symbol, ...]:
+    """Where a leg stands, its hinge, angle, tilt and length, as `elbow_of` takes them."""
+    return c, g[BASE], q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM]
 
 
 def _gaps(elbow: Symbol, centre: Symbol, turn: Symbol, g: Symbol, c: Symbol) -> Symbol:
