@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ from delta_calibration.estimation import Identification, Residuals, chain_of
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.uncertainty import ModelError, Uncertainty
-
-if TYPE_CHECKING:  # a fit does not wait for it
-    from delta_calibration.diagnosis import Diagnosis
 
 Array = NDArray[np.float64]
 
@@ -88,20 +85,6 @@ def require_ours(path: Path) -> None:
     content = {key: value for key, value in data.items() if key != _SEAL}
     if content_hash(content) != data[_SEAL]:
         raise ConfigError(f"{path}: was edited by hand: it is not overwritten")
-
-
-def from_diagnosis(found: Diagnosis, robot: Robot, poses: Poses) -> Calibration:
-    """The calibration that `save_extended` would write and `load_calibration` read back."""
-    return from_identification(found.identification, robot, poses)
-
-
-def save_extended(path: Path, found: Diagnosis, robot: Robot, poses: Poses) -> None:
-    """Write the calibration that a diagnosis extends the model to: geometry and effects.
-
-    Raises:
-        ConfigError: the file cannot be written.
-    """
-    save_calibration(path, found.identification, robot, poses)
 
 
 def load_calibration(path: Path, robot: Robot) -> Calibration:

@@ -13,7 +13,7 @@ pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("plotly", reason="needs the extra [report]")
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.calibration_file import from_diagnosis, save_extended
+from delta_calibration.calibration_file import from_identification, save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.estimation import chain_of
@@ -26,7 +26,7 @@ from report_bench import ROBOT, found
 
 @pytest.fixture(scope="module")
 def calibration() -> Calibration:
-    return from_diagnosis(found(), ROBOT, found().model.survey.poses)
+    return from_identification(found().identification, ROBOT, found().model.survey.poses)
 
 
 def changed(calibration: Calibration, **by: float) -> Calibration:
@@ -74,7 +74,7 @@ def test_machines_of_two_models_are_not_compared(calibration: Calibration) -> No
 
 def test_changes_are_weighed_by_their_errors(calibration: Calibration, tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
-    save_extended(path, found(), ROBOT, found().model.survey.poses)
+    save_calibration(path, found().identification, ROBOT, found().model.survey.poses)
     record = read_calibration(path, ROBOT)
     later = replace(record, calibration=changed(record.calibration, arm_2=5e-6))
     change = standardised(record, later)
@@ -158,7 +158,7 @@ def test_compare_of_calibrations(
 ) -> None:
     paths = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
     for path in paths:
-        save_extended(path, found(), ROBOT, found().model.survey.poses)
+        save_calibration(path, found().identification, ROBOT, found().model.survey.poses)
     names = [str(path) for path in paths]
     page = tmp_path / "drift.html"
     assert run(["compare", *names, "--robot", "srbd", "--out", str(page)]) == 0

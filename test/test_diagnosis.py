@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 from blind import hide
-from delta_calibration.calibration_file import from_diagnosis, load_calibration, save_extended
+from delta_calibration.calibration_file import (
+    from_identification,
+    load_calibration,
+    save_calibration,
+)
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, TrackerStream, survey
@@ -84,8 +88,11 @@ def test_the_extended_calibration_is_read_back_as_it_was_found(
 ) -> None:
     poses = survey(hidden.session, ROBOT.joints.names).poses
     file = tmp_path / "extended.yaml"
-    save_extended(file, found, ROBOT, poses)
-    read, made = load_calibration(file, ROBOT), from_diagnosis(found, ROBOT, poses)
+    save_calibration(file, found.identification, ROBOT, poses)
+    read, made = (
+        load_calibration(file, ROBOT),
+        from_identification(found.identification, ROBOT, poses),
+    )
     np.testing.assert_array_equal(read.theta, made.theta)
     assert read.seal == made.seal
     assert [e.cause for e in read.chain.effects] == [e.cause for e in made.chain.effects]

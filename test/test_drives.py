@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blind import hide
-from delta_calibration.calibration_file import from_diagnosis
+from delta_calibration.calibration_file import from_identification
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.compensation.machine import IdentifiedMachine, Swarm
 from delta_calibration.data import Conditions, at_rest, survey
@@ -202,7 +202,7 @@ def test_the_verdict_is_the_same(verdicts) -> None:
 
 def test_what_was_found_corrects_alike(verdicts) -> None:
     known, found = (
-        JointCompensator(from_diagnosis(d, r, survey(s, r.joints.names).poses))
+        JointCompensator(from_identification(d.identification, r, survey(s, r.joints.names).poses))
         for d, s, r in verdicts
     )
     drives = verdicts[1][2].drives

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from delta_calibration.calibration_file import from_diagnosis, save_extended
+from delta_calibration.calibration_file import from_identification, save_calibration
 from delta_calibration.cli.main import run
 from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import diagnose
@@ -78,7 +78,9 @@ def fleet(robot: Robot) -> list[Fitted]:
     found = []
     for seed in range(6):
         session = seen(robot, machine(robot, seed, float(seed < 5)), 24, seed)
-        calibration = from_diagnosis(diagnose(session, robot), robot, session.poses)
+        calibration = from_identification(
+            diagnose(session, robot).identification, robot, session.poses
+        )
         found.append(Fitted(f"m{seed}", (calibration,), calibration))
     return found
 
@@ -172,4 +174,4 @@ def test_a_diagnosis_tells_the_drawing_before_and_the_fleet_behind(
     before, again = plain.verdict.baseline, told.verdict.baseline
     assert again.held_out_rms_mm == pytest.approx(before.held_out_rms_mm, rel=0.02)
     assert told.verdict.extended.held_out_rms_mm < 1.1 * plain.verdict.extended.held_out_rms_mm
-    save_extended(tmp_path / "c.yaml", told, robot, session.poses)
+    save_calibration(tmp_path / "c.yaml", told.identification, robot, session.poses)

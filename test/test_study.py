@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from study.judge import _true_value
+from study.judge import true_value
 from study.page import page
 from study.statistics import Rate, calibration_error
 from study.trials import OF_ROBOT, ROBOTS, Task, tasks
@@ -163,9 +163,9 @@ def test_a_finding_is_held_against_the_hidden_value_of_its_own_leg():
     friction = {"friction_1": 20e-6, "play_1": 8e-6}
     values = {"backlash": {"gap_1": 9e-6, "gap_2": 5e-6}, "stick_slip": friction}
     both = SimpleNamespace(hidden=SimpleNamespace(values=values))
-    assert _true_value(both, "backlash", "gap", "_1") == pytest.approx(9e-6)
-    assert _true_value(both, "backlash", "gap", "_2") == pytest.approx(5e-6)
-    assert _true_value(both, "backlash", "gap", "_3") is None
+    assert true_value(both, "backlash", "gap", "_1") == pytest.approx(9e-6)
+    assert true_value(both, "backlash", "gap", "_2") == pytest.approx(5e-6)
+    assert true_value(both, "backlash", "gap", "_3") is None
 
 
 def test_the_page_counts_true_values_within_stated_intervals():

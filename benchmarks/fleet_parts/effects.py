@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.calibration_file import from_diagnosis
+from delta_calibration.calibration_file import from_identification
 from delta_calibration.data import Conditions, Survey, collect, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import SPREAD, catalogue
@@ -115,7 +115,9 @@ def effects(robot: Robot, spread: float, machines: int, trials: int, seed: int) 
 
 def _diagnosed(machine: TrueMachine, seed: int) -> Fitted:
     seen = measured(machine, seed)
-    calibration = from_diagnosis(diagnose(seen, machine.robot), machine.robot, seen.poses)
+    calibration = from_identification(
+        diagnose(seen, machine.robot).identification, machine.robot, seen.poses
+    )
     return Fitted(str(seed), (calibration,), calibration)
 
 

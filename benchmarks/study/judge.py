@@ -26,7 +26,7 @@ _UM = 1e6
 _WEAKEST, _MOST = 0.01, 5.0  # strengths that a real machine could have
 _METAL = 1.7  # the same of growth: no metal's is more than 40e-6 1/K
 # hidden value -> parameter of the finding that should hold it, a number for each joint appended
-_SAME = {
+SAME = {
     "backlash": {"gap": "gap"},
     "joint_lag": {"lag": "lag"},
     "joint_compliance": {"give": "compliance"},
@@ -138,7 +138,7 @@ def _errors(trial: Trial, seen: Survey, robot: Robot, found: Diagnosis) -> dict[
     start = calibrated(seen, robot)
     moving = trial.signals.moving > trial.signals.still
     models = {"calibrated": start, "extended": found.model}
-    true = _true_terms(trial, start, robot)
+    true = true_terms(trial, start, robot)
     if true is not None:
         models["oracle"] = fit(start, true)
     return {name: _error(model, held, moving) for name, model in models.items()}
@@ -151,7 +151,7 @@ def _error(model: Model, held: Survey, moving: bool) -> float:
     return _UM * float(np.sqrt(np.mean(np.sum((predicted - point) ** 2, axis=1))))
 
 
-def _true_terms(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, ...] | None:
+def true_terms(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, ...] | None:
     """What is hidden, in its true shape, as terms of a model; None where there is none such."""
     terms = []
     for cause in trial.causes:
@@ -188,15 +188,15 @@ def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
     said = {finding.cause: finding for finding in found.verdict.findings}
     rows = []
     for cause in trial.causes:
-        if cause.name not in said or cause.name not in _SAME:
+        if cause.name not in said or cause.name not in SAME:
             continue
         if {other.name for other in trial.causes} & _untold(said[cause.name], found):
             continue  # the two together are one cause to this session, and it says so
-        for ours, theirs in _SAME[cause.name].items():
+        for ours, theirs in SAME[cause.name].items():
             for name, estimate in said[cause.name].parameters.items():
                 if name != theirs and name.rsplit("_", 1)[0] != theirs:
                     continue
-                true = _true_value(trial, cause.name, ours, name.removeprefix(theirs))
+                true = true_value(trial, cause.name, ours, name.removeprefix(theirs))
                 rows.append(
                     {
                         "of": f"{cause.name}.{name}",
@@ -215,7 +215,7 @@ def _untold(finding: Finding, found: Diagnosis) -> set[str]:
     return set(finding.equivalents).union(*told) - {finding.cause}
 
 
-def _true_value(trial: Trial, cause: str, name: str, leg: str) -> float | None:
+def true_value(trial: Trial, cause: str, name: str, leg: str) -> float | None:
     """A hidden value; None where a leg has none."""
     values = trial.hidden.values[cause]
     return float(values[name + leg]) if name + leg in values else None

@@ -12,7 +12,6 @@ import numpy as np
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import (
     document_of,
-    from_diagnosis,
     from_identification,
     save_calibration,
 )
@@ -155,5 +154,5 @@ def diagnosed(
     step(POSES)
     seen = survey(session, robot.joints.names, robot.commanded.joint_size)
     found = diagnose(seen, robot, model, seed=seed, step=step)
-    calibration = from_diagnosis(found, robot, seen.poses)
+    calibration = from_identification(found.identification, robot, seen.poses)
     return FittedCalibration(found.identification, seen.poses, calibration, found)

@@ -10,7 +10,7 @@ import click
 from tqdm import tqdm
 
 from delta_calibration.calibration import Calibration
-from delta_calibration.calibration_file import load_calibration, save_extended
+from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.check import warn_of_mistakes
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
@@ -132,7 +132,7 @@ def command(
         write_json(json_file, found.verdict.as_dict())
         click.echo(f"written: {json_file}")
     if out is not None:
-        save_extended(out, found, robot, seen.poses)
+        save_calibration(out, found.identification, robot, seen.poses)
         click.echo(f"written: {out}")
     if law_file is not None:
         for line in write_law(law_file, found, session.name):

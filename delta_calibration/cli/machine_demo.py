@@ -20,7 +20,6 @@ from delta_calibration.calibration_file import (
     from_identification,
     load_calibration,
     save_calibration,
-    save_extended,
 )
 from delta_calibration.cli.camera_demo import positioned_by_camera
 from delta_calibration.cli.diagnose import describe as describe_verdict
@@ -121,7 +120,7 @@ def _second_act(
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     found = diagnosed(seen, robot, None, 0, None)
     click.echo("\n" + robot.named(describe_verdict(found.verdict)) + "\n")
-    save_extended(out / "extended.yaml", found, robot, seen.poses)
+    save_calibration(out / "extended.yaml", found.identification, robot, seen.poses)
     write_json(out / "verdict.json", found.verdict.as_dict())
     extended = load_calibration(out / "extended.yaml", robot)
     plain = from_identification(identify(seen.poses, robot), robot, seen.poses)

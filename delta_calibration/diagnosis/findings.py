@@ -195,7 +195,7 @@ def of_term(
     log_p = _log_p(found, term, stand.signal, tried)
     if not term.unexplained and (stand.confidence < LEAST_SURE or log_p > np.log(ALPHA)):
         return None
-    items = _items(model, term)
+    items = items_of(model, term)
     spread, of_shape = spread_of(evidence, model, term)
     finding = _finding(
         term,
@@ -281,7 +281,7 @@ def of_dimension(
         equivalents=equivalents(evidence, signal, others),
         signal=length,
     )
-    items = _items(model, candidate)
+    items = items_of(model, candidate)
     nominal = np.array([p.nominal for p in items])
     finding = _finding(
         candidate,
@@ -395,7 +395,7 @@ def _finding(
     )
 
 
-def _items(model: Fitted, term: Candidate) -> list[Parameter]:
+def items_of(model: Fitted, term: Candidate) -> list[Parameter]:
     """The term's free parameters."""
     if term.effect is None:
         every = model.bare.mechanism.parameters.items

@@ -33,12 +33,14 @@ from delta_calibration.doctor.wiring import wiring
 from delta_calibration.documents import Document
 from delta_calibration.errors import ConfigError, MistakeError
 from delta_calibration.robot import Robot, robot_document, robot_from
+from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
 
 
+@one_thread()
 def check(
     session: Session,
     robot: Robot,
