@@ -97,7 +97,8 @@ def _machines() -> Iterator[tuple[Robot, Mechanism]]:
 def _effects(robot: Robot, mechanism: Mechanism) -> Iterator[Effect]:
     """All that a machine can have: the catalogue, a law that was found, and maps of all forms."""
     every = catalogue(robot, mechanism)
-    yield from (effect for effect in every if type(effect).__module__.startswith(_PACKAGE))
+    own = (effect for effect in every if type(effect).__module__.startswith(_PACKAGE))
+    yield from (form for effect in own for form in effect.forms())
     here, size = (0.0,) * mechanism.joints, mechanism.joint_size
     yield FoundLaw(robot, mechanism, targets=(Target("", "", ((0, 1.0),), ""),))
     yield Unexplained(robot, mechanism, DIRECTION)

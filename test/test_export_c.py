@@ -62,6 +62,7 @@ def with_effects(robot, model, causes=None, scale=0.5):
     for effect in catalogue(robot, mechanism):
         if causes is not None and effect.cause not in causes:
             continue
+        *_, effect = effect.forms()  # the one of most parameters
         value = scale * effect.parameters.prior * rng.uniform(0.3, 0.9, len(effect.parameters))
         effect = effect.refined(value)
         if hasattr(effect, SENSOR):

@@ -13,12 +13,14 @@ from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.diagnose import calibrated
-from delta_calibration.diagnosis.findings import HeldOutModels
-from delta_calibration.effects import catalogue
+from delta_calibration.diagnosis.findings import HeldOutModels, spread_of
+from delta_calibration.diagnosis.fitted import beside
+from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.backlash import Backlash
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
 from delta_calibration.effects.gravity_sag import GravitySag
 from delta_calibration.effects.joint_curve import JointCurve
+from delta_calibration.errors import InputError
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import Robot, load_robot
@@ -86,6 +88,36 @@ def test_weight_is_found_and_foretold_without_the_masses():
     assert [f.cause for f in found.findings if f.kind == "drive"] == ["gravity_sag"]
     assert found.extended.held_out_rms_mm < 1.15 * found.noise_mm
     assert found.calibrated.held_out_rms_mm > 1.5 * found.noise_mm
+
+
+def test_what_an_arm_carries_tells_how_its_joints_give_way():
+    """Links of known mass on springs, and two payloads: the springs, without those masses."""
+    plain, spring = load_robot("ur10"), 3e-5
+    heavy = weighing(plain, (7.8, 12.9, 4.3, 2.0, 2.0, 0.4))
+    plan = make_plan("rich", plain, count=25, seed=8, payload=4.0)
+    machine = draw_machine(heavy, 8, hidden={"reducer_compliance": {"value": str(spring)}})
+    seen = survey(simulate_session(machine, plan, 8), plain.joints.names)
+    (sag,) = GravitySag(plain, plain.model()).shapes(seen.poses.conditions)
+    assert sag.settings == {"payload": "known"}
+    whole = Candidate(sag.cause, sag.kind, None, sag, tuple(range(len(sag.parameters))))
+    model = calibrated(seen, plain).fitted((whole,))
+    gives = [n for n, name in enumerate(sag.parameters.names) if name.startswith("compliance")]
+    found = model.values(whole)[gives]
+    std = (spread_of(beside(model.evidence, ()), model, whole)[0] * sag.parameters.prior)[gives]
+    assert (np.abs(found - spring) < 3 * std).all()
+    assert (std[[1, 2]] < 0.1 * spring).all()  # of the joints that bear the weight
+
+
+def test_a_payload_that_stays_is_a_part_of_the_arms_own_weight():
+    robot = load_robot("ur10")
+    at = at_rest(np.zeros((3, 6)))
+    sag = GravitySag(robot, robot.model())
+    for payload in (np.full(3, 2.0), np.array([0.0, np.nan, 2.0])):
+        assert [s.settings for s in sag.shapes(replace(at, payload=payload))] == [
+            {"payload": "unknown"}
+        ]
+    with pytest.raises(InputError, match="payload: 'heavy' is not allowed; unknown or known"):
+        effect_named("gravity_sag", robot, robot.model(), {"payload": "heavy"})
 
 
 @pytest.mark.parametrize(("readings", "tried"), [(20, 0), (60, 1), (1000, 2)])

@@ -69,7 +69,7 @@ class Backlash(Effect):
         return by_direction(at, joint)
 
     @property
-    def takes(self) -> tuple[str, ...]:  # type: ignore[override]
+    def takes(self) -> tuple[str, ...]:
         """Loads only where they hold the arm."""
         loads = (GRAVITY, INERTIA) if self.held_by else ()
         return (DIRECTION, TRAVEL, *loads)

@@ -73,7 +73,6 @@ class Effect(ABC):
     remedy: ClassVar[Remedy] = AS_FOUND  # what to do about it
     kind: ClassVar[str]  # drive, structure or measurement, as reported
     stage: ClassVar[Stage]
-    needs: ClassVar[tuple[str, ...]] = ()  # conditions without which it cannot be evaluated
     # whether it is any function of what it moves with: what it could draw as well is a part of it
     free_form: ClassVar[bool] = False
     # whether it moves all rows of its stage by each of some `functions`
@@ -94,8 +93,6 @@ class Effect(ABC):
     # as well be negative where its bounds allow that; and how the demonstrations show it.
     one_of: ClassVar[tuple[str, ...]] = ()
     either_sign: ClassVar[bool] = True
-    # names of parameters that often act without the others: explanations of their own
-    alone: ClassVar[tuple[tuple[str, ...], ...]] = ()
     demo: ClassVar[Demo | None] = None
     live_strength: ClassVar[float] = 0.0  # in the Delta's live demonstration; 0: not shown there
 
@@ -107,8 +104,20 @@ class Effect(ABC):
     def parameters(self) -> ParameterSet:
         """What it is measured by: unit, expected size as prior about zero, physical bounds."""
 
-    # Signals of a sample that one term of the law takes, see signals.py.
-    takes: ClassVar[tuple[str, ...]] = ()
+    @property
+    def takes(self) -> tuple[str, ...]:
+        """Signals of a sample that one term of the law takes, see signals.py."""
+        return ()
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Conditions without which it cannot be evaluated."""
+        return ()
+
+    @property
+    def alone(self) -> tuple[tuple[str, ...], ...]:
+        """Names of parameters that often act without the others: explanations of their own."""
+        return ()
 
     @staticmethod
     def law(s: Any, v: Any, c: Any) -> Any:
@@ -213,6 +222,10 @@ class Effect(ABC):
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """The same effect with each shape that such data could tell; itself alone by default."""
         del at
+        yield self
+
+    def forms(self) -> Iterator[Effect]:
+        """The same effect in each form that has a law of its own; itself alone by default."""
         yield self
 
     def refinements(self, at: Conditions) -> Iterator[Effect]:

@@ -333,13 +333,13 @@ class FoundLaw(Effect):
         return self.searched
 
     @property
-    def takes(self) -> tuple[str, ...]:  # type: ignore[override]
+    def takes(self) -> tuple[str, ...]:
         """Signals of both quantities."""
         both = self.of.signals + (() if self.by is None else self.by.signals)
         return tuple(dict.fromkeys((*both, NOTHING)))
 
     @property
-    def needs(self) -> tuple[str, ...]:  # type: ignore[override]
+    def needs(self) -> tuple[str, ...]:
         """Loads go by the payload."""
         names = {self.of.name, "" if self.by is None else self.by.name}
         loads = ("payload",) if names & {"payload", TORQUE, FORCE} else ()

@@ -1,10 +1,12 @@
 """Joints of a serial arm that give way to the weight of links whose masses nobody has stated.
 
-    dq_j = -sum_{k >= j} mu_jk . R_k^T (z x a_j)        a_j: axis of joint j, z: up
+    dq_j = -sum_{k >= j} mu_jk . R_k^T (z x a_j) - tau_j / k_j      a_j: axis of joint j, z: up
 
 R_k mu_jk is the first moment of link k and all it carries, by the weight of a kilogram and the
 stiffness of joint j: what an arm's gravity depends on at most (base parameters, Gautier and Khalil
-1990), a free vector for each joint and link. Where the robot file states masses
+1990), a free vector for each joint and link. What the arm is loaded with is known better: tau_j is
+its torque on joint j, and one number, 1 / k_j, says what it does there. It is free where the
+payload changes; elsewhere it is a part of the moments. Where the robot file states masses
 `reducer_compliance` tells the stiffness itself. The axes are the drawing's: they are off by
 thousandths, and the sag is small.
 """
@@ -12,15 +14,16 @@ thousandths, and the sag is small.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
-from delta_calibration.effects.signals import JOINT, Places
+from delta_calibration.effects.signals import GRAVITY, JOINT, Places
 from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model import symbols as sy
 from delta_calibration.model.symbols import Symbol
@@ -28,12 +31,16 @@ from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 
 _SIZE, _MOST = 0.2e-3, 0.02  # [rad] expected of a vector's component, and its bound
+_GIVE, _MOST_GIVE = 4e-5, 1e-2  # [rad/(N m)] of a reducer, as those of `reducer_compliance`
 _UPRIGHT = 1e-6  # sine of an axis' twist from the one before, under which they are parallel
+
+
+UNKNOWN, KNOWN = "unknown", "known"
 
 
 @dataclass(frozen=True)
 class GravitySag(Effect):
-    """Turn of each joint by its own link and by every link beyond it."""
+    """Turn of each joint by its own link, by every link beyond it and by what the arm carries."""
 
     cause: ClassVar[str] = "gravity_sag"
     remedy: ClassVar[Remedy] = Remedy(
@@ -44,6 +51,9 @@ class GravitySag(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    gentle: ClassVar[bool] = True
+
+    payload: str = UNKNOWN  # or KNOWN: whether what it does has a number of its own
 
     @property
     def suits(self) -> bool:
@@ -55,15 +65,48 @@ class GravitySag(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Components of every vector [rad]: along its own axis a link has none."""
-        return _components(self.cause, self.mechanism.joints, self.mechanism.joint_size)
+        """Components of every vector [rad], along its own axis a link has none; 1 / k_j."""
+        moments = _components(self.cause, self.mechanism.joints, self.mechanism.joint_size)
+        if self.payload == UNKNOWN:
+            return moments
+        gives = self.each_joint("compliance", "rad/(N m)", _GIVE, 0.0, _MOST_GIVE)
+        return ParameterSet((*moments.items, *gives.items))
 
-    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+    @property
+    def alone(self) -> tuple[tuple[str, ...], ...]:
+        """The payload's part: of the arm's own weight the zeros of the joints take up much."""
+        gives = tuple(self.parameters.names[-self.mechanism.joints :])
+        return (gives,) if self.payload == KNOWN else ()
+
+    @property
+    def takes(self) -> tuple[str, ...]:
+        """Angles, and the torques of what is carried: the links are of unknown mass."""
+        return (JOINT, GRAVITY) if self.payload == KNOWN else (JOINT,)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The payload, where its part is told."""
+        return ("payload",) if self.payload == KNOWN else ()
+
+    def shapes(self, at: Conditions) -> Iterator[GravitySag]:
+        """With a part of the payload's own where it changes."""
+        changes = np.isfinite(at.payload).all() and np.ptp(at.payload) > 0.0
+        yield replace(self, payload=KNOWN if changes else UNKNOWN)
+
+    def forms(self) -> Iterator[GravitySag]:
+        """With and without a part of the payload's own."""
+        yield from (replace(self, payload=told) for told in (UNKNOWN, KNOWN))
+
+    def wrong(self) -> str:
+        """A word for the payload that is neither of the two."""
+        if self.payload in (UNKNOWN, KNOWN):
+            return super().wrong()
+        return f"payload: {self.payload!r} is not allowed; {UNKNOWN} or {KNOWN}"
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """-sum mu_jk . R_k^T (z x a_j) of all joints."""
-        joints = int(s.shape[0])
+        """-sum mu_jk . R_k^T (z x a_j) - tau_j / k_j of all joints."""
+        joints = int(c.shape[0]) // 3
         angles = [c[joints + i] * s[i] + c[2 * joints + i] for i in range(joints)]
         frames = list(_frames([c[i] for i in range(joints)], angles))
         sag, value = [], 0
@@ -75,16 +118,18 @@ class GravitySag(Effect):
                     turned = turned - v[value] * sy.dot(along, across)
                     value += 1
             sag.append(c[joints + j] * turned)
+        for j in range(int(s.shape[0]) - joints):
+            sag[j] = sag[j] - v[value + j] * s[joints + j]
         return sy.column(*sag)
 
     def terms(self, places: Places) -> Iterator[Term]:
         """One, of all joints."""
-        m, first = self.mechanism.joints, places.begin(JOINT)
-        joints = tuple(range(m))
+        m = self.mechanism.joints
+        signals = (places.begin(name) + j for name in self.takes for j in range(m))
         yield Term(
-            tuple(range(first, first + m)),
+            tuple(signals),
             tuple(range(len(self.parameters))),
-            joints,
+            tuple(range(m)),
             self.constants(0),
         )
 
@@ -99,8 +144,8 @@ class GravitySag(Effect):
 
     @property
     def variant(self) -> str:
-        """By the number of joints."""
-        return f"_{self.mechanism.joints}"
+        """By the number of joints, and whether the payload has a part of its own."""
+        return f"_{self.mechanism.joints}{'_carried' if self.payload == KNOWN else ''}"
 
 
 def _frames(twists: list[Symbol], angles: list[Symbol]) -> Iterator[tuple[Symbol, Symbol, Symbol]]:

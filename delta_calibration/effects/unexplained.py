@@ -230,7 +230,7 @@ class Unexplained(Effect):
         return self.joint_size or 1.0
 
     @property
-    def takes(self) -> tuple[str, ...]:  # type: ignore[override]
+    def takes(self) -> tuple[str, ...]:
         """Places, and what it moves with; see `terms`."""
         return (signals.JOINT, _SIGNALS.get(self.family, NOTHING))
 
