@@ -70,7 +70,10 @@ def own_forms(robot, mechanism) -> list[Effect]:
     m, size, home = mechanism.joints, mechanism.joint_size, mechanism.home
     found: list[Effect] = []
     for effect in catalogue(robot, mechanism):
-        found += [*effect.forms(), *(replace(effect, **shape) for shape in SHAPES.get(effect.cause, ()))]
+        found += [
+            *effect.forms(),
+            *(replace(effect, **shape) for shape in SHAPES.get(effect.cause, ())),
+        ]
         if effect.cause == "backlash":
             found.append(replace(effect, width=(0.2 * size,) * m))
     low, high = home - 0.6 * size, home + 0.6 * size  # of some samples, not of others
