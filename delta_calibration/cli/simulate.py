@@ -67,7 +67,9 @@ By robot:
   cdpr8                 base_joint_position platform_joint_position drum_scale
                         encoder_eccentricity cable_elasticity cable_sag
                         pulley_radius drum_build_up
-  scara, ur10           joint_zero_offset joint_axis_tilt link_length
+                        pretension_loss (time_constant=S; 0: linear)
+  scara, ur10           flange_compliance (behind=M from the tool centre point)
+                        joint_zero_offset joint_axis_tilt link_length
                         link_offset tool_position tool_turn
                         encoder_eccentricity transmission_error joint_scale
                         thermal_growth_link joint_error_curve
