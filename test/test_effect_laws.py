@@ -46,6 +46,8 @@ MACHINES = [
 ]
 CABLES = load_robot("cdpr8")
 POINTS = [(CABLES, CableRobot(FOUR_CABLES, tolerances)) for tolerances in (TOLERANCES, ZEROS_FREE)]
+SCARA = load_robot("scara")
+STATED = replace(SCARA, joints=replace(SCARA.joints, encoder_lines=7.0))  # of its encoders
 # settings in which a law goes another way than by default
 SHAPES = {
     "backlash": [{"held_by": 0.5}],
@@ -85,7 +87,11 @@ def own_forms(robot, mechanism) -> list[Effect]:
     return found
 
 
-EVERY = [effect for machine in (*MACHINES, *POINTS) for effect in own_forms(*machine)]
+EVERY = [
+    effect
+    for machine in (*MACHINES, *POINTS, (STATED, STATED.model()))
+    for effect in own_forms(*machine)
+]
 
 
 def name_of(effect: Effect) -> str:

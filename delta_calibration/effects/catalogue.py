@@ -14,6 +14,7 @@ from delta_calibration.effects.drum_build_up import DrumBuildUp
 from delta_calibration.effects.drum_scale import DrumScale
 from delta_calibration.effects.dynamic_deflection import DynamicDeflection
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
+from delta_calibration.effects.encoder_interpolation import EncoderInterpolation
 from delta_calibration.effects.flange_compliance import FlangeCompliance
 from delta_calibration.effects.forearm_compliance import ForearmCompliance
 from delta_calibration.effects.found_law import FOUND_LAW, FoundLaw
@@ -77,6 +78,7 @@ EFFECTS: Registry[Effect] = Registry(
         BaseCompliance,
         FlangeCompliance,
         PretensionLoss,
+        EncoderInterpolation,
     ),
 )
 

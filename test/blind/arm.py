@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from blind.cause import Cause, Draw, of_legs
-from blind.drives import Drive, drives_of, uneven
+from blind.drives import Drive, drives_of, encoder_interpolation, uneven
 from blind.kind import Index, Kind, More, Span, read
 from blind.measurement import timestamp_latency, tracker_drift, tracker_scale
 from blind.shared import dimension, in_no_catalogue
@@ -317,6 +317,7 @@ def arm_causes(kind: Arm) -> tuple[dict[str, Draw], dict[str, Draw]]:
         ),
         "thermal_growth_link": thermal_growth_link,
         "flange_compliance": flange_compliance,
+        "encoder_interpolation": encoder_interpolation,
         "joint_zero_offset": dimension("joint_zero_offset", "joint", 1e-3, zeros),
         "link_length": dimension("link_length", "joint", 0.5e-3, lengths),
     }, in_no_catalogue(kind)
