@@ -6,9 +6,12 @@ F and M are force and moment of the payload on the flange, by its weight and ine
 (model/loads.py), z is the tool's axis, the flange lies h behind the tool centre point along it,
 and c leads from there to the payload's centre. Screws that stand evenly on a circle are as soft
 to turn about the axis as half of what they are about a diameter; a sensor for forces, a changer
-of tools and an adapter between flange and tool are in K and k as well. The shift goes into the
-tool's place in the last link, and the turn into how it is mounted there, so that commands can be
-corrected by it.
+of tools and an adapter between flange and tool are in K and k as well.
+
+A session hardly shows h: what moves is h^2 / k, and how much of it is a turn shows by a reflector
+beside the axis only. So it is not sought, and stated intervals count a flange that is half or
+twice as far. The shift goes into the tool's place in the last link, and the turn into how it is
+mounted there, so that commands can be corrected by it.
 
 Leaves out the weight of the tool itself, whose centre nobody states: what is always the same of it
 is the tool's place, and what turns with the tool is not known. A platform that is never turned is
@@ -23,17 +26,18 @@ assembly by a hundredth of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Effect, Interval, Limits, Stage
+from delta_calibration.effects.base import Array, Effect, Limits, Stage
 from delta_calibration.effects.regressor import LOAD, Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
-from delta_calibration.effects.signals import CARRIED, POSE, Places
+from delta_calibration.effects.signals import CARRIED, POSE, Places, Signals
 from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model import symbols as sy
 from delta_calibration.model.symbols import Symbol
@@ -42,7 +46,6 @@ from delta_calibration.parameters import Parameter, ParameterSet
 
 _SHIFT, _SOFTEST_SHIFT = 1e-7, 1e-5  # [m/N]
 _TURN, _SOFTEST_TURN = 5e-5, 2e-3  # [rad/(N m)]
-_BEHIND = (0.05, 0.15, 0.4)  # [m] a short tool, a gripper, a long one
 _ROWS = ("tool_x", "tool_y", "tool_z", "tool_turn_x", "tool_turn_y", "tool_turn_z")
 
 
@@ -60,14 +63,12 @@ class FlangeCompliance(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
     gentle: ClassVar[bool] = True
-    valley: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
     called: ClassVar[str] = "tool flange that gives"
     takes: ClassVar[tuple[str, ...]] = (CARRIED, POSE)
     limits: ClassVar[Limits] = {"behind": (0.0, 2.0)}
-    told: ClassVar[Mapping[str, tuple[str, str]]] = {"behind": ("behind_m", "m")}
 
-    behind: float = 0.15  # [m] that the flange lies behind the tool centre point
+    behind: float = 0.15  # [m] that the flange lies behind the tool centre point: a gripper's
 
     @property
     def suits(self) -> bool:
@@ -114,15 +115,9 @@ class FlangeCompliance(Effect):
         mount = Rotation.from_euler("ZYX", arm.dimensions.mount).as_matrix()
         return (self.behind, *mount.ravel().tolist())
 
-    def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Tools short and long."""
-        del at
-        for behind in _BEHIND:
-            yield replace(self, behind=behind)
-
-    def intervals(self) -> tuple[Interval, ...]:
-        """Between the neighbours of the search."""
-        return (("behind", self.behind / 2, 2 * self.behind),)
+    def doubt(self) -> Effect | None:
+        """A flange that is half as far behind the tool, or twice as far."""
+        return _Elsewhere(self.robot, self.mechanism, self)
 
     def regressor(self, at: Conditions) -> Regressor:
         """Payload."""
@@ -133,3 +128,32 @@ class FlangeCompliance(Effect):
         """By payload."""
         del joint
         return by_payload(at)
+
+
+@dataclass(frozen=True)
+class _Elsewhere(Effect):
+    """What the same give moves more about a flange that is farther behind."""
+
+    cause: ClassVar[str] = "flange_elsewhere"
+    kind: ClassVar[str] = "structure"
+    stage: ClassVar[Stage] = Stage.STRUCTURE
+    takes: ClassVar[tuple[str, ...]] = FlangeCompliance.takes
+
+    flange: FlangeCompliance
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Those of the flange."""
+        return self.flange.parameters
+
+    def columns_of(
+        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
+    ) -> Array:
+        """See `Effect.columns_of`; half of what lies between half of the distance and twice."""
+        far, near = (
+            replace(self.flange, behind=share * self.flange.behind).columns_of(
+                signals, values, by_stage
+            )
+            for share in (2.0, 0.5)
+        )
+        return np.asarray((far - near) / 2)
